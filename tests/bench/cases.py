@@ -16,7 +16,7 @@ from tests.truth import (
     make_session,
     separation,
 )
-from tests.truth.delta import KOSSEL, V400, Delta, DeltaSession, Layout, grain, make_delta_session
+from tests.truth.delta import KOSSEL, V400, Delta, DeltaSession, Layout, make_delta_session
 from tests.truth.delta_separation import (
     DELTA_CAUSES,
     DELTA_OUTSIDE,
@@ -141,7 +141,7 @@ def draw_printers(counts: Counts, seed: int) -> Iterator[Case]:
         # Every cause meets other settings first.
         machine, layout = settings[(7 * number + n) % len(settings)]
         bumps = machine.texture, GRAIN
-        return make_delta_session(base + n, machine, hidden, layout, bumps, grain, times=times)
+        return make_delta_session(base + n, machine, hidden, layout, bumps, times=times)
 
     for n in range(counts.healthy):
         yield Case(f"healthy-{n:03d}", drawn(0, n, ()), None)

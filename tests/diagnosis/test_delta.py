@@ -201,7 +201,7 @@ def test_what_stays_unexplained_is_told(leaning: tuple[Input, Input]) -> None:
 def test_a_rough_bed_is_no_cause(seed: int, tmp_path: Path) -> None:
     """Twice as rough as stated, with many touches: independent noise it is not."""
     rough = (2.0 * V400.texture, GRAIN)
-    session = make_delta_session(seed, V400, (), Layout(240), rough, grain)
+    session = make_delta_session(seed, V400, (), Layout(240), rough)
     assert diagnosed(tmp_path, session).verdict is Verdict.CONSISTENT
 
 
@@ -243,7 +243,7 @@ def test_several_wrong_touches_are_all_pointed_at(seed: int, tmp_path: Path) -> 
 
 def test_repeats_tell_the_repeatability(tmp_path: Path) -> None:
     """Twenty places four times: 60 degrees of freedom, off by a third with p < 1e-5."""
-    session = make_delta_session(5, V400, (), Layout(20, cycles=4), (0.03, GRAIN), grain)
+    session = make_delta_session(5, V400, (), Layout(20, cycles=4), (0.03, GRAIN))
     given_ = given(tmp_path, session)
     found = diagnose(given_.measured, given_.model)
     assert found.lack_of_fit.repeats_mm == pytest.approx(V400.noise, rel=0.33)
@@ -299,7 +299,7 @@ def test_every_page_has_the_same_root_mean_square(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", [1.0, 2.5])
 def test_a_rough_bed_is_told_to_be_rough(size: float, tmp_path: Path) -> None:
     rough = (size * V400.texture, GRAIN)
-    session = make_delta_session(1, V400, (), Layout(240), rough, grain)
+    session = make_delta_session(1, V400, (), Layout(240), rough)
     found = answer_to(given(tmp_path, session))
     assert found.release.usable
     said = " ".join(found.release.cautions)
@@ -311,7 +311,7 @@ def _sound(folder: Path, seeds: range) -> list[int]:
     wrong = []
     for seed in seeds:
         bumps = (V400.texture, GRAIN) if seed % 2 else (0.0, GRAIN)
-        session = make_delta_session(seed, V400, (), Layout(41), bumps, grain)
+        session = make_delta_session(seed, V400, (), Layout(41), bumps)
         if diagnosed(folder, session).verdict is not Verdict.CONSISTENT:
             wrong.append(seed)
     return wrong

@@ -34,7 +34,7 @@ from tests.truth.delta import (
 )
 from tests.truth.delta import Layout as TrueLayout
 from tests.truth.delta_separation import GRAIN, delta_separation
-from tests.truth.plan import frozen, frozen_ints
+from tests.truth.plan import frozen
 
 TRUTH = Truth(endstops=frozen([0.3, -0.4, 0.2]), radius=0.3, angles=frozen([0.1, -0.05, 0.0]))
 # Standard error of a standard deviation from so many draws: 0.67 %. A deviation of 3 % is 4.5 of
@@ -137,7 +137,7 @@ def session(machine: Delta, truth: Truth, hidden: str, layout: SessionForecast) 
     plan: ProbePlan = layout.plan
     x, y, block = frozen(plan.place[:, 0]), frozen(plan.place[:, 1]), frozen(plan.surface)
     clean = touches(machine, truth, x, y, block, plan.hours)
-    ones = frozen_ints(np.ones(len(plan)))
+    ones = frozen(np.ones(len(plan)), np.int64)
     return DeltaSession(
         machine, truth, (hidden,), TrueLayout(len(plan)), x, y, block, frozen(60.0 * plan.hours),
         ones, frozen(np.zeros(len(plan))), frozen(clean), frozen(clean),

@@ -16,7 +16,7 @@ import numpy as np
 
 from .effects import USUAL, Times, sizes
 from .forward import tool_from_carriages
-from .plan import Floats, Ints, frozen, frozen_ints
+from .plan import Floats, Ints, frozen
 
 TOLERANCES: dict[str, float] = {
     "tower_lean": 2.0,
@@ -71,7 +71,7 @@ KOSSEL = Delta("kossel", (265.0, 265.0, 265.0), 130.0, endstops=(290.0, 290.0, 2
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A bed: z = sum of c_jk (x / R)^j (y / R)^k, and waves that make a texture."""
+    """A bed: z = sum of c_jk (x / R)^j (y / R)^k, and waves that make its local shape."""
 
     radius: float
     terms: Mapping[tuple[int, int], float] = field(default_factory=dict)
@@ -87,21 +87,12 @@ class Surface:
         return z + np.cos(x[..., None] * along + y[..., None] * across + phase) @ amplitude
 
 
-def _waves(rng: np.random.Generator, sd: float, numbers: Floats) -> Floats:
-    amplitudes = np.full(numbers.shape[1], sd * np.sqrt(2.0 / numbers.shape[1]))
-    phases = rng.uniform(0.0, 2.0 * np.pi, len(amplitudes))
-    return frozen(np.stack((amplitudes, *numbers, phases), axis=1))
-
-
-def texture(rng: np.random.Generator, sd: float, length: float) -> Floats:
-    """Waves whose sum has a standard deviation and the correlation exp(-d^2 / (2 length^2))."""
-    return _waves(rng, sd, rng.normal(scale=1.0 / length, size=(2, 400)))
-
-
 def grain(rng: np.random.Generator, sd: float, length: float) -> Floats:
     """Waves whose sum has a standard deviation and the correlation exp(-d / length)."""
     # The spectrum of that correlation in the plane is a Cauchy distribution of wave numbers.
-    return _waves(rng, sd, rng.normal(size=(2, 600)) / np.abs(rng.normal(size=600)) / length)
+    numbers = rng.normal(size=(2, 600)) / np.abs(rng.normal(size=600)) / length
+    phases = rng.uniform(0.0, 2.0 * np.pi, 600)
+    return frozen(np.stack((np.full(600, sd * np.sqrt(2.0 / 600)), *numbers, phases), axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,7 +361,6 @@ def make_delta_session(
     hidden: tuple[str, ...] = (),
     layout: Layout | None = None,
     bumps: tuple[float, float] = (0.0, 30.0),
-    shape: Callable[[np.random.Generator, float, float], Floats] = texture,
     outside: tuple[str, Disturb] | None = None,
     times: Times = USUAL,
 ) -> DeltaSession:
@@ -381,7 +371,6 @@ def make_delta_session(
         hidden: cause ids; empty for a sound machine, which is not calibrated yet, either.
         layout: 121 places on the flat bed if None.
         bumps: standard deviation [mm] and correlation length [mm] of the bed's local shape.
-        shape: draws it: `texture` or `grain`.
         outside: an effect outside the list.
         times: how large its hidden causes are, in tolerances.
     """
@@ -391,7 +380,7 @@ def make_delta_session(
     truth = draw_truth(hidden, machine.bed, rng, times)
     if bumps[0]:
         terms = truth.bed.terms if truth.bed else {}
-        truth = replace(truth, bed=Surface(machine.bed, terms, shape(rng, *bumps)))
+        truth = replace(truth, bed=Surface(machine.bed, terms, grain(rng, *bumps)))
     return probe_bed(machine, truth, hidden, layout, rng, outside)
 
 
@@ -423,8 +412,8 @@ def probe_bed(
         contact[rng.integers(len(x))] += size
     return DeltaSession(
         machine, truth, hidden, layout, frozen(x), frozen(y), frozen(block), frozen(minutes),
-        frozen_ints(cycle), frozen(contact), frozen(clean), frozen(np.round(shown + contact, 6)),
-        outside[0] if outside else None,
+        frozen(cycle, np.int64), frozen(contact), frozen(clean),
+        frozen(np.round(shown + contact, 6)), outside[0] if outside else None,
     )  # fmt: skip
 
 

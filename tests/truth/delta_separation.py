@@ -27,7 +27,6 @@ from .delta import (
     Surface,
     Truth,
     changes,
-    grain,
     make_delta_session,
     touches,
 )
@@ -219,7 +218,7 @@ def clear_delta_outside(
     for attempt in range(tries):
         disturb = enlarged(1.1 ** min(attempt, 20))
         session = make_delta_session(
-            seed * tries + attempt, machine, (), layout, bumps, grain, (outside, disturb)
+            seed * tries + attempt, machine, (), layout, bumps, (outside, disturb)
         )
         if delta_clear(session):
             return session

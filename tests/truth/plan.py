@@ -4,6 +4,7 @@ Legs x, y, z in turn; each leg iso, max, min three times and a closing iso; both
 the leg are read at every posture: 60 readings.
 """
 
+from collections import Counter
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -25,11 +26,6 @@ def frozen(values: ArrayLike, dtype: type = np.float64) -> NDArray:
     out = np.array(values, dtype=dtype)
     out.setflags(write=False)
     return out
-
-
-def frozen_ints(values: NDArray[np.generic] | list[int]) -> Ints:
-    """A read-only integer copy."""
-    return frozen(values, np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,44 +105,54 @@ def joints_at(leg_length: float, leg: int, displacement: float) -> Floats:
     return joints
 
 
-def _approach(leg: int, start: float, stop: float, before: Floats) -> Floats:
-    """Signs of the carriages' last motions after a straight move of the tool along one axis."""
-    if start == stop:
-        return before
-    forward = np.sign(stop - start)
-    # The other feet stand highest at the isotropic posture: they rise towards it, sink away.
-    signs = np.full(3, 1.0 if stop == 0.0 else -forward * np.sign(stop))
-    signs[leg] = forward
-    return signs
+def plan_of(machine: Machine, **given: ArrayLike) -> Plan:
+    """The plan of readings in the order of time, all in one history of the carriages.
+
+    Args:
+        given: `leg`, `direction`, `displacement` and `minutes`, and what tells of a sitting.
+    """
+    usual = {"gauge_at": 0.5, "part": 0, "turned": 0, "entered": np.zeros(3)}
+    n = len(given["leg"])
+    whole = {name: np.array(values) for name, values in given.items()}
+    for name, value in usual.items():
+        whole.setdefault(name, np.array([value] * n))
+    columns = {name: values.tolist() for name, values in whole.items()}
+    rows = list(zip(columns["leg"], columns["displacement"], strict=True))
+    indicated = np.array([joints_at(machine.leg, leg, moved) for leg, moved in rows])
+    # Sign of each carriage's last motion by its own scale.
+    approach = [np.zeros(3)]
+    for move in np.diff(indicated - whole["entered"], axis=0):
+        approach.append(np.where(move == 0.0, approach[-1], np.sign(move)))
+    names_of = {0.0: "iso", machine.upper: "max", machine.lower: "min"}
+    posture = tuple(names_of.get(moved, f"{moved:g}") for _, moved in rows)
+    pairs = list(zip(columns["leg"], columns["direction"], strict=True))
+    stands = list(zip(columns["part"], pairs, columns["gauge_at"], strict=True))
+    number = {key: k for k, key in enumerate(dict.fromkeys(stands))}
+    seen: Counter[object] = Counter()
+    cycle = []
+    for key in zip(columns["part"], pairs, posture, strict=True):
+        seen[key] += 1
+        cycle.append(seen[key])
+    return Plan.of(
+        posture=posture, cycle=cycle, indicated=indicated, approach=approach,
+        setup=[SETUPS.index(pair) for pair in pairs], zero=[number[key] for key in stands],
+        stand=[stands.index(key) for key in stands], **whole,
+    )  # fmt: skip
 
 
 def standard_plan(
-    machine: Machine,
-    rng: np.random.Generator,
-    cycles: int = 3,
-    legs: tuple[int, ...] = (0, 1, 2),
-    pace: float = 0.4,
+    machine: Machine, rng: np.random.Generator, cycles: int = 3, pace: float = 0.4
 ) -> Plan:
     """Draw the clock of one standard session; `pace` is the mean time per posture [min]."""
     reach = {"iso": 0.0, "max": machine.upper, "min": machine.lower}
-    postures = [*CYCLE * cycles, "iso"]
     rows = []
-    last: Floats = np.zeros(3)
-    minutes, place = float(rng.uniform(0.2, 1.0)), 0.0
-    for nth, leg in enumerate(legs):
-        if nth:
+    minutes = float(rng.uniform(0.2, 1.0))
+    for leg in range(3):
+        if leg:
             minutes += float(rng.uniform(2.0, 5.0))
-        first = len(rows)
-        for step, posture in enumerate(postures):
-            last = _approach(leg, place, reach[posture], last)
-            place = reach[posture]
+        for posture in (*CYCLE * cycles, "iso"):
             for k, direction in enumerate(axis for axis in range(3) if axis != leg):
-                rows.append({
-                    "leg": leg, "direction": direction, "posture": posture, "displacement": place,
-                    "cycle": step // 3 + 1, "minutes": round(minutes + 0.05 * k, 2),
-                    "indicated": joints_at(machine.leg, leg, place), "approach": last,
-                    "setup": SETUPS.index((leg, direction)), "stand": first + k,
-                    "zero": SETUPS.index((leg, direction)),
-                })  # fmt: skip
+                rows.append((leg, direction, reach[posture], round(minutes + 0.05 * k, 2)))
             minutes += pace * float(rng.uniform(0.75, 1.25))
-    return Plan.of(**{name: [row[name] for row in rows] for name in rows[0]})
+    names = "leg", "direction", "displacement", "minutes"
+    return plan_of(machine, **dict(zip(names, zip(*rows, strict=True), strict=True)))

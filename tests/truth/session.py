@@ -1,8 +1,6 @@
 """A measured session with something hidden in it, drawn from a seed; how it goes on; its file."""
 
 import zlib
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -24,7 +22,7 @@ from .effects import (
 from .forward import MACHINE_CAUSES, PARTS, Disturbance, signals
 from .machines import PLACEMENT, SCALE, TOLERANCES, Gauge, Machine
 from .outside import OUTSIDE
-from .plan import AXIS_NAMES, SETUPS, Floats, Ints, Plan, frozen, joints_at, standard_plan
+from .plan import AXIS_NAMES, SETUPS, Floats, Ints, Plan, frozen, plan_of, standard_plan
 
 # Columns of a plan that tell where and how is read, without the clock.
 SITTING = ("leg", "direction", "displacement", "gauge_at", "part", "turned", "entered")
@@ -239,9 +237,13 @@ def continue_session(
         raise ValueError("what an effect outside the list does next is not known")
     new = np.argsort(order, kind="stable")
     given = columns | {"minutes": np.round(np.asarray(hours) * 60.0, 2)}
-    added = {name: np.asarray(values)[new] for name, values in given.items()}
-    plan = _appended(session.plan, session.machine, added)
-    asked = slice(session.plan.count, None)
+    before = session.plan
+    whole = {
+        name: np.concatenate((getattr(before, name), np.asarray(values)[new]))
+        for name, values in given.items()
+    }
+    plan = plan_of(session.machine, **whole)
+    asked = slice(before.count, None)
 
     rng = np.random.default_rng([seed, 4])
     known, setups = session.zeros.size, int(plan.zero.max()) + 1
@@ -274,45 +276,6 @@ def again(session: Session, seed: int = 1, **changed: Any) -> Session:
     for name, value in changed.items():
         arrays[name] = np.broadcast_to(value, arrays[name].shape)
     return continue_session(session, seed, order=np.arange(60), **arrays)
-
-
-def _appended(plan: Plan, machine: Machine, added: dict[str, Any]) -> Plan:
-    """The plan with further rows in the order of time."""
-    whole = {name: np.concatenate((getattr(plan, name), rows)) for name, rows in added.items()}
-    rows = list(zip(whole["leg"].tolist(), whole["displacement"].tolist(), strict=True))
-    indicated = np.array([joints_at(machine.leg, leg, moved) for leg, moved in rows])
-    names_of = {0.0: "iso", machine.upper: "max", machine.lower: "min"}
-    posture = tuple(names_of.get(moved, f"{moved:g}") for _, moved in rows)
-    zero, stand = _set_ups(whole)
-    seen: Counter[object] = Counter()
-    cycle = []
-    for key in zip(whole["part"], whole["leg"], whole["direction"], posture, strict=True):
-        seen[key] += 1
-        cycle.append(seen[key])
-    pairs = zip(whole["leg"].tolist(), whole["direction"].tolist(), strict=True)
-    approach = _approach(indicated - whole["entered"])
-    approach[: plan.count] = plan.approach
-    setup = [SETUPS.index(pair) for pair in pairs]
-    return Plan.of(
-        posture=posture, cycle=cycle, indicated=indicated, approach=approach, setup=setup,
-        zero=zero, stand=stand, **whole,
-    )  # fmt: skip
-
-
-def _set_ups(whole: dict[str, Any]) -> tuple[list[int], list[int]]:
-    """Number and first row of each row's set-up."""
-    columns = [whole[name].tolist() for name in ("part", "leg", "direction", "gauge_at")]
-    keys = list(zip(*columns, strict=True))
-    number = {key: k for k, key in enumerate(dict.fromkeys(keys))}
-    return [number[key] for key in keys], [keys.index(key) for key in keys]
-
-
-def _approach(scales: Floats) -> Floats:
-    """Sign of each carriage's last motion by its own scale, 0 before its first, shape (N, 3)."""
-    signs: list[Sequence[float]] = [np.zeros(3)]
-    for move in np.diff(scales, axis=0):
-        signs.append(np.where(move == 0.0, signs[-1], np.sign(move)))
-    return np.array(signs)
 
 
 def _really_read(session: Session, plan: Plan) -> Plan:

@@ -3,7 +3,6 @@
 Its kinematics are compared with the program's in `tests/model/test_linear_delta.py`.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,11 +20,10 @@ from .delta import (
     places_of,
     probe_bed,
     rails,
-    texture,
     touches,
     ways_between,
 )
-from .plan import Floats, frozen
+from .plan import frozen
 
 
 def test_where_the_towers_stand() -> None:
@@ -122,18 +120,11 @@ def test_another_day_at_the_same_machine() -> None:
     assert (second.readings != session.readings).all()
 
 
-@pytest.mark.parametrize(
-    ("shape", "kept"),
-    [(grain, lambda away: np.exp(-away)), (texture, lambda away: np.exp(-0.5 * away**2))],
-    ids=["grain", "texture"],
-)
-def test_a_bed_is_forgotten_over_its_length(
-    shape: Callable[..., Floats], kept: Callable[[Floats], Floats]
-) -> None:
+def test_a_bed_is_forgotten_over_its_length() -> None:
     """The correlation of 400 drawn beds at distances of half, one and two lengths."""
     rng, length = np.random.default_rng(21), 20.0
     away = np.array([0.0, 10.0, 20.0, 40.0])
-    beds = [Surface(150.0, {}, shape(rng, 0.02, length)) for _ in range(400)]
+    beds = [Surface(150.0, {}, grain(rng, 0.02, length)) for _ in range(400)]
     heights = np.array([bed.height(30.0 + away, 0.0 * away) for bed in beds])
     found = heights.T @ heights[:, 0] / len(beds) / 0.02**2
-    np.testing.assert_allclose(found, kept(away / length), atol=0.2)
+    np.testing.assert_allclose(found, np.exp(-away / length), atol=0.2)
