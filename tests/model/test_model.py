@@ -70,6 +70,21 @@ def test_causes_of_the_geometry_act_one_on_the_other() -> None:
     assert np.array_equal(nominal.lengths, [PROTOTYPE.leg_length_mm] * 3)
 
 
+def test_gaps_and_angles_add_to_rails_that_are_bent_already() -> None:
+    """Each rail of a pair is shifted, or leans towards the other, by half."""
+    rails = bent_rails(PROTOTYPE)
+    xy, yz, zx = 0.5 * np.array([0.41, -0.27, 0.63])
+    apart = CAUSES["axis_gap"].geometry(rails, 2.0 * np.array([xy, yz, zx]))
+    shift = np.array([[0.0, -zx, xy], [yz, 0.0, -xy], [-yz, zx, 0.0]])
+    assert apart.points == pytest.approx(rails.points + shift, abs=1e-12)
+    assert np.array_equal(apart.directions, rails.directions)
+    leaning = CAUSES["axis_squareness"].geometry(rails, 2e-3 * np.array([xy, yz, zx]))
+    ways = rails.directions + 1e-3 * np.array([[0.0, xy, zx], [xy, 0.0, yz], [zx, yz, 0.0]])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    assert leaning.directions == pytest.approx(ways, abs=1e-12)
+    assert np.array_equal(leaning.points, rails.points)
+
+
 def test_true_joints_are_the_indicated_ones_with_offsets_and_motion() -> None:
     """q = L + (1 + k)(ρ − L) + Δρ + r t, many offsets at once."""
     joints = np.array([[300.0, 310.0, 305.0], [340.0, 280.0, 310.25]])

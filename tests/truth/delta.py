@@ -48,16 +48,11 @@ class Delta:
     radius: float = 161.8
     angles: tuple[float, float, float] = (210.0, 330.0, 90.0)
     endstops: tuple[float, float, float] = (420.0, 420.0, 420.0)
-    bed: float = 150.0
-    """Radius of the bed."""
-    noise: float = 0.013
-    """Standard deviation of one touch."""
-    resolution: float = 0.0
-    """To which a touch is rounded; 0 for not at all."""
-    calliper: float = 0.03
-    """Standard deviation of a measured distance."""
-    texture: float = 0.02
-    """Standard deviation of the local shape of its bed, as its file states it."""
+    bed: float = 150.0  # radius of the bed
+    noise: float = 0.013  # standard deviation of one touch
+    resolution: float = 0.0  # to which a touch is rounded; 0 for not at all
+    calliper: float = 0.03  # standard deviation of a measured distance
+    texture: float = 0.02  # standard deviation of the local shape of its bed, as its file states it
 
     @property
     def home(self) -> Floats:
@@ -115,12 +110,9 @@ class Truth:
     """Lost motion: after a way upwards a carriage stands half of it too low, else too high."""
     rates: Floats = field(default_factory=lambda: frozen(np.zeros(3)))
     """What the endstops' heights gain with time [mm/h]."""
-    bed: Surface | None = None
-    """Flat and level if None."""
-    tilt: Surface | None = None
-    """Height of the probe's tip over its nominal one, by place."""
-    drift: float = 0.0
-    """What the tip's height loses, so that a reading gains, with time [mm/h]."""
+    bed: Surface | None = None  # flat and level if None
+    tilt: Surface | None = None  # height of the probe's tip over its nominal one, by place
+    drift: float = 0.0  # what the tip's height loses, so that a reading gains, with time [mm/h]
     pulleys: Floats = field(default_factory=lambda: frozen(np.zeros((3, 2))))
     """How far out of true each turns: what its carriage gains [mm], and the phase."""
 
@@ -238,10 +230,8 @@ class Layout:
     heights: tuple[float, ...] = (0.0,)
     """Of blocks under the probe; all places at one height, then at the next."""
     cycles: int = 1
-    reach: float = 0.95
-    """Outermost place, of the bed's radius."""
-    pace: float = 0.1
-    """Minutes per touch."""
+    reach: float = 0.95  # outermost place, of the bed's radius
+    pace: float = 0.1  # minutes per touch
 
 
 def places_of(layout: Layout, bed: float) -> Floats:
@@ -267,8 +257,7 @@ class DeltaSession:
 
     machine: Delta
     truth: Truth
-    causes: tuple[str, ...]
-    """Hidden cause ids."""
+    causes: tuple[str, ...]  # hidden cause ids
     layout: Layout
     x: Floats
     y: Floats
@@ -277,12 +266,9 @@ class DeltaSession:
     cycle: Ints
     contact: Floats
     """What was added to the touches: a wrong one, or an effect outside the list; shape (N,)."""
-    clean: Floats
-    """Trigger heights without noise and rounding, shape (N,)."""
-    readings: Floats
-    """Shape (N,)."""
-    outside: str | None = None
-    """An effect outside the list."""
+    clean: Floats  # trigger heights without noise and rounding, shape (N,)
+    readings: Floats  # shape (N,)
+    outside: str | None = None  # an effect outside the list
 
     @property
     def label(self) -> str:

@@ -27,12 +27,10 @@ class Effect:
     """Human-readable place, e.g. `x.y` (leg.direction), `x.y#7` (reading with index 7 of all)."""
     parameters: tuple[float, ...] = ()
     """In the contract's units; machine causes in the order of `forward.PARTS`."""
-    setup: int | None = None
-    """Index into SETUPS."""
+    setup: int | None = None  # index into SETUPS
     row: int | None = None
     """First reading concerned (stand_shift) or the only one (gauge_slip, misread)."""
-    leg: int | None = None
-    """Leg (swapped_gauges)."""
+    leg: int | None = None  # leg (swapped_gauges)
     extra: dict[str, float] = field(default_factory=dict)
 
 

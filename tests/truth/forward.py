@@ -38,12 +38,9 @@ def prior_sd(part: str) -> Floats:
 class Disturbance:
     """Something that is not in the list, as it acts in this session (see `outside`)."""
 
-    motion: Floats
-    """Added to the true joint positions, shape (N, 3), [mm]."""
-    contact: Floats
-    """Added to each signal, shape (N,), [mm]."""
-    hysteresis: float = 0.0
-    """Full width by which a plunger's reading lags behind its motion [mm]."""
+    motion: Floats  # added to the true joint positions, shape (N, 3), [mm]
+    contact: Floats  # added to each signal, shape (N,), [mm]
+    hysteresis: float = 0.0  # full width by which a plunger's reading lags behind its motion [mm]
 
     @staticmethod
     def of(

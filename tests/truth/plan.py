@@ -30,38 +30,24 @@ def frozen(values: ArrayLike, dtype: type = np.float64) -> NDArray:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """N readings in the order of time. Indices of axes are 0, 1, 2 = x, y, z."""
+    """N readings in the order of time, arrays of shape (N,) unless stated; axes are 0, 1, 2."""
 
-    leg: Ints
-    """Leg of each reading, shape (N,)."""
-    direction: Ints
-    """Direction in which the gauge reads, shape (N,)."""
-    posture: tuple[str, ...]
-    """`iso`, `max` or `min` of the reading's own leg."""
-    displacement: Floats
-    """Commanded displacement of the tool along the leg's axis, shape (N,), [mm]."""
-    cycle: Ints
-    """Repeat of that posture, from 1, shape (N,)."""
-    minutes: Floats
-    """Time since the session began, as written down, shape (N,), [min]."""
-    indicated: Floats
-    """Indicated joint positions of the three carriages, shape (N, 3), [mm]."""
+    leg: Ints  # leg of each reading
+    direction: Ints  # direction in which the gauge reads
+    posture: tuple[str, ...]  # `iso`, `max` or `min` of the reading's own leg
+    displacement: Floats  # commanded displacement of the tool along the leg's axis, [mm]
+    cycle: Ints  # repeat of that posture, from 1
+    minutes: Floats  # time since the session began, as written down, [min]
+    indicated: Floats  # indicated joint positions of the three carriages, shape (N, 3), [mm]
     approach: Floats
     """Sign of each carriage's last commanded motion, 0 before its first, shape (N, 3)."""
-    setup: Ints
-    """Index into `SETUPS` of each reading, shape (N,)."""
-    stand: Ints
-    """First row of each reading's gauge set-up, which began at the iso posture, shape (N,)."""
-    zero: Ints
-    """Number of that set-up, from 0: each has a gauge zero and a place of its own, shape (N,)."""
-    gauge_at: Floats
-    """Where along the leg that gauge was set up: carriage 0, tool 1, shape (N,)."""
-    part: Ints
-    """Sitting, from 0; all stands are set up again for each, shape (N,)."""
-    turned: Ints
-    """1 where the bar was turned half round its own axis, else 0, shape (N,)."""
-    entered: Floats
-    """Offsets entered in the controller since the first reading, shape (N, 3), [mm]."""
+    setup: Ints  # index into `SETUPS` of each reading
+    stand: Ints  # first row of each reading's gauge set-up, which began at the iso posture
+    zero: Ints  # number of that set-up, from 0: each has a gauge zero and a place of its own
+    gauge_at: Floats  # where along the leg that gauge was set up: carriage 0, tool 1
+    part: Ints  # sitting, from 0; all stands are set up again for each
+    turned: Ints  # 1 where the bar was turned half round its own axis, else 0
+    entered: Floats  # offsets entered in the controller since the first reading, shape (N, 3), [mm]
 
     @staticmethod
     def of(**columns: ArrayLike) -> "Plan":

@@ -32,12 +32,10 @@ SITTING = ("leg", "direction", "displacement", "gauge_at", "part", "turned", "en
 class Setting:
     """What is uncertain of every session, healthy ones included, and hardly shows in it."""
 
-    legs: Floats
-    """Excess of the legs of a machine within its tolerance, shape (3,), [mm]."""
+    legs: Floats  # excess of the legs of a machine within its tolerance, shape (3,), [mm]
     misplaced: Floats
     """How far along the leg each set-up's gauge is from its place, one for each set-up, [mm]."""
-    scale: float
-    """Excess of the gauges' scale (1)."""
+    scale: float  # excess of the gauges' scale (1)
 
     @staticmethod
     def exact() -> "Setting":
@@ -61,19 +59,15 @@ class Session:
     machine: Machine
     gauge: Gauge
     plan: Plan
-    offsets: Floats
-    """True joint offsets at the session's start, shape (3,), [mm]."""
-    zeros: Floats
-    """What each set-up's gauge shows at coordinate zero, one for each set-up, [mm]."""
+    offsets: Floats  # true joint offsets at the session's start, shape (3,), [mm]
+    zeros: Floats  # what each set-up's gauge shows at coordinate zero, one for each set-up, [mm]
     effects: tuple[Effect, ...]
-    outside: str | None
-    """Name of an effect outside the list."""
+    outside: str | None  # name of an effect outside the list
     disturbance: Disturbance | None
     setting: Setting
     clean: Floats
     """The record without noise, rounding and what the setting does to it, shape (N,), [mm]."""
-    readings: Floats
-    """The record, shape (N,), [mm]."""
+    readings: Floats  # the record, shape (N,), [mm]
 
     @property
     def causes(self) -> tuple[str, ...]:
