@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -56,7 +55,8 @@ def apply(
 ) -> None:
     """Record what was entered in the controller, or enter it (--to)."""
     from orthoglide_cal.files import read_input
-    from orthoglide_cal.files.controller_file import controller_file, is_live
+    from orthoglide_cal.files.controller_file import controller_file
+    from orthoglide_cal.files.linuxcnc import is_live
     from orthoglide_cal.files.moonraker import restart, server
     from orthoglide_cal.report.documents.application import application_document
     from orthoglide_cal.results import take_back
@@ -76,7 +76,7 @@ def apply(
             source = read_input(path, file.model).measured.source if path else None
             found = take_back(file, source.sha256 if source else None, controller)
         else:
-            found = _entered(path, machine, data, controller, rule_out)
+            found = _entered(path, machine, controller, data, rule_out)
         document = application_document(found, path)
         if not json:
             common.deliver(document)
@@ -131,28 +131,22 @@ def _write(found: Application) -> None:
 
 
 def _entered(
-    path: str,
-    machine: Path | None,
-    data: common.Stored | None,
-    controller: ControllerFile | None,
-    rule_out: Sequence[str] | None,
+    path: str, machine: File, to: ControllerFile | None, data: common.Data, rule_out: common.RuleOut
 ) -> Application:
-    """The parameters of a measurement, if they may be used.
+    """The parameters of a measurement, if they may be used. Raises UsageError, UnusableResultError.
 
-    Raises:
-        UsageError: there is no machine file, or they cannot be recorded there.
-        UnusableResultError: they must not be used.
+    `to` is the controller's file, if it is written; that of a printer needs no machine file.
     """
     from orthoglide_cal.files import machine_in_folder, new_machine_file, read_input
     from orthoglide_cal.report.case import SETTLED
     from orthoglide_cal.report.controller import values_of
     from orthoglide_cal.results import apply as application
 
-    of_printer = controller is not None and not controller.adds
+    of_printer = to is not None and not to.adds
     file = None
     if machine or not of_printer or machine_in_folder(Path()):
         file = common.read_machine_file(common.own_machine_file(machine))
-    if file and file.model.machine.keeps_itself and controller is None:
+    if file and file.model.machine.keeps_itself and to is None:
         known = file.model.machine
         options = f"--format {known.controller_formats[0]}"
         shown = command("export", path, machine=machine, options=options)
@@ -167,4 +161,4 @@ def _entered(
     values = values_of(export).by_name if file.model.machine.keeps_itself else None
     measured_on = read_input(path).model if given.is_session else None
     now = datetime.now().astimezone()
-    return application(given, answer, file, now, measured_on, controller, values)
+    return application(given, answer, file, now, measured_on, to, values)

@@ -115,11 +115,11 @@ def measure(
     from orthoglide_cal import session as guided
     from orthoglide_cal.cli.keyboard import StandardInput
     from orthoglide_cal.files import machine_in_folder
+    from orthoglide_cal.files.linuxcnc import Standing
     from orthoglide_cal.planning.steps import Order
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.results import answer_to
-    from orthoglide_cal.session.standing import Standing
 
     if until is not None and until <= 0.0:
         raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")

@@ -3,20 +3,17 @@
 LinuxCNC's INI has `HOME_OFFSET` in `[JOINT_0..2]`, in its `LINEAR_UNITS`; Klipper's printer.cfg has
 the parameters of a delta in the block that SAVE_CONFIG wrote. Only these values change: every other
 byte stays, and so do line ends, encoding, file mode and links. The file is a path, or the address
-of a Moonraker server. The offsets of a LinuxCNC that runs on this computer are told by `halcmd`.
+of a Moonraker server.
 """
 
 from __future__ import annotations
 
 import hashlib
 import re
-import subprocess
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
@@ -58,23 +55,14 @@ _SAVE = (
 
 @dataclass(frozen=True)
 class ControllerFile:
-    """What stands in a controller's file.
+    """What stands in a controller's file."""
 
-    Attributes:
-        target: its path or address, the same whichever way it was named.
-        data: its bytes.
-        settings: parameter → where it stands, in the order of the joints; nothing replaced yet.
-        unit_mm: length of the unit of its values [mm].
-        adds: whether a change is added to what stands there; otherwise the value replaces it.
-        remarks: what to know before it is written.
-    """
-
-    target: str
+    target: str  # its path or address, the same whichever way it was named
     data: bytes
-    settings: Mapping[str, WrittenValue]
-    unit_mm: float = 1.0
-    adds: bool = False
-    remarks: tuple[str, ...] = ()
+    settings: Mapping[str, WrittenValue]  # by parameter, in the order of the joints; as they stand
+    unit_mm: float = 1.0  # length of the unit of its values [mm]
+    adds: bool = False  # a change is added to what stands there; otherwise the value replaces it
+    remarks: tuple[str, ...] = ()  # what to know before it is written
 
     @property
     def sha256(self) -> str:
@@ -105,31 +93,28 @@ class ControllerFile:
     def restored(self, written: Written) -> bytes:
         """The bytes as they were before they were written, to the last one.
 
-        Raises:
-            UsageError: the file is not what was written any more; with what differs.
+        Raises UsageError, with what differs, if the file is not what was written any more.
         """
         wrote = written.values
         then = self._replaced(each.changed(before=each.after, after=each.before) for each in wrote)
         if (self.sha256, then.sha256) == (written.sha256_after, written.sha256_before):
             return then.data
-        differing = self.differing({each.key: float(each.after) for each in wrote})
+        other = "The values are the same; something else in it was changed."
+        what = self.differing({each.key: float(each.after) for each in wrote}) or other
         by_hand = ", ".join(f"{each.key} = {each.before}" for each in wrote)
         raise UsageError(
-            f"{self.target} was changed since it was written."
-            f" {differing or 'The values are the same; something else in it was changed.'}",
+            f"{self.target} was changed since it was written. {what}",
             f"Nothing was changed. Restore these values by hand: {by_hand}",
         )
 
     def differing(self, expected: Mapping[str, float]) -> str:
         """Which values, by their keys there, are others than these, in words; "" for none."""
         held = {each.key: each.before for each in self.settings.values()}
-        found = []
-        for key, value in expected.items():
-            if key not in held:
-                found.append(f"{key} holds nothing instead of {value:g}.")
-            elif abs(float(held[key]) - value) > _ROUNDED:
-                found.append(f"{key} holds {held[key]} instead of {value:g}.")
-        return " ".join(found)
+        return " ".join(
+            f"{key} holds {held.get(key, 'nothing')} instead of {value:g}."
+            for key, value in expected.items()
+            if key not in held or abs(float(held[key]) - value) > _ROUNDED
+        )
 
     def _replaced(self, values: Iterable[WrittenValue]) -> ControllerFile:
         """The file with other values in some lines."""
@@ -234,23 +219,3 @@ def _found(
                 found[name] = WrittenValue(line=number, key=key, before=value, after=value)
     faults.check()
     return found
-
-
-def is_live(ini: ControllerFile, *, anew: bool = False) -> bool:
-    """Whether a LinuxCNC on this computer has these home offsets, by `halcmd`.
-
-    Args:
-        anew: set them before; they are in force at the next homing.
-    """
-    values = {f"ini.{i}.home_offset": v.before for i, v in enumerate(ini.settings.values())}
-    asked = [f"setp {pin} {value}" for pin, value in values.items() if anew]
-    asked += [f"getp {pin}" for pin in values]
-    said = "\n".join((*asked, ""))
-    try:
-        run = subprocess.run(
-            ["halcmd", "-f"], input=said, capture_output=True, text=True, check=True, timeout=5.0
-        )
-        found = np.array(run.stdout.split(), dtype=float)
-        return np.allclose(found, np.array([*values.values()], dtype=float), rtol=1e-6, atol=1e-6)
-    except (OSError, subprocess.SubprocessError, ValueError):
-        return False

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import system_words, visible
 from orthoglide_cal.files import session_text, write_text
+from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
 from orthoglide_cal.model import AXES
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.steps import (
@@ -31,7 +32,6 @@ from orthoglide_cal.session.gauges.interface import NotAReading, Token, parse_ty
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
-from orthoglide_cal.session.standing import NEAR_MM, Standing, Stood
 from orthoglide_cal.words import Unit, counted, decimals_for, signed
 
 if TYPE_CHECKING:

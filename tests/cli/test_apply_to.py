@@ -129,7 +129,7 @@ def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.Mo
             return True
 
         with monkeypatch.context() as patch:
-            patch.setattr("orthoglide_cal.files.controller_file.is_live", live)
+            patch.setattr("orthoglide_cal.files.linuxcnc.is_live", live)
             done("apply", "before.csv", "--to", "mill.ini", "--yes")
         assert [float(text) for text in told] == offsets() != [0.5, -12.25, 0.0]
         assert len(history()) == 1

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.errors import InputError, InvalidFileError, OrthocalError, UsageError
-from orthoglide_cal.files.controller_file import controller_file, is_live, replace_file
+from orthoglide_cal.files.controller_file import controller_file, replace_file
+from orthoglide_cal.files.linuxcnc import is_live
 
 INI = """\
 # Fräse 7; HOME_OFFSET = 9 in a remark

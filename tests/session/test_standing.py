@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
+from orthoglide_cal.files.linuxcnc import Standing
 from orthoglide_cal.session import Dialogue, Quit
 from orthoglide_cal.session.events import Doubt, Questioned
-from orthoglide_cal.session.standing import Standing
 from tests.linuxcnc import LinuxCnc, missing
 
 from .virtual import Screen, a_dialogue

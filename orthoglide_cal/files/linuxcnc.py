@@ -1,19 +1,20 @@
-"""Where the machine stands, as a running LinuxCNC says.
+"""A running LinuxCNC: where its joints stand, and the offsets that it homes by.
 
-`linuxcncrsh` answers one line for each line over TCP (its manual page). Only questions are sent:
-nothing here can move a machine.
+`linuxcncrsh` answers one line for each line over TCP, `halcmd` reads and sets pins on this computer
+(their manual pages). Nothing here can move a machine.
 """
 
 from __future__ import annotations
 
 import re
 import socket
-from contextlib import ExitStack
+import subprocess
 from typing import NamedTuple
 
 import numpy as np
 
 from orthoglide_cal.errors import UsageError, system_words
+from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.model import AXES, Floats
 from orthoglide_cal.words import MM_PER_INCH
 
@@ -32,13 +33,10 @@ class Stood(NamedTuple):
 
 
 class Standing:
-    """The joints of a running controller.
+    """The joints of a running controller, for as long as it answers.
 
     Args:
         address: linuxcnc[:HOST[:PORT]], of linuxcncrsh.
-
-    Attributes:
-        close: ends the connection.
 
     Raises:
         UsageError: there is no LinuxCNC, or one that cannot be followed.
@@ -51,17 +49,14 @@ class Standing:
             raise UsageError(f"{address!r} cannot be followed.", "Write linuxcnc[:HOST[:PORT]].")
         host = (found[1] or "localhost").strip("[]")
         try:
-            with ExitStack() as opened:
-                self._socket = socket.create_connection((host, port), _TIMEOUT_S)
-                opened.enter_context(self._socket)
-                self._lines = self._socket.makefile("r", encoding="ascii", errors="replace")
-                opened.enter_context(self._lines)
-                self._ask("hello EMC orthocal 1.0", "HELLO ACK")
-                (unit,) = self._ask("get user_linear_units", "USER_LINEAR_UNITS")
-                self._unit_mm = _UNITS[unit]
-                # Identity: its joints are the axes of the tool.
-                self._identity = self._ask("get kinematics_type", "KINEMATICS_TYPE") == ["1"]
-                self.close = opened.pop_all().close
+            with socket.create_connection((host, port), _TIMEOUT_S) as connection:
+                self._line = connection.makefile("rwb", buffering=0)  # as long as this is open
+            self.close = self._line.close
+            self._ask("hello EMC orthocal 1.0", "HELLO ACK")
+            (unit,) = self._ask("get user_linear_units", "USER_LINEAR_UNITS")
+            self._unit_mm = _UNITS[unit]
+            # Identity: its joints are the axes of the tool.
+            self._identity = self._ask("get kinematics_type", "KINEMATICS_TYPE") == ["1"]
         except (OSError, KeyError, ValueError) as error:
             raise UsageError(
                 f"No LinuxCNC can be followed at {host}:{port}: {system_words(error)}.",
@@ -82,7 +77,7 @@ class Standing:
             ValueError: the answer is no place.
         """
         answer = self._ask("get joint_pos", "JOINT_POS")[: len(AXES)]
-        stands = self._unit_mm * np.array([float(text) for text in answer])
+        stands = self._unit_mm * np.array(answer, dtype=float)
         wanted = np.stack([joints, joints - home_mm, *([tool] if self._identity else [])])
         away = float(np.abs(wanted - stands).max(axis=1).min())
         axes = zip(AXES, stands.tolist(), strict=True)
@@ -91,11 +86,29 @@ class Standing:
 
     def _ask(self, question: str, answer: str) -> list[str]:
         """The words of an answer behind its name. Raises OSError."""
-        self._socket.sendall(question.encode() + b"\n")
+        self._line.write(question.encode() + b"\n")
         for _ in range(2):  # what was sent is echoed first
-            line = self._lines.readline(400).strip().upper()
+            line = self._line.readline(400).decode("ascii", "replace").strip().upper()
             if line.startswith(answer):
                 return line.removeprefix(answer).split()
             if not line.startswith(question.upper()):
                 raise ConnectionError(f"the answer is {line!r}" if line else "it has closed")
         raise ConnectionError("no answer")
+
+
+def is_live(ini: ControllerFile, *, anew: bool = False) -> bool:
+    """Whether a LinuxCNC on this computer has these home offsets, by `halcmd`.
+
+    With `anew` they are set before; they are in force at the next homing.
+    """
+    values = {f"ini.{i}.home_offset": v.before for i, v in enumerate(ini.settings.values())}
+    asked = [f"setp {pin} {value}\n" for pin, value in values.items() if anew]
+    said = "".join((*asked, *(f"getp {pin}\n" for pin in values)))
+    try:
+        run = subprocess.run(
+            ["halcmd", "-f"], input=said, capture_output=True, text=True, check=True, timeout=5.0
+        )
+        found = np.array(run.stdout.split(), dtype=float)
+        return np.allclose(found, np.array([*values.values()], dtype=float), rtol=1e-6, atol=1e-6)
+    except (OSError, subprocess.SubprocessError, ValueError):
+        return False
