@@ -18,6 +18,7 @@ _TIMEOUT_S = 10.0
 _LARGEST = 5_000_000  # bytes of an answer
 _CONFIG = "/server/files/config/printer.cfg"
 _IDLE = ("standby", "complete", "cancelled", "error")
+_OTHER = f"Give the address of Moonraker; its port is usually {PORT}."
 _ADDRESS = re.compile(r"(https?)://([^/?#@:\[\]\s]+|\[[0-9a-f:.]+\])(?::([0-9]{1,5}))?/*")
 
 
@@ -63,11 +64,8 @@ def upload(address: str, data: bytes) -> None:
     body = head.encode() + data + f"\r\n--{mark}--\r\n".encode()
     _request(address, "/server/files/upload", body, f"multipart/form-data; boundary={mark}")
     if printer_cfg(address) != data:
-        raise InputError(
-            "The server holds another printer.cfg than the one just sent.",
-            "Look at the file there before anything is homed.",
-            file=address,
-        )
+        what = "The server holds another printer.cfg than the one just sent."
+        raise InputError(what, "Look at the file there before anything is homed.", file=address)
 
 
 def restart(address: str) -> None:
@@ -86,11 +84,8 @@ def _asked(address: str, path: str, *keys: str) -> object:
         for key in keys:
             found = found[key]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise InputError(
-            f"The server there is not Moonraker, or does not report its {keys[-1]}.",
-            f"Give the address of Moonraker; its port is usually {PORT}.",
-            file=address,
-        ) from error
+        what = f"The server there is not Moonraker, or does not report its {keys[-1]}."
+        raise InputError(what, _OTHER, file=address) from error
     return found
 
 
@@ -121,12 +116,8 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
     except (OSError, HTTPException, ValueError) as error:
         said = system_words(getattr(error, "reason", None) or error) or "cut off"
         said = "no answer in time" if "timed out" in said else said
-        raise InputError(
-            f"The server cannot be read: {said}.",
-            "Check the address, the port, and that the printer is switched on.",
-            file=address,
-        ) from error
+        remedy = "Check the address, the port, and that the printer is switched on."
+        raise InputError(f"The server cannot be read: {said}.", remedy, file=address) from error
     if len(data) > _LARGEST:
-        remedy = f"Give the address of Moonraker; its port is usually {PORT}."
-        raise InputError("The server there is not Moonraker.", remedy, file=address)
+        raise InputError("The server there is not Moonraker.", _OTHER, file=address)
     return data

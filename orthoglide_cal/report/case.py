@@ -17,7 +17,7 @@ from orthoglide_cal.model import AXES, Cause, Machine, Source
 from orthoglide_cal.model.machine import Vocabulary
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.facts import data_words
-from orthoglide_cal.results import Answer, CheckReading, Recording, Remedy, recording
+from orthoglide_cal.results import Answer, CheckReading, Remedy, recording
 from orthoglide_cal.words import decimals_for, plain, short, signed, with_uncertainty
 
 # Instead of "may be entered", where there is nothing to change.
@@ -123,7 +123,7 @@ class Case:
 
         With what was entered, where no machine file can tell.
         """
-        unknown = not self.machine.keeps_itself and recording(self.given) is Recording.NOWHERE
+        unknown = not self.machine.keeps_itself and recording(self.given) == "nowhere"
         digits = self.answer.decimals
         changes = " ".join(plain(each.change(digits), digits) for each in self.answer.parameters)
         options = f"--applied {changes}" if unknown else ""
@@ -132,7 +132,7 @@ class Case:
     @property
     def record(self) -> str | None:
         """What to type once they were entered; None where that is recorded, or nowhere kept."""
-        return self.typed("apply") if recording(self.given) is Recording.DUE else None
+        return self.typed("apply") if recording(self.given) == "due" else None
 
     @property
     def table(self) -> str | None:
@@ -177,7 +177,7 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     words, check, excerpt = case.words, case.answer.check, case.source.excerpt
     format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
     export = case.typed("export", f"--format {format}")
-    if recording(case.given) is Recording.DONE:
+    if recording(case.given) == "done":
         yield doc.Instruction(
             f"According to the machine file the {words.many} are entered. {words.restart}"
         )

@@ -7,14 +7,7 @@ from orthoglide_cal.results.answer import (
     Release,
     Remedy,
 )
-from orthoglide_cal.results.application import (
-    Application,
-    Recording,
-    apply,
-    recording,
-    take_back,
-    unwritten,
-)
+from orthoglide_cal.results.application import Application, apply, recording, take_back, unwritten
 from orthoglide_cal.results.identity import Identity, identify
 from orthoglide_cal.results.making import answer_to, remainder, with_dates
 from orthoglide_cal.results.validity import Validity

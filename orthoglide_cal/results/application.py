@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
-from enum import Enum
 from pathlib import Path
+from typing import Literal
 
 from orthoglide_cal.errors import UsageError, command
 from orthoglide_cal.files import Conditions, Input, StoredMachine, differing, with_history
@@ -22,35 +23,17 @@ _FIRST = (
 )
 
 
-class Recording(Enum):
-    """Whether a machine file keeps what was entered in the controller after a measurement."""
-
-    DUE = "due"
-    DONE = "done"
-    NOWHERE = "nowhere"
-
-
 @dataclass(frozen=True)
 class Application:
-    """A change of the machine file, not written yet.
+    """A change of the machine file, and of the controller's if that is wanted; not written yet."""
 
-    Attributes:
-        file: the machine file as it is.
-        entry: what is recorded, or taken back.
-        undone: True if it is taken back.
-        then: the machine file as it will be.
-        conditions: of the measurement; None where it is taken back.
-        controller, data: the controller's file as it is, and as it will be; None and empty where it
-            is not written.
-    """
-
-    file: StoredMachine
-    entry: Entered
-    undone: bool
-    then: StoredMachine
-    conditions: Conditions | None = None
-    controller: ControllerFile | None = None
-    data: bytes = b""
+    file: StoredMachine  # as it is
+    entry: Entered  # what is recorded, or taken back
+    undone: bool  # whether it is taken back
+    then: StoredMachine  # the machine file as it will be
+    conditions: Conditions | None = None  # of the measurement; None where it is taken back
+    controller: ControllerFile | None = None  # as it is; None where it is not written
+    data: bytes = b""  # of the controller's file, as they will be
 
     @property
     def offsets_mm(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -87,19 +70,17 @@ def apply(
     """
     sha256 = given.measured.source.sha256
     known = _last_written(file, controller)
-    if controller and known and known.sha256_before == controller.sha256:
-        *history, last = file.model.machine.history
-        if last.data_sha256 == sha256:
-            # The program was killed before it wrote that file: as if nothing were recorded.
-            file = with_history(file, last.before, *history)
-            known = _last_written(file, controller)
+    killed = controller and known and known.sha256_before == controller.sha256
+    if killed and file.model.machine.history[-1].data_sha256 == sha256:
+        # The program wrote the record, but not that file: as if nothing were recorded.
+        file = take_back(file, sha256, controller).then
+        known = _last_written(file, controller)
     machine = file.model.machine
-    obstacle = None if machine.keeps_itself else _obstacle(given, file)
     if measured_on is not None:
         # Causes may have been accepted since; rails and legs are what they were.
-        obstacle = _other_machine(measured_on, file, but=("identified",)) or obstacle
-    if obstacle is not None:
-        raise obstacle
+        _check_same_machine(measured_on, file, but=("identified",))
+    if not machine.keeps_itself:
+        _check_recordable(given, file)
     written, data, decimals = None, b"", answer.decimals
     amounts = {each.name: each.change(decimals) for each in answer.parameters}
     if controller is not None:
@@ -132,14 +113,17 @@ def apply(
     return Application(file, entry, False, then, given.conditions, controller, data)
 
 
-def recording(given: Input) -> Recording:
-    """Whether what is entered from this measurement can be recorded, or was."""
+def recording(given: Input) -> Literal["due", "done", "nowhere"]:
+    """Whether a machine file keeps what is entered in the controller after this measurement."""
     file = given.keeper
     if file is None or given.model.machine.keeps_itself:
-        return Recording.NOWHERE
+        return "nowhere"
     if file.model.machine.entered_from(given.measured.source.sha256):
-        return Recording.DONE
-    return Recording.DUE if _obstacle(given, file) is None else Recording.NOWHERE
+        return "done"
+    with suppress(UsageError):
+        _check_recordable(given, file)
+        return "due"
+    return "nowhere"
 
 
 def unwritten(file: StoredMachine) -> str | None:
@@ -159,44 +143,36 @@ def _last_written(file: StoredMachine, controller: ControllerFile | None = None)
     return None if elsewhere else written
 
 
-def _other_machine(
-    measured_on: Model, file: StoredMachine, but: Sequence[str] = ()
-) -> UsageError | None:
-    """Whether a machine file is of another machine than what was measured."""
+def _check_same_machine(measured_on: Model, file: StoredMachine, but: Sequence[str] = ()) -> None:
+    """Raises UsageError for the file of another machine than what was measured."""
     machine, measured = file.model.machine, measured_on.machine
     others = ["name"] if measured.name != machine.name else []
     others += [key for key in differing(measured_on, file.model) if key not in but]
-    if not others:
-        return None
-    return UsageError(
-        f"This was measured on {measured.name!r}, which differs from the machine of"
-        f" {file.document.path}, {machine.name!r}, in: {', '.join(others)}.",
-        "Name the machine file of both: --machine FILE",
-    )
+    if others:
+        raise UsageError(
+            f"This was measured on {measured.name!r}, which differs from the machine of"
+            f" {file.document.path}, {machine.name!r}, in: {', '.join(others)}.",
+            "Name the machine file of both: --machine FILE",
+        )
 
 
-def _obstacle(given: Input, file: StoredMachine) -> UsageError | None:
-    """Why what was entered from this measurement cannot be recorded there."""
+def _check_recordable(given: Input, file: StoredMachine) -> None:
+    """Raises UsageError if what was entered from this measurement cannot be recorded there."""
     machine, path = file.model.orthoglide, file.document.path
-    source, measured = given.measured.source, given.model.machine
-    other = _other_machine(given.model, file)
-    if other is not None:
-        return other
-    earlier = machine.entered_from(source.sha256)
-    if earlier:
-        return UsageError(
+    source, before = given.measured.source, given.model.machine.active
+    _check_same_machine(given.model, file)
+    if earlier := machine.entered_from(source.sha256):
+        raise UsageError(
             f"This measurement was applied already, on {earlier.date}.",
             "Measure again; or take it back, if it was not entered: "
             + command("apply", source.path, options="--undo"),
         )
-    before = measured.active
     if before != machine.offsets_mm and not _newer(given.conditions.started, machine.history):
-        return UsageError(
+        raise UsageError(
             f"This was measured with {_triple(before)} mm in the controller (x, y, z);"
             f" since then {_triple(machine.offsets_mm)} mm were entered ({path}).",
             "Measure again, with what is in the controller now.",
         )
-    return None
 
 
 def take_back(
@@ -248,10 +224,8 @@ def _newer(started: str | None, history: tuple[Entered, ...]) -> bool:
     """Whether a session that says what is active began after the last entry."""
     if started is None:
         return False
-    if not history:
-        return True
-    began, last = (datetime.fromisoformat(each) for each in (started, history[-1].date))
-    return began.astimezone() > last.astimezone()
+    began = datetime.fromisoformat(started).astimezone()
+    return all(began > datetime.fromisoformat(each.date).astimezone() for each in history[-1:])
 
 
 def _triple(values: tuple[float, ...]) -> str:
