@@ -20,7 +20,6 @@ from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
-from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.readings import GaugePlan, Series, other_axes
 
 # Parameters in the order (leg, direction): x_y is what a gauge along x meets on leg y.
@@ -165,7 +164,7 @@ class _Surface(Cause):
             sizes[..., k, None] * x**across * y**along
             for k, (across, along) in enumerate(self._powers)
         )
-        return np.asarray(heights + ~ProbePlan.require(plan).distance * shape)
+        return np.asarray(heights + plan.touches * shape)
 
 
 _TERMS = (
@@ -235,7 +234,7 @@ class ProbeDrift(Cause):
         self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
     ) -> Numbers:
         """Reading += rate · hours; theta (..., 1) [mm/h]."""
-        return heights + ~ProbePlan.require(plan).distance * effect.theta * plan.hours
+        return heights + plan.touches * effect.theta * plan.hours
 
 
 CAUSES = (

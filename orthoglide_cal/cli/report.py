@@ -43,7 +43,7 @@ def report(
     from orthoglide_cal.report.case import Case, about
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.results import answer_to, identify
-    from orthoglide_cal.results.verification import holds_touches, verify
+    from orthoglide_cal.results.verification import verify
 
     if after is None and applied is not None:
         raise UsageError("--applied goes with --after.", "Name the later readings.")
@@ -59,11 +59,11 @@ def report(
         answers = [Case(each, answer_to(each, method, details=True), machine) for each in cases]
         case, *others = sorted(answers, key=_best_last)
         given, verification = case.given, None
-        if limit is not None and holds_touches(given.measured):
+        if limit is not None and given.measured.of_bed:
             raise UsageError("--limit applies to differences of readings only.", "Leave it out.")
         if after is not None:
             later = common.read_input(after, machine, data)
-            if holds_touches(given.measured):
+            if given.measured.of_bed:
                 compare = about("verify", given.measured.source, after, machine=machine)
                 raise UsageError(
                     "The report of a printer shows one file.", f"Compare them: {compare}"

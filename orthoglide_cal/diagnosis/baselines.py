@@ -51,7 +51,7 @@ def baselines(
     """
     offsets = fit_offsets(white.problem, white.data).offsets_mm
     place, left, jacobian, _ = _touches(white, offsets)
-    touch = ~ProbePlan.require(white.plan).distance
+    touch = white.plan.touches
     columns = np.hstack((jacobian, white.plan.zeros[touch], _surface(white, place)))
     enough = len(left) > np.linalg.matrix_rank(columns) == columns.shape[1]
     if later is None:
@@ -71,12 +71,12 @@ def baselines(
 def repeats(white: Whitened, later: Whitened | None) -> float | None:
     """Correlation of the residual maps of two dates, of more the smallest.
 
-    What calibrated parameters leave of the touches of each date; None where there are too few.
+    What calibrated parameters leave of the touches of each date; None for few, or of one date.
     """
     maps = [
         (place[own], left[own], jacobian[own])
         for each in (white, later)
-        if each is not None
+        if each is not None and each.plan.touches.any()
         for place, left, jacobian, date in (_touches(each),)
         for day in np.unique(date)
         for own in (date == day,)
@@ -101,7 +101,7 @@ def _touches(white: Whitened, offsets: Floats | None = None) -> tuple[Floats, Fl
         offsets = fit_offsets(white.problem, white.data).offsets_mm
     readings, jacobian = differentiate(white.problem.model, offsets, plan, ())
     left = white.plain(white.data) / plan.precision - readings
-    touch = ~plan.distance
+    touch = plan.touches
     return plan.place[touch, :2], left[touch], jacobian[touch], plan.date[touch]
 
 
@@ -113,11 +113,11 @@ def _surface(white: Whitened, place: Floats) -> Floats:
 
 def _patches(white: Whitened, columns: Floats, left: Floats) -> Iterator[Floats]:
     """Errors of predicting each patch of touches from all others."""
-    plan = ProbePlan.require(white.plan)
-    number = np.cumsum(~plan.distance) - 1
+    touches = white.plan.touches
+    number = np.cumsum(touches) - 1
     for patches in left_out(white, None):
         for patch in patches:
-            own = number[patch[~plan.distance[patch]]]
+            own = number[patch[touches[patch]]]
             rest = np.setdiff1d(np.arange(len(left)), own)
             if own.size:
                 found = np.linalg.lstsq(columns[rest], left[rest])[0]

@@ -71,7 +71,6 @@ def diagnose(
         entered = np.zeros(len(model.machine.parameter_names))
         if applied is not None:
             entered[: len(applied)] = applied
-        probes = model.machine.probes
         found, again = _assessed(white, later)
         nothing, accepted = found.fit(()), found.accepted
         causes: tuple[FoundCause, ...] = ()
@@ -101,7 +100,7 @@ def diagnose(
                 f"The residual maps of these dates repeat (r = {again:.2f}): what the parameters"
                 " leave is a shape that lasts, not noise."
             )
-        if accepted.effects or (probes and (sensitivity or later is not None)):
+        if accepted.effects or (measured.of_bed and (sensitivity or later is not None)):
             before, after = (
                 predict_later(later, fit, entered, free, model.machine)
                 if later is not None
@@ -112,7 +111,7 @@ def diagnose(
             unit = 1.0 if later is not None else unit_of(accepted.effects)
             before = replace(before, rms_mm=before.rms_mm * unit)
             causes = _named(found, before, after)
-            if probes:
+            if measured.of_bed:
                 quartic, earlier = baselines(white, later, entered, free)
                 beside = Baselines(
                     parameters_mm=before.rms_mm,
@@ -214,7 +213,7 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
 def _assessed(white: Whitened, later: Whitened | None = None) -> tuple[Assessment, float | None]:
     """What the data say, and how far the maps of several dates of a printer repeat."""
     found = assess(white)
-    again = repeats(white, later) if white.machine.probes else None
+    again = repeats(white, later)
     return (found.repeated() if again is not None and again > REPEATS else found), again
 
 

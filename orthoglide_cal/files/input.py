@@ -46,7 +46,6 @@ from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, rea
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import Measured, Model, gauge_doubts
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Schema
 
 # The machine that the user names, or the settings of its firmware.
@@ -268,17 +267,16 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     columns = set(table.columns)
     probed = bool(columns & set(PLACE_COLUMNS)) and not columns & {"leg", "difference"}
     try:
-        machine = (LinearDelta if probed else Orthoglide).require(judge.machine)
+        if probed:
+            readings = probe_readings_from_table(table, LinearDelta.require(judge.machine))
+        elif "difference" in columns:
+            return Input(differences_from_table(table, judge.orthoglide), judge, Conditions())
+        else:
+            readings = readings_from_table(table, judge.orthoglide)
     except UsageError as error:
         what = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
         line = table.header_line
         raise InputError(what, error.remedy, file=document.path, line=line) from error
-    if isinstance(machine, LinearDelta):
-        touched = probe_readings_from_table(table, machine)
-        return Input(touched, judge, conditions_in(touched))
-    if "difference" in table.columns:
-        return Input(differences_from_table(table, machine), judge, Conditions())
-    readings = readings_from_table(table, machine)
     return Input(readings, judge, conditions_in(readings))
 
 
@@ -336,22 +334,26 @@ def _firmware_file(
         return None
     # Those that the user names, else those beside the touches, else the numbers of a machine file,
     # which do not tell where the probe is.
-    settings = beside
     if isinstance(known, PrinterFile):
         settings = replace(known, heights=None, mesh=None, remarks=())
-    elif known or beside is None:
-        machine = (known or otherwise()).machine
-        if isinstance(machine, LinearDelta) and beside:
-            settings = _with_bed(beside, machine.bed_radius_mm)
-        elif isinstance(machine, LinearDelta):
-            remark = (
-                "The probe's offset from the nozzle is not known: x and y of it are taken as 0."
-            )
-            settings = PrinterFile(machine, np.full(3, np.nan), document.source, remarks=(remark,))
-    if settings is None:
+    elif beside and known:
+        settings = _with_bed(beside, _delta(known, document.path).bed_radius_mm)
+    elif beside:
+        settings = beside
+    else:
         what = "The file does not say which printer it is from."
-        raise InputError(what, f"Name its settings: {named}", file=document.path)
+        nothing = InputError(what, f"Name its settings: {named}", file=document.path)
+        machine = LinearDelta.require((known or otherwise()).machine, nothing)
+        remark = "The probe's offset from the nozzle is not known: x and y of it are taken as 0."
+        settings = PrinterFile(machine, np.full(3, np.nan), document.source, remarks=(remark,))
     return read(document, settings)
+
+
+def _delta(model: Model, path: str) -> LinearDelta:
+    """The machine that the user names for a printer's file; raises UsageError for another kind."""
+    what = f"{path} is of a linear delta; the machine given is of kind"
+    remedy = "Leave --machine out, or give a file of kind linear_delta."
+    return LinearDelta.require(model.machine, UsageError(f"{what} {model.machine.kind}.", remedy))
 
 
 def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Input:
@@ -363,13 +365,7 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     for each in filter(None, (file.mesh, file.heights)):
         file = _with_bed(file, float(np.hypot(*each.plan.place.T[:2]).max()))
     model = _as_model(known) or Model(file.machine)
-    delta = model.machine
-    if not isinstance(delta, LinearDelta):
-        raise UsageError(
-            f"{file.source.path} is of a linear delta; the machine given is of kind {delta.kind}.",
-            "Leave --machine out, or give a file of kind linear_delta.",
-        )
-    machine, remarks = known_printer(file, delta)
+    machine, remarks = known_printer(file, _delta(model, file.source.path))
     read = printer_readings(file, stored, machine)
     readings = replace(read, remarks=(*remarks, *read.remarks))
     judge = replace(model, machine=machine)

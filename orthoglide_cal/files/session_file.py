@@ -27,6 +27,7 @@ from orthoglide_cal.files.readings import (
 from orthoglide_cal.files.rows import Reading, ReadingRow, Record, Rows
 from orthoglide_cal.files.yaml_tree import Tree, yaml_text
 from orthoglide_cal.model import Model, Readings
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Version
 
 _COLUMNS = (*READING_COLUMNS, "timestamp")
@@ -72,9 +73,10 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
         header = "leg, posture, direction, reading_mm or difference, value_mm"
         remedy = f"A CSV has a header with {header}; a session has `readings:`."
         raise InputError(what, remedy, file=tree.file.path, line=1)
-    if model and model.machine.probes:
+    if model:
         what = f"The session was read with gauges; a machine of kind {model.machine.kind} has none."
-        raise InputError(what, "Leave --machine out.", file=tree.file.path)
+        refused = InputError(what, "Leave --machine out.", file=tree.file.path)
+        Orthoglide.require(model.machine, refused)
     recorded = machine_in(tree, ("machine",))
     session = _recorded(tree, recorded)
     records = _records(tree, "readings")

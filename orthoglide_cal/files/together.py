@@ -27,7 +27,7 @@ def together(inputs: Sequence[Input]) -> Input:
     The latest date is the last. Raises UsageError: they are not all touches of one printer.
     """
     last = inputs[-1]
-    if not all(isinstance(each.model.machine, LinearDelta) for each in inputs):
+    if not all(each.measured.of_bed for each in inputs):
         what = "--together is for touches of one printer's bed on several dates."
         raise UsageError(what, "Leave it out: each file is then judged alone.")
     machine = LinearDelta.require(last.model.machine)

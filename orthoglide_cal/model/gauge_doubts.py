@@ -61,11 +61,14 @@ UNITS = (
 
 
 def gauge_doubts(measured: Measured, gauge: Instrument) -> tuple[GaugeDoubt, ...]:
-    """What this gauge can hardly have shown; of differences only the decimals say something."""
+    """What this gauge can hardly have shown; of differences only the decimals say something.
+
+    Nothing is known of how the firmware of a printer writes what its probe found.
+    """
     if not isinstance(measured, Readings):
         return tuple(_finer_differences(measured.value, gauge))
-    if not isinstance(measured.plan, GaugePlan):
-        return ()  # a probe without a dial
+    if measured.of_bed:
+        return ()
     if unit := other_unit(measured, gauge):
         # Where another unit makes all of it ordinary, the rest need not be said.
         what = f"This gauge cannot show these readings in mm. Are they {unit.mistake}?"
@@ -248,7 +251,7 @@ def other_unit(measured: Measured, gauge: Instrument) -> MistakenUnit | None:
 
     None if they are in mm, or in no unit; differences do not show it.
     """
-    if not isinstance(measured, Readings) or not isinstance(measured.plan, GaugePlan):
+    if not isinstance(measured, Readings) or measured.of_bed:
         return None
     if _ordinary(measured, measured.value, gauge):
         return None

@@ -339,6 +339,13 @@ class LinearDelta(Machine):
         joints = other.nominal_rails.joints_for(place) + ends - others
         return np.asarray(self.nominal_rails.tool_for(joints))
 
+    def judging(self, then: Machine) -> Machine:
+        """As it was then: where a carriage stood follows from the settings in force."""
+        return then if then.kind == self.kind else self
+
+    def check_guided(self) -> None:
+        raise UsageError("A printer measures itself.", self.vocabulary.probing)
+
     def check_same(self, later: Machine) -> None:
         both = self, LinearDelta.require(later)
         sizes = np.array([(*each.arm_length_mm, each.delta_radius_mm) for each in both])

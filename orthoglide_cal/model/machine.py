@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self, TypeVar
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.errors import OrthocalError, UsageError
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.plan import Floats, Numbers, Plan, ReadOnly
 from orthoglide_cal.model.probe_plan import Layout
@@ -196,8 +196,8 @@ class Vocabulary:
     finer: str  # what shows smaller steps
     compare: str  # what to do once the new values are used
     further: str  # what besides the usual readings would distinguish causes
-    probing: str = ""  # how such a machine measures itself; empty where somebody reads gauges
-    going_on: str = ""  # what to type to go on from readings; empty where one starts again
+    measure: str = ""  # the command that guides through a measurement; empty for none
+    probing: str = ""  # how it is measured without a guide
     also: str = ""  # what belongs to that noise, too
     axes: Mapping[str, str] = field(default_factory=dict)  # parameters of its rails → in words
 
@@ -235,6 +235,8 @@ class Machine(Schema):
     has_cube: ClassVar[bool]  # the error of its tool is shown over a cube of its workspace
     controller_formats: ClassVar[tuple[str, ...]]
     vocabulary: ClassVar[Vocabulary]
+    # What a technician writes down with its readings; where it is missing, pages leave a blank.
+    noted: ClassVar[tuple[str, ...]] = ()
     # In which two of them differ so that they read differently; the rest says what is plausible.
     geometry_keys: ClassVar[tuple[str, ...]]
 
@@ -259,10 +261,10 @@ class Machine(Schema):
         return hash((self.kind, self.name, self.active))
 
     @classmethod
-    def require(cls, machine: Machine) -> Self:
-        """The machine, if it is of this kind; raises UsageError for another one."""
+    def require(cls, machine: Machine, otherwise: OrthocalError | None = None) -> Self:
+        """The machine, if it is of this kind; raises this error, or UsageError, for another one."""
         if not isinstance(machine, cls):
-            raise UsageError(
+            raise otherwise or UsageError(
                 f"{machine.name} is of kind {machine.kind}.",
                 f"Give the file of a machine of kind {cls.model_fields['kind'].default}:"
                 " --machine FILE",
@@ -367,8 +369,10 @@ class Machine(Schema):
 
     def check_guided(self) -> None:
         """Raises UsageError for a machine that nobody measures by hand."""
-        if self.probes:
-            raise UsageError("A printer measures itself.", self.vocabulary.probing)
+
+    @abstractmethod
+    def judging(self, then: Machine) -> Machine:
+        """The machine by which readings are judged that were taken when it was as `then`."""
 
     def check_same(self, later: Machine) -> None:
         """Raises UsageError for a machine that no calibration makes of this one."""

@@ -112,6 +112,11 @@ class Readings(ReadOnly):
         return (self.kind, *map(DataKind, self.plan.reductions))
 
     @property
+    def of_bed(self) -> bool:
+        """Whether a probe touched a bed: heights, at places that are others on another day."""
+        return bool(self.plan.touches.any())
+
+    @property
     def weight(self) -> Floats:
         """How much an error of each counts in a root mean square compared to a common one, (n,)."""
         return self.plan.precision
@@ -134,6 +139,11 @@ class Differences(ReadOnly):
     def kinds(self) -> tuple[DataKind, ...]:
         """What can be made of them: themselves, and of twelve also six."""
         return (self.kind, DataKind.SIX) if self.kind is DataKind.TWELVE else (self.kind,)
+
+    @property
+    def of_bed(self) -> bool:
+        """They are the paper's, of gauges."""
+        return False
 
     @property
     def weight(self) -> Floats:

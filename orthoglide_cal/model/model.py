@@ -48,6 +48,10 @@ class Model:
         machine = self.orthoglide.changed(offsets_mm=JointOffsets(*offsets_mm))
         return replace(self, machine=machine)
 
+    def judging(self, then: Model) -> Model:
+        """`Machine.judging`, with the causes that are known now."""
+        return replace(self, machine=self.machine.judging(then.machine))
+
     def called(self, effect: Effect) -> Mapping[str, Estimate]:
         """Parameters of an effect by the names that they have on this kind of machine."""
         names = self.machine.named(effect.cause.names)

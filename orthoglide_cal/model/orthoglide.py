@@ -126,9 +126,10 @@ class Orthoglide(Machine):
         repeat="Take more cycles",
         finer="a gauge with finer divisions",
         compare="Compare",
-        going_on="measure --then",
+        measure="measure",
         further="two more postures of each leg between the isotropic one and its limits",
     )
+    noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")
     # One fault in five is several times as large as its tolerance. Priced at the tolerance alone a
     # bar skewed by three of them would be taken for a smaller skew together with a second fault.
@@ -210,6 +211,10 @@ class Orthoglide(Machine):
     def max_reportable_u(self) -> tuple[float, ...]:
         """An offset is stated with its U, however large that is."""
         return (math.inf,) * len(AXES)
+
+    def judging(self, then: Machine) -> Machine:
+        """What is known of it now: postures say where the carriages stood."""
+        return self
 
     def displacement_mm(self, posture: Posture) -> float:
         """Displacement of the leg's own carriage at a posture [mm]."""

@@ -114,6 +114,11 @@ class Plan:
         return False
 
     @property
+    def touches(self) -> Bools:
+        """Which of them are touches of a bed, shape (n,); none by default."""
+        return np.zeros(len(self), dtype=np.bool_)
+
+    @property
     def reductions(self) -> tuple[str, ...]:
         """Kinds of differences that can be made of such readings; none by default."""
         return ()

@@ -69,6 +69,10 @@ class ProbePlan(Plan):
     def precision(self) -> Floats:
         return self.weight
 
+    @property
+    def touches(self) -> Bools:
+        return ~self.distance
+
     @cached_property
     def same(self) -> np.ndarray:
         """Whether two readings are touches of one part, shape (n, n)."""
@@ -98,7 +102,7 @@ class ProbePlan(Plan):
 
         Neighbours share it: its covariance falls off as exp(−r/λ), λ = `GRAIN_MM`.
         """
-        touches = np.flatnonzero(~self.distance)
+        touches = np.flatnonzero(self.touches)
         place = self.place[touches, :2]
         local = np.zeros((len(self), len(touches)))
         apart = np.linalg.norm(place[:, None] - place, axis=-1)
@@ -121,7 +125,7 @@ class ProbePlan(Plan):
 
     def patterns(self, ordered: bool) -> Iterator[tuple[str, Floats]]:
         """Shapes of the bed that are finer than a cause has; with time: what wanders."""
-        touch = ~self.distance
+        touch = self.touches
         reach = float(np.abs(self.place[:, :2]).max(initial=1.0))
         x, y = self.place[:, 0] / reach, self.place[:, 1] / reach
         coarse, fine = (

@@ -23,7 +23,7 @@ from orthoglide_cal.estimation.solution import budget_of_readings
 from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.plan import Plan
-from orthoglide_cal.model.probe_plan import Layout, ProbePlan
+from orthoglide_cal.model.probe_plan import Layout
 from orthoglide_cal.model.workspace import error_after
 from orthoglide_cal.planning.separation import separations
 from orthoglide_cal.planning.steps import (
@@ -138,7 +138,7 @@ class SessionForecast(Schema):
     @property
     def can_be_sent(self) -> bool:
         """Of a machine that measures itself: whether it goes to every place without help."""
-        return not ProbePlan.require(self.plan).distance.any()
+        return bool(self.plan.touches.all())
 
     @cached_property
     def floor(self) -> Budget | None:

@@ -193,7 +193,7 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
         yield doc.Instruction(
             "Correct what the offsets leave with a table of corrections", case.table
         )
-    if not case.machine.probes:
+    if words.measure:
         again = measure_again(case.given.conditions, case.machine_file)
         yield doc.Instruction("Measure again", again)
     if case.record is None or not brief:
@@ -236,10 +236,10 @@ def to_follow(
     """
     if session is not None:
         return command("measure", machine=machine_file, options=session)
-    going_on = machine.vocabulary.going_on
-    if not going_on or source is None or source.path == "-":
+    verb = machine.vocabulary.measure
+    if not verb or source is None or source.path == "-":
         return None
-    return command(going_on, source.path, machine=machine_file)
+    return command(f"{verb} --then", source.path, machine=machine_file)
 
 
 def measure_again(conditions: Conditions | None, machine: Path | None = None) -> str:

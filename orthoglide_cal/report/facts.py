@@ -65,7 +65,7 @@ def signed_page(
     simulated = any(each.simulated for _, each in inputs)
     own = ("Number", doc.Code(identity.number)), *facts
     issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
-    first, *later = (dict(_conditions(*each, machine.probes)) for each in inputs)
+    first, *later = (dict(_conditions(*each, machine.noted)) for each in inputs)
     named = ((name.capitalize(), value) for name, value in first.items())
     strip: doc.Block = doc.Facts((*named, ("Software", identity.software)))
     if later:
@@ -100,22 +100,26 @@ def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
     )
 
 
-def _conditions(of: InputFile, each: Validity, probing: bool) -> Iterator[tuple[str, doc.Blank]]:
-    """Those of one measurement; a machine that probes has neither gauges nor an operator."""
+def _conditions(
+    of: InputFile, each: Validity, noted: Sequence[str]
+) -> Iterator[tuple[str, doc.Blank]]:
+    """Those of one measurement: when it was, what is `noted` at such a machine, and the data."""
+    gauges: list[doc.Inline] = []
+    for gauge in each.gauges:
+        gauges += ["; " if gauges else "", doc.Given(gauge.id)]
+        if gauge.certificate:
+            gauges += [", certificate ", doc.Given(gauge.certificate)]
+        due = f"due {gauge.due}" if gauge.due else "due date not given"
+        gauges += [", ", doc.Doubtful(f"overdue: {due}") if gauge.overdue else due]
+    known = {"start": each.temperature_start_c, "end": each.temperature_end_c}
+    said = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
+    rows: dict[str, doc.Blank] = {
+        "gauges": tuple(gauges) or None,
+        "temperature": ", ".join(said) or None,
+        "operator": each.operator and doc.Given(each.operator),
+    }
     yield "measured", moment(each.measured)
-    if not probing:
-        gauges: list[doc.Inline] = []
-        for gauge in each.gauges:
-            gauges += ["; " if gauges else "", doc.Given(gauge.id)]
-            if gauge.certificate:
-                gauges += [", certificate ", doc.Given(gauge.certificate)]
-            due = f"due {gauge.due}" if gauge.due else "due date not given"
-            gauges += [", ", doc.Doubtful(f"overdue: {due}") if gauge.overdue else due]
-        yield "gauges", tuple(gauges) or None
-        known = {"start": each.temperature_start_c, "end": each.temperature_end_c}
-        said = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
-        yield "temperature", ", ".join(said) or None
-        yield "operator", each.operator and doc.Given(each.operator)
+    yield from ((name, row) for name, row in rows.items() if name in noted)
     yield "data", (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.Code(of.sha256[:12]))
 
 

@@ -168,7 +168,7 @@ class _Read:
     def __init__(self, given: Input, last: Model) -> None:
         self.given = given
         self.last = last.machine
-        white = Whitened.of(given.measured, given.model if last.machine.probes else last)
+        white = Whitened.of(given.measured, last.judging(given.model))
         noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
         self.white = white
         (self.alone,) = _fits(white, ())
@@ -220,7 +220,7 @@ class _Read:
             if each.local:
                 # The symmetric root: nearly the same for nearly the same places.
                 plan = ProbePlan.require(white.plan)
-                grain = plan.texture[~plan.distance]
+                grain = plan.texture[plan.touches]
                 turned = (grain / (np.linalg.norm(grain, axis=0) + 1e-12)).T
                 shared = fit.scale_factor * math.sqrt(LASTS) * shared @ turned
                 key.append(f"{len(grain)} touches")
@@ -581,24 +581,24 @@ def compare(
         limit=None if limit_mm is None else best.reached(limit_mm, moments[-1] if dated else None),
         notes=(*notes, *_circumstances(sessions, reads)),
         next=decides if rivals else ADVICE[verdict],
-        shapes=tuple(_shape(reads[k]) for k in (0, -1)) if machine.probes else (),
+        shapes=tuple(_shape(reads[k]) for k in (0, -1) if reads[k].given.measured.of_bed),
     )
 
 
 def _one_machine(models: Sequence[Model]) -> list[str]:
     """What differs between the machines of the sessions; raises UsageError if they are several."""
-    last, every = models[-1].machine, [machine_values(model) for model in models]
-    other = {key for each in every for key in each if each[key] != every[-1].get(key)}
-    if last.probes and "kind" not in other:
-        for model in models:
-            model.machine.check_same(last)
-        return []
+    last, other = models[-1], set[str]()
+    for model in models:
+        own, by = machine_values(model), machine_values(last.judging(model))
+        other |= {key for key in own if own[key] != by.get(key)}
     if other & {"kind", "name", "leg_length_mm", "joint_limits_mm"}:
         names = listed([*dict.fromkeys(model.machine.name for model in models)])
         raise UsageError(
             f"These are sessions of several machines ({names}): {', '.join(sorted(other))} differ.",
             "Name the files of one, or the machine that all are judged by: --machine FILE",
         )
+    for model in models:
+        model.machine.check_same(last.machine)
     other -= {"offsets_mm", "history", "gauges", "report"}
     judged = "All are judged by the machine of the last session; others differ in"
     return [f"{judged} {', '.join(sorted(other))}."] if other else []
@@ -618,7 +618,7 @@ def _circumstances(sessions: Sequence[DatedSession], reads: Sequence[_Read]) -> 
     for (one, old), (two, new) in pairwise(zip(sessions, machines, strict=True)):
         moved = zip(new.parameter_names, np.subtract(new.active, old.active), strict=True)
         entered = ", ".join(f"{name} {signed(by, 3)}" for name, by in moved if abs(by) > 1e-9)
-        if entered and not new.probes:
+        if entered and not new.keeps_itself:
             yield f"Recorded adjustment between {one.path} and {two.path}: {entered} mm."
     for id in dict.fromkeys(id for each in sessions for id in each.causes):
         shown = [each.path for each in sessions if id in each.causes]
@@ -628,5 +628,5 @@ def _circumstances(sessions: Sequence[DatedSession], reads: Sequence[_Read]) -> 
 
 def _shape(read: _Read) -> _Shape:
     plan, machine = ProbePlan.require(read.white.plan), LinearDelta.require(read.white.machine)
-    touched = ~plan.distance
+    touched = plan.touches
     return plan.place[touched, :2], read.white.plain(read.alone.left)[touched], machine

@@ -90,13 +90,13 @@ def _reservations(given: Input, found: Validity) -> Iterator[str]:
         "temperature": found.temperature_start_c is not None,
         "gauges": found.gauges,
     }
-    missing = [name for name, value in stated.items() if not value]
+    missing = [name for name in given.model.machine.noted if not stated[name]]
     for gauge in found.gauges:
         if not gauge.certificate:
             missing.append(f"certificate of gauge {gauge.id}")
         if not gauge.due:
             missing.append(f"due date of gauge {gauge.id}")
-    if missing and not (found.simulated or given.model.machine.probes):
+    if missing and not found.simulated:
         yield f"Not recorded: {', '.join(missing)}."
 
 

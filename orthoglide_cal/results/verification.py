@@ -54,7 +54,6 @@ from orthoglide_cal.model import (
     ReadOnly,
     Source,
 )
-from orthoglide_cal.model.probe_plan import ProbePlan
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.answer import InputFile, Spread
 from orthoglide_cal.results.making import remainder, spread
@@ -246,7 +245,7 @@ def verify(
             that says nothing of such data, or the two have nothing in common.
         RankDeficientError, NotConvergedError: one of them does not determine the parameters.
     """
-    touches = [holds_touches(each.measured) for each in (before, after)]
+    touches = [each.measured.of_bed for each in (before, after)]
     if all(touches):
         return _of_touches(before, after, applied_mm, limit_mm)
     if any(touches):
@@ -313,11 +312,6 @@ def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Decision:
     )
 
 
-def holds_touches(measured: Measured) -> bool:
-    """Whether it was read by a probe on a bed."""
-    return isinstance(measured, Readings) and isinstance(measured.plan, ProbePlan)
-
-
 def _of_touches(before: Input, after: Input, applied: object, limit: object) -> Verification:
     """Touches of a bed, each judged with the parameters that were in the firmware then."""
     if applied is not None:
@@ -338,7 +332,7 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
     heights = []
     for each in (first, second):
         assert isinstance(each.measured, Readings)
-        touched = ~ProbePlan.require(each.measured.plan).distance
+        touched = each.measured.plan.touches
         for left in (each.measured.value, each.measured.value - each.predicted_mm):
             # Without their mean: the first layer's height is set apart.
             heights.append(left[touched] - left[touched].mean())

@@ -135,7 +135,7 @@ def _to_do(
     elif plan.bar_warning is not None and plan.bar_warning.leaves and plan.design is not None:
         typed = _command(plan.design, plan, machine_file, source)
         yield doc.Instruction("Measure what the plungers can follow", typed)
-    elif not machine.probes:
+    elif plan.gauges is not None:
         yield doc.Instruction("Measure it", _command(chosen, plan, machine_file, source))
     elif not chosen.can_be_sent:
         yield doc.Instruction(machine.vocabulary.probing)
