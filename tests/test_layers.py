@@ -19,7 +19,26 @@ ROOMS = (
 ONLY_FOR = {"paper": {"cli", "report"}}
 PRINTING = {"cli"}
 SEEDING = {"cli", "session"}
+KIND_TESTS = {"isinstance", "issubclass"}
 MOST_ANY = 60  # mentions of `Any`
+# The kinds of machines, with what reads them; who needs a class of one outside `model`, and why.
+KINDS = ({"Orthoglide", "Gauge", "GaugePlan"}, {"LinearDelta", "Probe", "ProbePlan"})
+NEEDS_ONE = {
+    "files": "a reader makes a machine or its plan, or reads what only such a machine gives",
+    "planning": "sessions of gauges; places that a printer is sent to",
+    "session": "guides through readings of gauges",
+    "estimation.forecast": "sessions of gauges",
+    "diagnosis.baselines": "compares with a surface of the bed",
+    "results.verification": "contrasts of gauges before and after",
+    "results.history": "maps of a bed",
+    "report.documents.pictures": "maps of a bed",
+    "report.controller": "what the firmware of a printer is told",
+    "cli.plan": "writes the places that a printer is sent to",
+}
+NEEDS_BOTH = {
+    "causes": "a cause states how large it plausibly is on each kind",
+    "cli.start": "an empty folder is of an Orthoglide, a printer.cfg of a linear delta",
+}
 
 
 def name_of(path: Path) -> str:
@@ -110,6 +129,36 @@ def test_no_class_name_stands_twice() -> None:
 def test_hardly_anything_is_of_any_type() -> None:
     found = [f"{name}:{node.lineno}" for name, node in nodes(ast.Name) if node.id == "Any"]
     none(found if len(found) > MOST_ANY else ())
+
+
+def test_nobody_asks_for_the_kind_of_machine() -> None:
+    """What kinds do differently is theirs: fields and methods of the machine, the plan, the data.
+
+    Outside `model` no `isinstance`, `match` or comparison names a class of one kind, or its `kind`,
+    and only the files above import one.
+    """
+    faults = []
+    every = set.union(*KINDS, {"'orthoglide'", "'linear_delta'"})
+    for name in (name for name in FILES if room_of(name) != "model"):
+        needed = set()
+        for node in ast.walk(trees()[name]):
+            asked: list[ast.AST] = []
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith(PACKAGE):
+                needed |= {entry.name for entry in node.names}
+            elif isinstance(node, ast.Call) and ast.unparse(node.func) in KIND_TESTS:
+                asked = list(ast.walk(node.args[-1]))
+            elif isinstance(node, ast.MatchClass):
+                asked = [node.cls]
+            elif isinstance(node, ast.Compare):
+                asked = [node.left, *node.comparators]
+            if every & {ast.unparse(each).rpartition(".")[2] for each in asked}:
+                faults.append(f"{name}:{node.lineno}: {ast.unparse(node)}")
+        own = name.removeprefix(f"{PACKAGE}.")
+        both = any(own.startswith(place) for place in NEEDS_BOTH)
+        one = both or any(own.startswith(place) for place in NEEDS_ONE)
+        if sum(bool(kind & needed) for kind in KINDS) > one + both:
+            faults.append(f"{name} needs {', '.join(sorted(every & needed))}")
+    none(faults)
 
 
 def test_imports_are_absolute() -> None:

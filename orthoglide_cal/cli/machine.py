@@ -11,7 +11,7 @@ import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Number, Text, Texts, argument, flag, option
-from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
+from orthoglide_cal.errors import InputError, InvalidFileError, UsageError, command
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -121,8 +121,8 @@ def new(
     write_text(target, _text(answers, target))
     show(target, json)
     common.tell(f"Written to {target}, with usual tolerances. Check its values.")
-    following = "guide delta" if kind == "linear_delta" else "measure"
-    common.tell(f"In this folder every command uses it. Next: orthocal {following}")
+    following = command(MACHINES[kind].first_steps[0].verb)
+    common.tell(f"In this folder every command uses it. Next: {following}")
 
 
 @machine.command(cls=common.PlainCommand)

@@ -12,7 +12,7 @@ from orthoglide_cal.errors import InputError, UsageError
 if TYPE_CHECKING:
     import numpy as np
 
-    from orthoglide_cal.model import Cause, Effect, Machine, Model, Place
+    from orthoglide_cal.model import Cause, Effect, Machine, Place
     from orthoglide_cal.model.plan import Plan
 
 
@@ -81,9 +81,8 @@ def simulate(
     import numpy as np
 
     from orthoglide_cal import files
-    from orthoglide_cal.model import double_posture, single_posture
-    from orthoglide_cal.model.linear_delta import LinearDelta
-    from orthoglide_cal.model.synthetic import bed_plan, synthetic_probe_points, synthetic_session
+    from orthoglide_cal.model.machine import SimulationOptions
+    from orthoglide_cal.model.model import synthetic_session
 
     for name, size in (("--noise", noise), ("--resolution", resolution)):
         if size is not None and size < 0.0:
@@ -96,34 +95,19 @@ def simulate(
     rng = np.random.default_rng(chosen)
     yaml = target is not None and target.suffix.lower() in (".yaml", ".yml")
 
-    def wrong(plan: Plan) -> Model:
-        """The machine with all that is wrong with it, or with these readings."""
-        return known.extended(_effect_named(text, plan, nominal, rng) for text in cause or ())
-
+    wanted = SimulationOptions(cycles, protocol, gauge_at, places, height, radius_angles)
+    plan = nominal.simulated_plan(wanted)
+    on_bed = plan.touches.any()
+    if on_bed and (json or yaml):
+        raise UsageError("Touches are written as CSV only.", "Name a file that ends in .csv.")
+    true = np.zeros(len(nominal.parameter_names))
+    true[:3], true[3:] = offsets or 0.0, radius_angles or 0.0
+    wrong = known.extended(_effect_named(text, plan, nominal, rng) for text in cause or ())
+    made = synthetic_session(wrong, plan, true, rng, gauge)
     record = None
-    true = np.array(offsets or (0.0, 0.0, 0.0))
-    if nominal.probes:
-        if protocol or gauge_at is not None:
-            raise UsageError(
-                "--protocol and --gauge-at are for machines that are measured with gauges.",
-                "Leave them out.",
-            )
-        if json or yaml:
-            raise UsageError("Touches are written as CSV only.", "Name a file that ends in .csv.")
-        bed = bed_plan(LinearDelta.require(nominal), places or 41, height or (0.0,), cycles or 1)
-        true = np.array((*true, *(radius_angles or (0.0, 0.0, 0.0))))
-        made = synthetic_probe_points(wrong(bed), bed, true, rng, gauge)
+    if on_bed:
         text, what = files.probe_points_csv(made), "touches"
     else:
-        if places or height or radius_angles:
-            options = "--places, --height and --radius-angles"
-            raise UsageError(f"{options} are for a linear delta.", "Leave them out.")
-        if protocol == "single":
-            plan = single_posture(known.orthoglide, cycles or 3)
-        else:
-            at = 0.5 if gauge_at is None else gauge_at
-            plan = double_posture(known.orthoglide, cycles or 3, gauge_at=at)
-        made = synthetic_session(wrong(plan), plan, true, rng, gauge)
         text, what = files.readings_csv(made), "readings"
         record = files.session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
     if target or not json:

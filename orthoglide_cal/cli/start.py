@@ -77,6 +77,8 @@ def _next(
     `to`: the controller's file of a change that is recorded and was not written.
     """
     from orthoglide_cal.files import read_document, read_input
+    from orthoglide_cal.model.linear_delta import LinearDelta
+    from orthoglide_cal.model.orthoglide import Orthoglide
     from orthoglide_cal.report.case import Case, decision_notice, measure_again, to_do
     from orthoglide_cal.report.document import Instruction
     from orthoglide_cal.results import answer_to
@@ -95,18 +97,14 @@ def _next(
     elif waiting:
         name = str(waiting[0].with_suffix(".yaml"))
         yield Instruction("Continue measuring", command("measure", name, options="--resume"))
-    elif not sessions and (machine.probes if machine else printers):
-        printer = str(printers[-1]) if printers else "printer.cfg"
-        mesh = command("diagnose", printer, options="--data mesh")
-        yield Instruction("How to probe it, and what to bring", "orthocal guide delta")
-        yield Instruction("See the parameters", command("solve", printer))
-        yield Instruction("Check the model", mesh)
     elif not sessions:
-        practice = command("measure", "practice.yaml", options="--gauge simulated")
-        if machine is None:
+        if not (machine or printers):
             yield Instruction("Describe the machine", "orthocal machine new")
-        yield Instruction("Measure", command("measure"))
-        yield Instruction("Or try it without a gauge", practice)
+        kind = type(machine) if machine else LinearDelta if printers else Orthoglide
+        here = {"printer.cfg": str(printers[-1])} if printers else {}
+        for what, verb, usual, options in kind.first_steps:
+            data = filter(None, [here.get(usual, usual)])
+            yield Instruction(what, command(verb, *data, options=options))
     elif applied == last:
         again = measure_again(read_input(last).conditions)
         yield Instruction("Its offsets are entered: measure again", again)

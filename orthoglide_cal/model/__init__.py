@@ -22,7 +22,14 @@ from orthoglide_cal.model.model import (
     simulate,
     simulate_with_jacobian,
 )
-from orthoglide_cal.model.orthoglide import Gauge
+from orthoglide_cal.model.orthoglide import (
+    Gauge,
+    double_posture,
+    ideal_plan,
+    reduction,
+    single_posture,
+    visiting,
+)
 from orthoglide_cal.model.plan import (
     Floats,
     Ints,
@@ -33,13 +40,6 @@ from orthoglide_cal.model.plan import (
     known_plan,
     without_zeros,
     zero_free,
-)
-from orthoglide_cal.model.protocols import (
-    double_posture,
-    ideal_plan,
-    reduction,
-    single_posture,
-    visiting,
 )
 from orthoglide_cal.model.readings import (
     AXES,

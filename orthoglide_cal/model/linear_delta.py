@@ -13,7 +13,7 @@ that was commanded. Both are zero on a perfect machine.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Annotated, Literal, NamedTuple
@@ -40,14 +40,18 @@ from orthoglide_cal.model.kinematics import (
 )
 from orthoglide_cal.model.machine import (
     DoubtedValue,
+    FirstStep,
     Influence,
     Instrument,
     Length,
     Machine,
     Named,
     Origin,
+    Predicted,
+    SimulationOptions,
     Vocabulary,
 )
+from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, read_only
 from orthoglide_cal.model.probe_plan import (
     BLOCKS_MM,
@@ -55,6 +59,7 @@ from orthoglide_cal.model.probe_plan import (
     MINUTES_PER_TOUCH,
     Layout,
     ProbePlan,
+    bed_plan,
     compared,
     telling,
 )
@@ -63,6 +68,7 @@ from orthoglide_cal.schema import Number, told
 TOWERS = ("a", "b", "c")
 FEW = 13  # places, to be touched once more on blocks
 UNEQUAL_MM = 0.5  # stored arms that differ by more than this are doubted
+_STEPS = 8  # in each the gap between a nozzle and the bed closes by all but some per cent
 ANOTHER = 0.05  # a printer whose arms or radius differ by a larger share is another one
 TOWERS_TURN = "The towers a, b, c must follow each other counter-clockwise, seen from above."
 
@@ -204,6 +210,11 @@ class LinearDelta(Machine):
         compare="Probe again, and compare",
         further="more places, and on blocks of two known heights",
         axes={"a": "tower a", "b": "tower b", "c": "tower c"},
+    )
+    first_steps = (
+        FirstStep("How to probe it, and what to bring", "guide delta"),
+        FirstStep("See the parameters", "solve", "printer.cfg"),
+        FirstStep("Check the model", "diagnose", "printer.cfg", "--data mesh"),
     )
     geometry_keys = ("arm_length_mm", "delta_radius_mm", "tower_angles_deg", "endstops_mm")
 
@@ -383,8 +394,33 @@ class LinearDelta(Machine):
         what = "distance" if plan.distance[index] else "touch"
         return f"x {x}, y {y} mm ({what} {number})"
 
-    def uncertain(self, plan: Plan, predict: Callable[[Plan], Floats]) -> Iterator[Influence]:
+    def uncertain(self, plan: Plan, predict: Predicted) -> Iterator[Influence]:
         yield self.local_shape(plan)
+
+    def simulated_plan(self, wanted: SimulationOptions) -> ProbePlan:
+        if wanted.protocol or wanted.gauge_at is not None:
+            raise UsageError(
+                "--protocol and --gauge-at are for machines that are measured with gauges.",
+                "Leave them out.",
+            )
+        heights, cycles = wanted.heights or (0.0,), wanted.cycles or 1
+        return bed_plan(self.bed_radius_mm, wanted.places or 41, heights, cycles)
+
+    def synthetic(
+        self, plan: Plan, predict: Predicted, rng: np.random.Generator, gauge: Instrument
+    ) -> Readings:
+        """With a local shape of the bed of its own."""
+        plan = touched = ProbePlan.require(plan)
+        n = len(plan)
+        local = self.local_shape(plan).columns @ rng.standard_normal(n)
+        for _ in range(_STEPS):
+            # The nozzle is sent lower or higher until it touches.
+            height = plan.surface + predict(touched)
+            touched = replace(touched, place=np.column_stack((plan.place[:, :2], height)))
+        shown = gauge.shown(height + local + gauge.repeatability_mm * rng.standard_normal(n))
+        value = np.round(shown, 6) - plan.surface
+        lines = np.arange(2, n + 2)
+        return Readings(touched, value, lines, timed=True, source=Source("simulate", ""))
 
     def further(self, plan: Plan) -> Iterator[tuple[str, Plan, float]]:
         """What can be touched next: in words, its plan, and its minutes.

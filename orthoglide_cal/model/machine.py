@@ -15,13 +15,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from orthoglide_cal.errors import OrthocalError, UsageError
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
+from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.plan import Floats, Numbers, Plan, ReadOnly
 from orthoglide_cal.model.probe_plan import Layout
 from orthoglide_cal.model.readings import AXES
@@ -51,6 +52,7 @@ class JointOffsets(NamedTuple):
 
 
 # A named tuple is a group of keys in the file.
+Predicted = Callable[[Plan], Floats]  # gives the readings of any plan, (n,) [mm]
 Named = Annotated[T, PlainSerializer(lambda values: values._asdict())]
 
 
@@ -105,6 +107,17 @@ class Details(Schema):
     authorised_by: Word | None = None  # who answers for the report
     # Day on which the gauge is to be calibrated again, of files without `gauges`.
     gauge_due: Day | None = None
+
+
+class SimulationOptions(NamedTuple):
+    """How synthetic readings are to be taken; None where nobody says."""
+
+    cycles: int | None = None
+    protocol: Literal["double", "single"] | None = None
+    gauge_at: float | None = None  # along the leg, from 0 to 1
+    places: int | None = None  # on the bed
+    heights: Sequence[float] | None = None  # of what lies under the probe [mm]
+    further: Sequence[float] | None = None  # parameters behind the first three, in their units
 
 
 class DoubtedValue(NamedTuple):
@@ -202,6 +215,15 @@ class Vocabulary:
     axes: Mapping[str, str] = field(default_factory=dict)  # parameters of its rails → in words
 
 
+class FirstStep(NamedTuple):
+    """What to do where nothing was measured yet."""
+
+    what: str
+    verb: str  # of the program
+    file: str = ""  # as such a file is usually called; empty for none
+    options: str = ""
+
+
 class Machine(Schema):
     """The nominal machine: three actuated rails, three legs, one tool centre point.
 
@@ -232,6 +254,7 @@ class Machine(Schema):
     may_be_settled: ClassVar[bool]  # nothing is entered where readings agree with the controller
     keeps_itself: ClassVar[str] = ""  # why the machine file does not record what was entered
     decimals: ClassVar[int | None] = None  # of what is entered; None for as many as U asks for
+    first_steps: ClassVar[tuple[FirstStep, ...]]
     has_cube: ClassVar[bool]  # the error of its tool is shown over a cube of its workspace
     controller_formats: ClassVar[tuple[str, ...]]
     vocabulary: ClassVar[Vocabulary]
@@ -283,11 +306,6 @@ class Machine(Schema):
     def entered_from(self, sha256: str) -> Entered | None:
         """What was entered from the measurement with this digest; None if nothing was."""
         return next((each for each in self.history if each.data_sha256 == sha256), None)
-
-    @property
-    def probes(self) -> bool:
-        """Whether it measures itself."""
-        return bool(self.vocabulary.probing)
 
     @property
     def homing_std_mm(self) -> float:
@@ -394,8 +412,15 @@ class Machine(Schema):
         return None
 
     @abstractmethod
-    def uncertain(self, plan: Plan, predict: Callable[[Plan], Floats]) -> Iterator[Influence]:
-        """What nobody knows exactly of the gauges or of what they touch in the readings of a plan.
+    def uncertain(self, plan: Plan, predict: Predicted) -> Iterator[Influence]:
+        """What nobody knows exactly of gauges, or of what they touch, in the readings of a plan."""
 
-        `predict` gives the readings of any plan, (n,) [mm].
-        """
+    @abstractmethod
+    def simulated_plan(self, wanted: SimulationOptions) -> Plan:
+        """Readings for `synthetic`. Raises UsageError: options of another kind of machine."""
+
+    @abstractmethod
+    def synthetic(
+        self, plan: Plan, predict: Predicted, rng: np.random.Generator, gauge: Instrument
+    ) -> Readings:
+        """What this instrument would show of a plan; arguments as of `synthetic_session`."""

@@ -15,13 +15,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
 from orthoglide_cal.model.kinematics import RealMachine
-from orthoglide_cal.model.machine import JointOffsets, Machine
+from orthoglide_cal.model.machine import Instrument, JointOffsets, Machine
+from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
 
@@ -93,6 +94,29 @@ def simulate(model: Model, offsets: Numbers, plan: Plan) -> Numbers:
         UnreachableError, SingularError: a posture that this machine cannot take.
     """
     return _simulate(model, np.asarray(offsets), plan, strict=True)[0]
+
+
+def synthetic_session(
+    model: Model,
+    plan: Plan,
+    offsets: Floats,
+    rng: np.random.Generator,
+    gauge: Instrument | None = None,
+) -> Readings:
+    """What would be written down, or stored, of this plan on a machine that is known.
+
+    Args:
+        model: the machine and whatever is wrong with it or with the measurement.
+        offsets: what each real value exceeds the controller's by, shape (p,).
+        rng: source of noise, of gauge zeros and of a bed's local shape.
+        gauge: the machine's own if None; its repeatability is the noise, a resolution of 0 means
+            no rounding.
+
+    Raises:
+        UnreachableError, SingularError: a posture that this machine cannot take.
+    """
+    machine, predict = model.machine, partial(simulate, model, offsets)
+    return machine.synthetic(plan, predict, rng, gauge or machine.instrument)
 
 
 def simulate_with_jacobian(

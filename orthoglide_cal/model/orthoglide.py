@@ -1,22 +1,24 @@
 """The Orthoglide: three orthogonal rails, gauges that touch the legs, two measuring protocols.
 
-Its joint offsets are what a calibration determines.
+Its joint offsets are what a calibration determines. A protocol says which readings are taken, in
+which order. What the paper makes of them is a difference: the mean of some readings minus the mean
+of others of the same gauge set-up, d = R·readings with a matrix R of shape (k, n); zeros vanish.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
-from orthoglide_cal.errors import InputError, PostureError, UnreachableError
+from orthoglide_cal.errors import InputError, PostureError, UnreachableError, UsageError
 from orthoglide_cal.model.kinematics import (
     Command,
     GaugeResponse,
@@ -28,6 +30,7 @@ from orthoglide_cal.model.kinematics import (
     tool_derivative,
 )
 from orthoglide_cal.model.machine import (
+    FirstStep,
     Influence,
     Instrument,
     JointOffsets,
@@ -35,20 +38,36 @@ from orthoglide_cal.model.machine import (
     Machine,
     Named,
     Origin,
+    Predicted,
+    SimulationOptions,
     Vocabulary,
     empty,
 )
-from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
-from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, part_words
+from orthoglide_cal.model.measured import DataKind, Difference, Readings, Source
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan, known_plan, read_only
+from orthoglide_cal.model.readings import (
+    AXES,
+    Contact,
+    GaugePlan,
+    Posture,
+    other_axes,
+    part_words,
+)
 from orthoglide_cal.schema import Number, told
 
 # Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
 OFFSET_MM = 0.5
+ZERO_RANGE_MM = 1.0  # synthetic gauge zeros lie anywhere within this distance of the origin
 _ZERO = dict.fromkeys(AXES, 0.0)
+# Pace assumed where nobody measured the time: readings, and moves of the stand [min].
+MINUTES_PER_POSTURE = 0.4
+MINUTES_PER_SETUP = 4.0
+POSTURES = (Posture.ISO, Posture.MAX, Posture.MIN)
+HEIGHT = 2  # single-posture gauges can stand on the xy-surface only, so they measure along z
+
 # Which of the machine's moments belong to n readings: when each was taken, and when its gauge was
 # set up, at the isotropic posture; indices, each of shape (n,).
 _Moments = tuple[Ints, Ints]
-
 
 # Where the machine file says nothing of a gauge: a stand put by eye or with a rule is within a
 # millimetre or so; dial indicators may be off by 15 µm in 10 mm, and a plunger that leans by 2°
@@ -128,6 +147,10 @@ class Orthoglide(Machine):
         compare="Compare",
         measure="measure",
         further="two more postures of each leg between the isotropic one and its limits",
+    )
+    first_steps = (
+        FirstStep("Measure", "measure"),
+        FirstStep("Or try it without a gauge", "measure", "practice.yaml", "--gauge simulated"),
     )
     noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")
@@ -320,7 +343,33 @@ class Orthoglide(Machine):
         where = f"{plan.series[index].words}, {posture}, cycle {np.sum(alike & so_far)}"
         return f"{where}{part_words(plan, int(plan.part[index]))} (reading {np.sum(so_far)})"
 
-    def uncertain(self, plan: Plan, predict: Callable[[Plan], Floats]) -> Iterator[Influence]:
+    def simulated_plan(self, wanted: SimulationOptions) -> GaugePlan:
+        if wanted.places or wanted.heights or wanted.further:
+            options = "--places, --height and --radius-angles"
+            raise UsageError(f"{options} are for a linear delta.", "Leave them out.")
+        if wanted.protocol == "single":
+            return single_posture(self, wanted.cycles or 3)
+        at = 0.5 if wanted.gauge_at is None else wanted.gauge_at
+        return double_posture(self, wanted.cycles or 3, gauge_at=at)
+
+    def synthetic(
+        self, plan: Plan, predict: Predicted, rng: np.random.Generator, gauge: Instrument
+    ) -> Readings:
+        plan, signal = GaugePlan.require(plan), predict(plan)
+        zeros = rng.uniform(-ZERO_RANGE_MM, ZERO_RANGE_MM, plan.setups)[plan.setup]
+        noise = gauge.repeatability_mm * rng.standard_normal(len(plan))
+        return Readings(
+            plan=plan,
+            # Rounded again, because 3 · 0.01 is not 0.03.
+            value=np.round(gauge.shown(signal + zeros + noise), 9),
+            cycle=plan.cycles,
+            posture=tuple(str(self.posture_at(d) or f"{d:g}") for d in plan.displacement.tolist()),
+            line=np.arange(2, len(plan) + 2),
+            timed=True,
+            source=Source("simulate", ""),
+        )
+
+    def uncertain(self, plan: Plan, predict: Predicted) -> Iterator[Influence]:
         plan = GaugePlan.require(plan)
         gauge, predicted = self.gauge, predict(plan)
         scale = gauge.scale_std * predicted[:, None]
@@ -410,3 +459,143 @@ def _touched(points: Points, plan: GaugePlan, moments: _Moments, derivative: boo
     jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * own
     jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
     return GaugeResponse(heights, where, behind_batch(jacobian, 2))
+
+
+# --- protocols -----------------------------------------------------------------------------
+
+
+class PlannedReading(NamedTuple):
+    """One reading to take, as in `GaugePlan`; the place of a gauge at an end is that end."""
+
+    leg: int
+    direction: int
+    displacement: float  # mm
+    contact: Contact
+    minutes: float = 0.0
+    gauge_at: float = 0.5
+    part: int = 0
+    turned: bool = False
+    entered: tuple[float, float, float] = (0.0, 0.0, 0.0)  # mm
+
+
+def plan_of(readings: Sequence[PlannedReading]) -> GaugePlan:
+    """The plan of readings in time order; one set-up for each of its `places`."""
+    given = {
+        name: np.array([getattr(reading, name) for reading in readings])
+        for name in PlannedReading._fields
+    }
+    hours, entered = given.pop("minutes") / 60.0, given.pop("entered").reshape(-1, 3)
+    order, at = np.arange(len(readings)), given["contact"] == Contact.TOOL
+    given["gauge_at"] = np.where(given["contact"] == Contact.FIXED, given["gauge_at"], at)
+    plan = GaugePlan(**given, order=order, hours=hours, entered=entered, setup=np.zeros_like(order))
+    setup = np.unique(np.reshape(plan.places, (-1, 5)), axis=0, return_inverse=True)[1]
+    return replace(plan, setup=setup.reshape(-1))
+
+
+def double_posture(
+    machine: Orthoglide,
+    cycles: int = 3,
+    closing: bool = True,
+    postures: Sequence[Posture] = POSTURES,
+    gauge_at: float = 0.5,
+) -> GaugePlan:
+    """Iso → Max → Min, repeated, for the x-, y- and z-leg in turn (sec. 3.3, 4.1).
+
+    Two gauges stand at mid-leg, fixed in space; the leg moves under them. The plan has
+    6·(len(postures)·cycles + closing) readings in time order.
+
+    Args:
+        machine: its joint limits are the Max and Min postures.
+        cycles: repeats of the postures on each leg, at least 1.
+        closing: take a last isotropic reading on each leg; it shows drift and knocks.
+        postures: of one cycle.
+        gauge_at: place of the gauges along the leg at the isotropic posture.
+    """
+    visited = list(postures) * cycles + ([Posture.ISO] if closing else [])
+    return visiting([machine.displacement_mm(posture) for posture in visited], gauge_at)
+
+
+def visiting(displacements: Sequence[float], gauge_at: float = 0.5) -> GaugePlan:
+    """The same displacements [mm] of the x-, y- and z-leg in turn, two gauges next to each other.
+
+    The plan has 6·len(displacements) readings in time order; `gauge_at` as of `double_posture`.
+    """
+    readings = []
+    minutes = 0.0
+    for leg in range(3):
+        for moved in displacements:
+            at = moved, Contact.FIXED, minutes, gauge_at
+            readings += [PlannedReading(leg, direction, *at) for direction in other_axes(leg)]
+            minutes += MINUTES_PER_POSTURE
+        minutes += MINUTES_PER_SETUP
+    return plan_of(readings)
+
+
+def single_posture(machine: Orthoglide, cycles: int = 1, closing: bool = False) -> GaugePlan:
+    """Iso, Max, Min of the x-leg, then of the y-leg; at each, joint end and tool end along z.
+
+    The height of both leg ends above the base, at the same posture (sec. 3.2); arguments as of
+    `double_posture`. The plan has 12·cycles readings in time order, 4 more if closed, and one
+    gauge zero per leg.
+    """
+    readings, minutes = [], 0.0
+    for leg in (0, 1):
+        for posture in (*POSTURES * cycles, *[Posture.ISO] * closing):
+            moved = machine.displacement_mm(posture)
+            for end in (Contact.JOINT, Contact.TOOL):
+                readings.append(PlannedReading(leg, HEIGHT, moved, end, minutes))
+                minutes += MINUTES_PER_POSTURE
+        minutes += MINUTES_PER_SETUP
+    return plan_of(readings)
+
+
+def _subtracted(
+    kind: DataKind, difference: Difference, machine: Orthoglide, plan: GaugePlan
+) -> list[Bools]:
+    """Which readings a difference takes and which it subtracts, of the machine as it was found.
+
+    Max − min; that posture − iso (eq. 24); tool end − joint end at one posture (eq. 10).
+    """
+    series, posture = difference
+    if kind is DataKind.SINGLE:
+        at = posture or Posture.ISO
+        both = (at, Contact.TOOL), (at, Contact.JOINT)
+    else:
+        ends = (posture, Posture.ISO) if posture else (Posture.MAX, Posture.MIN)
+        both = (ends[0], Contact.FIXED), (ends[1], Contact.FIXED)
+    return [
+        plan.of(series)
+        & plan.as_found
+        & (plan.contact == contact)
+        & (np.abs(plan.displacement - machine.displacement_mm(at)) < 1e-9)
+        for at, contact in both
+    ]
+
+
+def reduction(
+    kind: DataKind, differences: Sequence[Difference], machine: Orthoglide, plan: Plan
+) -> Floats:
+    """R, shape (k, n), so that R·readings are these differences.
+
+    Repeats are averaged within a gauge set-up, then over the set-ups that hold both cells.
+    A row is all zero where the plan lacks one of the cells.
+    """
+    plan = GaugePlan.require(plan)
+    matrix = np.zeros((len(differences), len(plan)))
+    for row, difference in zip(matrix, differences, strict=True):
+        minuend, subtrahend = _subtracted(kind, difference, machine, plan)
+        both = np.intersect1d(plan.setup[minuend], plan.setup[subtrahend])
+        for setup in both:
+            for mask, sign in ((minuend, 1.0), (subtrahend, -1.0)):
+                chosen = mask & (plan.setup == setup)
+                row[chosen] = sign / (chosen.sum() * both.size)
+    return matrix
+
+
+def ideal_plan(kind: DataKind, machine: Orthoglide) -> GaugePlan:
+    """One reading of each cell that the differences of this kind need."""
+    if kind is DataKind.SINGLE:
+        return single_posture(machine)
+    ends = (Posture.MAX, Posture.MIN)
+    postures = ends if kind is DataKind.SIX else (Posture.ISO, *ends)
+    return double_posture(machine, cycles=1, closing=False, postures=postures)

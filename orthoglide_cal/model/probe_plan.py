@@ -218,6 +218,21 @@ def telling(radius: float) -> tuple[Layout, ...]:
     return tuple(sorted(found, key=lambda each: each.minutes))
 
 
+def bed_plan(
+    radius: float, places: int, heights: Sequence[float] = (0.0,), cycles: int = 1
+) -> ProbePlan:
+    """Touches spread evenly over the bed in a mixed order; all of one height, then the next.
+
+    Args:
+        radius: of the bed [mm].
+        heights: of what lies under the probe [mm].
+        cycles: repeats of all of them.
+    """
+    at = mixed(rings(places, REACH * radius))
+    parts = [(at, height) for height in heights] * cycles
+    return ProbePlan.require(layout_of("simulated", "", parts).plan)
+
+
 def layout_of(
     name: str,
     what: str,

@@ -32,7 +32,7 @@ from orthoglide_cal.model import (
     simulate_with_jacobian,
     zero_free,
 )
-from orthoglide_cal.model.protocols import PlannedReading, plan_of
+from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from orthoglide_cal.paper import published
 
 # Half a unit of the last printed digit, twice over: once for the readings, once for the result.

@@ -22,14 +22,14 @@ from orthoglide_cal.model import (
     double_posture,
     other_axes,
 )
-from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Plan
-from orthoglide_cal.model.protocols import (
+from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
+    Orthoglide,
     PlannedReading,
     plan_of,
 )
+from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.planning.bar import bar_warning, places, reach_mm
 from orthoglide_cal.planning.steps import (
     MeasuringProtocol,

@@ -19,14 +19,14 @@ from orthoglide_cal.model import (
     double_posture,
     single_posture,
 )
-from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Plan
-from orthoglide_cal.model.protocols import (
+from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
+    Orthoglide,
     PlannedReading,
     plan_of,
 )
+from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.planning.design import design_of
 
 # Pace assumed for what else is done between readings [min].

@@ -29,7 +29,7 @@ from orthoglide_cal.files import (
 )
 from orthoglide_cal.model import GaugePlan, Model
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
-from orthoglide_cal.model.protocols import plan_of
+from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.bar import require_on_bar
 from orthoglide_cal.planning.steps import (

@@ -39,8 +39,7 @@ from orthoglide_cal.model import (
     Readings,
     Source,
 )
-from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.protocols import plan_of
+from orthoglide_cal.model.orthoglide import Orthoglide, plan_of
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep, planned_readings
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
 from orthoglide_cal.words import Unit

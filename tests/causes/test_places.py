@@ -18,7 +18,7 @@ from orthoglide_cal.model import (
     simulate,
     zero_free,
 )
-from orthoglide_cal.model.protocols import PlannedReading, plan_of
+from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from tests import truth
 from tests.causes.condition import MACHINES, as_plan, standard, state_of
 from tests.machines import NOMINAL, PROTOTYPE

@@ -20,7 +20,7 @@ from orthoglide_cal.model import (
     reduction,
     simulate,
 )
-from orthoglide_cal.model.synthetic import synthetic_session
+from orthoglide_cal.model.model import synthetic_session
 from tests.machines import extended
 
 NOWHERE = Source("test", "")

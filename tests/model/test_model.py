@@ -23,7 +23,7 @@ from orthoglide_cal.model import (
 )
 from orthoglide_cal.model.cause import EVERYWHERE
 from orthoglide_cal.model.kinematics import Command
-from orthoglide_cal.model.synthetic import synthetic_session
+from orthoglide_cal.model.model import synthetic_session
 from orthoglide_cal.model.workspace import compensation, workspace_error
 from tests.machines import LARGE, NOMINAL, PROTOTYPE, extended
 from tests.model.geometries import bent_rails, on_rails

@@ -17,7 +17,7 @@ from orthoglide_cal.model import (
     simulate,
     simulate_with_jacobian,
 )
-from orthoglide_cal.model.protocols import PlannedReading, plan_of
+from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from tests.machines import PROTOTYPE
 
 PLAN = double_posture(PROTOTYPE, cycles=1)

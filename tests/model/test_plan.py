@@ -17,7 +17,7 @@ from orthoglide_cal.model import (
     other_axes,
     single_posture,
 )
-from orthoglide_cal.model.protocols import PlannedReading, plan_of
+from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 
 

@@ -11,9 +11,9 @@ from orthoglide_cal.model import (
     simulate,
     zero_free,
 )
-from orthoglide_cal.model.protocols import PlannedReading, plan_of
+from orthoglide_cal.model.model import synthetic_session
+from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from orthoglide_cal.model.readings import Contact
-from orthoglide_cal.model.synthetic import synthetic_session, written_down
 from tests.machines import NOMINAL, PROTOTYPE
 
 OFFSETS = np.array([0.4, -0.9, 0.6])
@@ -23,8 +23,8 @@ def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
     """Chance of failure about 1e-6 (five standard deviations of a variance)."""
     plan, rng = double_posture(PROTOTYPE), np.random.default_rng(3)
     signal = simulate(NOMINAL, OFFSETS, plan)
-    values = written_down(np.tile(signal, (4000, 1)), plan, PROTOTYPE.gauge, rng)
-    assert values.shape == (4000, len(plan))
+    made = (PROTOTYPE.synthetic(plan, lambda _: signal, rng, PROTOTYPE.gauge) for _ in range(4000))
+    values = np.array([each.value for each in made])
     steps = values / PROTOTYPE.gauge.resolution_mm
     assert np.abs(steps - np.rint(steps)).max() < 1e-9
     spread = (values - signal) @ zero_free(plan).T

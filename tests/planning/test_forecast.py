@@ -7,9 +7,8 @@ from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, sol
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.model import Floats, Model, Readings
-from orthoglide_cal.model.orthoglide import OFFSET_MM
-from orthoglide_cal.model.protocols import MINUTES_PER_POSTURE
-from orthoglide_cal.model.synthetic import synthetic_session
+from orthoglide_cal.model.model import synthetic_session
+from orthoglide_cal.model.orthoglide import MINUTES_PER_POSTURE, OFFSET_MM
 from orthoglide_cal.planning.forecast import fewest_cycles, forecast, session_of
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,

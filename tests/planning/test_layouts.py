@@ -11,8 +11,7 @@ from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.probe_plan import ProbePlan, mixed, rings
-from orthoglide_cal.model.synthetic import bed_plan
+from orthoglide_cal.model.probe_plan import ProbePlan, bed_plan, mixed, rings
 from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
@@ -288,9 +287,9 @@ def test_a_simulated_bed_is_touched_at_the_same_places() -> None:
     """In the same mixed order at each height, one place or many."""
     machine = model_of(V400).machine
     assert isinstance(machine, LinearDelta)
-    plan = bed_plan(machine, 25, (0.0, 40.0), cycles=2)
+    plan = bed_plan(machine.bed_radius_mm, 25, (0.0, 40.0), cycles=2)
     places = mixed(rings(25, 0.95 * V400.bed))
     assert np.array_equal(plan.place[:, :2], np.tile(places, (4, 1)))
     assert plan.surface.tolist() == [0.0] * 25 + [40.0] * 25 + [0.0] * 25 + [40.0] * 25
     assert len(np.unique(plan.repeats)) == 50
-    assert [len(bed_plan(machine, count)) for count in (1, 2, 5)] == [1, 2, 5]
+    assert [len(bed_plan(machine.bed_radius_mm, count)) for count in (1, 2, 5)] == [1, 2, 5]

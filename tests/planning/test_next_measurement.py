@@ -21,7 +21,7 @@ from orthoglide_cal.model import (
     Readings,
     double_posture,
 )
-from orthoglide_cal.model.synthetic import synthetic_session
+from orthoglide_cal.model.model import synthetic_session
 from orthoglide_cal.planning import RankedMeasurement, best_next, joined, ranked
 from orthoglide_cal.planning.next_measurement import _pair, predictions
 from orthoglide_cal.planning.options import options

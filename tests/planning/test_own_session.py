@@ -12,7 +12,7 @@ from orthoglide_cal.diagnosis import Verdict, diagnose
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.model import DataKind, Differences, Model, Readings
 from orthoglide_cal.model.measured import DIFFERENCES
-from orthoglide_cal.model.protocols import reduction
+from orthoglide_cal.model.orthoglide import reduction
 from orthoglide_cal.planning import Option, best_next, ranked
 from tests import truth
 from tests.bench.ambiguous import continued

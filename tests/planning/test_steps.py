@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.model import Contact, Machine
-from orthoglide_cal.model.protocols import PlannedReading, plan_of
+from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from orthoglide_cal.planning.steps import (
     MINUTES_PER_TURN,
     MeasuringProtocol,

@@ -18,7 +18,7 @@ from orthoglide_cal.estimation.forecast import (
 )
 from orthoglide_cal.model import Effect, GaugePlan, Model, simulate
 from orthoglide_cal.model.kinematics import Geometry
-from orthoglide_cal.model.protocols import plan_of
+from orthoglide_cal.model.orthoglide import plan_of
 from tests.machines import NOMINAL, PROTOTYPE
 from tests.model.geometries import on_rails
 

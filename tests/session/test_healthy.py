@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.model import Gauge, Machine, Model, simulate
-from orthoglide_cal.model.protocols import plan_of
+from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, gather
 from orthoglide_cal.session.events import advance
