@@ -12,13 +12,17 @@ import math
 import string
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from orthoglide_cal.model import AXES, Floats, Ints, Series
+from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Bools
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.report.escape import Html, tag
+from orthoglide_cal.results.answer import Residual
 from orthoglide_cal.words import plain, signed
 
 # --- parts of figures: lengths are CSS pixels at natural size, colours are classes of the page ---
@@ -34,6 +38,13 @@ class Scale:
     high: float
     start: float
     end: float
+
+    @classmethod
+    def around(cls, values: Sequence[float], start: float, end: float) -> Self:
+        """A scale that holds the values with a little room."""
+        low, high = min(values), max(values)
+        room = 0.06 * (high - low) or 1.0
+        return cls(low - room, high + room, start, end)
 
     def __call__(self, value: float) -> float:
         """Place of a value; the middle if the scale has no length."""
@@ -58,13 +69,6 @@ def tick_text(value: float, step: float) -> str:
     decimals = max(0, -math.floor(math.log10(step) + 1e-9))
     decimals += abs(round(step, decimals) - step) > step * 1e-6
     return plain(value, decimals).replace("-", "−")
-
-
-def around(values: Sequence[float], least: float = 0.0) -> tuple[float, float]:
-    """Limits that hold the values and zero with a little room; at least ±`least`."""
-    low, high = min([*values, -least, 0.0]), max([*values, least, 0.0])
-    room = 0.06 * (high - low) or 1.0
-    return low - (room if low < 0 else 0.0), high + (room if high > 0 else 0.0)
 
 
 def svg(
@@ -165,32 +169,26 @@ def below(places: Sequence[float], texts: Sequence[str], y: float) -> Iterator[H
 _WIDE, _TOP, _ROW, _UNDER = 356.0, 24.0, 22.0, 30.0  # of a picture with a line for each difference
 
 
-def deviation_rows(
-    names: Sequence[str],
-    found_mm: Sequence[float],
-    expected_mm: Sequence[float],
-    expanded_mm: Sequence[float],
-    left_mm: Sequence[float] | None = None,
-    limit_mm: float | None = None,
-) -> Html:
+# Name, found, expected, U of the last, measured (None if nothing was yet) [mm].
+Deviation = tuple[str, float, float, float, float | None]
+
+
+def deviation_rows(rows: Sequence[Deviation], limit_mm: float | None = None) -> Html:
     """A row for each difference: as found ○ → expected ■ → measured ●, with U of the last.
 
-    Args:
-        names: such as "dx_y": along x on leg y.
-        found_mm, expected_mm: as measured before, and after what was found is entered.
-        expanded_mm: U of what is measured then.
-        left_mm: what was measured then; None if nothing was yet.
-        limit_mm: largest size that is allowed; None if nobody said.
+    `limit_mm` is the largest size that is allowed; None if nobody said.
     """
-    last = expected_mm if left_mm is None else left_mm
+    names, found, expected, expanded, after = zip(*rows, strict=True)
+    measured = after[0] is not None
+    last = after if measured else expected
     limits = [] if limit_mm is None else [-limit_mm, limit_mm]
-    ends = [*np.subtract(last, expanded_mm), *np.add(last, expanded_mm), *limits]
+    ends = [*np.subtract(last, expanded), *np.add(last, expanded), *limits]
     # Columns of numbers, by their right edges.
     heads = {_WIDE - 108.0: "found", _WIDE - 2.0: "expected ± U"}
-    if left_mm is not None:
+    if measured:
         heads = {192.0: "found", 250.0: "expected", _WIDE - 2.0: "measured ± U"}
-    across = Scale(*around([*found_mm, *expected_mm, *ends], 0.02), 42.0, min(heads) - 50.0)
-    top, bottom = _TOP - 4.0, _TOP + _ROW * len(names)
+    across = Scale.around([*found, *expected, *ends, -0.02, 0.02], 42.0, min(heads) - 50.0)
+    top, bottom = _TOP - 4.0, _TOP + _ROW * len(rows)
     places, kinds, texts = zip(*across.ticks(3), strict=True)
     band = [
         rectangle(across(low), top, across(high) - across(low), bottom - top, "allowed")
@@ -203,13 +201,13 @@ def deviation_rows(
         words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
         *(words(x, 12, head, "end", "muted") for x, head in heads.items()),
     ]
-    for k, (name, value, half) in enumerate(zip(names, last, expanded_mm, strict=True)):
+    for k, (name, value, half) in enumerate(zip(names, last, expanded, strict=True)):
         y = _TOP + _ROW * (k + 0.5)
-        start, stop = across(found_mm[k]), across(expected_mm[k])
+        start, stop = across(found[k]), across(expected[k])
         low, high = across(value - half), across(value + half)
-        numbers = [signed(found_mm[k], 3), f"{signed(value, 3)} ± {plain(half, 3)}"]
-        if left_mm is not None:
-            numbers.insert(1, signed(expected_mm[k], 3))
+        numbers = [signed(found[k], 3), f"{signed(value, 3)} ± {plain(half, 3)}"]
+        if measured:
+            numbers.insert(1, signed(expected[k], 3))
         parts += [
             words(2, y + 4, name, class_="strong"),
             *(words(x, y + 4, text, "end") for x, text in zip(heads, numbers, strict=True)),
@@ -220,11 +218,11 @@ def deviation_rows(
                 *(line(x, y - 5, x, y + 5, "whisker") for x in (low, high)),
                 mark(start, y, 0, "mark open", 5.0),
                 mark(stop, y, 2, "mark", 4.2),
-                None if left_mm is None else mark(across(left_mm[k]), y, 0, "mark", 4.6),
+                mark(across(value), y, 0, "mark", 4.6) if measured else None,
                 class_=f"c-{name.partition('_')[2][:1]}",
             ),
         ]
-    worst = max(range(len(names)), key=lambda k: abs(last[k]))
+    worst = max(range(len(rows)), key=lambda k: abs(last[k]))
     finding = f"Of the differences {names[worst]} is left largest: {signed(last[worst], 3)} mm."
     title = "Differences, before and after"
     return svg("deviations", _WIDE, bottom + _UNDER, title, finding, parts)
@@ -233,22 +231,23 @@ def deviation_rows(
 # --- residuals --------------------------------------------------------------------------------
 
 
+def series_of(row: Residual) -> Series:
+    """The leg and direction of a reading."""
+    return Series(AXES.index(row.leg or "x"), AXES.index(row.direction or "x"))
+
+
 def residual_panels(
-    series: Sequence[Series],
-    posture: Sequence[str],
-    displacement_mm: Sequence[float],
-    cycle: Sequence[int],
-    left_mm: Mapping[str, Floats],
-    noise_mm: float,
+    rows: Sequence[Residual], left_mm: Mapping[str, Floats], noise_mm: float
 ) -> tuple[Html, ...]:
     """One panel for each leg and direction, all on one scale: residuals by posture and cycle.
 
     Args:
-        series, posture, displacement_mm: of n readings: leg and direction, where the leg stood.
-        cycle: repeat, from 1.
+        rows: n readings at legs.
         left_mm: under one or two models: measured − modelled, shape (n,). The last is filled.
         noise_mm: standard deviation of one reading; the band is twice as high.
     """
+    series = [series_of(row) for row in rows]
+    posture = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
     width, height, band = 216.0, 168.0, 2000.0 * noise_mm
     microns = [1000.0 * values for values in left_mm.values()]
     largest = max(band, *(float(np.abs(values).max()) for values in microns)) * 1.08
@@ -257,7 +256,7 @@ def residual_panels(
     for one in sorted(set(series)):
         chosen = sorted(
             (k for k, each in enumerate(series) if each == one),
-            key=lambda k: (displacement_mm[k], posture[k]),
+            key=lambda k: (rows[k].displacement_mm or 0.0, posture[k]),
         )
         postures = list(dict.fromkeys(posture[k] for k in chosen))
         across = Scale(-0.5, len(postures) - 0.5, 40.0, width - 6.0)
@@ -277,8 +276,8 @@ def residual_panels(
         ]
         for values in microns:
             last = values is microns[-1]
-            for turn in sorted({cycle[k] for k in chosen}):
-                own = [k for k in chosen if cycle[k] == turn]
+            for turn in sorted({rows[k].cycle for k in chosen}):
+                own = [k for k in chosen if rows[k].cycle == turn]
                 places = [across(postures.index(posture[k]) + 0.09 * (turn - 2.5)) for k in own]
                 points = [*zip(places, (up(float(values[k])) for k in own), strict=True)]
                 parts += [thread(points)] if last else []
@@ -286,7 +285,7 @@ def residual_panels(
         worst = max(chosen, key=lambda k: abs(microns[-1][k]))
         finding = (
             f"Residuals of {one.words}: the largest is at posture {posture[worst]}, cycle"
-            f" {cycle[worst]}."
+            f" {rows[worst].cycle}."
         )
         name = f"residual-{AXES[one.direction]}{AXES[one.leg]}"
         title = f"Residuals, {one.words}"
@@ -415,8 +414,7 @@ def bed_maps(
     title: str,
     place_mm: Floats,
     left_mm: Mapping[str, Floats],
-    bed_mm: float,
-    towers_deg: Sequence[float],
+    machine: LinearDelta,
 ) -> tuple[Html, ...]:
     """What is left of each touch of a bed, one map for each model, with a scale of its own each.
 
@@ -424,9 +422,9 @@ def bed_maps(
         title: of all of them.
         place_mm: of n touches, shape (n, 2).
         left_mm: model → measured − modelled, shape (n,).
-        bed_mm, towers_deg: radius of the bed, directions of towers a, b and c.
+        machine: to which the bed belongs.
     """
-    reach = max(float(np.abs(place_mm).max(initial=1.0)), bed_mm)
+    reach = max(float(np.abs(place_mm).max(initial=1.0)), machine.bed_radius_mm)
     scale, x0, y0 = 0.5 * _BED / reach, _BESIDE + _BED / 2.0, _OVER + _BED / 2.0
     away = _BED / 2 + 12  # of the towers' names from the middle
     size = max(min(0.42 * _BED / len(place_mm) ** 0.5, 10.0), 3.0)
@@ -448,8 +446,8 @@ def bed_maps(
         name = f"bed-{number}-{title.replace(' ', '-')}".rstrip("-")
         heading = ", ".join(filter(None, (model, title)))
         finding = f"What is left of each touch, {heading}; {int(out.sum())} stand out, ringed."
-        body = [tag("circle", cx=x0, cy=y0, r=scale * bed_mm, class_="bed"), *dots]
-        for tower, angle in zip("abc", map(math.radians, towers_deg), strict=True):
+        body = [tag("circle", cx=x0, cy=y0, r=scale * machine.bed_radius_mm, class_="bed"), *dots]
+        for tower, angle in zip("abc", map(math.radians, machine.tower_angles_deg), strict=True):
             x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
             body.append(words(x, y + 5, tower, "middle", "axis"))
         body += [
@@ -471,8 +469,7 @@ _ON_PAPER = np.array([[-0.84, 0.50], [0.84, 0.50], [0.0, -1.0]])
 
 
 def machine_sketch(
-    leg_length_mm: float,
-    joint_limits_mm: tuple[float, float],
+    machine: Orthoglide,
     gauges: Sequence[tuple[int, int, float]],
     faults: Collection[tuple[int, int]] = (),
     rails: Collection[int] = (),
@@ -480,22 +477,21 @@ def machine_sketch(
     """Isometric sketch at the isotropic posture.
 
     Args:
-        leg_length_mm: L.
-        joint_limits_mm: travel of the carriages from the isotropic posture.
+        machine: the length of its legs and the travel of its carriages count.
         gauges: (leg, direction, place along the leg from carriage 0 to tool 1).
         faults: (leg, direction) whose readings a fault spoils: a ring around their gauges.
         rails: those in which a fault is: a line beside them.
     """
     parts: list[Html] = []
     for leg, axis in enumerate(AXES):
-        low, high = ((leg_length_mm + limit) / leg_length_mm for limit in joint_limits_mm)
+        low, high = (1.0 + limit / machine.leg_length_mm for limit in machine.joint_limits_mm)
         # Even displacements of the carriage leave the picture readable only up to here.
         end = min(high, 1.0 + 34.0 / _LEG)
         across = np.array([-_ON_PAPER[leg, 1], _ON_PAPER[leg, 0]])
         side = 4.0 * across / np.linalg.norm(across)
         start, stop, joint, tool = (_at(leg, place) for place in (low, end, 1.0, 0.0))
-        x, y = (joint - 7.0).tolist()
-        at, below = _at(leg, end + 0.10).tolist()
+        x, y = joint - 7.0
+        at, below = _at(leg, end + 0.10)
         drawn = [
             _straight(start, stop, "rail"),
             _straight(joint + side, tool + side, "bar"),
@@ -506,7 +502,7 @@ def machine_sketch(
         if leg in rails:
             drawn.append(_straight(start + 2.5 * side, stop + 2.5 * side, "fault"))
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
-    x, y = _CENTRE.tolist()
+    x, y = _CENTRE
     parts.append(tag("circle", cx=x, cy=y, r=8.0, class_="tool"))
     dials: list[Floats] = []
     for leg, direction, place in gauges:
@@ -517,7 +513,7 @@ def machine_sketch(
         while any(np.linalg.norm(dial - other) < 25.0 for other in dials):
             dial = dial + 6.0 * toward
         dials.append(dial)
-        x, y = dial.tolist()
+        x, y = dial
         drawn = [_straight(touch + 5.0 * toward, dial - 12.0 * toward, "plunger")]
         if (leg, direction) in faults:
             drawn.append(tag("circle", cx=x, cy=y, r=17.0, class_="fault"))
@@ -537,7 +533,7 @@ def _at(leg: int, fraction: float) -> Floats:
 
 
 def _straight(start: Floats, stop: Floats, class_: str) -> Html:
-    (x1, y1), (x2, y2) = start.tolist(), stop.tolist()
+    (x1, y1), (x2, y2) = start, stop
     return line(x1, y1, x2, y2, class_)
 
 
@@ -560,7 +556,7 @@ def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
     for rail, axis in enumerate(AXES):
         places = (-_FAR, _FAR, _FAR + 12.0)
         start, stop, behind = (_paper(through[rail] + far * np.eye(3)[rail]) for far in places)
-        x, y = behind.tolist()
+        x, y = behind
         drawn = _straight(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
     taken: list[Floats] = []
@@ -576,8 +572,8 @@ def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
         around_it = taken[3 * k + 2] + 17.0 * np.stack((np.cos(turns), np.sin(turns)), axis=-1)
         # Where nothing else is near.
         free = np.linalg.norm(around_it[:, None] - np.array(taken), axis=-1).min(axis=1)
-        x, y = around_it[int(np.argmax(free))].tolist()
-        taken.append(np.array([x, y]))
+        taken.append(around_it[np.argmax(free)])
+        x, y = taken[-1]
         parts.append(words(x, y + 4, name, "middle", "strong halo"))
     finding = "Three rails that should meet in one point, and the gap between each two of them."
     return svg("rails", 328.0, 294.0, "The rails where they pass each other", finding, parts)

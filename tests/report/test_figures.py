@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 
 from orthoglide_cal import errors, words
-from orthoglide_cal.model import Series
 from orthoglide_cal.report import facts, figures
 from orthoglide_cal.report.documents.pictures import _sign, _signs
-from orthoglide_cal.report.figures import Scale, around, mark, tick_text
+from orthoglide_cal.report.figures import Scale, mark, tick_text
+from orthoglide_cal.results.answer import Residual
+from tests.machines import NOMINAL
+
+BED = SimpleNamespace(bed_radius_mm=100.0, tower_angles_deg=(210.0, 330.0, 90.0))
 
 
 def marks(picture: str) -> list[tuple[float, float]]:
@@ -28,9 +31,9 @@ def test_scale_and_ticks():
     assert written == [("grid", "−0.25"), ("zero", "0.00"), ("grid", "0.25"), ("grid", "0.50")]
     assert [tick_text(v, 0.25) for v in (-0.25, 0.0, 0.5)] == ["−0.25", "0.00", "0.50"]
     assert [tick_text(v, 20.0) for v in (-20.0, 0.0)] == ["−20", "0"]
-    low, high = around([0.3, -0.1])
-    assert low < -0.1
-    assert high > 0.3
+    around = Scale.around([0.3, -0.1], 0.0, 1.0)
+    assert around.low < -0.1
+    assert around.high > 0.3
 
 
 def test_marks_differ_in_shape():
@@ -40,24 +43,27 @@ def test_marks_differ_in_shape():
 
 
 def test_residual_panels_one_scale_and_named_worst():
-    series = [Series(0, 1)] * 4 + [Series(0, 2)] * 4
     left = np.array([1.0, -2.0, 3.0, -4.0, 10.0, 0.0, 0.0, 40.0]) * 1e-3
-    where = ("min", "iso", "max", "iso") * 2, (-100.0, 0.0, 60.0, 0.0) * 2, (1, 1, 1, 2) * 2
-    drawn = figures.residual_panels(series, *where, {"offsets only": left}, 0.003)
+    where = ("min", -100.0, 1), ("iso", 0.0, 1), ("max", 60.0, 1), ("iso", 0.0, 2)
+    rows = [
+        Residual(leg="x", direction=direction, posture=posture, displacement_mm=moved, cycle=cycle,
+                 order=1, measured_mm=0.0, modelled_mm=0.0)
+        for direction in "yz" for posture, moved, cycle in where
+    ]  # fmt: skip
+    drawn = figures.residual_panels(rows, {"offsets only": left}, 0.003)
     assert len(drawn) == 2
     assert "the largest is at posture iso, cycle 2" in drawn[1]
     # Both panels have the same scale: the same residual stands at the same height.
     grid = [re.findall(r'<line x1="40" y1="([\d.]+)"', panel) for panel in drawn]
     assert grid[0] == grid[1]
     assert drawn[0].index(">min<") < drawn[0].index(">iso<") < drawn[0].index(">max<")
-    both = figures.residual_panels(series, *where, {"a": left, "b": 0.5 * left}, 0.003)
+    both = figures.residual_panels(rows, {"a": left, "b": 0.5 * left}, 0.003)
     assert (drawn[0].count('class="mark open"'), both[0].count('class="mark open"')) == (0, 4)
 
 
 def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
-    names, found, expected, expanded = ("dx_y", "dz_x"), (0.5, 0.4), (0.0, -0.1), (0.02, 0.04)
-    left = (0.1, -0.3)
-    drawn = figures.deviation_rows(names, found, expected, expanded, left, 0.2)
+    rows = [("dx_y", 0.5, 0.0, 0.02, 0.1), ("dz_x", 0.4, -0.1, 0.04, -0.3)]
+    drawn = figures.deviation_rows(rows, 0.2)
     assert "measured ± U" in drawn
     assert "+0.100 ± 0.020" in drawn
     assert "dz_x is left largest: −0.300 mm" in drawn
@@ -73,7 +79,7 @@ def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
     wanted = [middle + scale * value for value in (0.5, 0.1, 0.4, -0.3)]
     assert places == pytest.approx(wanted, abs=0.2)
     assert (reach[1][1] - reach[1][0]) / scale == pytest.approx(0.08, abs=0.002)
-    alone = figures.deviation_rows(names, found, expected, expanded)
+    alone = figures.deviation_rows([(*row[:4], None) for row in rows])
     assert 'class="allowed"' not in alone
     assert "−0.100 ± 0.040" in alone
 
@@ -143,7 +149,7 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
 
 def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():
     place, left = np.array([[0.0, 100.0], [50.0, 0.0], [-50.0, 0.0]]), np.array([0.0, 0.04, -0.04])
-    (panel,) = figures.bed_maps("", place, {"radius only": left}, 100.0, (210.0, 330.0, 90.0))
+    (panel,) = figures.bed_maps("", place, {"radius only": left}, BED)
     _, (x0, y0), (x1, y1), (x2, _) = marks(panel)  # the first is the bed
     assert y0 < y1  # of the picture, which counts downwards
     assert x2 < x0 < x1
@@ -158,7 +164,7 @@ def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():
     many = np.tile(place, (4, 1)) + np.arange(12)[:, None]
     noise = 0.01 * np.cos(np.arange(12.0))
     noise[7] = 0.5
-    (ringed,) = figures.bed_maps("", many, {"radius only": noise}, 100.0, (210.0, 330.0, 90.0))
+    (ringed,) = figures.bed_maps("", many, {"radius only": noise}, BED)
     assert ringed.count('class="ring"') == 1
     assert "1 stand out, ringed" in ringed
     assert len(set(re.findall(r'class="heat d(\d)"></circle>', ringed))) > 4
@@ -185,11 +191,11 @@ def test_rails_pass_each_other_as_they_do_in_space():
 
 def test_the_machine_shows_every_gauge_and_what_is_faulty():
     gauges = [(0, 1, 0.5), (2, 0, 0.25)]
-    drawn = figures.machine_sketch(310.25, (-100.0, 60.0), gauges)
+    drawn = figures.machine_sketch(NOMINAL.orthoglide, gauges)
     assert drawn.count('class="dial"') == 2
     assert "+y" in drawn
     assert "fault" not in drawn
-    marked = figures.machine_sketch(310.25, (-100.0, 60.0), gauges, [(2, 0)], [1])
+    marked = figures.machine_sketch(NOMINAL.orthoglide, gauges, [(2, 0)], [1])
     assert marked.count('class="fault"') == 2
     assert "readings of leg z, direction x" in marked
     assert "axis y" in marked

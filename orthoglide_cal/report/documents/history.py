@@ -185,8 +185,7 @@ def _courses(found: History) -> doc.Figure:
         limit = [found.limit.limit_mm] if found.limit and now.unit == "mm" else []
         edges = [now.value + side for size in limit for side in (-size, size)]
         ends = [*edges, *(value + side for value, half, _ in rows for side in (-half, half))]
-        room = 0.06 * (max(ends) - min(ends)) or 1.0
-        up = figures.Scale(min(ends) - room, max(ends) + room, bottom, top)
+        up = figures.Scale.around(ends, bottom, top)
         parts = [
             *(line(50.0, y, wide, y, kind) for y, kind, _ in up.ticks(4)),
             *(words(45.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4)),
@@ -216,9 +215,8 @@ def _shapes(found: History) -> Iterator[doc.Figure]:
     if not found.shapes:
         return
     (place, first, machine), (other, last, _) = found.shapes
-    bed = machine.bed_radius_mm, machine.tower_angles_deg
-    maps = figures.bed_maps("first", place, {"": first}, *bed)
-    maps += figures.bed_maps("last", other, {"": last}, *bed)
+    maps = figures.bed_maps("first", place, {"": first}, machine)
+    maps += figures.bed_maps("last", other, {"": last}, machine)
     if np.array_equal(place, other):
-        maps += figures.bed_maps("difference", place, {"": last - first}, *bed)
+        maps += figures.bed_maps("difference", place, {"": last - first}, machine)
     yield doc.Figure(None, "", maps, columns=2)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orthoglide_cal.model import AXES, DataKind, Floats, Series
+from orthoglide_cal.model import DataKind, Floats
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
@@ -65,7 +65,7 @@ def brief_residuals(case: Case) -> list[doc.Block]:
 
 
 def differences_figure(
-    rows: Sequence[tuple[str, float, float, float, float | None]],
+    rows: Sequence[figures.Deviation],
     rms_mm: Sequence[float],
     single: bool,
     limit_mm: float | None,
@@ -73,24 +73,23 @@ def differences_figure(
     """Each difference on one axis: as found, as expected, as measured afterwards.
 
     Args:
-        rows: name, found, expected, U of the last, measured (None if nothing was yet) [mm].
+        rows: the differences.
         rms_mm: of all as found, expected and measured.
         single: they are of the tool end against the joint end.
         limit_mm: largest deviation allowed; None where nobody said.
     """
-    names, found, expected, expanded, after = zip(*rows, strict=True)
-    measured = None if after[0] is None else after
-    sketch = [f"            found  expected{'' if measured is None else '  measured'}    ± U"]
+    measured = rows[0][-1] is not None
+    sketch = [f"            found  expected{'  measured' * measured}    ± U"]
     for name, first, second, reach, last in rows:
         shown = (first, second) if last is None else (first, second, last)
         numbers = "".join(f"{signed(value, 3):>10}" for value in shown)
         sketch.append(f"{name:<7}{numbers}  {plain(reach, 3)}")
     what, meaning = comparison_words(single)
-    key = "○ as found → ■ expected" + (" once entered" if measured is None else " → ● measured")
+    key = "○ as found → ■ expected" + (" → ● measured" if measured else " once entered")
     key += f", with U (95 %). {meaning}"
     if limit_mm is not None:
         key += f" Green: within the limit of {limit_mm:g} mm."
-    picture = figures.deviation_rows(names, found, expected, expanded, measured, limit_mm)
+    picture = figures.deviation_rows(rows, limit_mm)
     title = f"Differences of readings, {what}, mm"
     finding = f"r.m.s. {' → '.join(plain(size, 3) for size in rms_mm)}."
     return doc.Figure(title, finding, (picture,), 0, key, sketch)
@@ -104,14 +103,7 @@ def residual_blocks(case: Case) -> list[doc.Block]:
     rows = answer.residuals
     left = _left(case)
     if not _on_bed(answer):
-        panels = figures.residual_panels(
-            [_series_of(row) for row in rows],
-            [" ".join(filter(None, (row.posture, row.end))) for row in rows],
-            [row.displacement_mm or 0.0 for row in rows],
-            [row.cycle for row in rows],
-            left,
-            sigma,
-        )
+        panels = figures.residual_panels(rows, left, sigma)
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
         return [doc.Figure(None, "", panels, key=key)]
@@ -123,9 +115,7 @@ def residual_blocks(case: Case) -> list[doc.Block]:
         # Without their mean: the first layer's height is set apart.
         shown = {"before": measured[own] - measured[own].mean()}
         shown |= {f"after, {model}": values[own] for model, values in left.items()}
-        maps = figures.bed_maps(
-            title, places[own], shown, machine.bed_radius_mm, machine.tower_angles_deg
-        )
+        maps = figures.bed_maps(title, places[own], shown, machine)
         sketch = _signs(places[own], left[list(left)[-1]][own], sigma)
         key = "Each map has its own scale. Ringed: beyond four robust standard deviations."
         blocks.append(doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch))
@@ -148,10 +138,6 @@ def _left(case: Case) -> dict[str, Floats]:
         modelled = [alone if both is None else both for both, alone in known]
         left[f"with {ids}"] = np.array([row.measured_mm for row in rows]) - modelled
     return left
-
-
-def _series_of(row: Residual) -> Series:
-    return Series(AXES.index(row.leg or "x"), AXES.index(row.direction or "x"))
 
 
 # --- touches of a bed -------------------------------------------------------------------------
@@ -234,7 +220,7 @@ def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = 
     several, parts = len({row.gauge_at for row in rows}) > 1, len({row.part for row in rows}) > 1
     cells: dict[str, dict[str, list[float]]] = {}
     keys = [
-        (_series_of(row), row.end or "", row.gauge_at or 0.0, row.part or 1, row.order)
+        (figures.series_of(row), row.end or "", row.gauge_at or 0.0, row.part or 1, row.order)
         for row in rows
     ]
     for k in sorted(range(len(rows)), key=keys.__getitem__):
