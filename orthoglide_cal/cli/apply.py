@@ -58,7 +58,7 @@ def apply(
     from orthoglide_cal.files.controller_file import controller_file
     from orthoglide_cal.files.linuxcnc import is_live
     from orthoglide_cal.files.moonraker import restart, server
-    from orthoglide_cal.report.documents.application import application_document
+    from orthoglide_cal.report.documents.short import application_document
     from orthoglide_cal.results import take_back
 
     if session is None and not undo:

@@ -134,7 +134,7 @@ def show(
 ) -> None:
     """Show a machine: its numbers, active offsets and accepted causes."""
     from orthoglide_cal.files import machine_in_folder
-    from orthoglide_cal.report.documents.checks import machine_document
+    from orthoglide_cal.report.documents.short import machine_document
 
     path = file or machine_in_folder(Path())
     if path is None:

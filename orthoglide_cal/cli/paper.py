@@ -28,7 +28,7 @@ def paper(
 
     from orthoglide_cal.files import default_machine
     from orthoglide_cal.paper import tables
-    from orthoglide_cal.report.documents.checks import paper_document
+    from orthoglide_cal.report.documents.short import paper_document
 
     simple = {"1": tables.table_1, "4": tables.table_4, "5": tables.table_5}
     simple["accuracy"] = tables.accuracy

@@ -133,18 +133,18 @@ def write_program(program: PostureProgram, target: Path, template: Path | None =
 
     from orthoglide_cal.files.gcode_template import gcode_template
     from orthoglide_cal.files.text import YAML_LIMIT, read_document
-    from orthoglide_cal.report import program as texts
+    from orthoglide_cal.planning.program import program_csv, program_gcode
 
     form = _CSV if str(target) == "-" else target.suffix.lower()
     if template is not None and form not in _GCODE:
         raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
     if form == _CSV:
-        text = texts.program_csv(program)
+        text = program_csv(program)
     elif form in _GCODE:
         with as_file(files("orthoglide_cal.files") / "templates" / "gcode.nc") as shipped:
             document = read_document(str(template or shipped), YAML_LIMIT)
         lines = gcode_template(document, [block.number for block in program.blocks])
-        text = texts.program_gcode(program, lines)
+        text = program_gcode(program, lines)
     else:
         raise _unknown(target, f"End it in {_CSV} for a table, in {_GCODE[0]} for G-code.")
     said = "Try them first without gauges, slowly, a hand at the stop."

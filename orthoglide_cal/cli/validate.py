@@ -16,7 +16,7 @@ def validate(
     from orthoglide_cal import estimation
     from orthoglide_cal.files import check_file
     from orthoglide_cal.model import Source
-    from orthoglide_cal.report.documents.checks import check_document
+    from orthoglide_cal.report.documents.short import check_document
 
     def judge(path: str) -> int:
         check, given = check_file(path, common.known_machine(machine), common.folder_machine, data)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import pairwise
 
+from orthoglide_cal.errors import visible
 from orthoglide_cal.files.faults import FaultPlace, Faults, unused
 from orthoglide_cal.files.rows import Record
 from orthoglide_cal.files.text import FileText
@@ -23,6 +24,7 @@ from orthoglide_cal.words import MM, listed, short
 _COLUMNS = 100
 _ROWS = 100_000  # read in a few seconds
 _BLANKS = " \t\u00a0\u202f\ufeff"  # also those that spreadsheets and web pages leave
+_FORMULA = tuple("=+-@\t\r\n")  # what a spreadsheet would calculate
 _BLANK_CELL = _BLANKS + "\n\r\v\f"
 
 
@@ -190,3 +192,12 @@ def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
     writer.writerow(head)
     writer.writerows(rows)
     return text.getvalue()
+
+
+def in_csv(text: str) -> str:
+    """The text for a cell of a CSV; a formula gets a "'" in front.
+
+    Numbers are not passed through this function, so that "-0.53" stays a number.
+    """
+    dangerous = text.startswith(_FORMULA) or text.lstrip().startswith(("=", "+", "-", "@"))
+    return ("'" if dangerous else "") + visible(text)

@@ -1,4 +1,4 @@
-"""Text from outside made harmless in Markdown, CSV, HTML and SVG; each builds on `visible`.
+"""Text from outside made harmless in Markdown, HTML and SVG; each builds on `visible`.
 
 HTML and SVG are made with `tag`, `in_html` and `join` only, which escape all but
 their own.
@@ -16,7 +16,6 @@ from orthoglide_cal.errors import visible
 # from outside stands. Addresses become links by themselves unless they are written so.
 _MARKDOWN = re.compile(r"([\\`*_\[\]<|~&$])")
 _ADDRESS = (("://", ":&#47;&#47;"), ("www.", "www&#46;"), ("@", "&#64;"))
-_FORMULA = tuple("=+-@\t\r\n")
 _VOID = frozenset(("br", "hr", "img", "input", "link", "meta"))
 
 
@@ -26,15 +25,6 @@ def in_markdown(text: str) -> str:
     for plain, written in _ADDRESS:
         escaped = escaped.replace(plain, written)
     return escaped
-
-
-def in_csv(text: str) -> str:
-    """The text for a cell of a CSV; one that a spreadsheet would calculate gets a "'" in front.
-
-    Numbers are not passed through this function, so that "-0.53" stays a number.
-    """
-    dangerous = text.startswith(_FORMULA) or text.lstrip().startswith(("=", "+", "-", "@"))
-    return ("'" if dangerous else "") + visible(text)
 
 
 class Html(str):

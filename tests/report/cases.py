@@ -15,9 +15,9 @@ from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.documents.calibration import calibration_document
-from orthoglide_cal.report.documents.checks import check_document, paper_document
 from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 from orthoglide_cal.report.documents.plan import plan_document
+from orthoglide_cal.report.documents.short import check_document, paper_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import Identity

@@ -15,7 +15,7 @@ from orthoglide_cal.files import check_file, machine_text, read_input, read_mach
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.calibration import calibration_document
-from orthoglide_cal.report.documents.checks import check_document
+from orthoglide_cal.report.documents.short import check_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import identify

@@ -1,4 +1,4 @@
-"""Three short documents: `machine`, `validate` of a file, and `paper`, this program's own check."""
+"""Short documents: `machine`, `validate`, `apply`, and `paper`, this program's own check."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from orthoglide_cal.errors import UnusableResultError, file_words
+from orthoglide_cal.errors import UnusableResultError, command, file_words
 from orthoglide_cal.files import Check, machine_values
-from orthoglide_cal.model import Model, Source
+from orthoglide_cal.model import AXES, Model, Source
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.case import measure_again
 from orthoglide_cal.report.facts import MEANS, OWNER, data_words, stated
-from orthoglide_cal.words import counted, plain, short
+from orthoglide_cal.results import Application
+from orthoglide_cal.words import counted, plain, short, signed
 
 if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction
@@ -100,6 +102,67 @@ def check_document(
     lines += [f"  note: {remark}" for remark in check.remarks]
     page = doc.Page("Validation", sections=[doc.Section(None, doc.Listing(lines))])
     return doc.Document(partial(told.model_dump, mode="json"), lambda: page)
+
+
+def application_document(found: Application, session: str) -> doc.Document:
+    """What is in the controller from now on, and what comes next; `session` as the user gave it.
+
+    As data what changes in the machine file; lengths in mm.
+    """
+    entry, machine, offsets = found.entry, found.file.model.machine, found.offsets_mm
+
+    def data() -> dict[str, object]:
+        before, after = (dict(zip(AXES, each, strict=False)) for each in offsets)
+        return {
+            "schema_version": 1,
+            "machine_file": found.file.document.path,
+            "machine": machine.name,
+            "undone": found.undone,
+            "date": entry.date,
+            "before": before,
+            "after": after,
+            "data_sha256": entry.data_sha256,
+            "written": entry.written.model_dump() if entry.written else None,
+        }
+
+    def page() -> doc.Page:
+        head = ("axis", "before", "change", "from now on")
+        rows = [
+            (axis, signed(before, 4), signed(after - before, 4), doc.Strong(signed(after, 4)))
+            for axis, before, after in zip(AXES, *offsets, strict=False)
+        ]
+        caption = "Joint offsets in the controller, mm (true position = indicated + offset)."
+        said = "The controller must hold the last column, and be homed since."
+        if found.controller is not None and entry.written is not None:
+            head, rows = ("line", "what", "now", "from now on"), []
+            for each in entry.written.values:
+                now, then = each.before, each.after
+                now, then = (then, now) if found.undone else (now, then)
+                rows.append((str(each.line), each.key, now, doc.Strong(then)))
+            notes = (
+                f"Lines of {entry.written.target}; all others stay.",
+                *found.controller.remarks,
+            )
+            caption, said = " ".join(notes), machine.vocabulary.restart
+            if found.controller.adds:
+                said = f"Restart LinuxCNC: it reads its INI only then. {said}"
+        again = doc.Instruction("Probe it again in the same way.")
+        if not machine.keeps_itself:
+            typed = measure_again(found.conditions)
+            again = doc.Instruction("Measure again in the same way.", typed)
+        compare = doc.Instruction(
+            "Compare with the prediction.", command("verify", session, "AFTER")
+        )
+        title, steps = "To be recorded", [doc.Instruction(said), again, compare]
+        if found.undone:
+            title = "To be taken back"
+            told = "The controller must hold the last column again; re-home."
+            steps = [doc.Instruction(told)]
+        grid = doc.Grid(head, rows, caption=caption)
+        section = doc.Section(None, grid, doc.Instructions(steps))
+        return doc.Page(title, machine.name, sections=[section])
+
+    return doc.Document(data, page)
 
 
 def paper_document(found: Reproduction) -> doc.Document:
