@@ -17,8 +17,6 @@ from typing import Self
 import numpy as np
 
 from orthoglide_cal.model import AXES, Floats, Ints, Series
-from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Bools
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.report.escape import Html, tag
@@ -414,7 +412,8 @@ def bed_maps(
     title: str,
     place_mm: Floats,
     left_mm: Mapping[str, Floats],
-    machine: LinearDelta,
+    bed_mm: float,
+    towers_deg: Sequence[float],
 ) -> tuple[Html, ...]:
     """What is left of each touch of a bed, one map for each model, with a scale of its own each.
 
@@ -422,9 +421,9 @@ def bed_maps(
         title: of all of them.
         place_mm: of n touches, shape (n, 2).
         left_mm: model → measured − modelled, shape (n,).
-        machine: to which the bed belongs.
+        bed_mm, towers_deg: radius of the bed, directions of towers a, b and c.
     """
-    reach = max(float(np.abs(place_mm).max(initial=1.0)), machine.bed_radius_mm)
+    reach = max(float(np.abs(place_mm).max(initial=1.0)), bed_mm)
     scale, x0, y0 = 0.5 * _BED / reach, _BESIDE + _BED / 2.0, _OVER + _BED / 2.0
     away = _BED / 2 + 12  # of the towers' names from the middle
     size = max(min(0.42 * _BED / len(place_mm) ** 0.5, 10.0), 3.0)
@@ -446,8 +445,8 @@ def bed_maps(
         name = f"bed-{number}-{title.replace(' ', '-')}".rstrip("-")
         heading = ", ".join(filter(None, (model, title)))
         finding = f"What is left of each touch, {heading}; {int(out.sum())} stand out, ringed."
-        body = [tag("circle", cx=x0, cy=y0, r=scale * machine.bed_radius_mm, class_="bed"), *dots]
-        for tower, angle in zip("abc", map(math.radians, machine.tower_angles_deg), strict=True):
+        body = [tag("circle", cx=x0, cy=y0, r=scale * bed_mm, class_="bed"), *dots]
+        for tower, angle in zip("abc", map(math.radians, towers_deg), strict=True):
             x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
             body.append(words(x, y + 5, tower, "middle", "axis"))
         body += [
@@ -469,7 +468,8 @@ _ON_PAPER = np.array([[-0.84, 0.50], [0.84, 0.50], [0.0, -1.0]])
 
 
 def machine_sketch(
-    machine: Orthoglide,
+    leg_length_mm: float,
+    joint_limits_mm: tuple[float, float],
     gauges: Sequence[tuple[int, int, float]],
     faults: Collection[tuple[int, int]] = (),
     rails: Collection[int] = (),
@@ -477,14 +477,14 @@ def machine_sketch(
     """Isometric sketch at the isotropic posture.
 
     Args:
-        machine: the length of its legs and the travel of its carriages count.
+        leg_length_mm, joint_limits_mm: L, and the travel from the isotropic posture.
         gauges: (leg, direction, place along the leg from carriage 0 to tool 1).
         faults: (leg, direction) whose readings a fault spoils: a ring around their gauges.
         rails: those in which a fault is: a line beside them.
     """
     parts: list[Html] = []
     for leg, axis in enumerate(AXES):
-        low, high = (1.0 + limit / machine.leg_length_mm for limit in machine.joint_limits_mm)
+        low, high = (1.0 + limit / leg_length_mm for limit in joint_limits_mm)
         # Even displacements of the carriage leave the picture readable only up to here.
         end = min(high, 1.0 + 34.0 / _LEG)
         across = np.array([-_ON_PAPER[leg, 1], _ON_PAPER[leg, 0]])

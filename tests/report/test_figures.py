@@ -12,9 +12,8 @@ from orthoglide_cal.report import facts, figures
 from orthoglide_cal.report.documents.pictures import _sign, _signs
 from orthoglide_cal.report.figures import Scale, mark, tick_text
 from orthoglide_cal.results.answer import Residual
-from tests.machines import NOMINAL
 
-BED = SimpleNamespace(bed_radius_mm=100.0, tower_angles_deg=(210.0, 330.0, 90.0))
+BED = 100.0, (210.0, 330.0, 90.0)
 
 
 def marks(picture: str) -> list[tuple[float, float]]:
@@ -149,7 +148,7 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
 
 def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():
     place, left = np.array([[0.0, 100.0], [50.0, 0.0], [-50.0, 0.0]]), np.array([0.0, 0.04, -0.04])
-    (panel,) = figures.bed_maps("", place, {"radius only": left}, BED)
+    (panel,) = figures.bed_maps("", place, {"radius only": left}, *BED)
     _, (x0, y0), (x1, y1), (x2, _) = marks(panel)  # the first is the bed
     assert y0 < y1  # of the picture, which counts downwards
     assert x2 < x0 < x1
@@ -164,7 +163,7 @@ def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():
     many = np.tile(place, (4, 1)) + np.arange(12)[:, None]
     noise = 0.01 * np.cos(np.arange(12.0))
     noise[7] = 0.5
-    (ringed,) = figures.bed_maps("", many, {"radius only": noise}, BED)
+    (ringed,) = figures.bed_maps("", many, {"radius only": noise}, *BED)
     assert ringed.count('class="ring"') == 1
     assert "1 stand out, ringed" in ringed
     assert len(set(re.findall(r'class="heat d(\d)"></circle>', ringed))) > 4
@@ -191,11 +190,11 @@ def test_rails_pass_each_other_as_they_do_in_space():
 
 def test_the_machine_shows_every_gauge_and_what_is_faulty():
     gauges = [(0, 1, 0.5), (2, 0, 0.25)]
-    drawn = figures.machine_sketch(NOMINAL.orthoglide, gauges)
+    drawn = figures.machine_sketch(310.25, (-100.0, 60.0), gauges)
     assert drawn.count('class="dial"') == 2
     assert "+y" in drawn
     assert "fault" not in drawn
-    marked = figures.machine_sketch(NOMINAL.orthoglide, gauges, [(2, 0)], [1])
+    marked = figures.machine_sketch(310.25, (-100.0, 60.0), gauges, [(2, 0)], [1])
     assert marked.count('class="fault"') == 2
     assert "readings of leg z, direction x" in marked
     assert "axis y" in marked

@@ -326,7 +326,8 @@ def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
             faults |= {one for one in series if one.name in seen or one.words in cause.where}
         if cause.where or seen:
             marked.append(f"{cause.id}: {cause.where or ', '.join(seen)}")
-    drawn = figures.machine_sketch(machine, places, faults, rails)
+    limits = machine.joint_limits_mm
+    drawn = figures.machine_sketch(machine.leg_length_mm, limits, places, faults, rails)
     told = f"Marked: {'; '.join(marked)}." if marked else ""
     key = "○ dial: its reading grows when the leg moves towards it."
     return doc.Figure("Where the gauges stood", told, (drawn,), columns=0, key=key)

@@ -215,8 +215,9 @@ def _shapes(found: History) -> Iterator[doc.Figure]:
     if not found.shapes:
         return
     (place, first, machine), (other, last, _) = found.shapes
-    maps = figures.bed_maps("first", place, {"": first}, machine)
-    maps += figures.bed_maps("last", other, {"": last}, machine)
+    bed = machine.bed_radius_mm, machine.tower_angles_deg
+    maps = figures.bed_maps("first", place, {"": first}, *bed)
+    maps += figures.bed_maps("last", other, {"": last}, *bed)
     if np.array_equal(place, other):
-        maps += figures.bed_maps("difference", place, {"": last - first}, machine)
+        maps += figures.bed_maps("difference", place, {"": last - first}, *bed)
     yield doc.Figure(None, "", maps, columns=2)

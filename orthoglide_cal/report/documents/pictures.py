@@ -110,12 +110,13 @@ def residual_blocks(case: Case) -> list[doc.Block]:
     places = _places(answer)
     measured = np.array([row.measured_mm for row in rows])
     machine = LinearDelta.require(case.machine)
+    bed = machine.bed_radius_mm, machine.tower_angles_deg
     blocks: list[doc.Block] = []
     for title, own in _surfaces(answer).items():
         # Without their mean: the first layer's height is set apart.
         shown = {"before": measured[own] - measured[own].mean()}
         shown |= {f"after, {model}": values[own] for model, values in left.items()}
-        maps = figures.bed_maps(title, places[own], shown, machine)
+        maps = figures.bed_maps(title, places[own], shown, *bed)
         sketch = _signs(places[own], left[list(left)[-1]][own], sigma)
         key = "Each map has its own scale. Ringed: beyond four robust standard deviations."
         blocks.append(doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch))
