@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
+from contextlib import suppress
 from datetime import date, datetime
 from typing import Annotated, Self
 
@@ -135,33 +137,16 @@ def _version(value: object) -> object:
     return 1
 
 
-def _word(text: str) -> str:
-    if not text.strip():
-        raise InputError("The text is empty.", "Write a word or put the text in quotes.")
-    return text
+def text_that(passes: Callable[[str], object], what: str, remedy: str) -> AfterValidator:
+    """A text that passes a check; of another one it is false, or raises ValueError."""
 
+    def check(text: str) -> str:
+        with suppress(ValueError):
+            if passes(text):
+                return text
+        raise InputError(what, remedy)
 
-def _day(text: str) -> str:
-    try:
-        date.fromisoformat(text[:10])
-        datetime.fromisoformat(text)
-    except ValueError as error:
-        raise InputError("This is not a date.", "Write it as 2025-01-31.") from error
-    return text
-
-
-def _moment(text: str) -> str:
-    try:
-        datetime.fromisoformat(text)
-    except ValueError as error:
-        raise InputError("This is not a time.", "Write it as 2025-01-31T14:05:00.") from error
-    return text
-
-
-def _digest(text: str) -> str:
-    if not re.fullmatch("[0-9a-f]{64}", text):
-        raise InputError("This is not a SHA-256 digest.", "Give its 64 hexadecimal digits.")
-    return text
+    return AfterValidator(check)
 
 
 Number = Annotated[float, BeforeValidator(yaml_number)]
@@ -169,7 +154,28 @@ Minutes = Annotated[float, PlainSerializer(lambda minutes: round(minutes, 2))]
 Positive = Annotated[Number, Field(gt=0.0)]
 Count = Annotated[int, whole_number(1)]  # a whole number from 1
 Version = Annotated[int, BeforeValidator(_version)]
-Word = Annotated[str, AfterValidator(_word)]  # a text that says something
-Day = Annotated[str, AfterValidator(_day)]  # an ISO date, perhaps with the time
-Moment = Annotated[str, AfterValidator(_moment)]  # an ISO time
-Digest = Annotated[str, AfterValidator(_digest)]  # SHA-256
+# A text that says something.
+Word = Annotated[
+    str, text_that(str.strip, "The text is empty.", "Write a word or put the text in quotes.")
+]
+# An ISO date, perhaps with the time.
+Day = Annotated[
+    str,
+    text_that(
+        lambda text: date.fromisoformat(text[:10]) and datetime.fromisoformat(text),
+        "This is not a date.",
+        "Write it as 2025-01-31.",
+    ),
+]
+Moment = Annotated[  # an ISO time
+    str,
+    text_that(datetime.fromisoformat, "This is not a time.", "Write it as 2025-01-31T14:05:00."),
+]
+Digest = Annotated[  # SHA-256
+    str,
+    text_that(
+        re.compile("[0-9a-f]{64}").fullmatch,
+        "This is not a SHA-256 digest.",
+        "Give its 64 hexadecimal digits.",
+    ),
+]

@@ -152,9 +152,9 @@ def measure(
         seed=seed,
         unit=unit,
         until_mm=until,
-        operator=visible(operator) or None if operator else None,
+        operator=visible(operator or ""),
         temperature_c=temperature,
-        gauges=tuple(guided.GaugeLabel(id=id, certificate=no or None) for id, no in labels),
+        gauges=tuple(guided.GaugeLabel(id=id, certificate=no or "") for id, no in labels),
     )
     standing = Standing(follow) if follow else None
     aside = common.console(stderr=True)

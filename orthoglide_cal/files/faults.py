@@ -15,7 +15,8 @@ from orthoglide_cal.schema import parse_number, shortened
 from orthoglide_cal.words import listed
 
 Steps = tuple[str | int, ...]
-_MOST = 1000  # faults; a file of garbage has millions; nobody reads them
+_MOST = 1000  # faults; a file of garbage has millions, and nobody reads them
+_FIRST = "Correct the first ones and try again."
 _NUMBER = "Check its digits and its unit{mm}."
 
 # Type of pydantic's error → what is wrong and the remedy; {…} are the error's own values, the last
@@ -67,20 +68,9 @@ class Faults:
     def __init__(self, file: str) -> None:
         self.file = file
         self.problems: list[InputError] = []
-        self._more = 0
 
     def __bool__(self) -> bool:
         return bool(self.problems)
-
-    @property
-    def full(self) -> bool:
-        """Whether further ones are only counted."""
-        return len(self.problems) >= _MOST
-
-    @property
-    def count(self) -> int:
-        """Number of faults found, also of those that are too many to be kept."""
-        return len(self.problems) + self._more
 
     def add(
         self,
@@ -91,10 +81,10 @@ class Faults:
         column: str | None = None,
         value: str | None = None,
     ) -> None:
-        """Note one fault at its place."""
-        if self.full:
-            self._more += 1
-            return
+        """Note one fault at its place. Raises InvalidFileError if there are too many."""
+        if len(self.problems) == _MOST:
+            rest = InputError("There are more faults like these.", _FIRST, file=self.file)
+            raise InvalidFileError((*self.error().problems, rest), file=self.file)
         fault = InputError(what, remedy, file=self.file, line=line, column=column, value=value)
         self.problems.append(fault)
 
@@ -127,19 +117,12 @@ class Faults:
             place: from a path inside the content to its place in the file.
             words: instead of those for all files: "missing posture" → (what, remedy).
         """
-        if self.full:
-            self._more += error.error_count()
-            return
         for path, what, remedy in _worded(error, schema, words):
             self.at(place(path), what, remedy)
 
     def error(self) -> InvalidFileError:
         """All faults, at least one, by line."""
         problems = sorted(self.problems, key=lambda fault: fault.line or 0)
-        if self._more:
-            what = f"There are {self._more} more faults like these."
-            remedy = "Correct the first ones and try again."
-            problems.append(InputError(what, remedy, file=self.file))
         return InvalidFileError(problems, file=self.file)
 
     def check(self) -> None:

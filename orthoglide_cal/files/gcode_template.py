@@ -16,11 +16,15 @@ from pydantic import AfterValidator, BeforeValidator, ValidationError
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import FaultPlace, Faults, nearest
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.schema import Positive, Schema
+from orthoglide_cal.schema import Positive, Schema, text_that
 
 _OURS = re.compile(r"\s*(?:\(\s*orthocal\b([^()]*)\)|;\s*orthocal\b(.*))\s*", re.IGNORECASE)
 _AXIS = re.compile(r"[UVWABCXYZ]|[A-Z][A-Z0-9_]*=")
-_PAUSE = re.compile(r"M0?[01]|M60|G0?4( [A-Z][0-9]+(\.[0-9]+)?)+")
+_WAITS = text_that(
+    re.compile(r"M0?[01]|M60|G0?4( [A-Z][0-9]+(\.[0-9]+)?)+").fullmatch,
+    "This code does not wait.",
+    "Write M0, M1, or G4 P20 for 20 s.",
+)
 _COMMENT = re.compile(r"\([^)]*\)?|;.*")
 _NUMBER = re.compile(r"\s*/?\s*N0*([0-9]+)", re.IGNORECASE)
 _CODE = re.compile(r"G0*([0-9]+)(?![0-9.])", re.IGNORECASE)
@@ -48,13 +52,6 @@ def _axes(value: object) -> tuple[str, ...]:
     return words
 
 
-def _pause(value: str) -> str:
-    code = value.upper()
-    if not _PAUSE.fullmatch(code):
-        raise InputError("This code does not wait.", "Write M0, M1, or G4 P20 for 20 s.")
-    return code
-
-
 class Template(Schema):
     """A template as read.
 
@@ -71,7 +68,7 @@ class Template(Schema):
     semicolon: bool
     axes: Annotated[tuple[str, ...], BeforeValidator(_axes)] = ("X", "Y", "Z")
     values: Annotated[PostureValues, BeforeValidator(str.lower)] = PostureValues.JOINTS
-    pause: Annotated[str, AfterValidator(_pause)] = "M0"
+    pause: Annotated[str, AfterValidator(str.upper), _WAITS] = "M0"
     feed: Positive = 1000.0
     slow: Positive = 100.0
 

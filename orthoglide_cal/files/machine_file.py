@@ -17,7 +17,6 @@ from typing import Annotated, Any, cast
 
 import numpy as np
 from pydantic import (
-    AfterValidator,
     BeforeValidator,
     Field,
     ValidationError,
@@ -33,7 +32,7 @@ from orthoglide_cal.files.yaml_tree import Tree, edited, load_tree, yaml_text
 from orthoglide_cal.model import Effect, Entered, Estimate, Machine, Model
 from orthoglide_cal.model.machine import JointOffsets
 from orthoglide_cal.model.machines import MACHINES, kind_of
-from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, yaml_number
+from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that, yaml_number
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
@@ -47,6 +46,8 @@ _LARGEST_TOLERANCE = 1000.0
 
 # The first line of a file that the program wrote: without the last line it was cut off.
 WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that nothing is missing.\n"
+_NOWHERE = text_that("".__eq__, "An accepted cause acts on the whole machine.", 'Write where: "".')
+_TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complete: true.")
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
 
 
@@ -56,12 +57,6 @@ class IdentifiedParameter(Schema):
     value: Annotated[Number, Field(ge=-1e6, le=1e6)]
     std: Annotated[Number, Field(ge=0.0, le=1e6)]
     unit: str
-
-
-def _nowhere(where: str) -> str:
-    if where:
-        raise InputError("An accepted cause acts on the whole machine.", 'Write where: "".')
-    return where
 
 
 class Identified(Schema):
@@ -75,7 +70,7 @@ class Identified(Schema):
     """
 
     cause: str
-    where: Annotated[str, AfterValidator(_nowhere)] | None = ""
+    where: Annotated[str, _NOWHERE] | None = ""
     parameters: Mapping[Word, IdentifiedParameter]
     date: Day
     data_sha256: Digest
@@ -147,12 +142,6 @@ class Identified(Schema):
         return cause.estimated(estimates, matrix).accepted(self.date, self.data_sha256)
 
 
-def _true(text: str) -> str:
-    if text != "true":
-        raise InputError("Only `true` is possible here.", "Write complete: true.")
-    return text
-
-
 class _Around(Schema):
     """What a machine file says besides the machine."""
 
@@ -160,7 +149,7 @@ class _Around(Schema):
     identified: Annotated[
         tuple[Identified, ...], BeforeValidator(lambda given: () if given is None else given)
     ] = ()
-    complete: Annotated[str, AfterValidator(_true)] | None = None
+    complete: Annotated[str, _TRUE] | None = None
 
 
 @dataclass(frozen=True)
@@ -244,7 +233,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
     value = tree.value
     for step in path:
         value = value.get(step)
-    faults, before = tree.faults, tree.faults.count
+    faults, before = tree.faults, len(tree.faults.problems)
 
     if not isinstance(value, dict):
         if path[-1] in tree.value:
@@ -259,8 +248,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
     known = list(dict.fromkeys(("schema_version", "kind", "name", *order, *_Around.model_fields)))
     for key in value:
         if key not in known:
-            near = "" if faults.full else nearest(key, known)
-            remedy = f"{near}Known here: {', '.join(known)}."
+            remedy = f"{nearest(key, known)}Known here: {', '.join(known)}."
             tree.note((*path, key), "The key is not known.", remedy)
     if made is None:
         remedy = f"{nearest(str(kind), MACHINES)}Known: {', '.join(MACHINES)}."
@@ -280,7 +268,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
     for id, text in tolerances.items() if made and isinstance(tolerances, dict) else ():
         at = (*path, "tolerances", id)
         if id not in causes:
-            tree.note(at, *_unknown_cause("" if faults.full else id, causes), id)
+            tree.note(at, *_unknown_cause(id, causes), id)
             continue
         usual = CAUSES[id].sizes[own]
         size = 0.0
@@ -293,7 +281,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
         if 0.0 < size < _SMALLEST_TOLERANCE:
             what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
             tree.note(at, what, "Give 0 to rule it out.")
-    if faults.count > before:
+    if len(faults.problems) > before:
         return None
     machine, rest = found
     return Model(machine, tuple(each.effect(own) for each in rest.identified))

@@ -28,7 +28,7 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import FaultPlace, Faults, Steps
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model import AXES, Posture
-from orthoglide_cal.schema import Count, Moment, Schema, whole_number, yaml_number
+from orthoglide_cal.schema import Count, Moment, Schema, text_that, whole_number, yaml_number
 from orthoglide_cal.words import MM_PER_INCH
 
 LATEST_MINUTES = 1e6  # two years
@@ -101,17 +101,6 @@ def _length(value: object, info: ValidationInfo) -> float:
     return size
 
 
-def _one_of(known: Sequence[str], what: str, remedy: str) -> BeforeValidator:
-    """One of these words, in letters of any size."""
-
-    def check(value: object) -> str:
-        if not isinstance(value, str) or value.lower() not in known:
-            raise InputError(what, remedy)
-        return value.lower()
-
-    return BeforeValidator(check)
-
-
 def _posture(text: str, info: ValidationInfo) -> str:
     """iso, max, min, or the displacement as the shortest text."""
     if text.lower() in _POSTURES:
@@ -144,14 +133,18 @@ def _entered(value: object, info: ValidationInfo) -> object:
 Cell = Annotated[float, BeforeValidator(_number)]
 Length = Annotated[float, BeforeValidator(_length)]
 Order = Annotated[int, whole_number(0)]
-Axis = Annotated[str, _one_of(AXES, "This is not an axis.", _AXIS)]
+Name = Annotated[str, AfterValidator(str.lower)]  # in letters of any size
+Axis = Annotated[Name, text_that(AXES.__contains__, "This is not an axis.", _AXIS)]
 End = Annotated[
-    str, _one_of(("joint", "tool"), "This is not an end of the leg.", "Write joint or tool.")
+    Name,
+    text_that(
+        ("joint", "tool").__contains__, "This is not an end of the leg.", "Write joint or tool."
+    ),
 ]
 Bar = Annotated[
-    str,
-    _one_of(
-        (TURNED,),
+    Name,
+    text_that(
+        TURNED.__eq__,
         "This does not say how the bar was.",
         f"Write {TURNED} where it was turned half round; otherwise leave the cell empty.",
     ),

@@ -141,7 +141,7 @@ def session_of_readings(
 def _recorded(tree: Tree, machine: Model | None) -> Session | None:
     """What is written around the readings; None after noting what is wrong with it."""
     content = {key: value for key, value in tree.value.items() if value is not None}
-    before = tree.faults.count
+    before = len(tree.faults.problems)
     for key, wanted in (("retaken", True), ("skipped", False)):
         rows = Rows(_records(tree, key), ReadingRow, Reading(wanted=wanted), tree.faults)
         content[key] = [row for _, row in rows.sound]
@@ -151,7 +151,7 @@ def _recorded(tree: Tree, machine: Model | None) -> Session | None:
     except ValidationError as error:
         tree.faults.take(error, Session, tree.place)
         return None
-    return session if machine and tree.faults.count == before else None
+    return session if machine and len(tree.faults.problems) == before else None
 
 
 def _records(tree: Tree, key: str) -> list[Record]:

@@ -63,7 +63,7 @@ class Table:
         Returns:
             A remark on the columns without a meaning, if there are any.
         """
-        before, present = self.faults.count, [name for name in self.columns if name]
+        before, present = len(self.faults.problems), [name for name in self.columns if name]
         others = [name for name in present if name not in known]
         for name in columns:
             if name in present or (name == columns[-1] and inches in present):
@@ -80,7 +80,7 @@ class Table:
             what = "Lengths are given both in mm and in inches."
             remedy = f"Keep one of the columns {columns[-1]} and {inches}."
             self.faults.add(what, remedy, line=self.header_line, column=inches)
-        if self.faults.count > before:
+        if len(self.faults.problems) > before:
             raise self.faults.error()
         return unused("Columns", others, known)
 

@@ -40,7 +40,7 @@ class Question(NamedTuple):
 
     doubt: Doubt
     text: str
-    about: int | None = None
+    about: int = 0
 
 
 class Blunder(NamedTuple):
@@ -90,7 +90,7 @@ def check_number(coming: NextReading, value: float) -> Question | None:
         )
         text = f"{shown} is {where} the gauge's travel of {travel}: mistyped?"
         return Question(Doubt.RANGE, text)
-    if (Doubt.GRID, None) in coming.so_far.settled:
+    if (Doubt.GRID, 0) in coming.so_far.settled:
         return None
     in_tenths = gauge.resolution_mm / MM_PER_INCH * 1e5
     if unit is Unit.INCH and abs(in_tenths - round(in_tenths)) > 1e-6:
@@ -109,7 +109,7 @@ def check_repeats(coming: NextReading, value: float) -> Question | None:
     """
     so_far, gauge = coming.so_far, coming.so_far.setting.machine.gauge
     # A session's first repeat is the first that can say something.
-    if not coming.repeats or {(Doubt.DEAD, None), (Doubt.SCATTER, None)} & so_far.settled:
+    if not coming.repeats or {(Doubt.DEAD, 0), (Doubt.SCATTER, 0)} & so_far.settled:
         return None
     known = dict[object, int]()
     cell = np.array([known.setdefault(step.cell, len(known)) for step in coming.steps])

@@ -259,7 +259,7 @@ class Dialogue:
     def _ask_about(self, pending: Questioned) -> None:
         """Put the question about the pending reading; it may have been asked before a crash."""
         step = self.setting.steps[pending.step - 1]
-        may_move = pending.doubt.compares and pending.about is None
+        may_move = pending.doubt.compares and not pending.about
         value = wording.value_text(pending.value_mm, self.unit)
         asked = f"Step {step.number}, {value}:\n  {pending.question}"
         alike = self._alike(step)

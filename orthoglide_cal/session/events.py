@@ -16,7 +16,6 @@ from typing import Annotated, Literal, NamedTuple
 from pydantic import (
     AfterValidator,
     BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
     PlainSerializer,
@@ -59,13 +58,6 @@ def _with_zone(at: str) -> str:
     return at
 
 
-# Two fields whose None the format does not write as null.
-_Name = Annotated[
-    str | None, BeforeValidator(lambda name: name or None), PlainSerializer(lambda name: name or "")
-]
-_Step = Annotated[
-    int | None, BeforeValidator(lambda step: step or None), PlainSerializer(lambda step: step or 0)
-]
 _Planned = Annotated[PlannedReading, PlainSerializer(lambda reading: reading._asdict())]
 
 
@@ -79,7 +71,7 @@ class GaugeLabel(Recorded):
     """A gauge as the operator named it."""
 
     id: str
-    certificate: _Name = None
+    certificate: str = ""
 
 
 class Following(Recorded):
@@ -121,7 +113,7 @@ class Opened(Event):
     stands: Annotated[int, Field(ge=1, le=2)]  # number of gauges that are read side by side
     source: tuple[str, ...]  # where readings come from, as given to --gauge
     seed: int | None  # of the simulated gauge; None for a real one
-    operator: _Name
+    operator: str
     temperature_c: float | None
     gauges: tuple[GaugeLabel, ...]
 
@@ -173,7 +165,7 @@ class Questioned(Arrived):
     kind: Literal["questioned"] = "questioned"
     doubt: Doubt
     question: str  # the sentence shown
-    about: _Step = None  # step from which on something may be wrong; None if it is this one alone
+    about: int = 0  # step from which on something may be wrong; 0 if it is this one alone
 
 
 class Answered(Event):

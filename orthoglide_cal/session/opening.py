@@ -82,7 +82,7 @@ class Request:
     seed: int | None = None
     unit: Unit = Unit.MM  # of readings without one
     until_mm: float | None = None  # end once every offset is known this well
-    operator: str | None = None
+    operator: str = ""
     temperature_c: float | None = None
     gauges: tuple[events.GaugeLabel, ...] = ()
 

@@ -193,7 +193,7 @@ class ReadingsSoFar:
         self.left = [step for step in steps if state.is_open(step.number)]
         self.moved: list[int | None] = []
         self.doubted: list[bool] = []
-        self.settled: set[tuple[Doubt, int | None]] = set()
+        self.settled: set[tuple[Doubt, int]] = set()
         for step, (take, rank) in zip(self.steps, items, strict=True):
             self.moved.append(self.moved_before(step, rank))
             doubted = False
@@ -265,7 +265,9 @@ class ReadingsSoFar:
         state, opened, first = self.state, self.state.opened, self.setting.first
         resolution = self.setting.machine.gauge.resolution_mm
         gauges = [
-            GaugeIdentity(id=gauge.id, certificate=gauge.certificate, resolution_mm=resolution)
+            GaugeIdentity(
+                id=gauge.id, certificate=gauge.certificate or None, resolution_mm=resolution
+            )
             for gauge in opened.gauges
         ]
         before = first.conditions.gauges if first else ()

@@ -176,7 +176,7 @@ def test_what_was_kept_in_doubt_begins_the_comparison_anew() -> None:
 
 def test_a_doubt_about_the_reading_itself_or_another_set_up_is_no_reason_for_that() -> None:
     steps = steps_of()
-    for doubt, about in ((Doubt.GRID, None), (Doubt.SIGN, 2)):
+    for doubt, about in ((Doubt.GRID, 0), (Doubt.SIGN, 2)):
         kept = reading(25, 0.123, doubt).model_copy(update={"about": about})
         events = [*(reading(k, 0.1 * k) for k in range(1, 25)), kept, Answered(at=AT, keep=True)]
         beside = NextReading(ReadingsSoFar(state_of(events), setting_of(steps)), steps[25], 3.0)

@@ -65,7 +65,7 @@ def opened(protocol: MeasuringProtocol = DOUBLE, cycles: int = 3, **other: objec
         "stands": stands(protocol),
         "source": ("typed",),
         "seed": None,
-        "operator": None,
+        "operator": "",
         "temperature_c": None,
         "gauges": (),
     }
@@ -94,7 +94,7 @@ def taken(step: int, value: float, minutes: float = 0.0, source: str = "typed") 
     return Taken(at=AT, step=step, minutes=minutes, value_mm=value, raw=f"{value}", source=source)
 
 
-def questioned(take: Taken, doubt: Doubt, question: str, about: int | None = None) -> Questioned:
+def questioned(take: Taken, doubt: Doubt, question: str, about: int = 0) -> Questioned:
     """The same reading, questioned."""
     values = take.model_dump(exclude={"kind"})
     return Questioned(**values, doubt=doubt, question=question, about=about)
