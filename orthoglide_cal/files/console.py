@@ -20,13 +20,14 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.klipper_file import Value, read_printer_file
 from orthoglide_cal.files.printer_file import (
+    LARGEST_MM,
     ZERO_UNKNOWN,
     PrinterFile,
     Stored,
-    read_printer_file,
+    within,
 )
-from orthoglide_cal.files.printer_settings import LARGEST_MM, Value, within
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import shortened
 

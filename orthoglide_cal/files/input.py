@@ -17,8 +17,7 @@ from pydantic import ConfigDict, Field
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.console import KLIPPY_LOG, PROBED, read_klippy_log, read_probed
 from orthoglide_cal.files.differences import DIFFERENCE_COLUMNS, differences_from_table
-from orthoglide_cal.files.firmware_codes import SETTINGS, read_codes, read_codes_in
-from orthoglide_cal.files.height_map import HEIGHT_MAP, read_height_map
+from orthoglide_cal.files.klipper_file import read_printer_file
 from orthoglide_cal.files.machine_file import (
     PRINTER_SECTION,
     StoredMachine,
@@ -27,7 +26,7 @@ from orthoglide_cal.files.machine_file import (
     machine_file_in,
 )
 from orthoglide_cal.files.marlin_output import MARLIN_OUTPUT, read_marlin
-from orthoglide_cal.files.printer_file import PrinterFile, read_printer_file
+from orthoglide_cal.files.printer_file import PrinterFile
 from orthoglide_cal.files.probe_readings import (
     PLACE_COLUMNS,
     known_printer,
@@ -39,6 +38,13 @@ from orthoglide_cal.files.readings import (
     Conditions,
     conditions_in,
     readings_from_table,
+)
+from orthoglide_cal.files.reprapfirmware import (
+    HEIGHT_MAP,
+    SETTINGS,
+    read_codes,
+    read_codes_in,
+    read_height_map,
 )
 from orthoglide_cal.files.session_file import session_from_tree
 from orthoglide_cal.files.table import read_table

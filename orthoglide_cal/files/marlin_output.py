@@ -20,8 +20,13 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError, UnreachableError
 from orthoglide_cal.files.faults import Faults
-from orthoglide_cal.files.printer_file import USUAL_ANGLES_DEG, PrinterFile, Stored
-from orthoglide_cal.files.printer_settings import LARGEST_MM, within
+from orthoglide_cal.files.printer_file import (
+    LARGEST_MM,
+    USUAL_ANGLES_DEG,
+    PrinterFile,
+    Stored,
+    within,
+)
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model import Floats
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, counter_clockwise

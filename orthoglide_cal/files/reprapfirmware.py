@@ -1,11 +1,19 @@
-"""M665, M666, G31 and M851: the settings of RepRapFirmware (config.g) and of Marlin (M503).
+"""RepRapFirmware's config.g and heightmap.csv; and the settings that Marlin prints (M503).
+
+M665, M666, G31 and M851:
 
     RepRapFirmware   endstop = H + M666; G31 has the nozzle's height when the probe triggers
     Marlin           endstop = H − M666 − Z of M851, which is minus that height
 
 Both: L arms, R delta radius, X, Y, Z what is added to 210, 330 and 90 degrees. RepRapFirmware has
 the radius of the bed, B, and one arm or three in L; Marlin has A, B, C, what each arm exceeds L by.
-Sources: RepRapFirmware's "GCode dictionary", Marlin's documents of M503, M665, M666 and M851.
+
+A height map has a title with the date, the names of the grid's numbers, the numbers, then a line
+for each y from the lowest. A place that was not probed is a bare "0" (one that was probed has
+decimals). Places are the probe's, heights are counted from the trigger height.
+
+Sources: "GCode dictionary" and "Mesh bed compensation" of RepRapFirmware; Marlin's documents of
+M503, M665, M666 and M851.
 """
 
 from __future__ import annotations
@@ -19,8 +27,15 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import Faults
-from orthoglide_cal.files.printer_file import USUAL_ANGLES_DEG, PrinterFile, delta_of
-from orthoglide_cal.files.printer_settings import LARGEST_MM, within
+from orthoglide_cal.files.printer_file import (
+    LARGEST_MM,
+    USUAL_ANGLES_DEG,
+    ZERO_UNKNOWN,
+    PrinterFile,
+    Stored,
+    delta_of,
+    within,
+)
 from orthoglide_cal.files.text import FileText, read_document
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, counter_clockwise
 
@@ -32,10 +47,18 @@ _MARLIN = re.compile(r"\becho:|\bM851\b|^\s*M500\b", re.MULTILINE)
 SETTINGS = re.compile(
     r"^(?:recv:|echo:|[0-9:.,> \t])*M665\b[^;\n]*\sL", re.MULTILINE | re.IGNORECASE
 )
-
 _LOADS = re.compile(r"^\s*M501\b", re.MULTILINE | re.IGNORECASE)
-
 _DATE = re.compile(r"\b20[0-9]{2}-[0-9]{2}-[0-9]{2} [0-9]{2}:[0-9]{2}")
+HEIGHT_MAP = re.compile(r"\s*RepRapFirmware height map file")
+# Later versions name the axes, and number what earlier ones call x and y.
+_NAMES = {
+    f"{name}{number}": axis + name
+    for name in ("min", "max", "num", "spacing")
+    for number, axis in enumerate("xy")
+}
+_UNPROBED = "0"
+_AGAIN = "Probe the bed again: G29"
+_FAR = 1000.0  # mm, and places along one axis
 
 Words = dict[str, tuple[float, ...]]
 
@@ -104,6 +127,57 @@ def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile
             " bed again (G29)."
         )
     return replace(read_codes(*files), remarks=tuple(remarks))
+
+
+def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
+    """The settings, with the probed heights as their mesh. Raises InvalidFileError."""
+    faults, lines = Faults(document.path), document.text.strip("\n").split("\n")
+    if len(lines) < 3:
+        what = "The height map has no numbers: it was cut off."
+        raise InputError(what, _AGAIN, file=document.path, line=len(lines))
+    names = [_NAMES.get(name.strip(), name.strip()) for name in lines[1].lower().split(",")]
+    numbers = {}
+    for name, text in zip(names, lines[2].split(","), strict=False):
+        if name == "spacing" or name[1:] in ("num", "min", "spacing"):
+            with faults.noting(3, text, name):
+                numbers[name] = within(text.strip(), -_FAR, _FAR)
+    faults.check()
+    spacing = numbers.get("spacing", 0.0)  # the first version had one for both
+    try:
+        x, y = (
+            numbers[f"{axis}min"]
+            + numbers.get(f"{axis}spacing", spacing) * np.arange(numbers[f"{axis}num"])
+            for axis in "xy"
+        )
+    except KeyError as error:
+        what = f"The second line of the map has no {error}, or the third no number for it."
+        raise InputError(what, _AGAIN, file=document.path, line=2) from error
+    heights = np.full((len(y), len(x)), np.nan)
+    rows = lines[3:]
+    if len(rows) != len(y):
+        what = f"The map has {len(rows)} lines of heights, its header says {len(y)}."
+        faults.add(what, f"Was it cut off? {_AGAIN}", line=3 + len(rows))
+        faults.check()
+    for row, text in enumerate(rows):
+        cells = [cell.strip() for cell in text.split(",")]
+        if len(cells) != len(x):
+            what = f"The line has {len(cells)} heights, the header says {len(x)}."
+            faults.add(what, _AGAIN, line=4 + row)
+            continue
+        for column, cell in enumerate(cells):
+            with faults.noting(4 + row, cell):
+                if cell != _UNPROBED:
+                    heights[row, column] = within(cell, -LARGEST_MM)
+    if not faults and not np.isfinite(heights).any():
+        what = "No place of the map was probed: a placeholder, not a measurement."
+        faults.add(what, _AGAIN, line=4)
+    faults.check()
+    offset = np.nan_to_num(settings.probe)
+    lines_of = range(4, 4 + len(y))
+    grid = Stored.of_grid("heightmap", x, y, heights, lines_of, offset)
+    remark = f"If G30 was sent before G29, the map counts from that place: {ZERO_UNKNOWN}"
+    mesh, source = replace(grid, remarks=(remark,)), document.source
+    return replace(settings, probe=offset, mesh=mesh, source=source, firmware="reprapfirmware")
 
 
 def _words(file: FileText) -> Words:

@@ -1,0 +1,478 @@
+"""Klipper's printer.cfg to the parameters in force and what it stores of probing.
+
+Of a linear delta only: sections [printer], [stepper_a … c], [probe], [delta_calibrate] and
+[bed_mesh]; others may hold anything, and nothing in them is interpreted. Included files are not
+opened. A value goes on in lines that are indented more than its option. "#" begins a remark
+anywhere, ";" after a blank. The file's own lines win over those that SAVE_CONFIG wrote ("#*# …").
+Options, units and defaults: Klipper's documents "Configuration reference", "Delta calibration" and
+"Bed Mesh".
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.printer_file import (
+    LARGEST_MM,
+    USUAL_ANGLES_DEG,
+    ZERO_UNKNOWN,
+    PrinterFile,
+    Stored,
+    delta_of,
+    touching,
+    within,
+)
+from orthoglide_cal.files.text import FileText
+from orthoglide_cal.model import Floats
+from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise
+from orthoglide_cal.model.plan import Bools
+from orthoglide_cal.schema import parse_count, shortened
+
+T = TypeVar("T")
+
+SAVED = "#*#"
+_SECTION = re.compile(r"\[(.+)\]")  # what follows the bracket is passed over
+_OPTION = re.compile(r"([^:=]+?)\s*[:=]\s*(.*)")
+_COMMENT = re.compile(r"#.*$|(?:^|(?<=\s));.*$")
+_MOST = 1000  # steps of a turn, points of a mesh along one axis
+_TOWERS = ("stepper_a", "stepper_b", "stepper_c")
+# Probes that read while they move.
+_SCANNING = re.compile("scanner|cartographer|beacon|idm|probe_eddy_current .+")
+# Klipper's own, those of its descendants, and scanners that come with a module of their own.
+_PROBE = re.compile(
+    "probe|bltouch|smart_effector|load_cell_probe|dockable_probe|probe_eddy_current .+"
+    "|scanner|cartographer|beacon|idm"
+)
+_CALIBRATION = "delta_calibrate"
+_STORED = re.compile("(?:manual_)?height[0-9]|distance[0-9]")
+_PROFILE = "bed_mesh "
+_MATTERS = re.compile(
+    rf"printer|{'|'.join(_TOWERS)}|{_CALIBRATION}|bed_mesh|{_PROFILE}.*|{_PROBE.pattern}"
+)
+# Of [bed_mesh]: the place at which the height of the mesh is set to zero.
+_ZEROS = ("zero_reference_position", "relative_reference_index")
+_AGAIN = "Probe the bed and save the mesh again."
+# DELTA_CALIBRATE leaves stored heights right on the mean.
+_TRIMMED_MM = 0.02
+_ROUNDED = 0.01  # mm, to which the spacing of a mesh is rounded down
+
+
+@dataclass(frozen=True)
+class Value:
+    """The value of an option: (line in the file, text), without empty lines."""
+
+    line: int
+    texts: tuple[tuple[int, str], ...]
+
+    @property
+    def text(self) -> str:
+        return " ".join(text for _, text in self.texts)
+
+
+class _Settings:
+    """The options in force; what is wrong with one is noted, never raised.
+
+    Attributes:
+        sections: name → line.
+        options: (section, option) → value.
+        included: whether it includes other files, which are not read.
+        remarks: options that SAVE_CONFIG wrote in vain.
+    """
+
+    def __init__(self, document: FileText) -> None:
+        self.faults = Faults(document.path)
+        lines = list(enumerate(document.text.split("\n"), start=1))
+        written = [(line, text[len(SAVED) :]) for line, text in lines if text.startswith(SAVED)]
+        typed = [(line, text) for line, text in lines if not text.startswith(SAVED)]
+        own_sections, own = self._parsed(typed)
+        saved_sections, saved = self._parsed(written)
+        self.sections: Mapping[str, int] = {**saved_sections, **own_sections}
+        self.options: Mapping[tuple[str, str], Value] = {**saved, **own}
+        self.included = any(name.startswith("include ") for name in own_sections)
+        self._cut_off = not saved_sections
+        self.remarks = [
+            f"Line {value.line}, {key[1]} of [{key[0]}], which SAVE_CONFIG wrote, is not in"
+            f" force: line {own[key].line} says otherwise, and Klipper obeys that one."
+            " Delete one of the two."
+            for key, value in saved.items()
+            if key in own and own[key].text != value.text and _MATTERS.fullmatch(key[0])
+        ]
+
+    def _parsed(
+        self, lines: Iterable[tuple[int, str]]
+    ) -> tuple[dict[str, int], dict[tuple[str, str], Value]]:
+        """Sections and options of the file's own lines, or of those that SAVE_CONFIG wrote."""
+        sections: dict[str, int] = {}
+        options: dict[tuple[str, str], Value] = {}
+        section, option, indented = "", "", 0  # no option where none can go on
+        for line, raw in lines:
+            text = _COMMENT.sub("", raw).rstrip()
+            plain = text.lstrip()
+            indent = len(text) - len(plain)
+            if not plain:
+                continue
+            if option and indent > indented:
+                value = options[section, option]
+                options[section, option] = Value(value.line, (*value.texts, (line, plain)))
+                continue
+            option, indented = "", indent
+            if header := _SECTION.match(plain):
+                section = header[1].strip()
+                sections.setdefault(section, line)
+            elif plain.startswith("["):
+                section = ""
+                what = "The section's name has no closing bracket."
+                self.faults.add(what, "Write [name].", line=line, value=shortened(plain))
+            elif setting := _OPTION.match(plain):
+                option = setting[1].lower()
+                texts = ((line, setting[2]),) if setting[2] else ()
+                options[section, option] = Value(line, texts)
+            elif _MATTERS.fullmatch(section):
+                what = f"The line in [{section}] is not an option."
+                remedy = "Write “option: value”, or “#” in front of a remark."
+                self.faults.add(what, remedy, line=line, value=shortened(plain))
+        return sections, options
+
+    def options_of(self, section: str) -> dict[str, Value]:
+        """Option → value of one section."""
+        return {option: value for (name, option), value in self.options.items() if name == section}
+
+    def note(
+        self, section: str, option: str, what: str, remedy: str, line: int = 0, text: str = ""
+    ) -> None:
+        """A fault in the value of an option, or in the text in one of its lines."""
+        value = self.options[section, option]
+        said = shortened(text if line else value.text) or None
+        column = f"{option} of [{section}]"
+        self.faults.add(what, remedy, line=line or value.line, column=column, value=said)
+
+    def missing(self, section: str, option: str, line: int | None = None) -> None:
+        """The fault that an option is not there."""
+        remedy = f"Add “{option}: …” to [{section}]."
+        if self.included:
+            remedy = f"Copy [{section}] from the included file into this one."
+        if self._cut_off:
+            remedy += " Or was the file cut off? The block that SAVE_CONFIG writes is missing."
+        column = f"{option} of [{section}]"
+        line = line or self.sections.get(section)
+        self.faults.add("The option is missing.", remedy, line=line, column=column)
+
+    def read(
+        self, section: str, option: str, rule: Callable[[str], T], fault: T, default: T | None
+    ) -> T:
+        """What a rule makes of an option.
+
+        Args:
+            rule: text to value; raises InputError.
+            fault: for an option that breaks the rule.
+            default: for one that is not there; None if it must be.
+        """
+        value = self.options.get((section, option))
+        if value is None:
+            if default is not None:
+                return default
+            self.missing(section, option)
+            return fault
+        try:
+            return rule(value.text)
+        except InputError as error:
+            self.note(section, option, error.what, error.remedy)
+            return fault
+
+    def number(
+        self, section: str, option: str, default: float | None = None, low: float = -LARGEST_MM
+    ) -> float:
+        """A number above `low`; NaN if it is wrong."""
+        return self.read(section, option, lambda text: within(text, low), math.nan, default)
+
+    def count(self, section: str, option: str, default: int | None = None) -> int:
+        """A whole number from 1; 0 if it is wrong."""
+        return self.read(section, option, _count, 0, default)
+
+
+def read_printer_file(
+    document: FileText, calibration: Mapping[str, Value] | None = None
+) -> PrinterFile:
+    """What a printer.cfg says; `calibration` stands for the options of its [delta_calibrate].
+
+    Raises InvalidFileError with everything that is wrong in the lines that matter here.
+    """
+    settings = _Settings(document)
+    settings.faults.check()  # what follows from a broken line is no fault of its own
+    if calibration is not None:
+        kept = {key: value for key, value in settings.options.items() if key[0] != _CALIBRATION}
+        named = {(_CALIBRATION, option): value for option, value in calibration.items()}
+        settings.options = {**kept, **named}
+    _check_kind(settings)
+    radius = settings.number("printer", "delta_radius", low=0.0)
+    arms = _each(settings, "arm_length", 0.0 if math.isnan(radius) else radius)
+    endstops = _each(settings, "position_endstop", -LARGEST_MM)
+    angles = [
+        settings.number(tower, "angle", default, low=-720.0)
+        for tower, default in zip(_TOWERS, USUAL_ANGLES_DEG, strict=True)
+    ]
+    # The arms reach downwards only if the towers follow each other in one sense.
+    if not any(map(math.isnan, angles)) and not counter_clockwise(angles):
+        given = (settings.options.get((tower, "angle")) for tower in _TOWERS)
+        towers = ", ".join(f"[{tower}]" for tower in _TOWERS)
+        remedy = f"Check the angles of {towers}; they are usually near 210, 330 and 90."
+        line = max(value.line for value in given if value is not None)
+        settings.faults.add(TOWERS_TURN, remedy, line=line, column="angle")
+    print_radius = settings.number("printer", "print_radius", radius, low=0.0)
+    sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
+    probe = np.array([settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"])
+    home = endstops + np.sqrt(np.maximum(np.square(arms) - radius**2, 0.0))
+    # A file that stores no steps need not say how long they are.
+    stored = any(map(_STORED.match, settings.options_of(_CALIBRATION)))
+    step = np.array([_step(settings, tower) if stored else 0.0 for tower in _TOWERS])
+    heights = _calibration(settings, home, step, ("height", "manual_height"), ("_pos", "_pos"))
+    distances = _calibration(settings, home, step, ("distance",), ("_pos1", "_pos2"))
+    mesh = _mesh(settings, sensor, probe)
+    settings.faults.check()
+    scanning = _SCANNING.fullmatch(sensor) is not None
+    machine = delta_of(document, arms, radius, np.array(angles), endstops, print_radius, scanning)
+    return PrinterFile(
+        machine,
+        probe,
+        document.source,
+        heights=_reached(machine, heights, distances),
+        mesh=mesh,
+        remarks=tuple(settings.remarks),
+    )
+
+
+def _check_kind(settings: _Settings) -> None:
+    """Raises for a machine of another kind, or a file of something else."""
+    kind = settings.options.get(("printer", "kinematics"))
+    if kind and kind.text.lower() != "delta":
+        what = "The machine is not a linear delta."
+        settings.note("printer", "kinematics", what, "Give a delta's file.")
+        raise settings.faults.error()
+    if not kind and not {"printer", *_TOWERS} & set(settings.sections):
+        what = "The file does not describe a linear delta: it has no [printer] and no [stepper_a]."
+        remedy = "Give the printer.cfg of a delta."
+        if settings.included:
+            remedy = "Copy [printer] and [stepper_a … c] from the included files into this one."
+        raise InputError(what, remedy, file=settings.faults.file)
+    if not kind:
+        settings.missing("printer", "kinematics")
+
+
+def _each(settings: _Settings, option: str, low: float) -> Floats:
+    """A number of each tower; that of the first stands for the others where they have none."""
+    first = settings.number(_TOWERS[0], option, low=low)
+    others = (settings.number(tower, option, first, low) for tower in _TOWERS[1:])
+    return np.array((first, *others))
+
+
+def _step(settings: _Settings, tower: str) -> float:
+    """Way of a carriage with one step [mm]."""
+    turn, old = "rotation_distance", "step_distance"  # the latter until 2021
+    if (tower, turn) not in settings.options and (tower, old) in settings.options:
+        return settings.number(tower, old, low=0.0)
+    way = settings.number(tower, turn, low=0.0)
+    steps = settings.count(tower, "full_steps_per_rotation", 200)
+    steps *= settings.count(tower, "microsteps")
+    return way / (max(steps, 1) * settings.read(tower, "gear_ratio", _gears, math.nan, 1.0))
+
+
+def _calibration(
+    settings: _Settings, home: Floats, step: Floats, names: Sequence[str], ends: tuple[str, str]
+) -> list[Floats]:
+    """What [delta_calibrate] stores under these names, n values.
+
+    Returns:
+        Heights of the carriage joints over the bed at both ends of a distance, the same twice of a
+        height, shapes (n, 3) [mm]; the probe's offset, a height that was entered by hand, or the
+        distance that callipers showed [mm]; and the line of each.
+    """
+    pattern = re.compile(rf"(({'|'.join(names)})([0-9]{{1,6}}))(?:{'|'.join(('', *ends))})")
+    options = settings.options_of(_CALIBRATION)
+    found: dict[tuple[int, int, str], int] = {}
+    for option, value in options.items():
+        if match := pattern.fullmatch(option):
+            found.setdefault((names.index(match[2]), int(match[3]), match[1]), value.line)
+    lines = {key[-1]: found[key] for key in sorted(found)}
+    low = 0.0 if names == ("distance",) else -LARGEST_MM
+    values = [settings.number(_CALIBRATION, stem, math.nan, low) for stem in lines]
+    for stem, line in lines.items():
+        if stem not in options:
+            settings.missing(_CALIBRATION, stem, line)
+            continue
+        for end in dict.fromkeys(ends):
+            if stem + end not in options:
+                what = f"{stem} has no stepper positions: {stem}{end} is missing."
+                remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
+                settings.note(_CALIBRATION, stem, what, remedy)
+    nothing = [math.nan] * len(_TOWERS)
+    steps = (
+        [settings.read(_CALIBRATION, stem + end, _three, nothing, nothing) for stem in lines]
+        for end in ends
+    )
+    carriages = (home - np.reshape(each, (-1, 3)) * step for each in steps)
+    return [*carriages, np.array(values), np.array(list(lines.values()))]
+
+
+def _reached(machine: LinearDelta, *stored: Sequence[Floats]) -> Stored | None:
+    """Heights and distances, at the places where the machine's parameters put the nozzle."""
+    rails, known = machine.nominal_rails, stored[0][2]
+    if not len(known):
+        return None
+    first, second, value, line = map(np.concatenate, zip(*stored, strict=True))
+    place, other = (np.asarray(rails.tool_for(at, strict=False)) for at in (first, second))
+    plan = touching(place, known, np.arange(len(value)), other=other)
+    value = np.where(plan.distance, value - plan.wanted, place[:, 2] - value)
+    trimmed = float(np.mean(value[: len(known)]))
+    remark = (
+        f"The settings in force put the nozzle {abs(trimmed):.3f} mm"
+        f" {'higher' if trimmed > 0.0 else 'lower'} than it was stored at. If the endstops"
+        " were changed after DELTA_CALIBRATE, as for a first layer, entering the result"
+        " removes that: set the height of the nozzle again afterwards."
+    )
+    remarks = (remark,) if abs(trimmed) > _TRIMMED_MM else ()
+    return Stored(plan, value, line.astype(int), remarks=remarks)
+
+
+def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Stored | None:
+    profiles = [name for name in settings.sections if name.startswith(_PROFILE)]
+    if not profiles:
+        return None
+    section = next((name for name in profiles if name == f"{_PROFILE}default"), profiles[0])
+    profile = section.removeprefix(_PROFILE).strip()
+    remarks = [*_mesh_remarks(settings, sensor, section)]
+    if len(profiles) > 1:
+        remarks.append(
+            f"Of {len(profiles)} stored meshes, {profile!r} was taken. To take another, name it"
+            " [bed_mesh default] in a copy of the file."
+        )
+    x, y = (_grid(settings, section, axis) for axis in "xy")
+    lines, rows = _rows(settings, section, len(x), len(y))
+    stated = settings.number("bed_mesh", "mesh_radius", 0.0, low=0.0)
+    if settings.faults:
+        return None
+    probed = _probed(*np.meshgrid(x, y), rows, stated)
+    # Old versions stored the offsets with the mesh, and the places of the nozzle.
+    offset = probe * (0.0, 0.0, 1.0) if (section, "x_offset") in settings.options else probe
+    if padded := int(np.sum(~probed)):
+        remarks.append(
+            f"{padded} points of the mesh {profile!r} were not probed: they repeat a neighbour and"
+            " are left out."
+        )
+    mesh = Stored.of_grid(profile, x, y, np.where(probed, rows, math.nan), lines, offset)
+    return replace(mesh, remarks=tuple(remarks))
+
+
+def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[str]:
+    """What to know about the places, the heights and the age of a mesh."""
+    unstated = [axis for axis in ("x_offset", "y_offset") if (sensor, axis) not in settings.options]
+    if settings.included and unstated:
+        yield (
+            f"{' and '.join(unstated)} of [{sensor}] taken as 0: the file does not state it. If an"
+            f" included file does, copy its [{sensor}] into this one."
+        )
+    for option in _ZEROS:
+        if ("bed_mesh", option) in settings.options:
+            yield (
+                f"By line {settings.options['bed_mesh', option].line}, {option}, the mesh counts"
+                f" from one of its own places: {ZERO_UNKNOWN}"
+            )
+    # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
+    mesh = settings.options.get((section, "points"))
+    stored = settings.options_of(_CALIBRATION).items()
+    first = min((value.line for option, value in stored if _STORED.match(option)), default=0)
+    if mesh and first > mesh.line:
+        yield (
+            f"The calibration (line {first}) was stored after this mesh was saved first (line"
+            f" {mesh.line}). If BED_MESH_CALIBRATE was not run again since then, the mesh is older"
+            " than the calibration in force: the result is wrong."
+        )
+
+
+def _grid(settings: _Settings, section: str, axis: str) -> Floats:
+    """The places of a mesh along one axis [mm]; empty if they cannot be read."""
+    low, high = (settings.number(section, f"{end}_{axis}") for end in ("min", "max"))
+    count = settings.count(section, f"{axis}_count")
+    if low >= high:
+        settings.note(section, f"max_{axis}", "The mesh ends before it begins.", _AGAIN)
+    return np.linspace(low, high, count)
+
+
+def _rows(settings: _Settings, section: str, across: int, along: int) -> tuple[list[int], Floats]:
+    """Line of each row of a mesh, and the heights, shape (along, across)."""
+    points = settings.options.get((section, "points"))
+    if points is None:
+        settings.missing(section, "points")
+        return [], np.empty((0, 0))
+    rows = []
+    for line, text in points.texts:
+        cells = text.split(",")
+        if across and len(cells) != across:
+            what = f"The row of the mesh has {len(cells)} heights, x_count says {across}."
+            settings.note(section, "points", what, _AGAIN, line)
+            continue
+        try:
+            rows.append([within(cell, -LARGEST_MM) for cell in cells])
+        except InputError as error:
+            settings.note(section, "points", error.what, error.remedy, line, error.value or "")
+    if along and len(points.texts) != along:
+        what = f"The mesh has {len(points.texts)} rows, y_count says {along}."
+        settings.note(section, "points", what, _AGAIN, points.line)
+    return [line for line, _ in points.texts], np.array([] if settings.faults else rows)
+
+
+def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:
+    """Which points of a mesh were probed, shape as the others.
+
+    On a round bed only those in the circle are; the rest of each row repeats its outermost one.
+    The circle is the mesh radius about the middle; a mesh was not always taken with the radius that
+    the file states now: where the two do not fit together, its own width decides, and whether the
+    values repeat.
+    """
+    away = np.hypot(x - x.mean(), y - y.mean())
+    width = np.ptp(x) / 2.0
+    fits = -_ROUNDED <= stated - width <= _ROUNDED * x.shape[1]
+    inside = away <= (stated if fits else width) + _ROUNDED
+
+    def repeats(row: Floats, kept: Bools) -> bool:
+        """Whether the rest of a row repeats the outermost of those kept."""
+        places = np.flatnonzero(kept)
+        if not places.size:
+            return False
+        first, last = places[0], places[-1]
+        return bool(np.all(row[:first] == row[first]) and np.all(row[last:] == row[last]))
+
+    return inside if fits or all(map(repeats, height, inside)) else np.ones_like(inside)
+
+
+def _three(text: str) -> list[float]:
+    """Stepper positions of the towers."""
+    parts = text.split(",")
+    if len(parts) != len(_TOWERS):
+        raise InputError("These are not three stepper positions.", "Write a,b,c: one per tower.")
+    return [within(part, -1e8, 1e8) for part in parts]
+
+
+def _gears(text: str) -> float:
+    """The turns of the motor for one of the pulley: "5:1, 80:16" is 25."""
+    ratio = 1.0
+    for pair in text.split(","):
+        teeth = pair.split(":")
+        if len(teeth) != 2:
+            raise InputError("This is not a gear ratio.", "Write 5:1, or 5:1, 80:16.")
+        ratio *= within(teeth[0], 0.0) / within(teeth[1], 0.0)
+    return ratio
+
+
+def _count(text: str) -> int:
+    value = parse_count(text, 1)
+    if value > _MOST:
+        raise InputError(f"The number is larger than {_MOST}.", "Check it.")
+    return value
