@@ -1,7 +1,6 @@
-"""The machine file: what is accepted, what is refused and how, round trips."""
+"""The machine file of both kinds: what is accepted, what is refused and how, round trips."""
 
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,19 +11,33 @@ from hypothesis import strategies as st
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files import (
+    Session,
+    check_file,
     default_machine,
     machine_from_text,
     machine_text,
     machine_values,
     read_machine,
+    session_text,
 )
+from orthoglide_cal.files.machine_file import machine_in
+from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model import Effect, Estimate, Gauge, Model
+from orthoglide_cal.model.linear_delta import CALLIPER_MM
 from orthoglide_cal.model.machine import Details, Entered, JointOffsets, OwnGauge
 from orthoglide_cal.model.orthoglide import Orthoglide
+from tests.printers import CONFIG, UNEVEN, printer
+from tests.truth.delta import TOLERANCES, delta_yaml
 
-from .helpers import MACHINE, MODEL, PROTOTYPE, places, problems
+from .helpers import MACHINE, MODEL, PROTOTYPE, document, places, problems
 
 DIGEST = "0123456789abcdef" * 4
+TEXT, PRINTER = (path.read_text(encoding="utf-8") for path in (PROTOTYPE, CONFIG))
+CALLIPER = str(yaml.safe_load(PRINTER)["probe"]["calliper_mm"])
+
+
+def line_of(start: str) -> int:
+    return next(n for n, line in enumerate(PRINTER.split("\n"), 1) if line.startswith(start))
 
 
 def test_the_prototype_is_the_default():
@@ -49,31 +62,32 @@ def test_what_an_earlier_version_recorded_is_read():
     assert "live" not in kept["written"]
 
 
-def changed(tmp_path: Path, *pairs: tuple[str, str]) -> Path:
-    text = PROTOTYPE.read_text()
+def read(text: str) -> Model:
+    return machine_from_text(text, "m.yaml")
+
+
+def changed(text: str, *pairs: tuple[str, str]) -> str:
     for old, new in pairs:
-        assert old in text, old
+        assert text.count(old) == 1, old
         text = text.replace(old, new)
-    path = tmp_path / "m.yaml"
-    path.write_text(text)
-    return path
+    return text
 
 
-def test_how_well_a_gauge_stands_and_counts_may_be_stated(tmp_path):
+def test_how_well_a_gauge_stands_and_counts_may_be_stated():
     """And is written back; what nobody stated stays out of the file."""
     revolution = "revolution_mm: 1.0 "
     stated = (revolution, "placement_mm: 0.4\n  scale_u: 0.0003\n  " + revolution)
-    model = read_machine(changed(tmp_path, stated))
+    model = read(changed(TEXT, stated))
     gauge = model.machine.gauge
     assert (gauge.placement_mm, gauge.scale_u) == (0.4, 0.0003)
     assert (gauge.placement_std_mm, gauge.scale_std) == (0.4, 0.0003)
-    assert machine_from_text(machine_text(model), "m.yaml").machine.gauge == gauge
+    assert read(machine_text(model)).machine.gauge == gauge
     silent = default_machine()
     assert (silent.machine.gauge.placement_mm, silent.machine.gauge.scale_u) == (None, None)
     assert (silent.machine.gauge.placement_std_mm, silent.machine.gauge.scale_std) == (1.0, 0.001)
     assert not {"placement_mm", "scale_u"} & set(machine_values(silent)["gauge"])
     with pytest.raises(InputError, match="placement_mm"):
-        read_machine(changed(tmp_path, (revolution, "placement_mm: -1\n  " + revolution)))
+        read(changed(TEXT, (revolution, "placement_mm: -1\n  " + revolution)))
 
 
 L = "leg_length_mm: 310.25"
@@ -127,39 +141,83 @@ BAD = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("old", "new", "line", "path", "value", "what", "remedy"), BAD)
-def test_faults_name_place_and_remedy(tmp_path, old, new, line, path, value, what, remedy):
-    found = problems(read_machine, changed(tmp_path, (old, new)))
+A, R, T = "arm_length_mm: 344.1 ", "delta_radius_mm: 161.8", "[210, 330, 90]"
+E = "{a: 420, b: 420, c: 420}"
+BAD_OF_PRINTERS = [
+    (T, "[330, 210, 90]", 10, "tower_angles_deg", None, "counter-clockwise", "[210, 330, 90]"),
+    (T, "[210, 210, 90]", 10, "tower_angles_deg", None, "counter-clockwise", "firmware"),
+    (R, "delta_radius_mm: 344.1", 9, "delta_radius_mm", "344.1", "as large as an arm",
+     "horizontal distance"),
+    (R, "delta_radius_mm: 0", 9, "delta_radius_mm", "0", "greater than zero", "size"),
+    (R, "delta_radius: 161.8", 9, "delta_radius", "161.8", "not known", "'delta_radius_mm'?"),
+    (A, "arm_length_mm: [344, 344] ", 8, "arm_length_mm[2]", None, "too short", "Add"),
+    (A, "arm_length_mm: [344, 344, 0.5] ", 8, "arm_length_mm[2]", "0.5", "at least 1", "unit"),
+    (A, "arm_length_mm: [344, 344, 150] ", 9, "delta_radius_mm", "161.8", "as large as an arm",
+     "horizontal"),
+    (A, "arm_length_mm: -3 ", 8, "arm_length_mm", "-3", "greater than zero", "size"),
+    (E, "{a: 420, b: 420}", 11, "endstops_mm.c", None, "missing", "c: …"),
+    (E, "{a: 420, b: 420, c: 1e9}", 11, "endstops_mm.c", "1e9", "at most 10000", "unit"),
+    ("bed_radius_mm: 150", "bed_radius_mm: 0", 12, "bed_radius_mm", "0", "zero", "size"),
+    ("bed_radius_mm: 150", "bed_radius_mm: 150\nleg_length_mm: 3", 13, "leg_length_mm", "3",
+     "not known", "Known here"),
+    ("repeatability_mm: 0.012", "repeatability_mm: 0", 17, "probe.repeatability_mm", "0",
+     "greater than zero", "size"),
+    ("resolution_mm: 0.0", "resolution_mm: -1", 16, "probe.resolution_mm", "-1", "negative",
+     "zero or more"),
+    ("calliper_mm:", "caliper_mm:", 18, "probe.caliper_mm", CALLIPER, "not known",
+     "'calliper_mm'?"),
+    (f"calliper_mm: {CALLIPER}", "calliper_mm: 0", 18, "probe.calliper_mm", "0", "zero", "size"),
+    ("texture_mm: 0.02", "texture_mm: -0.1", 19, "probe.texture_mm", "-0.1", "negative", "zero"),
+    ("probe:", "prob:", 15, "prob", None, "not known", "'probe'?"),
+    ("misread: 0.1", "axis_gap: 0.1", line_of("  misread:"), "tolerances.axis_gap", "axis_gap",
+     "of this kind of machine", "Known: "),
+    ("probe_tilt: 0.05", "probe_tilt: 500", line_of("  probe_tilt:"), "tolerances.probe_tilt",
+     "500", "1000 times", "in mm"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "line", "path", "value", "what", "remedy"),
+    [*((TEXT, *row) for row in BAD), *((PRINTER, *row) for row in BAD_OF_PRINTERS)],
+)
+def test_faults_name_place_and_remedy(text, old, new, line, path, value, what, remedy):
+    found = problems(read, changed(text, (old, new)))
     at_place = [fault for fault in found if fault.column == path]
     assert places(at_place) == [(line, path, value)]
     assert what in at_place[0].what
     assert remedy in at_place[0].remedy
-    assert at_place[0].file.endswith("m.yaml")
+    assert at_place[0].file == "m.yaml"
 
 
-def test_all_faults_at_once_in_the_order_of_lines(tmp_path):
-    path = changed(tmp_path, (L, "leg_length_mm: x"), ("range_mm: 10", "rang_mm: 10"))
-    assert places(problems(read_machine, path)) == [
+def test_all_faults_at_once_in_the_order_of_lines():
+    text = changed(TEXT, (L, "leg_length_mm: x"), ("range_mm: 10", "rang_mm: 10"))
+    assert places(problems(read, text)) == [
         (7, "leg_length_mm", "x"), (14, "gauge.range_mm", None), (16, "gauge.rang_mm", "10"),
     ]  # fmt: skip
 
 
-def test_exponents_and_quotes_are_numbers(tmp_path):
-    path = changed(tmp_path, ("misread: 0.1", "misread: 1e-1"), (L, 'leg_length_mm: "300"'))
-    machine = read_machine(path).machine
+def test_an_unknown_kind_is_the_only_fault():
+    """The rest is understood as what it most likely means."""
+    for kind, wanted in (("linear_delt", "'linear_delta'?"), ("cartesian", "Known: orthoglide")):
+        (fault,) = problems(read, changed(PRINTER, ("kind: linear_delta", f"kind: {kind}")))
+        assert places([fault]) == [(4, "kind", kind)]
+        assert wanted in fault.remedy
+
+
+def test_exponents_and_quotes_are_numbers():
+    text = changed(TEXT, ("misread: 0.1", "misread: 1e-1"), (L, 'leg_length_mm: "300"'))
+    machine = read(text).machine
     assert machine.tolerances["misread"] == 0.1
     assert machine.leg_length_mm == 300.0
 
 
-def test_optional_parts(tmp_path):
-    path = tmp_path / "m.yaml"
-    path.write_text(
+def test_optional_parts():
+    model = read(
         "schema_version: 1\nname: bare\nleg_length_mm: 300\nparallelogram_width_mm: 80\n"
         "tool_offset_mm: 0\njoint_limits_mm: [-90, 50]\nworkspace_mm: 200\ntolerances:\n"
         "identified: ~\ngauge: {resolution_mm: 1e-3, range_mm: 12, revolution_mm: null,"
         " repeatability_mm: 0.002}\n"
     )
-    model = read_machine(path)
     machine = model.machine
     assert machine.kind == "orthoglide"
     assert machine.gauge.revolution_mm is None
@@ -170,16 +228,34 @@ def test_optional_parts(tmp_path):
     assert model.accepted == ()
 
 
+def test_optional_parts_of_a_printer():
+    content = yaml.safe_load(PRINTER)
+    del content["tolerances"], content["identified"]
+    del content["probe"]["texture_mm"], content["probe"]["calliper_mm"]
+    machine = read(yaml.safe_dump(content)).machine
+    assert (machine.probe.calliper_mm, machine.probe.texture_mm) == (CALLIPER_MM, None)
+    assert dict(machine.tolerances) == {}
+    # Towers may be counted from any angle on.
+    content["tower_angles_deg"] = [330.0, 90.0, 210.0]
+    assert read(yaml.safe_dump(content)).machine.tower_angles_deg == (330.0, 90.0, 210.0)
+
+
+def test_the_file_of_an_independent_program_with_three_arms():
+    same = printer(UNEVEN, TOLERANCES)
+    own = same.changed(name="truth-uneven", probe=same.probe.changed(texture_mm=UNEVEN.texture))
+    machine = read(delta_yaml(UNEVEN)).machine
+    assert machine == own
+    assert machine.expanding_mm == pytest.approx(np.mean(UNEVEN.arms))
+
+
 @pytest.mark.parametrize(
     ("text", "what"),
     [("- a\n", "not a machine file"), ("leg,posture\n", "not a machine file"),
      ("machine: {}\nreadings: []\n", "is a session")],
 )  # fmt: skip
-def test_other_files_are_told_apart(tmp_path, text, what):
-    path = tmp_path / "m.yaml"
-    path.write_text(text)
+def test_other_files_are_told_apart(text, what):
     with pytest.raises(InputError, match=what):
-        read_machine(path)
+        read(text)
 
 
 # Of no scale, and of a positive cause with nuisance parameters.
@@ -252,20 +328,47 @@ MACHINES = st.builds(
 )  # fmt: skip
 
 
-@given(MACHINES, st.lists(st.sampled_from(sorted(VALUES)), unique=True))
-@settings(max_examples=25, derandomize=True, deadline=None)
-def test_what_is_written_is_read_back_exactly(machine, causes):
+OF_PRINTERS = [
+    CAUSES[id].at(CAUSES[id].scale * np.linspace(0.1, 0.7, CAUSES[id].unknowns))
+    for id in ("tower_lean", "bed_shape")
+]
+MODELS = st.builds(
+    Model,
+    MACHINES,
+    st.lists(st.sampled_from(sorted(VALUES)), unique=True).map(
+        lambda ids: tuple(map(accepted, ids))
+    ),
+) | st.builds(
+    Model,
+    st.sampled_from([read(PRINTER).machine, read(delta_yaml(UNEVEN)).machine]),
+    st.just(tuple(each.accepted("2026-01-01", DIGEST) for each in OF_PRINTERS)),
+)
+
+
+@given(MODELS)
+@settings(max_examples=25)
+def test_what_is_written_is_read_back_exactly(model):
     """The machine to the last digit, its causes to twelve; and read and written it stays so."""
-    model = Model(machine, tuple(map(accepted, causes)))
     text = machine_text(model)
     for _ in range(2):
-        read = machine_from_text(text, "m.yaml")
-        assert read.machine == machine
-        assert {**machine_values(read), "complete": True} == yaml.safe_load(text)
-        assert machine_text(read) == text
-        assert [each.cause.id for each in read.accepted] == causes
-        for after, before in zip(read.accepted, model.accepted, strict=True):
+        again = read(text)
+        assert again.machine == model.machine
+        assert {**machine_values(again), "complete": True} == yaml.safe_load(text)
+        assert machine_text(again) == text
+        for after, before in zip(again.accepted, model.accepted, strict=True):
             assert_same(after, before)
+
+
+def test_a_shape_that_was_found_with_fewer_terms_is_read():
+    bed = CAUSES["bed_shape"]
+    theta = np.concatenate((np.linspace(0.1, 0.7, 7), np.zeros(18)))
+    found = bed.at(theta).accepted("2026-01-01", "0" * 64)
+    content = yaml.safe_load(machine_text(read(PRINTER).extended([found])))
+    kept = content["identified"][0]
+    kept["parameters"] = {name: kept["parameters"][name] for name in bed.names[:7]}
+    kept["correlation"] = np.eye(7).tolist()
+    (again,) = read(yaml.safe_dump(content)).accepted
+    assert again.theta == pytest.approx(theta)
 
 
 def test_the_file_holds_every_key_in_order():
@@ -277,7 +380,7 @@ def test_the_file_holds_every_key_in_order():
     ]  # fmt: skip
     assert content["kind"] == "orthoglide"
     silent = text_with(accepted()).replace("kind: orthoglide\n", "")
-    assert machine_values(machine_from_text(silent, "m.yaml")) | {"complete": True} == content
+    assert machine_values(read(silent)) | {"complete": True} == content
     (entry,) = content["identified"]
     assert list(entry) == ["cause", "where", "parameters", "date", "data_sha256", "correlation"]
     assert entry["where"] == ""
@@ -292,15 +395,15 @@ def test_parameters_in_another_order_keep_their_correlations():
     entry["parameters"] = {name: entry["parameters"][name] for name in names}
     entry["correlation"] = CORRELATION[np.ix_(order, order)].tolist()
     text = yaml.safe_dump(content, sort_keys=False)
-    (read,) = machine_from_text(text, "m.yaml").accepted
-    assert_same(read, accepted())
+    (found,) = read(text).accepted
+    assert_same(found, accepted())
 
 
 def wrong(text: str, old: str, new: str) -> tuple[InputError, int]:
     """The only fault after a change, and the line of the change."""
     assert old in text
     changed = text.replace(old, new, 1)
-    (fault,) = problems(machine_from_text, changed, "m.yaml")
+    (fault,) = problems(read, changed)
     pairs = zip(text.split("\n"), changed.split("\n"), strict=False)
     return fault, [a == b for a, b in pairs].index(False) + 1
 
@@ -355,7 +458,7 @@ def test_the_parameters_are_those_of_the_cause(change):
     parameters = {**entry["parameters"], **change}
     entry["parameters"] = {name: given for name, given in parameters.items() if given}
     text = yaml.safe_dump(content)
-    (fault,) = problems(machine_from_text, text, "m.yaml")
+    (fault,) = problems(read, text)
     assert places([fault]) == [
         (text.split("\n").index("  parameters:") + 1, "identified[0].parameters", None)
     ]
@@ -363,20 +466,19 @@ def test_the_parameters_are_those_of_the_cause(change):
 
 
 @pytest.mark.parametrize("text", ["k{}: 1\n", "tolerances:\n", "name: x\n", "machine: 1\n"])
-def test_many_faults_are_found_quickly(tmp_path, text):
-    path = tmp_path / "m.yaml"
+def test_many_faults_are_found_quickly(text):
     body = "".join(f"  misread{i}: 1\n" for i in range(25_000)) if "tol" in text else ""
-    path.write_text("".join(text.format(i) for i in range(1 if body else 25_000)) + body)
+    text = "".join(text.format(i) for i in range(1 if body else 25_000)) + body
     start = time.process_time()
-    assert len(problems(read_machine, path)) <= 1001
+    assert len(problems(read, text)) <= 1001
     assert time.process_time() - start < 3.0
 
 
 def test_correlations_may_be_missing():
     content = yaml.safe_load(text_with(accepted()))
     del content["identified"][0]["correlation"]
-    (read,) = machine_from_text(yaml.safe_dump(content), "m.yaml").accepted
-    assert_same(read, accepted(correlation=np.eye(3)))
+    (found,) = read(yaml.safe_dump(content)).accepted
+    assert_same(found, accepted(correlation=np.eye(3)))
 
 
 @pytest.mark.parametrize(
@@ -393,7 +495,76 @@ def test_correlations_are_checked(rows, what):
     content = yaml.safe_load(text_with(accepted()))
     content["identified"][0]["correlation"] = rows
     text = yaml.safe_dump(content)
-    (fault,) = problems(machine_from_text, text, "m.yaml")
+    (fault,) = problems(read, text)
     assert fault.column == "identified[0].correlation"
     assert text.split("\n")[fault.line - 1].strip().endswith("correlation:")
     assert what in fault.what
+
+
+# --- history and details -----------------------------------------------------------------------
+
+HISTORY = """
+history:
+- {date: 2025-01-31, before: {x: 0, y: 0, z: 0}, after: {x: 0.4, y: -0.1, z: 0},
+   data_sha256: DIGEST}
+report:
+  organisation: Foundry of Nantes
+  serial_number: "0042"
+  gauge_due: 2026-03-01
+""".replace("DIGEST", DIGEST)
+
+
+def test_history_and_details_are_kept_when_the_file_is_written_again(tmp_path):
+    path = tmp_path / "m.yaml"
+    path.write_text(TEXT + HISTORY)
+    model = read_machine(path)
+    (entry,) = model.machine.history
+    assert entry.model_dump(exclude={"before", "written"}) == {
+        "date": "2025-01-31",
+        "after": {"x": 0.4, "y": -0.1, "z": 0.0},
+        "data_sha256": DIGEST,
+    }
+    assert entry.before == (0.0, 0.0, 0.0)
+    assert model.machine.entered_from(DIGEST) == entry
+    assert model.machine.entered_from("0" * 64) is None
+    report = model.machine.report
+    assert (report.organisation, report.serial_number) == ("Foundry of Nantes", "0042")
+    assert (report.gauge_due, report.customer) == ("2026-03-01", None)
+    assert read(machine_text(model)).machine == model.machine
+    held = machine_in(load_tree(document(session_text(Session(machine=model)))), ("machine",))
+    assert held.machine == model.machine
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "column"),
+    [
+        ("date: 2025-01-31", "date: today", "history[0].date"),
+        ("z: 0},\n", "z: 2000},\n", "history[0].after.z"),
+        ("x: 0.4, ", "", "history[0].after.x"),
+        ("y: -0.1", "y: -0.1, w: 1", "history[0].after.w"),
+        (DIGEST, "abc", "history[0].data_sha256"),
+        ("serial_number", "number", "report.number"),
+        ("gauge_due: 2026-03-01", "gauge_due: soon", "report.gauge_due"),
+        ("organisation: Foundry of Nantes", "organisation: ''", "report.organisation"),
+    ],
+)
+def test_faults_of_history_and_details(old, new, column):
+    found = problems(read, TEXT + changed(HISTORY, (old, new)))
+    assert [fault.column for fault in found] == [column]
+
+
+def test_a_file_that_was_cut_off_is_noticed():
+    """Wherever: a cause less would move the offsets without a word."""
+    text = text_with(*map(accepted, VALUES))
+    lines = text.splitlines(keepends=True)
+    for end in range(1, len(lines)):
+        assert problems(read, "".join(lines[:end]))
+    assert len(read(text).accepted) == len(VALUES)
+
+
+def test_a_file_of_ones_own_without_identified_gets_a_remark(tmp_path):
+    path = tmp_path / "m.yaml"
+    path.write_text(TEXT.replace("identified: []", ""))
+    (remark,) = check_file(str(path))[0].remarks
+    assert "identified: []" in remark
+    assert check_file(str(PROTOTYPE))[0].remarks == ()

@@ -14,44 +14,13 @@ from .delta import (
     Layout,
     Surface,
     Truth,
-    feet,
     grain,
     make_delta_session,
-    places_of,
     probe_bed,
-    rails,
     touches,
     ways_between,
 )
 from .plan import frozen
-
-
-def test_where_the_towers_stand() -> None:
-    truth = Truth(radius=0.5, angles=frozen([0.0, 0.0, 1.0]), radii=frozen([0.0, 0.25, 0.0]))
-    found = feet(V400, truth)
-    np.testing.assert_allclose(found[0], [162.3 * np.cos(np.pi * 7 / 6), -81.15, 0.0])
-    np.testing.assert_allclose(np.hypot(*found[1, :2]), 162.55)
-    np.testing.assert_allclose(np.degrees(np.arctan2(found[2, 1], found[2, 0])), 91.0)
-
-
-def test_a_rail_leans_outwards_and_in_the_sense_of_its_angle() -> None:
-    """Tower c stands at 90°: outwards is +y, growing angle is −x."""
-    truth = Truth(leans=frozen(np.array([[0.0, 0.0], [0.0, 0.0], [3.0, 2.0]])))
-    up = rails(V400, truth)
-    np.testing.assert_allclose(up[2] / up[2, 2], [-2e-3, 3e-3, 1.0], atol=1e-12)
-    np.testing.assert_allclose(up[:2], [[0, 0, 1], [0, 0, 1]], atol=1e-12)
-
-
-def test_a_perfect_machine_reads_the_bed_the_probe_and_the_clock() -> None:
-    bed, tilt = Surface(150.0, {(1, 2): 0.2, (0, 0): 0.05}), Surface(150.0, {(2, 0): 0.07})
-    x, y = places_of(Layout(25), V400.bed).T
-    block, hours = np.full(25, 10.0), np.linspace(0.0, 1.0, 25)
-    z = touches(V400, Truth(bed=bed, tilt=tilt, drift=0.11), x, y, block, hours)
-    wanted = 10.0 + 0.05 + 0.2 * x * y**2 / 150.0**3 - 0.07 * x**2 / 150.0**2 + 0.11 * hours
-    np.testing.assert_allclose(z, wanted, atol=1e-9)
-    # Carriages that truly stand higher lift the tool: it has to go down further.
-    z = touches(V400, Truth(endstops=frozen([0.3] * 3)), *np.zeros((4, 1)))
-    np.testing.assert_allclose(z, [-0.3], atol=1e-9)
 
 
 def test_lost_motion_leaves_a_carriage_behind() -> None:
