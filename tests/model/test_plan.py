@@ -208,3 +208,33 @@ def test_a_place_and_a_label_make_a_setup(places, gauges, ordered, setups):
 
 def test_numbers_of_setups_follow_time():
     assert number_setups("ba", ["", ""], [1, 0], ordered=True).tolist() == [1, 0]
+
+
+# --- several parts ----------------------------------------------------------------------------
+
+
+def test_what_is_not_said_is_as_before() -> None:
+    plan = double_posture(PROTOTYPE, cycles=1)
+    assert not any(values.any() for values in (plan.part, plan.turned, plan.entered))
+    assert plan.entered.shape == plan.stood.shape == (len(plan), 3)
+    assert (plan.parts, plan.state) == (1, ())
+    with pytest.raises(ValueError, match="entered has shape"):
+        replace(plan, entered=np.zeros((2, 3)))
+
+
+def test_readings_that_differ_in_their_part_are_no_repeats() -> None:
+    plan = plan_of(
+        [
+            PlannedReading(
+                0, 1, d, Contact.FIXED, part=part, turned=part == 1, entered=(step, 0.0, 0.0)
+            )
+            for part, step in ((0, 0.0), (1, 0.0), (2, 0.5))
+            for d in (0.0, 60.0)
+        ]
+    )
+    assert plan.setup.tolist() == [0, 0, 1, 1, 2, 2]
+    assert plan.parts == 3
+    assert len(set(plan.cells.tolist())) == len(plan.distinct[0]) == 6
+    assert len(plan.moments[0]) == 4
+    plain = replace(plan, turned=False, entered=0.0)
+    assert len(set(plain.cells.tolist())) == len(plain.distinct[0]) == 2

@@ -11,6 +11,7 @@ from orthoglide_cal.errors import SingularError, UnreachableError
 from orthoglide_cal.model import (
     Contact,
     Floats,
+    Gauge,
     GaugePlan,
     Machine,
     Model,
@@ -19,10 +20,12 @@ from orthoglide_cal.model import (
     simulate,
     simulate_with_jacobian,
     single_posture,
+    zero_free,
 )
-from orthoglide_cal.model.model import STEP
+from orthoglide_cal.model.model import STEP, synthetic_session
+from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
-from tests.model import table2
+from tests.model import paper_kinematics
 from tests.model.geometries import bent_rails, mixed_plan, on_rails
 
 OFFSETS = np.array([1.7, -2.9, 0.8])
@@ -44,25 +47,24 @@ def difference_jacobian(model: Model, offsets: Floats, plan: GaugePlan) -> Float
 
 
 @both_machines
-@pytest.mark.parametrize("gauge_at", [0.5, 0.3, 0.71, 0.0])
-def test_readings_are_those_of_table_2(machine: Machine, gauge_at: float) -> None:
-    plan = double_posture(machine, cycles=1, gauge_at=gauge_at)
-    for offsets in np.random.default_rng(6).uniform(-5.0, 5.0, (10, 3)):
-        expected = table2.gauge_readings(machine, offsets, plan)
-        assert np.abs(simulate(Model(machine), offsets, plan) - expected).max() < 1e-10
-
-
-@both_machines
 def test_readings_on_bent_rails_wherever_the_gauges_touch(machine: Machine) -> None:
     """Rails that neither meet nor are square: joint end, tool end and all places between."""
     rails, plan = bent_rails(machine), mixed_plan(machine)
-    expected = table2.gauge_readings(machine, OFFSETS, plan, rails)
+    expected = paper_kinematics.gauge_readings(machine, OFFSETS, plan, rails)
     readings = simulate(on_rails(machine, rails), OFFSETS, plan)
     assert np.abs(readings - expected).max() < 1e-10
     assert {np.sum(plan.contact == contact) > 4 for contact in Contact} == {True}
 
 
 # --- derivatives by the offsets ---------------------------------------------------------------
+
+
+def stepped_within(plan: GaugePlan) -> GaugePlan:
+    """The closing readings of each leg are taken after a step was entered, stands untouched."""
+    closing = np.array([np.flatnonzero(plan.setup == k)[-1] for k in range(plan.setups)])
+    entered = np.zeros((len(plan), 3))
+    entered[closing] = 0.5, 0.0, -0.2
+    return replace(plan, entered=entered)
 
 
 def caused(machine: Machine) -> Model:
@@ -76,12 +78,16 @@ def caused(machine: Machine) -> Model:
 
 @both_machines
 @pytest.mark.parametrize("made", [Model, lambda m: on_rails(m, bent_rails(m)), caused])
-@pytest.mark.parametrize("gauges", [0.25, 0.5, "mixed", "ends"])
+@pytest.mark.parametrize("gauges", [0.25, 0.5, "mixed", "ends", "stepped"])
 def test_the_closed_form_of_the_jacobian(
     machine: Machine, gauges: float | str, made: Callable[[Machine], Model]
 ) -> None:
     """On rails of every sort, with gauges anywhere."""
-    plans = {"mixed": mixed_plan(machine), "ends": single_posture(machine, 2)}
+    plans = {
+        "mixed": mixed_plan(machine),
+        "ends": single_posture(machine, 2),
+        "stepped": stepped_within(double_posture(machine, 1)),
+    }
     plan = plans.get(gauges) or double_posture(machine, cycles=2, gauge_at=gauges)
     model = made(machine)
     assert model.real.still
@@ -124,3 +130,47 @@ def test_postures_without_a_tool_position_are_named() -> None:
     short = replace(nominal, lengths=np.full(3, 250.0))
     with pytest.raises(UnreachableError, match="Isotropic posture: The legs do not reach"):
         simulate(on_rails(PROTOTYPE, short), OFFSETS, low)
+
+
+# --- synthetic sessions: noise, zeros and steps of the gauge ------------------------------------
+
+
+def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
+    """Chance of failure about 1e-6 (five standard deviations of a variance)."""
+    plan, rng = double_posture(PROTOTYPE), np.random.default_rng(3)
+    signal = simulate(NOMINAL, OFFSETS, plan)
+    made = (PROTOTYPE.synthetic(plan, lambda _: signal, rng, PROTOTYPE.gauge) for _ in range(4000))
+    values = np.array([each.value for each in made])
+    steps = values / PROTOTYPE.gauge.resolution_mm
+    assert np.abs(steps - np.rint(steps)).max() < 1e-9
+    spread = (values - signal) @ zero_free(plan).T
+    expected = PROTOTYPE.gauge.noise_mm
+    assert spread.std() == pytest.approx(expected, rel=5.0 / np.sqrt(2.0 * spread.size) + 0.01)
+    zeros = (values - signal)[:, 0]
+    assert zeros.min() < -0.9
+    assert zeros.max() > 0.9
+
+
+def test_the_noise_of_a_gauge_is_its_repeatability_and_its_rounding() -> None:
+    """q/√12 by hand: 0.012/3.4641 = 0.003464; √(0.003464² + 0.0035²) = 0.004925."""
+    gauge = Gauge.model_construct(
+        resolution_mm=0.012, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.0035
+    )
+    assert gauge.rounding_mm == pytest.approx(0.0034641, abs=1e-7)
+    assert gauge.noise_mm == pytest.approx(0.0049244, abs=1e-7)
+
+
+def test_cycles_are_counted_in_time_within_a_set_up() -> None:
+    """Each end of the leg for itself, and each direction."""
+    readings = [
+        PlannedReading(1, direction, displacement, contact)
+        for direction, displacement, contact in (
+            (0, 0.0, Contact.FIXED), (0, 30.0, Contact.FIXED), (0, 0.0, Contact.FIXED),
+            (0, 30.0, Contact.TOOL), (0, 30.0, Contact.FIXED), (0, 30.0, Contact.FIXED),
+            (2, 30.0, Contact.FIXED),
+        )
+    ]  # fmt: skip
+    shuffled = replace(plan_of(readings), order=np.arange(7)[::-1])
+    made = synthetic_session(NOMINAL, shuffled, OFFSETS, np.random.default_rng(1))
+    assert made.posture == ("iso", "30", "iso", "30", "30", "30", "30")
+    assert made.cycle.tolist() == [2, 3, 1, 1, 2, 1, 1]

@@ -16,8 +16,7 @@ from orthoglide_cal.model.workspace import (
 )
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, extended
 from tests.model.geometries import bent_rails, on_rails
-from tests.model.paper_kinematics import direct, inverse, tool_near
-from tests.model.table2 import nominal_rails
+from tests.model.paper_kinematics import direct, inverse, nominal_rails, tool_near
 
 LENGTH = PROTOTYPE.leg_length_mm
 RAILS = nominal_rails(LENGTH)

@@ -33,7 +33,7 @@ from orthoglide_cal.paper.tables import (
 )
 from tests.estimation.sessions import problem_of
 from tests.machines import NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, sure
-from tests.model import table2
+from tests.model import paper_kinematics
 
 READINGS, SIX, TWELVE = DataKind.READINGS, DataKind.SIX, DataKind.TWELVE
 
@@ -72,10 +72,10 @@ def test_table_1_against_t_alpha_and_finite_differences(model: Model) -> None:
         moved = machine.displacement_mm(posture)
         tangent = moved / np.sqrt(machine.leg_length_mm**2 - moved**2)
         assert computed == pytest.approx((tangent, 1.0, 0.0, 1.0 + tangent), abs=1e-6)
-        commanded = table2.joints(machine, leg, moved)
+        commanded = paper_kinematics.joints(machine, leg, moved)
         for k, value in zip((leg, direction, third), computed, strict=False):
             ahead, behind = (
-                table2.tool(machine.leg_length_mm, commanded + sign * step * np.eye(3)[k])
+                paper_kinematics.tool(machine.leg_length_mm, commanded + sign * step * np.eye(3)[k])
                 for sign in (1.0, -1.0)
             )
             jacobian = (ahead[direction] - behind[direction]) / (2.0 * step)
@@ -100,8 +100,8 @@ def test_the_bound_is_the_cramer_rao_bound(model: Model) -> None:
             moved = machine.displacement_mm(posture)
             jacobian = [
                 (
-                    table2.gauge_reading(machine, 1e-3 * axis, leg, direction, moved)
-                    - table2.gauge_reading(machine, -1e-3 * axis, leg, direction, moved)
+                    paper_kinematics.gauge_reading(machine, 1e-3 * axis, leg, direction, moved)
+                    - paper_kinematics.gauge_reading(machine, -1e-3 * axis, leg, direction, moved)
                 )
                 / 2e-3
                 for axis in np.eye(3)
