@@ -89,18 +89,14 @@ def apply(
         if not agrees(question):
             common.tell("Nothing was changed.")
             return
-        runs = controller is not None and controller.adds and is_live(controller)
-        live = runs and agrees(LIVE)
         _write(found)
         if json:
             common.deliver(document, as_json=True)
         common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
-        if live and controller:
+        if controller and controller.adds and is_live(controller) and agrees(LIVE):
             if not is_live(controller_file(controller.target), anew=True):
-                raise InputError(
-                    "The running LinuxCNC does not take the offsets; its INI holds them.",
-                    "Restart LinuxCNC, then home.",
-                )
+                what = "The running LinuxCNC does not take the offsets; its INI holds them."
+                raise InputError(what, "Restart LinuxCNC, then home.")
             common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
         if controller and server(controller.target) and agrees(RESTART):
             restart(controller.target)
@@ -142,9 +138,8 @@ def _entered(
     from orthoglide_cal.report.controller import values_of
     from orthoglide_cal.results import apply as application
 
-    of_printer = to is not None and not to.adds
     file = None
-    if machine or not of_printer or machine_in_folder(Path()):
+    if machine or to is None or to.adds or machine_in_folder(Path()):
         file = common.read_machine_file(common.own_machine_file(machine))
     if file and file.model.machine.keeps_itself and to is None:
         known = file.model.machine

@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -39,13 +39,11 @@ _KLIPPER = {
     **{f"arm_{tower}": (f"stepper_{tower}", "arm_length") for tower in "abc"},
     **{tower: (f"stepper_{tower}", "position_endstop") for tower in "abc"},
 }
-_ROUNDED = 1e-4  # of a value in the file [mm, deg]
 _HEADER = """
 #*# <---------------------- SAVE_CONFIG ---------------------->
 #*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
 #*#
 """
-_FOREIGN = re.compile(r"^(?!#\*#( |$)).*", re.MULTILINE)  # a line that is not of the block
 _ADD = "Write {1} = {2} once in [{0}]; values in included files are not read."
 _SAVE = (
     "Run DELTA_CALIBRATE and SAVE_CONFIG once: Klipper then keeps it in its block. If it is in"
@@ -86,9 +84,7 @@ class ControllerFile:
             if abs(new - before) >= 0.5 * 10.0**-decimals:
                 shown = max(decimals, len(stands.before.partition(".")[2]))
                 values.append(stands.changed(after=plain(new, shown)))
-        then = self._replaced(values)
-        digests = {"sha256_before": self.sha256, "sha256_after": then.sha256}
-        return Written(target=self.target, **digests, values=tuple(values)), then.data
+        return self._replaced(values)
 
     def restored(self, written: Written) -> bytes:
         """The bytes as they were before they were written, to the last one.
@@ -96,9 +92,10 @@ class ControllerFile:
         Raises UsageError, with what differs, if the file is not what was written any more.
         """
         wrote = written.values
-        then = self._replaced(each.changed(before=each.after, after=each.before) for each in wrote)
-        if (self.sha256, then.sha256) == (written.sha256_after, written.sha256_before):
-            return then.data
+        back = [each.changed(before=each.after, after=each.before) for each in wrote]
+        then, data = self._replaced(back)
+        if (self.sha256, then.sha256_after) == (written.sha256_after, written.sha256_before):
+            return data
         other = "The values are the same; something else in it was changed."
         what = self.differing({each.key: float(each.after) for each in wrote}) or other
         by_hand = ", ".join(f"{each.key} = {each.before}" for each in wrote)
@@ -113,25 +110,24 @@ class ControllerFile:
         return " ".join(
             f"{key} holds {held.get(key, 'nothing')} instead of {value:g}."
             for key, value in expected.items()
-            if key not in held or abs(float(held[key]) - value) > _ROUNDED
+            if key not in held or abs(float(held[key]) - value) > 1e-4  # mm, deg: rounded there
         )
 
-    def _replaced(self, values: Iterable[WrittenValue]) -> ControllerFile:
-        """The file with other values in some lines."""
+    def _replaced(self, values: Sequence[WrittenValue]) -> tuple[Written, bytes]:
+        """What is written with other values in some lines, for the record, and the bytes then."""
         lines = dict(enumerate(self.data.splitlines(keepends=True), start=1))
         for each in values:
             # Behind the sign: what stands before it may hold the same digits.
             key, *value = re.split(rb"(?<=[:=])", lines.get(each.line, b""), maxsplit=1)
             after = b"".join(value).replace(each.before.encode(), each.after.encode(), 1)
             lines[each.line] = key + after
-        return replace(self, data=b"".join(lines.values()))
+        then = replace(self, data=b"".join(lines.values()))
+        digests = {"sha256_before": self.sha256, "sha256_after": then.sha256}
+        return Written(target=self.target, **digests, values=tuple(values)), then.data
 
 
 def controller_file(target: str) -> ControllerFile:
-    """What stands in a controller's file.
-
-    Args:
-        target: path, or address of a Moonraker server.
+    """What stands in a controller's file, of a path or of the address of a Moonraker server.
 
     Raises:
         InvalidFileError: values are not where they can be changed; each with its line.
@@ -152,11 +148,10 @@ def controller_file(target: str) -> ControllerFile:
         )
     above, header, block = text.partition(_HEADER)
     heading = (above + header).count("\n") - 1 if header else len(text)
-    if header and (foreign := _FOREIGN.search(block.rstrip())):
-        what = "Because of this line below its heading Klipper ignores what SAVE_CONFIG wrote."
-        line = heading + 1 + block.count("\n", 0, foreign.start())
-        remedy = "Move it above the block."
-        raise InputError(what, remedy, file=target, line=line, value=foreign[0])
+    for number, line in enumerate(block.rstrip().split("\n") if header else (), heading + 1):
+        if not re.match(r"#\*#( |$)", line):
+            what = "Because of this line below its heading Klipper ignores what SAVE_CONFIG wrote."
+            raise InputError(what, "Move it above the block.", file=target, line=number, value=line)
     found = _found(target, text.replace("\n#*#", "\n"), ":=", _KLIPPER, heading)
     included = "The file includes others. A value that is also in one of them is the one in force."
     remarks = (included,) if "\n[include " in text else ()
@@ -166,9 +161,7 @@ def controller_file(target: str) -> ControllerFile:
 def replace_file(target: str, before: str, data: bytes) -> None:
     """Write a file, or the printer.cfg of a server, if it still has this digest, or is new.
 
-    Raises:
-        UsageError: it was changed meanwhile, or the printer prints.
-        InputError: it cannot be written.
+    Raises UsageError: it was changed meanwhile, or the printer prints; InputError as `write_text`.
     """
     server = moonraker.server(target)
     there = server or Path(target).exists()

@@ -28,18 +28,14 @@ _UNITS = {"MM": 1.0, "INCH": MM_PER_INCH, "CM": 10.0}
 class Stood(NamedTuple):
     """How far a machine stood from a posture (the largest difference of a joint), and where."""
 
-    away_mm: float
-    words: str
+    away_mm: float = 0.0
+    words: str = ""  # none where nobody knows
 
 
 class Standing:
-    """The joints of a running controller, for as long as it answers.
+    """The joints of a running controller at `linuxcnc[:HOST[:PORT]]`, of linuxcncrsh.
 
-    Args:
-        address: linuxcnc[:HOST[:PORT]], of linuxcncrsh.
-
-    Raises:
-        UsageError: there is no LinuxCNC, or one that cannot be followed.
+    Raises UsageError: there is no LinuxCNC, or one that cannot be followed.
     """
 
     def __init__(self, address: str) -> None:
@@ -72,9 +68,7 @@ class Standing:
                 to either [mm], shape (3,).
             home_mm: joint value of the isotropic posture; a controller may count from there.
 
-        Raises:
-            OSError: nothing answers any more.
-            ValueError: the answer is no place.
+        Raises OSError, ValueError: nothing answers any more, or the answer is no place.
         """
         answer = self._ask("get joint_pos", "JOINT_POS")[: len(AXES)]
         stands = self._unit_mm * np.array(answer, dtype=float)

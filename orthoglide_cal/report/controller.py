@@ -110,11 +110,7 @@ def as_text(export: Export) -> str:
 
 
 def as_linuxcnc(export: Export) -> str:
-    """Comments and one [JOINT_n] section per axis; true position = indicated + HOME_OFFSET.
-
-    To be pasted by hand: the configuration itself is never rewritten, because its repeated keys
-    and comments would not survive.
-    """
+    """Comments and one [JOINT_n] section per axis; true position = indicated + HOME_OFFSET."""
     digits = export.case.answer.decimals
     lines = [
         *_comments("#", export.head()),

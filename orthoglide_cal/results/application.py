@@ -203,20 +203,18 @@ def take_back(
             f"{path} holds {_triple(machine.active)} mm, not what was entered on {last.date}.",
             "It was changed by hand: change it back by hand.",
         )
-    then, data = with_history(file, last.before, *history), b""
-    if last.written is None and controller is not None:
+    written, data = last.written, b""
+    if written is None and controller is not None:
         raise UsageError(f"{path} records that nothing was written.", "Leave out --to.")
-    if last.written is not None:
-        if controller is None or controller.target != last.written.target:
-            raise UsageError(
-                f"The last entry of {path} was written to {last.written.target}.",
-                "Restore that, too: "
-                + command("apply", options=f"--undo --to {last.written.target}"),
-            )
-        if controller.sha256 == last.written.sha256_before:
-            controller = None
-        else:
-            data = controller.restored(last.written)
+    if written and (controller is None or controller.target != written.target):
+        again = command("apply", options=f"--undo --to {written.target}")
+        what = f"The last entry of {path} was written to {written.target}."
+        raise UsageError(what, f"Restore that, too: {again}")
+    if written and controller and controller.sha256 == written.sha256_before:
+        controller = None  # the program was killed before it wrote that file
+    elif written and controller:
+        data = controller.restored(written)
+    then = with_history(file, last.before, *history)
     return Application(file, last, True, then, None, controller, data)
 
 

@@ -188,12 +188,10 @@ class Dialogue:
         self.asker.show(f"Simulated; hidden were {' '.join(hidden)} mm: {told}.")
 
     def close(self) -> None:
-        """Let go of the gauge and the journal."""
-        if self.asker.gauge is not None:
-            self.asker.gauge.close()
-        if self.standing is not None:
-            self.standing.close()
-        self.journal.close()
+        """Let go of the gauge, the machine that is followed, and the journal."""
+        for each in (self.asker.gauge, self.standing, self.journal):
+            if each is not None:
+                each.close()
 
     # ---- what is asked
 
@@ -227,25 +225,24 @@ class Dialogue:
         answer = asker.ask(f"{place}\n{gauge}", step, self.state.takes(step.number))
         self._receive(answer, step)
 
-    def _stood(self, step: SessionStep) -> Stood | None:
+    def _stood(self, step: SessionStep) -> Stood:
         """Where the machine stands, if it is followed; that it is not any more is said once."""
         if self.standing is None:
-            return None
+            return Stood()
         point = wording.point(step, self.setting)
         try:
             return self.standing.at(point.joints, point.tool, self.setting.machine.home_mm)
         except (OSError, ValueError) as gone:
             self.standing.close()
             self.standing = None
-            why = system_words(gone)
-            said = f"LinuxCNC does not answer any more: {why}. Continue by hand: nothing is lost."
-            self.asker.say(said, Style.BAD)
-            return None
+            said = f"LinuxCNC does not answer any more: {system_words(gone)}."
+            self.asker.say(f"{said} Continue by hand: nothing is lost.", Style.BAD)
+            return Stood()
 
     def _wait_for(self, step: SessionStep) -> None:
         """Wait until a machine that is followed stands where the step is read."""
         said, keyboard = False, self.asker.keyboard
-        while (stood := self._stood(step)) is not None and stood.away_mm > NEAR_MM:
+        while self._stood(step).away_mm > NEAR_MM:
             if not said:
                 self.asker.say("   waiting until the machine stands there (Return: continue)")
             said = True
@@ -348,10 +345,10 @@ class Dialogue:
             value_mm=value,
             raw=token.raw[:80],
             source=token.source,
-            remark=stood.words if stood else "",
+            remark=stood.words,
         )
         question = check(coming, value)
-        if stood and stood.away_mm > NEAR_MM:
+        if stood.away_mm > NEAR_MM:
             far = f"The machine stands {stood.away_mm:.2f} mm from where this is read: drive there?"
             question = Question(Doubt.PLACE, far)
         if question is None:
