@@ -135,7 +135,7 @@ def _entered(
     """
     from orthoglide_cal.files import machine_in_folder, new_machine_file, read_input
     from orthoglide_cal.report.case import SETTLED
-    from orthoglide_cal.report.controller import values_of
+    from orthoglide_cal.report.controller import told_by_name
     from orthoglide_cal.results import apply as application
 
     file = None
@@ -153,7 +153,7 @@ def _entered(
     if answer.release.settled:
         raise UsageError(f"{SETTLED}.", "Leave everything as it is.")
     file = file or new_machine_file(given.model)
-    values = values_of(export).by_name if file.model.machine.keeps_itself else None
+    values = told_by_name(export) if file.model.machine.keeps_itself else None
     measured_on = read_input(path).model if given.is_session else None
     now = datetime.now().astimezone()
     return application(given, answer, file, now, measured_on, to, values)

@@ -17,7 +17,7 @@ lowered by its adjustment.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,7 @@ from orthoglide_cal.model import AXES
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.case import SETTLED, Case, check_words
+from orthoglide_cal.report.documents.solution import common_unit
 from orthoglide_cal.results import Identity
 from orthoglide_cal.words import coverage_words, plain, two_figures, typed
 
@@ -89,12 +90,10 @@ def as_text(export: Export) -> str:
         active, new = plain(each.active, digits), plain(each.new(digits), digits)
         rows.append((name, active, change, two_figures(each.expanded), new))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    unit = f", {case.unit}" if case.unit else ""
     lines = [
-        *map(visible, export.head()),
         "",
-        f"{case.words.title}{unit} ({case.words.relation}; U: expanded uncertainty,"
-        f" {coverage_words(answer.k or 0.0)}, {100 * answer.confidence:.0f} %)",
+        f"{case.words.title}{common_unit(case.machine)} ({case.words.relation}; U: expanded"
+        f" uncertainty, {coverage_words(answer.k or 0.0)}, {100 * answer.confidence:.0f} %)",
         *("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows),
         "",
     ]
@@ -106,14 +105,13 @@ def as_text(export: Export) -> str:
             said = f"{each.name}: the controller says {plain(says, digits)} mm, truly {truly} mm"
             lines.append(said)
         lines.append("")
-    return "\n".join((*lines, *map(visible, export.afterwards()), ""))
+    return _framed(export, "", lines)
 
 
 def as_linuxcnc(export: Export) -> str:
     """Comments and one [JOINT_n] section per axis; true position = indicated + HOME_OFFSET."""
     digits = export.case.answer.decimals
     lines = [
-        *_comments("#", export.head()),
         "#",
         "# HOME_OFFSET takes the joint offset with its sign, in mm (divide by 25.4 if LINEAR_UNITS",
         "# is inch). If yours holds more than the offset, such as the place of the home switch,",
@@ -127,11 +125,14 @@ def as_linuxcnc(export: Export) -> str:
             f" change {typed(each.change(digits), digits)} (U = {two_figures(each.expanded)})",
             f"HOME_OFFSET = {plain(each.new(digits), digits)}",
         ]
-    return "\n".join((*lines, "", *_comments("#", export.afterwards()), ""))
+    return _framed(export, "# ", [*lines, ""])
 
 
-def _comments(sign: str, lines: Iterable[str]) -> list[str]:
-    return [f"{sign} {visible(line)}" for line in lines]
+def _framed(export: Export, sign: str, lines: Iterable[str], *remarks: str) -> str:
+    """The lines between what they are and what to do then, which begin with a sign."""
+    head = (f"{sign}{visible(line)}" for line in (*export.head(), *remarks))
+    after = (f"{sign}{visible(line)}" for line in export.afterwards())
+    return "\n".join((*head, *lines, *after, ""))
 
 
 def as_table(table: Compensation, export: Export) -> str:
@@ -150,31 +151,8 @@ def as_table(table: Compensation, export: Export) -> str:
 # --- firmwares of a linear delta --------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class FirmwareValues:
-    """The numbers of a firmware, those of towers a, b, c in this order."""
-
-    arms: tuple[float, ...]  # [mm]
-    radius: float  # delta radius [mm]
-    angles: tuple[float, ...]  # counter-clockwise from x [deg]
-    endstops: tuple[float, ...]  # height of the nozzle, in the middle, at which each triggers [mm]
-    bed: float  # radius [mm]
-
-    @property
-    def equal_arms(self) -> bool:
-        """Whether one length is enough."""
-        return len({round(arm, _DECIMALS) for arm in self.arms}) == 1
-
-    @property
-    def by_name(self) -> dict[str, float]:
-        """Each value by the name that a calibration gives it; arms as arm_a, arm_b, arm_c."""
-        names = [*"abc", "radius", *(f"{of}_{tower}" for of in ("angle", "arm") for tower in "abc")]
-        values = (*self.endstops, self.radius, *self.angles, *self.arms)
-        return dict(zip(names, values, strict=True))
-
-
-def values_of(export: Export) -> FirmwareValues:
-    """What is to be entered; arms that were accepted as longer are entered as they are."""
+def told(export: Export) -> LinearDelta:
+    """The machine as its firmware is to have it, with arms that were accepted as longer."""
     model, answer = export.case.given.model, export.case.answer
     machine = LinearDelta.require(model.machine)
     *endstops, radius, angle_a, angle_b = (each.new(answer.decimals) for each in answer.parameters)
@@ -185,16 +163,23 @@ def values_of(export: Export) -> FirmwareValues:
             arms += effect.theta
     # The carriages stay where they are; longer arms let the nozzle down.
     lower = np.sqrt(arms**2 - radius**2) - np.sqrt(nominal**2 - radius**2)
-    return FirmwareValues(
-        tuple(arms.tolist()),
-        radius,
-        (angle_a, angle_b, machine.tower_angles_deg[2]),
-        tuple((np.array(endstops) - lower).tolist()),
-        machine.bed_radius_mm,
+    return machine.changed(
+        arm_length_mm=tuple(arms.tolist()),
+        delta_radius_mm=radius,
+        tower_angles_deg=(angle_a, angle_b, machine.tower_angles_deg[2]),
+        endstops_mm=tuple((np.array(endstops) - lower).tolist()),
     )
 
 
-def klipper(values: FirmwareValues) -> Iterator[str]:
+def told_by_name(export: Export) -> dict[str, float]:
+    """The same by the names that a calibration gives them; arms as arm_a, arm_b, arm_c."""
+    new = told(export)
+    names = [*"abc", "radius", *(f"{of}_{tower}" for of in ("angle", "arm") for tower in "abc")]
+    values = (*new.endstops_mm, new.delta_radius_mm, *new.tower_angles_deg, *new.arm_length_mm)
+    return dict(zip(names, values, strict=True))
+
+
+def klipper(new: LinearDelta) -> Iterator[str]:
     """Lines of the SAVE_CONFIG block of printer.cfg."""
     yield "# In printer.cfg, at its end: put these in place of the same lines of the SAVE_CONFIG"
     yield "# block. Paste nothing else there: every line of it begins with #*#."
@@ -202,56 +187,59 @@ def klipper(values: FirmwareValues) -> Iterator[str]:
     yield "# those first."
     yield "# Then type RESTART, home (G28), and make a new mesh (BED_MESH_CALIBRATE)."
     yield "#*# [printer]"
-    yield f"#*# delta_radius = {_number(values.radius)}"
-    for tower, *numbers in zip("abc", values.angles, values.arms, values.endstops, strict=True):
+    yield f"#*# delta_radius = {_number(new.delta_radius_mm)}"
+    towers = new.tower_angles_deg, new.arm_length_mm, new.endstops_mm
+    for tower, *numbers in zip("abc", *towers, strict=True):
         yield from ("#*#", f"#*# [stepper_{tower}]")
         named = zip(("angle", "arm_length", "position_endstop"), numbers, strict=True)
         yield from (f"#*# {name} = {_number(value)}" for name, value in named)
 
 
-def reprapfirmware(values: FirmwareValues) -> Iterator[str]:
+def reprapfirmware(new: LinearDelta) -> Iterator[str]:
     """M665 and M666 of config.g; towers a, b, c are X, Y, Z."""
     yield "; In config.g, in place of its M665 and M666; if config-override.g has them, too, delete"
     yield "; them there. Then restart, home (G28), and make a new height map (G29)."
-    arms = values.arms[:1] if values.equal_arms else values.arms
-    height = float(np.mean(values.endstops))
-    lengths = ":".join(map(_number, arms))
-    yield (
-        f"M665 L{lengths} R{_number(values.radius)} H{_number(height)} B{_number(values.bed)}"
-        f" {_towers(_trims(values))}"
-    )
-    yield f"M666 {_towers([endstop - height for endstop in values.endstops])}"
-    if not values.equal_arms:
+    arms = new.arm_length_mm[:1] if _equal(new) else new.arm_length_mm
+    lengths, height = ":".join(map(_number, arms)), float(np.mean(new.endstops_mm))
+    radius, bed = _number(new.delta_radius_mm), _number(new.bed_radius_mm)
+    yield f"M665 L{lengths} R{radius} H{_number(height)} B{bed} {_turned(new)}"
+    yield f"M666 {_towers([endstop - height for endstop in new.endstops_mm])}"
+    if not _equal(new):
         yield "; Three lengths after L need RepRapFirmware 2.03 or newer."
 
 
-def marlin(values: FirmwareValues) -> Iterator[str]:
+def marlin(new: LinearDelta) -> Iterator[str]:
     """M665 and M666, saved with M500; towers a, b, c are X, Y, Z."""
     yield "; Send these lines, then home (G28) and make a new mesh (G29). If Marlin knows a Z"
     yield "; offset of the probe (M851), add it to H with its sign: it takes it off again."
     yield "; M500 keeps the values only where Marlin has EEPROM_SETTINGS; otherwise enter them in"
     yield "; Configuration.h, too."
-    arm = float(np.mean(values.arms))
+    arm = float(np.mean(new.arm_length_mm))
     # No endstop may be adjusted upwards.
-    height = min(values.endstops)
-    line = f"M665 L{_number(arm)} R{_number(values.radius)} H{_number(height)}"
-    line += f" {_towers(_trims(values))}"
-    if not values.equal_arms:
-        named = zip("ABC", values.arms, strict=True)
+    height = min(new.endstops_mm)
+    radius = _number(new.delta_radius_mm)
+    line = f"M665 L{_number(arm)} R{radius} H{_number(height)} {_turned(new)}"
+    if not _equal(new):
+        named = zip("ABC", new.arm_length_mm, strict=True)
         line += "".join(f" {name}{_number(each - arm)}" for name, each in named)
     yield line
-    yield f"M666 {_towers([height - endstop for endstop in values.endstops])}"
+    yield f"M666 {_towers([height - endstop for endstop in new.endstops_mm])}"
     yield "M500"
-    if not values.equal_arms:
+    if not _equal(new):
         yield "; A, B, C: each arm's excess over L. In old versions B meant something else: then"
         yield "; leave A, B and C out; the difference of the arms is not entered."
 
 
-def _trims(values: FirmwareValues) -> list[float]:
-    return [angle - usual for angle, usual in zip(values.angles, USUAL_ANGLES_DEG, strict=True)]
+def _equal(new: LinearDelta) -> bool:
+    """Whether one length is enough for the arms."""
+    return len({round(arm, _DECIMALS) for arm in new.arm_length_mm}) == 1
 
 
-def _towers(numbers: Sequence[float]) -> str:
+def _turned(new: LinearDelta) -> str:
+    return _towers(np.subtract(new.tower_angles_deg, USUAL_ANGLES_DEG))
+
+
+def _towers(numbers: Iterable[float]) -> str:
     return " ".join(f"{n}{_number(v)}" for n, v in zip("XYZ", numbers, strict=True))
 
 
@@ -260,7 +248,7 @@ def _number(value: float) -> str:
 
 
 # Format → the name of the firmware, its lines, and what begins a comment.
-FIRMWARES: Mapping[str, tuple[str, Callable[[FirmwareValues], Iterator[str]], str]] = {
+FIRMWARES: Mapping[str, tuple[str, Callable[[LinearDelta], Iterator[str]], str]] = {
     "klipper": ("Klipper", klipper, "#"),
     "reprapfirmware": ("RepRapFirmware", reprapfirmware, ";"),
     "marlin": ("Marlin", marlin, ";"),
@@ -270,9 +258,7 @@ FIRMWARES: Mapping[str, tuple[str, Callable[[FirmwareValues], Iterator[str]], st
 def as_firmware(format: str, export: Export) -> str:
     """The lines to paste, with what they are and what they leave out as comments."""
     name, lines, sign = FIRMWARES[format]
-    said = _comments(sign, (*export.head(), *_left_out(name, export)))
-    after = _comments(sign, export.afterwards())
-    return "\n".join((*said, *lines(values_of(export)), *after, ""))
+    return _framed(export, f"{sign} ", lines(told(export)), *_left_out(name, export))
 
 
 def _left_out(name: str, export: Export) -> Iterator[str]:

@@ -38,6 +38,7 @@ class TerminalPage:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
         self._console, self._width = console, options.max_width
         for line in self._lines(self._page):
+            line.plain = line.plain.replace(_BLANK_HELD, " ")
             line.rstrip()
             if line.style:
                 line.stylize_before(line.style)
@@ -128,13 +129,8 @@ class TerminalPage:
         return lines
 
     def _wrapped(self, text: Text, width: int) -> list[Text]:
-        lines = [text.copy()]
-        if text.cell_len > width or "\n" in text.plain or "\t" in text.plain:
-            held = text.copy()
-            held.plain = _HELD.sub(_BLANK_HELD, text.plain)
-            lines = list(held.wrap(self._console, max(width, 1), overflow="fold")) or [Text()]
+        lines = list(text.wrap(self._console, max(width, 1), overflow="fold")) or [Text()]
         for line in lines:
-            line.plain = line.plain.replace(_BLANK_HELD, " ")
             line.rstrip()
         return lines
 
@@ -150,7 +146,7 @@ class TerminalPage:
             yield from _hung(self._flow(line, len(_GAP)), _GAP, _GAP)
 
     def _facts(self, facts: doc.Facts, indent: str = "") -> Iterator[Text]:
-        names = [Text(visible(name), style="dim") for name, _ in facts.rows]
+        names = [_text((name,), "dim") for name, _ in facts.rows]
         room = min(max((name.cell_len for name in names), default=0), _LONGEST_NAME)
         for name, (_, value) in zip(names, facts.rows, strict=True):
             lines = self._flow(value, len(indent) + room + len(_GAP))
@@ -161,7 +157,7 @@ class TerminalPage:
         """The table; turned where it is too wide, or its rows as lines where that is, too."""
         rows = [[_cell(cell) for cell in row] for row in grid.rows]
         if any(grid.head):
-            rows.insert(0, [Text(visible(title), style="dim") for title in grid.head])
+            rows.insert(0, [_text((title,), "dim") for title in grid.head])
         widths, over = self._widths(rows, grid.words)
         words: Sequence[int] = grid.words
         if over > 0:
@@ -212,6 +208,7 @@ def _text(parts: Iterable[doc.Inline], style: str = "") -> Text:
             marked = "bold"
         content = part if isinstance(part, str) else part.text
         text.append(content if content.isprintable() else visible(content), style=marked)
+    text.plain = _HELD.sub(_BLANK_HELD, text.plain)
     return text
 
 
