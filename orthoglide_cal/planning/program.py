@@ -47,31 +47,18 @@ _CSV = (
 
 
 @dataclass(frozen=True, eq=False)
-class Point(ReadOnly):
-    """A place of the machine as its controller believes it to be."""
-
-    joints: Floats  # indicated, shape (3,) [mm]
-    tool: Floats  # of the nominal machine there, shape (3,) [mm]
-
-    @classmethod
-    def of(cls, model: Model, joints: Floats) -> Point:
-        """The point of the nominal machine with these joints."""
-        return cls(joints, model.machine.nominal_rails.tool_for(joints))
-
-
-@dataclass(frozen=True)
-class Block:
-    """One visit: drive there, wait, read."""
+class Block(ReadOnly):
+    """One visit: drive there, wait, read. Joints are those that the controller indicates [mm]."""
 
     number: int  # as in "N10"
     steps: tuple[SessionStep, ...]  # readings that are taken there
-    way: tuple[Point, ...]  # from the posture before, along the axes of the legs
-    approach: Point  # from here slowly to the posture
-    posture: Point
+    way: Floats  # from the posture before, along the axes of the legs, shape (n, 3)
+    approach: Floats  # from here slowly to the posture, shape (3,)
+    posture: Floats  # shape (3,)
     from_above: tuple[int, ...]  # carriages that arrive so: their lower limit is too near
     # To the isotropic posture, this one included, where the gauges are put to their places before
-    # this block; empty where they stay as they are.
-    set_up: tuple[Point, ...]
+    # this block, shape (n, 3); empty where they stay as they are.
+    set_up: Floats
 
 
 @dataclass(frozen=True)
@@ -113,7 +100,8 @@ def posture_program(
             f"The carriages cannot go from {low:+g} to {high:+g} mm of the isotropic posture.",
             "--travel LOW HIGH: LOW must be below HIGH, and 0 between them.",
         )
-    home = model.machine.home_mm
+    machine = model.orthoglide
+    home = machine.home_mm
 
     def refuse(number: int, wrong: Bools, what: str, remedy: str) -> None:
         """Raise PostureError for the first carriage with which something is wrong."""
@@ -126,15 +114,14 @@ def posture_program(
     leg, here, stands = 0, 0.0, None
     for number, together in groupby(steps, key=lambda step: step.block):
         visit = tuple(together)
-        set_up: tuple[Point, ...] = ()
+        set_up = np.empty((0, 3))
         if visit[0].setup != stands:
-            set_up = (*_way(model, leg, here, 0.0), _at(model, leg, 0.0))
+            set_up = _way(machine, leg, here, 0.0)
             here, stands = 0.0, visit[0].setup
         leg, there = visit[0].leg, visit[0].displacement_mm
-        posture = _at(model, leg, there)
-        way = _way(model, leg, here, there)
-        for point in (*set_up, *way, posture):
-            moved = point.joints - home
+        *way, posture = _way(machine, leg, here, there)
+        for joints in (*set_up, *way, posture):
+            moved = joints - home
             outside = (moved < low - _ROUNDING_MM) | (moved > high + _ROUNDING_MM)
             what = "would be driven to {} from the isotropic posture."
             refuse(number, outside, what, "Choose postures inside the limits.")
@@ -142,22 +129,17 @@ def posture_program(
         narrow = above & (moved + approach_mm > high + _ROUNDING_MM)
         what = f"has no room for an approach of {approach_mm:g} mm to {{}}."
         refuse(number, narrow, what, "Take a shorter approach.")
-        start = Point.of(model, posture.joints + np.where(above, approach_mm, -approach_mm))
+        start = posture + np.where(above, approach_mm, -approach_mm)
         from_above = tuple(np.flatnonzero(above).tolist())
-        blocks.append(Block(number, visit, way, start, posture, from_above, set_up))
+        blocks.append(Block(number, visit, np.array(way), start, posture, from_above, set_up))
         here = there
-    return PostureProgram(model.orthoglide, approach_mm, session, tuple(blocks))
+    return PostureProgram(machine, approach_mm, session, tuple(blocks))
 
 
-def _way(model: Model, leg: int, start: float, end: float) -> tuple[Point, ...]:
-    """Points between two displacements of a leg, both left out, in short stretches."""
+def _way(machine: Orthoglide, leg: int, start: float, end: float) -> Floats:
+    """Joints from one displacement of a leg, left out, to another in short stretches, (n, 3)."""
     stretches = max(math.ceil(abs(end - start) / _STRETCH_MM), 1)
-    return tuple(_at(model, leg, at) for at in np.linspace(start, end, stretches + 1)[1:-1])
-
-
-def _at(model: Model, leg: int, displacement: float) -> Point:
-    """The posture of a displaced leg."""
-    return Point.of(model, model.orthoglide.joints_at(leg, displacement))
+    return machine.joints_at(leg, np.linspace(start, end, stretches + 1)[1:])
 
 
 # --- as text ----------------------------------------------------------------------------------
@@ -168,7 +150,8 @@ def program_csv(program: PostureProgram) -> str:
     rows = []
     for block in program.blocks:
         first = block.steps[0]
-        points = (block.posture.joints, block.posture.tool, block.approach.joints)
+        tool = program.machine.nominal_rails.tool_for(block.posture)
+        points = block.posture, tool, block.approach
         rows.append(
             (
                 f"N{block.number}",
@@ -237,25 +220,26 @@ def _block_lines(block: Block, program: PostureProgram, template: Template) -> I
     steps = str(first.number)
     steps += "" if last is first else f"-{last.number}"
     above = f" Carriage {_carriages(block)} arrives from above." if block.from_above else ""
-    if block.set_up:
+    if len(block.set_up):
         words = f"Set-up {first.setup}: waits at the isotropic posture for the gauges on leg {leg}."
         yield from _comment(words, template)
-        yield from (_move(point, template.feed, program, template) for point in block.set_up)
+        yield from (_move(joints, template.feed, program, template) for joints in block.set_up)
         yield "M0"  # waits for a button: nobody knows how long gauges take
     words = f"N{block.number}: leg {leg}, {posture_name(first)}, cycle {first.cycle}. Read steps"
     words += f" {steps}, gauges {_gauges(block).upper()}.{above}"
     yield from _comment(words, template)
-    way = [_move(point, template.feed, program, template) for point in (*block.way, block.approach)]
+    points = *block.way, block.approach
+    way = [_move(joints, template.feed, program, template) for joints in points]
     yield from (f"N{block.number} {way[0]}", *way[1:])
     yield from (_move(block.posture, template.slow, program, template), template.pause)
 
 
-def _move(point: Point, feed: float, program: PostureProgram, template: Template) -> str:
+def _move(joints: Floats, feed: float, program: PostureProgram, template: Template) -> str:
     """A straight move, e.g. "G1 X309.25 Y309.25 Z309.25 F1000"."""
     values = {
-        PostureValues.JOINTS: point.joints,
-        PostureValues.DISPLACEMENTS: point.joints - program.machine.home_mm,
-        PostureValues.TOOL: point.tool,
+        PostureValues.JOINTS: joints,
+        PostureValues.DISPLACEMENTS: joints - program.machine.home_mm,
+        PostureValues.TOOL: program.machine.nominal_rails.tool_for(joints),
     }[template.values]
     pairs = zip(template.axes, values, strict=True)
     words = " ".join(f"{axis}{plain(value, _DECIMALS)}" for axis, value in pairs)

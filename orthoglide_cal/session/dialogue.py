@@ -231,7 +231,7 @@ class Dialogue:
             return Stood()
         point = wording.point(step, self.setting)
         try:
-            return self.standing.at(point.joints, point.tool, self.setting.machine.home_mm)
+            return self.standing.at(*point, self.setting.machine.home_mm)
         except (OSError, ValueError) as gone:
             self.standing.close()
             self.standing = None

@@ -7,8 +7,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.model import AXES, Contact, Model, other_axes
-from orthoglide_cal.planning.program import Point
+from orthoglide_cal.model import AXES, Contact, Floats, Model, other_axes
 from orthoglide_cal.planning.steps import SessionStep, posture_name
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.words import MM_PER_INCH, Unit
@@ -130,18 +129,19 @@ def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
     )
 
 
-def point(step: SessionStep, setting: Setting) -> Point:
-    """Where to drive."""
-    posture = setting.model.orthoglide.joints_at(step.leg, step.displacement_mm)
-    return Point.of(setting.model, posture - setting.short_mm(step))
+def point(step: SessionStep, setting: Setting) -> tuple[Floats, Floats]:
+    """Where to drive: joints and tool, shape (3,) each [mm]."""
+    machine = setting.model.orthoglide
+    joints = machine.joints_at(step.leg, step.displacement_mm) - setting.short_mm(step)
+    return joints, machine.nominal_rails.tool_for(joints)
 
 
 def place(step: SessionStep, setting: Setting) -> str:
     """Where to drive: the joints, or the tool; either moves the machine to the same posture."""
-    wanted = point(step, setting)
+    joints, tool = point(step, setting)
     return (
-        f"Drive to  joints   {_axes(wanted.joints, '.3f', '   ')}  mm\n"
-        f"          tool     {_axes(wanted.tool.round(6) + 0.0, '.3f', '   ')}  mm"
+        f"Drive to  joints   {_axes(joints, '.3f', '   ')}  mm\n"
+        f"          tool     {_axes(tool.round(6) + 0.0, '.3f', '   ')}  mm"
     )
 
 
