@@ -6,8 +6,7 @@ import numpy as np
 import yaml
 
 from orthoglide_cal.model import Floats, Model, Readings, Source
-from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe
-from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, ProbePlan
 from tests.machines import ROOT
 from tests.truth.delta import Delta, DeltaSession, Layout, Truth, places_of
 from tests.truth.plan import frozen

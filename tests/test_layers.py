@@ -37,6 +37,7 @@ NEEDS_ONE = {
 }
 NEEDS_BOTH = {
     "causes": "a cause states how large it plausibly is on each kind",
+    "files.machine_file": "which of them a machine file describes",
     "cli.start": "an empty folder is of an Orthoglide, a printer.cfg of a linear delta",
 }
 

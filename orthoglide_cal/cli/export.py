@@ -45,7 +45,7 @@ def export(
     json: common.AsJson = False,
 ) -> None:
     """Print the new offsets for the controller, if released."""
-    from orthoglide_cal.model.machines import MACHINES
+    from orthoglide_cal.files.machine_file import MACHINES
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
     from orthoglide_cal.report.controller import FIRMWARES, as_firmware

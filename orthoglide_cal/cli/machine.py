@@ -74,7 +74,7 @@ def new(
 ) -> None:
     """Make a machine file. It asks for what no option gives."""
     from orthoglide_cal.files import write_text
-    from orthoglide_cal.model.machines import MACHINES
+    from orthoglide_cal.files.machine_file import MACHINES
 
     # Each option with the keys that it gives, on machines of this or that kind.
     given: dict[str, tuple[Value | None, *tuple[str, ...]]] = {
@@ -159,7 +159,7 @@ def _questions(schema: type[BaseModel], group: str = "") -> Iterator[tuple[str, 
 def _ask_tolerances(answers: Answers, target: Path) -> None:
     """Ask how large each error plausibly is, unless the usual will do."""
     from orthoglide_cal.causes import CAUSES
-    from orthoglide_cal.model.machines import MACHINES
+    from orthoglide_cal.files.machine_file import MACHINES
     from orthoglide_cal.words import unit_words
 
     common.tell("`diagnose` must know how large each error plausibly is.")

@@ -158,7 +158,7 @@ def write_places(found: SessionForecast, target: Path) -> None:
         UsageError: another kind of file, a layout with distances, or the file exists.
     """
     from orthoglide_cal.files import places_csv
-    from orthoglide_cal.model.probe_plan import ProbePlan
+    from orthoglide_cal.model.linear_delta import ProbePlan
 
     if not found.can_be_sent:
         raise UsageError(

@@ -18,7 +18,7 @@ from orthoglide_cal.estimation import fit_offsets
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.model import Floats, Ints, differentiate
-from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.model.linear_delta import ProbePlan
 from orthoglide_cal.schema import Schema
 
 # Powers of x and y, in addition to what the calibrated parameters do.

@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, cast
 
 import numpy as np
@@ -30,14 +31,18 @@ from orthoglide_cal.files.faults import WORDS, Steps, nearest
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes, read_document
 from orthoglide_cal.files.yaml_tree import Tree, edited, load_tree, yaml_text
 from orthoglide_cal.model import Effect, Entered, Estimate, Machine, Model
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import JointOffsets
-from orthoglide_cal.model.machines import MACHINES, kind_of
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that, yaml_number
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
     r"^(#\*# )?\[\s*(printer|stepper_\w+|mcu|bed_mesh|gcode_macro|include)\b",
     re.MULTILINE | re.IGNORECASE,
+)
+MACHINES: Mapping[str, type[Machine]] = MappingProxyType(
+    {"orthoglide": Orthoglide, "linear_delta": LinearDelta}
 )
 DEFAULT_NAME = "orthoglide_prototype.yaml"
 # Tolerances: the smallest, and the largest in usual sizes.
@@ -49,6 +54,15 @@ WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that no
 _NOWHERE = text_that("".__eq__, "An accepted cause acts on the whole machine.", 'Write where: "".')
 _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complete: true.")
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
+
+
+def kind_of(keys: Mapping[str, object]) -> str:
+    """The kind of a file without a `kind`: of most keys that no other has, or an Orthoglide."""
+    own = {
+        kind: keys.keys() & made.model_fields.keys() - Machine.model_fields.keys()
+        for kind, made in MACHINES.items()
+    }
+    return max(own, key=lambda kind: len(own[kind]))
 
 
 class IdentifiedParameter(Schema):

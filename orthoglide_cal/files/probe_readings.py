@@ -14,8 +14,7 @@ from orthoglide_cal.files.printer_file import PrinterFile, Stored, touching
 from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.model import Excerpt, Readings
-from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
 PROBE_COLUMNS = tuple(ProbeRow.model_fields)

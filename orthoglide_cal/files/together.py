@@ -13,8 +13,7 @@ import numpy as np
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.model import Excerpt, Readings, Source, differentiate
-from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.probe_plan import ProbePlan
+from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 
 
 def together(inputs: Sequence[Input]) -> Input:

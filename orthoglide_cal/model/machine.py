@@ -24,7 +24,6 @@ from orthoglide_cal.errors import OrthocalError, UsageError
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.plan import Floats, Numbers, Plan, ReadOnly
-from orthoglide_cal.model.probe_plan import Layout
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Day, Digest, Number, Schema, Word, told
 
@@ -118,6 +117,17 @@ class SimulationOptions(NamedTuple):
     places: int | None = None  # on the bed
     heights: Sequence[float] | None = None  # of what lies under the probe [mm]
     further: Sequence[float] | None = None  # parameters behind the first three, in their units
+
+
+class Layout(NamedTuple):
+    """A way to measure: which readings, in which order."""
+
+    name: str  # one word, for tables and commands
+    what: str  # in words
+    plan: Plan
+    minutes: float  # that it takes
+    cycles: int = 1  # repeats of its postures
+    gauge_moves: int = 0  # how often a stand is put to another place
 
 
 class DoubtedValue(NamedTuple):

@@ -8,6 +8,5 @@ from orthoglide_cal.results.answer import (
     Remedy,
 )
 from orthoglide_cal.results.application import Application, apply, recording, take_back, unwritten
-from orthoglide_cal.results.identity import Identity, identify
 from orthoglide_cal.results.making import answer_to, remainder, with_dates
-from orthoglide_cal.results.validity import Validity
+from orthoglide_cal.results.validity import Identity, Validity, identify

@@ -16,8 +16,7 @@ from orthoglide_cal.files import (
 )
 from orthoglide_cal.files.printer_file import REPEATABILITY_MM
 from orthoglide_cal.model import Model, Readings
-from orthoglide_cal.model.linear_delta import CALLIPER_MM, Endstops, LinearDelta
-from orthoglide_cal.model.probe_plan import MINUTES_PER_TOUCH
+from orthoglide_cal.model.linear_delta import CALLIPER_MM, MINUTES_PER_TOUCH, Endstops, LinearDelta
 from tests.printer_files import printer_cfg
 from tests.printers import CONFIG, UNEVEN, printer, true_values
 from tests.truth.delta import (

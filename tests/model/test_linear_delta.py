@@ -10,8 +10,8 @@ from scipy.special import eval_jacobi
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnreachableError
 from orthoglide_cal.model import Effect, Floats, Model, simulate
+from orthoglide_cal.model.linear_delta import GRAIN_MM, ProbePlan
 from orthoglide_cal.model.model import simulate_with_jacobian
-from orthoglide_cal.model.probe_plan import GRAIN_MM, ProbePlan
 from tests.model.test_plan import groups
 from tests.printers import (
     PRINTER,

@@ -10,8 +10,8 @@ from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, sol
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model import Floats, Model
-from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.probe_plan import ProbePlan, bed_plan, mixed, rings
+from orthoglide_cal.model.linear_delta import ProbePlan, mixed, rings
+from orthoglide_cal.model.machine import SimulationOptions
 from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
@@ -286,10 +286,11 @@ def test_time_says_little_of_the_place(count: int) -> None:
 def test_a_simulated_bed_is_touched_at_the_same_places() -> None:
     """In the same mixed order at each height, one place or many."""
     machine = model_of(V400).machine
-    assert isinstance(machine, LinearDelta)
-    plan = bed_plan(machine.bed_radius_mm, 25, (0.0, 40.0), cycles=2)
+    wanted = SimulationOptions(places=25, heights=(0.0, 40.0), cycles=2)
+    plan = ProbePlan.require(machine.simulated_plan(wanted))
     places = mixed(rings(25, 0.95 * V400.bed))
     assert np.array_equal(plan.place[:, :2], np.tile(places, (4, 1)))
     assert plan.surface.tolist() == [0.0] * 25 + [40.0] * 25 + [0.0] * 25 + [40.0] * 25
     assert len(np.unique(plan.repeats)) == 50
-    assert [len(bed_plan(machine.bed_radius_mm, count)) for count in (1, 2, 5)] == [1, 2, 5]
+    few = (SimulationOptions(places=count) for count in (1, 2, 5))
+    assert [len(machine.simulated_plan(each)) for each in few] == [1, 2, 5]
