@@ -13,7 +13,6 @@ from orthoglide_cal.model import (
     GaugePlan,
     Model,
     Place,
-    Series,
     double_posture,
     simulate,
     zero_free,
@@ -81,21 +80,6 @@ def test_faults_of_the_measurement_are_those_of_the_truth(
 
 
 # --- what they add ----------------------------------------------------------------------------
-
-
-@every_pattern
-def test_what_is_added_is_the_pattern_of_the_place(cause: PatternCause) -> None:
-    """Times its size; all places at once are as each alone, and no two are alike."""
-    places = cause.places(MIXED, PROTOTYPE)
-    patterns = cause.patterns(MIXED, places)
-    assert patterns.shape == (len(MIXED), len(places))
-    assert np.unique(patterns, axis=1).shape == patterns.shape
-    nothing = np.zeros(len(MIXED))
-    for k in (0, len(places) // 3, len(places) - 1):
-        assert np.array_equal(cause.patterns(MIXED, (places[k],))[:, 0], patterns[:, k])
-        assert written(cause, -2.0, places[k], MIXED, nothing) == pytest.approx(
-            -2.0 * patterns[:, k], abs=1e-15
-        )
 
 
 def test_each_pattern_is_what_the_cause_says() -> None:
@@ -257,17 +241,3 @@ def test_a_swap_that_does_not_pair_up_cannot_be_undone_in_the_readings() -> None
     assert not swap.reversible(one, Place((0,)))
     none = PLAN.subset(np.flatnonzero(PLAN.leg != 0))
     assert not swap.reversible(none, Place((0,)))
-
-
-def test_a_swap_puts_each_reading_under_the_direction_that_was_read() -> None:
-    """Leg y is read along x and z: exchanged; the other legs and all else stay."""
-    swapped = relabel_cause("swapped_gauges").really_read(PLAN, Place((1,)))
-    own = PLAN.leg == 1
-    assert np.array_equal(swapped.direction[own], 2 - PLAN.direction[own])
-    assert np.array_equal(swapped.direction[~own], PLAN.direction[~own])
-    assert np.array_equal(swapped.order, PLAN.order)
-    flip = relabel_cause("sign_flip")
-    assert flip.really_read(PLAN, Place((1, 2))) is PLAN
-    assert flip.relabel(PLAN, Place((1, 2)))[1].tolist() == [
-        -1.0 if series == Series(1, 2) else 1.0 for series in PLAN.series
-    ]

@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from . import (
-    CAUSES,
     DIAL,
-    HEALTHY,
     LARGE,
     MICRON,
     PROTOTYPE,
@@ -19,7 +17,7 @@ from . import (
 )
 from .forward import PARTS, prior_sd, signals
 from .plan import Floats
-from .separation import Neighbourhood, backlash_cost, marginal, place_costs
+from .separation import Neighbourhood, marginal, place_costs
 
 
 def _brute_distance(session: Session, cause: str) -> float:
@@ -69,25 +67,6 @@ def test_a_shift_is_as_far_as_a_fit_at_every_place_says() -> None:
     assert distance == pytest.approx(np.sqrt(min(costs)), rel=1e-3)
 
 
-@pytest.mark.parametrize("cause", CAUSES)
-def test_the_truth_is_as_near_as_its_own_size_allows(cause: str) -> None:
-    sizes = {"gauge_slip": 2.0, "misread": 9.6, "sign_flip": 0.01, "swapped_gauges": 0.01}
-    for seed in range(4):
-        session = make_session(seed, PROTOTYPE, MICRON, (cause,))
-        found = separation(session)
-        assert found.own <= sizes.get(cause, 4.8)
-        assert found.own <= found.visible + 1e-9
-        assert cause not in found.rivals
-        assert HEALTHY in found.rivals
-        assert found.distance == min(found.distances[c] for c in found.rivals)
-
-
-def test_a_healthy_truth_is_at_zero() -> None:
-    found = separation(make_session(1, PROTOTYPE, MICRON))
-    assert found.visible < 1e-6
-    assert HEALTHY not in found.rivals
-
-
 def test_a_misread_last_reading_is_also_a_knock() -> None:
     """A knock before the last reading of a gauge spoils that reading alone."""
     near = 0
@@ -124,25 +103,6 @@ def test_marginal_weight_is_the_cost_of_the_family() -> None:
     fit = np.linalg.lstsq(matrix, target, rcond=None)[0]
     direct = np.sum((target - matrix @ fit) ** 2)
     assert residual @ marginal(patterns) @ residual == pytest.approx(direct, rel=1e-12)
-
-
-def test_backlash_never_claims_negative_widths() -> None:
-    rng = np.random.default_rng(5)
-    patterns = rng.normal(size=(30, 6))
-    residual = patterns @ np.array([1.0, -2.0, 0.5, 0.1, 0.0, -0.2])
-    cost, columns = backlash_cost(patterns, residual)
-    assert columns == (0, 2, 3, 5)
-    assert cost > residual @ marginal(patterns) @ residual
-
-
-def test_pairs_are_nearer_than_their_members() -> None:
-    session = make_session(2, PROTOTYPE, MICRON, ("stand_shift", "axis_gap"))
-    pairs, singles = pair_distances(session), separation(session).distances
-    assert len(pairs) == 42
-    own = pairs["stand_shift+axis_gap"]
-    assert own < 5.0
-    assert own < min(singles["stand_shift"], singles["axis_gap"])
-    assert min(singles.values()) > 4.0
 
 
 def test_outside_effects_stand_clear_of_singles_and_pairs() -> None:
