@@ -11,7 +11,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -27,15 +26,6 @@ FLAGS = (
     "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe",
 )  # fmt: skip
 PATIENCE = 60.0  # seconds for one answer
-# Puts two inherited descriptors where the browser expects them, and becomes the browser.
-_LAUNCH = """
-import fcntl, os, sys
-ends = [fcntl.fcntl(int(end), fcntl.F_DUPFD, 10) for end in sys.argv[1:3]]
-for end, place in zip(ends, (3, 4)):
-    os.dup2(end, place)
-    os.close(end)
-os.execv(sys.argv[3], sys.argv[3:])
-"""
 
 
 def find_chromium() -> str | None:
@@ -49,9 +39,10 @@ class Browser:
     def __init__(self, program: str, folder: Path) -> None:
         to_read, self._write = os.pipe()
         self._read, to_write = os.pipe()
-        ends = (str(to_read), str(to_write))
+        # The browser expects its two ends at descriptors 3 and 4.
+        launch = ("bash", "-c", f'exec "$@" 3<&{to_read} 4>&{to_write}', "bash")
         self._process = subprocess.Popen(
-            [sys.executable, "-c", _LAUNCH, *ends, program, *FLAGS, f"--user-data-dir={folder}"],
+            [*launch, program, *FLAGS, f"--user-data-dir={folder}"],
             pass_fds=(to_read, to_write),
             **dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL),
             start_new_session=True,

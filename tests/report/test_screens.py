@@ -30,6 +30,8 @@ from tests.results.sessions import TRUE, session, write
 from tests.truth import delta
 
 SAMPLE_FILES = sorted(path.name for path in SAMPLES.iterdir() if path.suffix in (".csv", ".yaml"))
+slow = pytest.mark.slow
+SINGLE = [(), *((cause,) for cause in truth.CAUSES)]
 PAIRS = [("axis_gap", "swapped_gauges"), ("bar_skew", "misread"), ("encoder_scale", "axis_gap")]
 PRINTER_PAIRS = [("tower_lean", "bed_shape"), ("bed_shape", "misread")]
 MOST = {"solve": 24, "refused": 11, "diagnose": 30, "undecided": 20, "plan": 24, "verify": 24}
@@ -95,9 +97,20 @@ def test_samples(name: str) -> None:
     both_screens(Case(given, answer_to(given)))
 
 
-@pytest.mark.parametrize("cause", [(), *((cause,) for cause in truth.CAUSES)], ids=str)
-def test_causes_of_an_orthoglide(cause: tuple[str, ...]) -> None:
-    both_screens(of_orthoglide(cause, 1, "micron", None))
+@pytest.mark.parametrize(
+    ("cause", "seed", "gauge", "outside"),
+    [
+        *((cause, 1, "micron", None) for cause in SINGLE),
+        *(pytest.param(cause, 2, "micron", None, marks=slow) for cause in (*SINGLE, *PAIRS)),
+        *(pytest.param(cause, 3, "dial", None, marks=slow) for cause in (*SINGLE, *PAIRS)),
+        *(pytest.param((), 1, "micron", outside, marks=slow) for outside in truth.OUTSIDE),
+    ],
+    ids=str,
+)
+def test_causes_of_an_orthoglide(
+    cause: tuple[str, ...], seed: int, gauge: str, outside: str | None
+) -> None:
+    both_screens(of_orthoglide(cause, seed, gauge, outside))
 
 
 def test_of_several_faults_that_do_not_show_the_screen_has_the_names() -> None:
@@ -115,9 +128,20 @@ def test_what_a_named_cause_asks_for() -> None:
     assert said.index("Check which way + is") < said.index("Shim the rails")
 
 
-@pytest.mark.parametrize("cause", ["leg_length", "tower_lean", "bed_shape", "misread"])
-def test_causes_of_a_printer(cause: str) -> None:
-    both_screens(of_printer((cause,), 1, 49))
+@pytest.mark.parametrize(
+    ("cause", "seed", "places"),
+    [
+        *(((cause,), 1, 49) for cause in ("leg_length", "tower_lean", "bed_shape", "misread")),
+        *(
+            pytest.param(cause, 2, places, marks=slow)
+            for cause in ((), *((cause,) for cause in delta.TOLERANCES), *PRINTER_PAIRS)
+            for places in (7, 121)
+        ),
+    ],
+    ids=str,
+)
+def test_causes_of_a_printer(cause: tuple[str, ...], seed: int, places: int) -> None:
+    both_screens(of_printer(cause, seed, places))
 
 
 @pytest.mark.parametrize("machine", ["orthoglide_prototype.yaml", "linear_delta.yaml"])
@@ -147,26 +171,6 @@ def test_what_to_measure_next() -> None:
 def test_a_verification() -> None:
     case, found = as_left()
     screen(verification_document(found, identity_of(case)), MOST["verify"])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("gauge", "seed"), [("micron", 2), ("dial", 3)])
-@pytest.mark.parametrize("cause", [(), *((cause,) for cause in truth.CAUSES), *PAIRS], ids=str)
-def test_more_causes_of_an_orthoglide(cause: tuple[str, ...], seed: int, gauge: str) -> None:
-    both_screens(of_orthoglide(cause, seed, gauge, None))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("outside", truth.OUTSIDE)
-def test_what_no_cause_explains(outside: str) -> None:
-    both_screens(of_orthoglide((), 1, "micron", outside))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("places", [7, 121])
-@pytest.mark.parametrize("cause", [(), *((cause,) for cause in delta.TOLERANCES), *PRINTER_PAIRS])
-def test_more_causes_of_a_printer(cause: tuple[str, ...], places: int) -> None:
-    both_screens(of_printer(cause, 2, places))
 
 
 def test_the_folder_never_asks_to_apply_what_is_refused(
