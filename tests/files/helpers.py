@@ -14,23 +14,28 @@ MACHINE = MODEL.machine
 PROTOTYPE = Path(__file__).parents[2] / "configs" / "orthoglide_prototype.yaml"
 
 
-def document(text: str | bytes, path: str = "data.csv") -> FileText:
-    return document_from_bytes(text if isinstance(text, bytes) else text.encode(), path)
+def document(text: str, path: str = "data.csv") -> FileText:
+    return document_from_bytes(text.encode(), path)
 
 
-def measured(folder: Path, text: str | bytes, name: str = "data.csv") -> Measured:
+def saved(folder: Path, text: str, name: str = "data.csv") -> str:
+    """Path of a file with this text."""
     path = folder / name
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return read_input(str(path), MODEL).measured
+    path.write_text(text, encoding="utf-8")
+    return str(path)
 
 
-def readings(folder: Path, text: str | bytes, name: str = "data.csv") -> Readings:
-    result = measured(folder, text, name)
+def measured(folder: Path, text: str) -> Measured:
+    return read_input(saved(folder, text, "data.csv"), MODEL).measured
+
+
+def readings(folder: Path, text: str) -> Readings:
+    result = measured(folder, text)
     assert isinstance(result, Readings)
     return result
 
 
-def differences(folder: Path, text: str | bytes) -> Differences:
+def differences(folder: Path, text: str) -> Differences:
     result = measured(folder, text)
     assert isinstance(result, Differences)
     return result

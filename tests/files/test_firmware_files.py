@@ -18,9 +18,9 @@ from orthoglide_cal.files import (
 from orthoglide_cal.model import Model
 from tests import firmware_files as made
 from tests.printer_files import OFF, printer_cfg
-from tests.printers import printer
+from tests.printers import printer, true_values
 
-from .helpers import MODEL, problems
+from .helpers import MODEL, problems, saved
 
 EVERY = ("heightmap.csv", "klipper.txt", "new.txt", "g29.txt", "grid.txt", "g33.txt", "klippy.log")
 
@@ -39,8 +39,7 @@ def texts(machine: made.Delta, truth: made.Truth) -> dict[str, str]:
 
 
 def put(folder: Path, name: str, text: str) -> str:
-    (folder / name).write_text(text, encoding="utf-8")
-    return str(folder / name)
+    return saved(folder, text, name)
 
 
 def with_settings(folder: Path, machine: made.Delta = made.UNEVEN) -> None:
@@ -81,11 +80,8 @@ def test_each_format_tells_what_the_machine_is(own: Path, name: str) -> None:
 
 
 def true_parameters() -> np.ndarray:
-    """Of UNEVEN with OFF: an endstop is stated for the arms' foot at the true radius."""
-    arms, radius = np.array(made.UNEVEN.arms), made.UNEVEN.radius + OFF.radius
-    foot = np.sqrt(arms**2 - made.UNEVEN.radius**2) - np.sqrt(arms**2 - radius**2)
-    endstops = made.UNEVEN.endstops + OFF.endstops + foot
-    return np.array([*endstops, radius, *np.add(made.UNEVEN.angles, OFF.angles)[:2]])
+    """Of UNEVEN with OFF."""
+    return np.array(printer(made.UNEVEN).active) + true_values(made.UNEVEN, OFF)
 
 
 def test_a_height_map_of_either_version_without_what_was_not_probed(own: Path) -> None:

@@ -28,17 +28,11 @@ from tests.truth.delta import (
 )
 from tests.truth.plan import frozen
 
-from .helpers import places, problems
+from .helpers import places, problems, saved
 
 MODEL = machine_from_text(CONFIG.read_text(encoding="utf-8"), "m.yaml")
 TRUTH = Truth(endstops=frozen([0.5, -0.3, 0.4]), radius=0.4, angles=frozen([0.15, -0.1, 0.0]))
 Z = 1.5
-
-
-def saved(folder: Path, text: str, name: str = "touches.csv") -> str:
-    path = folder / name
-    path.write_text(text, encoding="utf-8")
-    return str(path)
 
 
 # --- CSV --------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from orthoglide_cal.files import (
 from orthoglide_cal.files import session_file as module
 from tests.machines import extended
 
-from .helpers import MODEL, PROTOTYPE, places, problems
+from .helpers import MODEL, PROTOTYPE, places, problems, saved
 
 LARGE = read_machine(PROTOTYPE.with_name("orthoglide_large.yaml"))
 
@@ -55,9 +55,7 @@ def values(model=MODEL, **changes) -> Session:
 
 
 def save(tmp_path, text, name="session.yaml"):
-    path = tmp_path / name
-    path.write_text(text)
-    return str(path)
+    return saved(tmp_path, text, name)
 
 
 def test_the_file_holds_every_key_in_order_and_no_blanks(tmp_path):
