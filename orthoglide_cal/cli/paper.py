@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from functools import partial
 from typing import Annotated, Literal, get_args
 
 import typer
@@ -37,24 +34,8 @@ def paper(
         if name in simple:
             found = simple[name](default_machine())
         else:
-            with _progress("Table 3, solves", tables.SOLVES) as progress:
-                found = tables.table_3(default_machine(), np.random.default_rng(seed), progress)
+            found = tables.table_3(default_machine(), np.random.default_rng(seed))
         common.deliver(paper_document(found), as_json=json)
         missed |= not found.reproduced
     if missed:
         raise typer.Exit(UnusableResultError.exit_code)
-
-
-@contextmanager
-def _progress(title: str, total: int) -> Iterator[Callable[[int], None] | None]:
-    """A bar on standard error while it is a terminal; otherwise None."""
-    console = common.console(stderr=True)
-    if not console.is_terminal:
-        yield None
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-    from rich.progress import TimeRemainingColumn as Remaining
-
-    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), Remaining())
-    with Progress(*columns, console=console, transient=True) as bar:
-        yield partial(bar.advance, bar.add_task(title, total=total))

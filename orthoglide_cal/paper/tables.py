@@ -7,7 +7,6 @@ the three experiments (Tables 4 and 5).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +41,6 @@ METHODS_IN_WORDS = {DataKind.SIX: "six-equation", DataKind.TWELVE: "twelve-equat
 REPLICATIONS = 20  # repeats of the study
 RUNS = 10_000  # sessions solved in each
 SIGMA_MM = 0.01  # noise of one reading
-SOLVES = len(published.TABLE_3) * REPLICATIONS * RUNS
 
 
 @dataclass(frozen=True)
@@ -137,7 +135,6 @@ def monte_carlo(
     kind: DataKind,
     offset_mm: float,
     rng: np.random.Generator,
-    progress: Callable[[int], object] | None = None,
     *,
     sigma_mm: float = SIGMA_MM,
     replications: int = REPLICATIONS,
@@ -153,7 +150,6 @@ def monte_carlo(
         kind: six equations, or twelve.
         offset_mm: true value of all three offsets.
         rng: source of the noise.
-        progress: called with the solves that were added.
         sigma_mm: standard deviation of one reading.
         replications: repeats of the study; their spread shows how well it is determined.
         runs: sessions solved in each.
@@ -177,8 +173,6 @@ def monte_carlo(
                 "Use less noise or smaller offsets.",
             )
         stds[k] = np.sqrt(fit.offsets_mm.var(axis=0, ddof=1).mean())
-        if progress is not None:
-            progress(runs)
     return stds
 
 
@@ -187,13 +181,11 @@ def _problem(model: Model, kind: DataKind) -> Problem:
     return Problem(model, plan, reduction(kind, DIFFERENCES[kind], model.orthoglide, plan))
 
 
-def table_3(
-    model: Model, rng: np.random.Generator, progress: Callable[[int], object] | None = None
-) -> Reproduction:
+def table_3(model: Model, rng: np.random.Generator) -> Reproduction:
     """std(Δρ) by Monte Carlo, 20 × 10,000 nonlinear solves per cell: mean and largest departure."""
     rows = []
     for (kind, offset), printed in published.TABLE_3.items():
-        stds = monte_carlo(model, kind, offset, rng, progress)
+        stds = monte_carlo(model, kind, offset, rng)
         mean = float(stds.mean())
         rows.append(
             ReproducedRow(

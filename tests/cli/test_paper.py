@@ -1,14 +1,11 @@
 """`orthocal paper`: each table from the command line."""
 
-import os
-import sys
 from dataclasses import replace
 
-import pexpect
 import pytest
 
 from orthoglide_cal.paper import published, tables
-from tests.cli.program import ROOT, answer, done, lines, process, run
+from tests.cli.program import answer, done, lines, process, run
 
 
 @pytest.mark.parametrize("table", ["1", "4", "5", "accuracy"])
@@ -57,22 +54,6 @@ def test_table_3_is_one_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(cells) == 4
     for row in cells:
         assert row["computed"][0] == pytest.approx(row["published"][0], rel=0.03)
-
-
-@pytest.mark.skipif(os.name == "nt", reason="pseudo-terminals of Unix")
-def test_progress_is_a_bar_on_a_terminal_and_can_be_interrupted() -> None:
-    program = pexpect.spawn(
-        sys.executable,
-        ["-m", "orthoglide_cal", "paper", "--table", "3"],
-        cwd=str(ROOT), encoding="utf-8", timeout=60, dimensions=(24, 80),
-    )  # fmt: skip
-    program.expect("Table 3, solves")
-    program.expect(r"[1-9]0000/800000")
-    program.sendintr()
-    program.expect(pexpect.EOF)
-    program.close()
-    assert program.exitstatus == 130
-    assert "Traceback" not in (program.before or "")
 
 
 @pytest.mark.slow
