@@ -46,7 +46,7 @@ class Standing:
         host = (found[1] or "localhost").strip("[]")
         try:
             with socket.create_connection((host, port), _TIMEOUT_S) as connection:
-                self._line = connection.makefile("rwb", buffering=0)  # as long as this is open
+                self._line = connection.makefile("rwb", buffering=0)  # open until this closes
             self.close = self._line.close
             self._ask("hello EMC orthocal 1.0", "HELLO ACK")
             (unit,) = self._ask("get user_linear_units", "USER_LINEAR_UNITS")
