@@ -98,15 +98,10 @@ def solves(method: str) -> None:
 
     from orthoglide_cal.estimation import Problem, fit_offsets
     from orthoglide_cal.files import default_machine
-    from orthoglide_cal.model import (
-        DIFFERENCES,
-        DataKind,
-        double_posture,
-        ideal_plan,
-        reduction,
-        simulate,
-        zero_free,
-    )
+    from orthoglide_cal.model.measured import DIFFERENCES, DataKind
+    from orthoglide_cal.model.model import simulate
+    from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction
+    from orthoglide_cal.model.plan import zero_free
 
     model, kind = default_machine(), DataKind(method)
     if kind is DataKind.READINGS:

@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import yaml
 
-from orthoglide_cal.model import Floats, Model, Readings, Source
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, ProbePlan
+from orthoglide_cal.model.measured import Readings, Source
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
 from tests.machines import ROOT
 from tests.truth.delta import Delta, DeltaSession, Layout, Truth, places_of
 from tests.truth.plan import frozen

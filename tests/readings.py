@@ -5,7 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthoglide_cal.model import Floats, GaugePlan, Ints, Machine, Readings, Source
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.measured import Readings, Source
+from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.readings import GaugePlan
 
 
 def readings_of(

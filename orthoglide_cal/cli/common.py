@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from orthoglide_cal.files import Input, PrinterFile, StoredMachine
-    from orthoglide_cal.model import Model, Source
+    from orthoglide_cal.model.measured import Source
+    from orthoglide_cal.model.model import Model
     from orthoglide_cal.planning.steps import MeasuringProtocol
     from orthoglide_cal.report.document import Document
 

@@ -12,7 +12,8 @@ from orthoglide_cal.errors import InputError, UsageError
 if TYPE_CHECKING:
     import numpy as np
 
-    from orthoglide_cal.model import Cause, Effect, Machine, Place
+    from orthoglide_cal.model.cause import Cause, Effect, Place
+    from orthoglide_cal.model.machine import Machine
     from orthoglide_cal.model.plan import Plan
 
 

@@ -19,7 +19,8 @@ from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import chance_of_residual
 from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.model import Floats, Stage
+from orthoglide_cal.model.cause import Stage
+from orthoglide_cal.model.plan import Floats
 
 # Something is wrong only if that is this many times likelier than that nothing is. Of 1,200 healthy
 # sessions of two cycles 9 get that far; at 2.5 half of them, but more real causes are passed over.

@@ -17,8 +17,9 @@ from orthoglide_cal.diagnosis.fit import ENOUGH, left_out
 from orthoglide_cal.estimation import fit_offsets
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.gaussian import unexplained
-from orthoglide_cal.model import Floats, Ints, differentiate
 from orthoglide_cal.model.linear_delta import ProbePlan
+from orthoglide_cal.model.model import differentiate
+from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.schema import Schema
 
 # Powers of x and y, in addition to what the calibrated parameters do.

@@ -13,7 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
-from orthoglide_cal.model import Cause, Model, Stage
+from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.model import Model
 
 Ids = tuple[str, ...]  # of causes that act together, sorted; () is "nothing is wrong"
 

@@ -31,7 +31,10 @@ from orthoglide_cal.diagnosis.result import (
 )
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import half_width, rms, scatter_of_repeats
-from orthoglide_cal.model import Effect, Floats, Measured, Model
+from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.measured import Measured
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
 
 # A held-out error counts as lower if it falls below this share of the one before.
 LOWER = 0.98

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.estimation.gaussian import log_sum
-from orthoglide_cal.model import Floats, ReadOnly
+from orthoglide_cal.model.plan import Floats, ReadOnly
 
 # ln(σ/stated): how far a gauge may differ from its statement, one standard deviation.
 STATEMENT_SPREAD = 0.10

@@ -28,28 +28,13 @@ from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
-from orthoglide_cal.model import (
-    Cause,
-    DataKind,
-    Effect,
-    Floats,
-    Ints,
-    Machine,
-    Measured,
-    Model,
-    Place,
-    Plan,
-    Readings,
-    ReadOnly,
-    differentiate_each,
-    ideal_plan,
-    reduction,
-    simulate,
-    zero_free,
-)
+from orthoglide_cal.model.cause import Cause, Effect, Place
 from orthoglide_cal.model.gauge_doubts import other_unit
-from orthoglide_cal.model.machine import Influence, Origin
-from orthoglide_cal.model.plan import read_only
+from orthoglide_cal.model.machine import Influence, Machine, Origin
+from orthoglide_cal.model.measured import DataKind, Measured, Readings
+from orthoglide_cal.model.model import Model, differentiate_each, simulate
+from orthoglide_cal.model.orthoglide import ideal_plan, reduction
+from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, read_only, zero_free
 
 # Between a quick session and a slow one: factor on the pace where no times were written down.
 UNKNOWN_PACE = 3.0

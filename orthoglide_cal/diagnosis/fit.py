@@ -35,8 +35,10 @@ from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
 from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, unexplained, whiten
 from orthoglide_cal.estimation.least_squares import fit_offsets
-from orthoglide_cal.model import Effect, Floats, Ints, Machine, ReadOnly, differentiate
-from orthoglide_cal.model.machine import Influence, Instrument, Origin
+from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.machine import Influence, Instrument, Machine, Origin
+from orthoglide_cal.model.model import differentiate
+from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
 HALF_NORMAL = math.sqrt(2.0 / math.pi), math.sqrt(1.0 - 2.0 / math.pi)

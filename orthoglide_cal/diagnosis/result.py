@@ -18,15 +18,11 @@ from orthoglide_cal.diagnosis.fit import Fitted
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.budget import Budget, Contribution
-from orthoglide_cal.model import (
-    Differences,
-    Effect,
-    Floats,
-    Measured,
-    Model,
-    ReadOnly,
-)
+from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Origin
+from orthoglide_cal.model.measured import Differences, Measured
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.schema import Minutes, Schema
 
 # Probability from which it is told that nothing may be wrong at all.

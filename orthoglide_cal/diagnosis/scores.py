@@ -22,7 +22,9 @@ from orthoglide_cal.diagnosis.explanations import OFFSETS_MM, Extra, Linearised,
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
-from orthoglide_cal.model import Cause, Floats, Machine, Place, Plan
+from orthoglide_cal.model.cause import Cause, Place
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.plan import Floats, Plan
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)

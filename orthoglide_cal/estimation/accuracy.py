@@ -17,16 +17,11 @@ from scipy.special import chdtrc, stdtrit
 from orthoglide_cal.errors import RankDeficientError
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.least_squares import Problem
-from orthoglide_cal.model import (
-    DIFFERENCES,
-    DataKind,
-    Floats,
-    Model,
-    Plan,
-    Posture,
-    ideal_plan,
-    reduction,
-)
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import ideal_plan, reduction
+from orthoglide_cal.model.plan import Floats, Plan
+from orthoglide_cal.model.readings import Posture
 
 CONFIDENCE = 0.95
 # Singular values below this fraction of the sensitivity of a good plan count as zero.

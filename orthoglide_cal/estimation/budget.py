@@ -19,17 +19,10 @@ from pydantic import Field
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.gaussian import root_of
-from orthoglide_cal.model import (
-    AXES,
-    Floats,
-    Model,
-    Plan,
-    ReadOnly,
-    carried_uncertainty,
-    differentiate,
-    simulate,
-)
 from orthoglide_cal.model.machine import Influence, Instrument, Origin
+from orthoglide_cal.model.model import Model, carried_uncertainty, differentiate, simulate
+from orthoglide_cal.model.plan import Floats, Plan, ReadOnly
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Schema
 
 # How the size of a source is known (GUM 4): from the scatter of these readings, or otherwise.

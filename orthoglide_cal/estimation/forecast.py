@@ -21,15 +21,10 @@ from scipy.special import erfc
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import log_density, log_sum, predict
-from orthoglide_cal.model import (
-    Floats,
-    GaugePlan,
-    Ints,
-    Model,
-    simulate,
-    simulate_with_jacobian,
-)
+from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.readings import GaugePlan
 
 # Standard deviations of what nobody knows before the first reading [mm].
 OFFSET_MM = 3.0

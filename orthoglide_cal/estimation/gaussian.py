@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from orthoglide_cal.model import Floats, Ints
+from orthoglide_cal.model.plan import Floats, Ints
 
 # A common size is found to within this share of it, or in so many rounds.
 SIZE_WITHIN, SIZE_ROUNDS = 0.02, 20

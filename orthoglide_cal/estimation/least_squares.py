@@ -18,17 +18,8 @@ from functools import cached_property
 
 import numpy as np
 
-from orthoglide_cal.model import (
-    Floats,
-    Ints,
-    Model,
-    Plan,
-    ReadOnly,
-    known_plan,
-    simulate,
-    simulate_with_jacobian,
-)
-from orthoglide_cal.model.plan import read_only
+from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
+from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, known_plan, read_only
 
 # A fit is an optimum if the step that is left is at most this [standard deviations].
 OPTIMAL = 1e-3

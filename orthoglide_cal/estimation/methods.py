@@ -20,22 +20,11 @@ import numpy as np
 from orthoglide_cal.errors import RankDeficientError, UsageError
 from orthoglide_cal.estimation.gaussian import whiten
 from orthoglide_cal.estimation.least_squares import Problem
-from orthoglide_cal.model import (
-    DIFFERENCES,
-    DataKind,
-    Difference,
-    Floats,
-    Measured,
-    Model,
-    Plan,
-    Posture,
-    Readings,
-    ReadOnly,
-    cell_contrasts,
-    ideal_plan,
-    reduction,
-    zero_free,
-)
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import ideal_plan, reduction
+from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, cell_contrasts, zero_free
+from orthoglide_cal.model.readings import Posture
 
 DESCRIPTIONS = {
     DataKind.READINGS: "raw readings",

@@ -11,8 +11,10 @@ from pydantic import Field
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.methods import pose, table_kind
-from orthoglide_cal.model import DataKind, Floats, Measured, Model, ReadOnly
 from orthoglide_cal.model.machine import Origin
+from orthoglide_cal.model.measured import DataKind, Measured
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.schema import Schema
 
 # Nobody measures twice at the same pace: standard deviation of its ratio, assumed.

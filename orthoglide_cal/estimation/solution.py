@@ -24,23 +24,11 @@ from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences
 from orthoglide_cal.estimation.least_squares import OPTIMAL, Fit, fit_offsets
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
-from orthoglide_cal.model import (
-    DataKind,
-    Differences,
-    Floats,
-    Measured,
-    Model,
-    Plan,
-    Readings,
-    ReadOnly,
-    gauge_doubts,
-    simulate,
-    simulate_with_jacobian,
-    without_zeros,
-)
-from orthoglide_cal.model.gauge_doubts import GaugeDoubt
+from orthoglide_cal.model.gauge_doubts import GaugeDoubt, gauge_doubts
 from orthoglide_cal.model.machine import Influence, Instrument
-from orthoglide_cal.model.plan import read_only
+from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings
+from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
+from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only, without_zeros
 
 # Below this chance the residuals are called larger than the gauge's noise.
 SUSPICIOUS = 0.001

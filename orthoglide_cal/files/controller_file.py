@@ -19,8 +19,8 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.text import read_bytes, write_text
-from orthoglide_cal.model import AXES
 from orthoglide_cal.model.machine import Written, WrittenValue
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.words import MM_PER_INCH, plain
 
 _SECTION = re.compile(r"\s*\[([^\]]*)\]")

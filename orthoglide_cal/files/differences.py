@@ -13,7 +13,7 @@ from pydantic import AfterValidator
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.rows import Length, Reading, Row, Rows
 from orthoglide_cal.files.table import Table
-from orthoglide_cal.model import DIFFERENCES, DataKind, Differences
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences
 from orthoglide_cal.model.orthoglide import Orthoglide
 
 DIFFERENCE_COLUMNS = ("difference", "value_mm", "value_in")

@@ -50,8 +50,10 @@ from orthoglide_cal.files.session_file import session_from_tree
 from orthoglide_cal.files.table import read_table
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, read_document
 from orthoglide_cal.files.yaml_tree import load_tree
-from orthoglide_cal.model import Measured, Model, gauge_doubts
+from orthoglide_cal.model.gauge_doubts import gauge_doubts
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.measured import Measured
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.schema import Schema
 
 # The machine that the user names, or the settings of its firmware.

@@ -31,9 +31,8 @@ from orthoglide_cal.files.printer_file import (
     within,
 )
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.model import Floats
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise
-from orthoglide_cal.model.plan import Bools
+from orthoglide_cal.model.plan import Bools, Floats
 from orthoglide_cal.schema import parse_count, shortened
 
 T = TypeVar("T")

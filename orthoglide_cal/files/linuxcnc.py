@@ -15,7 +15,8 @@ import numpy as np
 
 from orthoglide_cal.errors import UsageError, system_words
 from orthoglide_cal.files.controller_file import ControllerFile
-from orthoglide_cal.model import AXES, Floats
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.words import MM_PER_INCH
 
 PORT = 5007

@@ -30,9 +30,10 @@ from orthoglide_cal.errors import InputError, InvalidFileError
 from orthoglide_cal.files.faults import WORDS, Steps, nearest
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes, read_document
 from orthoglide_cal.files.yaml_tree import Tree, edited, load_tree, yaml_text
-from orthoglide_cal.model import Effect, Entered, Estimate, Machine, Model
+from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.machine import JointOffsets
+from orthoglide_cal.model.machine import Entered, JointOffsets, Machine
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that, yaml_number
 

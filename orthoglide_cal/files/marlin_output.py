@@ -28,8 +28,8 @@ from orthoglide_cal.files.printer_file import (
     within,
 )
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.model import Floats
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, counter_clockwise
+from orthoglide_cal.model.plan import Floats
 
 MARLIN_OUTPUT = re.compile(
     "Bed X:|Bilinear Leveling Grid:|G33 Auto Calibrate|Bed Topography Report|Measured points:"

@@ -10,7 +10,6 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.model import Floats, Source
 from orthoglide_cal.model.linear_delta import (
     MINUTES_PER_TOUCH,
     Endstops,
@@ -18,7 +17,8 @@ from orthoglide_cal.model.linear_delta import (
     Probe,
     ProbePlan,
 )
-from orthoglide_cal.model.plan import Ints, ReadOnly
+from orthoglide_cal.model.measured import Source
+from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
 from orthoglide_cal.schema import parse_number
 
 # Where the towers a, b, c of all firmwares stand before any correction, counter-clockwise from x.

@@ -25,17 +25,10 @@ from orthoglide_cal.files.rows import (
 )
 from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
-from orthoglide_cal.model import (
-    AXES,
-    Contact,
-    GaugePlan,
-    Posture,
-    Readings,
-    Source,
-    known_plan,
-    number_setups,
-)
+from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.plan import known_plan
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, number_setups
 from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number, yaml_number
 
 _SESSION_COLUMNS = ("timestamp", "reason")

@@ -27,7 +27,7 @@ from pydantic import (
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import FaultPlace, Faults, Steps
 from orthoglide_cal.files.text import number_text
-from orthoglide_cal.model import AXES, Posture
+from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.schema import Count, Moment, Schema, text_that, whole_number, yaml_number
 from orthoglide_cal.words import MM_PER_INCH
 

@@ -26,7 +26,8 @@ from orthoglide_cal.files.readings import (
 )
 from orthoglide_cal.files.rows import Reading, ReadingRow, Record, Rows
 from orthoglide_cal.files.yaml_tree import Tree, yaml_text
-from orthoglide_cal.model import Model, Readings
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Version
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from orthoglide_cal.errors import InputError, UsageError, system_words
 from orthoglide_cal.files import moonraker
-from orthoglide_cal.model import Source
+from orthoglide_cal.model.measured import Source
 from orthoglide_cal.system import SYSTEM
 
 TABLE_LIMIT = 50_000_000  # bytes of a CSV

@@ -12,8 +12,9 @@ import numpy as np
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.model import Excerpt, Readings, Source, differentiate
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
+from orthoglide_cal.model.measured import Excerpt, Readings, Source
+from orthoglide_cal.model.model import differentiate
 
 
 def together(inputs: Sequence[Input]) -> Input:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from orthoglide_cal.model import DataKind
+from orthoglide_cal.model.measured import DataKind
 
 Six = tuple[float, float, float, float, float, float]
 Offsets = tuple[float, float, float]

@@ -14,24 +14,11 @@ import numpy as np
 from orthoglide_cal.errors import NotConvergedError
 from orthoglide_cal.estimation import Problem, fit_offsets, solve
 from orthoglide_cal.estimation.accuracy import rms, sigma_rho, unit_covariance
-from orthoglide_cal.model import (
-    AXES,
-    DIFFERENCES,
-    Contact,
-    DataKind,
-    Differences,
-    Floats,
-    Model,
-    Posture,
-    Source,
-    ideal_plan,
-    other_axes,
-    reduction,
-    simulate,
-    simulate_with_jacobian,
-    zero_free,
-)
-from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
+from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
+from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan, plan_of, reduction
+from orthoglide_cal.model.plan import Floats, zero_free
+from orthoglide_cal.model.readings import AXES, Contact, Posture, other_axes
 from orthoglide_cal.paper import published
 
 # Half a unit of the last printed digit, twice over: once for the readings, once for the result.

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.errors import PostureError
-from orthoglide_cal.model import AXES, Contact, GaugePlan
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Plan
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan
 
 # The plunger keeps this share of the leg from both joints: forks, bolts and the stand's arm.
 MARGIN = 0.1

@@ -22,17 +22,11 @@ import numpy as np
 from orthoglide_cal.errors import RankDeficientError
 from orthoglide_cal.estimation import pose_plan
 from orthoglide_cal.estimation.accuracy import unit_covariance
-from orthoglide_cal.model import (
-    DataKind,
-    Floats,
-    GaugePlan,
-    Ints,
-    Model,
-    simulate_with_jacobian,
-    visiting,
-)
-from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Plan
+from orthoglide_cal.model.measured import DataKind
+from orthoglide_cal.model.model import Model, simulate_with_jacobian
+from orthoglide_cal.model.orthoglide import Orthoglide, visiting
+from orthoglide_cal.model.plan import Floats, Ints, Plan
+from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning.bar import MARGIN
 
 # Postures that are tried, as shares of the lower and of the upper joint limit.

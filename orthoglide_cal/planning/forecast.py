@@ -20,9 +20,9 @@ from orthoglide_cal.estimation import Method, Posed, pose_plan
 from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
 from orthoglide_cal.estimation.budget import Budget, fixed_influences, influences
 from orthoglide_cal.estimation.solution import budget_of_readings
-from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.model.machine import Influence, Layout, Origin
-from orthoglide_cal.model.plan import Plan
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.workspace import error_after
 from orthoglide_cal.planning.separation import separations
 from orthoglide_cal.planning.steps import (

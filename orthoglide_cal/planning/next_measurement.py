@@ -39,15 +39,9 @@ from orthoglide_cal.diagnosis.fit import Fitted, known_then
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.budget import fixed_influences, influences
 from orthoglide_cal.estimation.gaussian import predict, root_of, whiten
-from orthoglide_cal.model import (
-    Floats,
-    Model,
-    Readings,
-    ReadOnly,
-    differentiate,
-    without_zeros,
-)
-from orthoglide_cal.model.plan import Bools, Plan
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.model import Model, differentiate
+from orthoglide_cal.model.plan import Bools, Floats, Plan, ReadOnly, without_zeros
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning.forecast import ARRAYS, estimator_for, lengths
 from orthoglide_cal.planning.options import Option, further, joined, options

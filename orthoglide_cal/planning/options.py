@@ -13,23 +13,17 @@ from typing import TypeVar
 
 import numpy as np
 
-from orthoglide_cal.model import (
-    AXES,
-    Contact,
-    Floats,
-    GaugePlan,
-    Model,
-    double_posture,
-    other_axes,
-)
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
     Orthoglide,
     PlannedReading,
+    double_posture,
     plan_of,
 )
-from orthoglide_cal.model.plan import Plan
+from orthoglide_cal.model.plan import Floats, Plan
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
 from orthoglide_cal.planning.bar import bar_warning, places, reach_mm
 from orthoglide_cal.planning.steps import (
     MeasuringProtocol,

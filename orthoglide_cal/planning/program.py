@@ -23,9 +23,10 @@ import numpy as np
 from orthoglide_cal.errors import PostureError, UsageError
 from orthoglide_cal.files.gcode_template import PostureValues, Template
 from orthoglide_cal.files.table import csv_text, in_csv
-from orthoglide_cal.model import AXES, Floats, Model, ReadOnly
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Bools
+from orthoglide_cal.model.plan import Bools, Floats, ReadOnly
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.steps import SessionStep, posture_name
 from orthoglide_cal.words import counted, plain, short
 

@@ -20,18 +20,10 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
-from orthoglide_cal.model import (
-    Cause,
-    Floats,
-    Model,
-    Place,
-    ReadOnly,
-    Stage,
-    differentiate,
-    zero_free,
-)
+from orthoglide_cal.model.cause import Cause, Place, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import Plan
+from orthoglide_cal.model.model import Model, differentiate
+from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, zero_free
 
 # A cause whose trace is smaller than this cannot be seen, nor two be distinguished [σ].
 TRACE_SIGMA = 1.0

@@ -9,24 +9,17 @@ from enum import StrEnum
 from functools import cached_property
 
 from orthoglide_cal.files import number_text
-from orthoglide_cal.model import (
-    AXES,
-    Contact,
-    GaugePlan,
-    Ints,
-    Posture,
-    Series,
-    double_posture,
-    single_posture,
-)
 from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
     Orthoglide,
     PlannedReading,
+    double_posture,
     plan_of,
+    single_posture,
 )
-from orthoglide_cal.model.plan import Plan
+from orthoglide_cal.model.plan import Ints, Plan
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, Series
 from orthoglide_cal.planning.design import design_of
 
 # Pace assumed for what else is done between readings [min].

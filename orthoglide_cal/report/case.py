@@ -13,8 +13,10 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import command
 from orthoglide_cal.files import Conditions, Input
-from orthoglide_cal.model import AXES, Cause, Machine, Source
-from orthoglide_cal.model.machine import Vocabulary
+from orthoglide_cal.model.cause import Cause
+from orthoglide_cal.model.machine import Machine, Vocabulary
+from orthoglide_cal.model.measured import Source
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.facts import data_words
 from orthoglide_cal.results import Answer, CheckReading, Remedy, recording

@@ -25,8 +25,8 @@ import numpy as np
 from orthoglide_cal.errors import file_words, visible
 from orthoglide_cal.files.printer_file import USUAL_ANGLES_DEG
 from orthoglide_cal.files.table import csv_text
-from orthoglide_cal.model import AXES
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.case import SETTLED, Case, check_words
 from orthoglide_cal.report.documents.solution import common_unit

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 
-from orthoglide_cal.model import DataKind, Machine, Source
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.measured import DataKind, Source
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.results import Identity, Validity
 from orthoglide_cal.results.answer import InputFile

@@ -16,8 +16,8 @@ from typing import Self
 
 import numpy as np
 
-from orthoglide_cal.model import AXES, Floats, Ints, Series
-from orthoglide_cal.model.plan import Bools
+from orthoglide_cal.model.plan import Bools, Floats, Ints
+from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.report.escape import Html, tag
 from orthoglide_cal.results.answer import Residual

@@ -13,8 +13,8 @@ from typing import Literal
 from orthoglide_cal.errors import UsageError, command
 from orthoglide_cal.files import Conditions, Input, StoredMachine, differing, with_history
 from orthoglide_cal.files.controller_file import ControllerFile
-from orthoglide_cal.model import Entered, Model
-from orthoglide_cal.model.machine import JointOffsets, Written
+from orthoglide_cal.model.machine import Entered, JointOffsets, Written
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.results.answer import Answer
 
 _FIRST = (

@@ -38,9 +38,11 @@ from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
 from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
 from orthoglide_cal.files import Input, machine_values
-from orthoglide_cal.model import Cause, Floats, Model
+from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.model.machine import Origin
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.validity import STEP_K
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.words import listed, signed

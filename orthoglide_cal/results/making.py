@@ -50,15 +50,10 @@ from orthoglide_cal.estimation.accuracy import (
 )
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
 from orthoglide_cal.files import Input
-from orthoglide_cal.model import (
-    AXES,
-    DIFFERENCES,
-    Differences,
-    Floats,
-    Measured,
-    Model,
-    Posture,
-)
+from orthoglide_cal.model.measured import DIFFERENCES, Differences, Measured
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.model.workspace import Workspace, workspace_error
 from orthoglide_cal.results import answer as schema
 from orthoglide_cal.results.release import release

@@ -16,7 +16,7 @@ from orthoglide_cal.diagnosis import (
 )
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import half_width
-from orthoglide_cal.model import DataKind
+from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.results.answer import Release, Remedy
 from orthoglide_cal.words import counted, percent
 

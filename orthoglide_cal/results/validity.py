@@ -10,7 +10,8 @@ from pydantic import AwareDatetime, Field
 
 from orthoglide_cal import __version__
 from orthoglide_cal.files import Input, machine_values
-from orthoglide_cal.model import Model, Source
+from orthoglide_cal.model.measured import Source
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.words import plain
 

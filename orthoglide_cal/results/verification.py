@@ -43,17 +43,10 @@ from orthoglide_cal.estimation.gaussian import whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files import Input, machine_values
-from orthoglide_cal.model import (
-    AXES,
-    DataKind,
-    Floats,
-    GaugePlan,
-    Measured,
-    Model,
-    Readings,
-    ReadOnly,
-    Source,
-)
+from orthoglide_cal.model.measured import DataKind, Measured, Readings, Source
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats, ReadOnly
+from orthoglide_cal.model.readings import AXES, GaugePlan
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.answer import InputFile, Spread
 from orthoglide_cal.results.making import remainder, spread

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orthoglide_cal.estimation.forecast import Prediction
-from orthoglide_cal.model import AXES, Floats, Ints
 from orthoglide_cal.model.gauge_doubts import off_scale, too_steady
+from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.session.events import Doubt
 from orthoglide_cal.session.readings import NextReading
 from orthoglide_cal.session.wording import in_unit, value_text

@@ -23,7 +23,7 @@ from pydantic import (
 )
 
 from orthoglide_cal.files import FileText
-from orthoglide_cal.model import Model
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order
 

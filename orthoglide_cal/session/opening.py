@@ -27,9 +27,10 @@ from orthoglide_cal.files import (
     read_document,
     read_input,
 )
-from orthoglide_cal.model import GaugePlan, Model
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
+from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.bar import require_on_bar
 from orthoglide_cal.planning.steps import (

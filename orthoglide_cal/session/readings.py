@@ -28,18 +28,11 @@ from orthoglide_cal.files import (
     row_at,
 )
 from orthoglide_cal.files.yaml_tree import load_tree
-from orthoglide_cal.model import (
-    AXES,
-    Contact,
-    Floats,
-    GaugePlan,
-    Ints,
-    Model,
-    Posture,
-    Readings,
-    Source,
-)
+from orthoglide_cal.model.measured import Readings, Source
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import Orthoglide, plan_of
+from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep, planned_readings
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
 from orthoglide_cal.words import Unit

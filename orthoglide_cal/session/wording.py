@@ -7,7 +7,9 @@ from collections import Counter
 from collections.abc import Iterable
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.model import AXES, Contact, Floats, Model, other_axes
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import AXES, Contact, other_axes
 from orthoglide_cal.planning.steps import SessionStep, posture_name
 from orthoglide_cal.session.readings import Setting
 from orthoglide_cal.words import MM_PER_INCH, Unit

@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
-from orthoglide_cal.model import GaugePlan
+from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning import Option, RankedMeasurement, ranked
 from tests.diagnosis.sessions import known
 from tests.truth import (

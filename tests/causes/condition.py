@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model import Contact, Effect, Floats, GaugePlan
+from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import Contact, GaugePlan
 from tests import truth
 from tests.machines import NOMINAL, NOMINAL_LARGE
 from tests.truth.forward import PARTS, SIZE

@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model import (
-    Cause,
-    Floats,
-    Model,
-    differentiate,
-    simulate,
-    simulate_with_jacobian,
-)
+from orthoglide_cal.model.cause import Cause
+from orthoglide_cal.model.model import Model, differentiate, simulate, simulate_with_jacobian
+from orthoglide_cal.model.plan import Floats
 from tests import truth
 from tests.causes.condition import (
     MACHINES,

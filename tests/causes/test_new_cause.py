@@ -13,8 +13,8 @@ import pytest
 
 import orthoglide_cal
 from orthoglide_cal.files import readings_csv
-from orthoglide_cal.model import double_posture
 from orthoglide_cal.model.model import synthetic_session
+from orthoglide_cal.model.orthoglide import double_posture
 from tests.machines import NOMINAL, PROTOTYPE, ROOT
 
 SAG = '''

@@ -6,18 +6,11 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
-from orthoglide_cal.model import (
-    Cause,
-    Contact,
-    Floats,
-    GaugePlan,
-    Model,
-    Place,
-    double_posture,
-    simulate,
-    zero_free,
-)
-from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
+from orthoglide_cal.model.cause import Cause, Place
+from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan_of
+from orthoglide_cal.model.plan import Floats, zero_free
+from orthoglide_cal.model.readings import Contact, GaugePlan
 from tests import truth
 from tests.causes.condition import MACHINES, as_plan, standard, state_of
 from tests.machines import NOMINAL, PROTOTYPE

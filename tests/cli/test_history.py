@@ -11,7 +11,7 @@ import pytest
 from rich.cells import cell_len
 
 from orthoglide_cal.files import session_of_readings, session_text
-from orthoglide_cal.model import Readings
+from orthoglide_cal.model.measured import Readings
 from tests.cli.program import DOUBLE, SESSION, answer, done, refused, run, words
 from tests.results.histories import draw
 from tests.truth.delta import (

@@ -8,7 +8,8 @@ import pytest
 import yaml
 
 from orthoglide_cal.files import read_input
-from orthoglide_cal.model import Contact, Readings
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.readings import Contact
 from tests.cli.program import DOUBLE, SAMPLES, SESSION, SINGLE, lines, run
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, ROOT
 from tests.printers import CONFIG

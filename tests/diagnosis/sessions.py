@@ -5,7 +5,8 @@ from functools import cache
 from orthoglide_cal.files import machine_from_text
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.text import document_from_bytes
-from orthoglide_cal.model import Model, Readings
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.model import Model
 from tests import truth
 
 

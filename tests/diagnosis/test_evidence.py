@@ -5,7 +5,7 @@ import pytest
 
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.estimation.gaussian import log_sum
-from orthoglide_cal.model import Floats
+from orthoglide_cal.model.plan import Floats
 
 GRID = NoiseGrid.around(0.004)
 

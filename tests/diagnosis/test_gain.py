@@ -8,8 +8,9 @@ import pytest
 from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted, leave_out_cells, predict_later
-from orthoglide_cal.model import Floats, double_posture
 from orthoglide_cal.model.model import synthetic_session
+from orthoglide_cal.model.orthoglide import double_posture
+from orthoglide_cal.model.plan import Floats
 from tests import truth
 from tests.diagnosis.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE

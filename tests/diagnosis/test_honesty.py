@@ -13,7 +13,7 @@ from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import leave_out_cells
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model import Readings
+from orthoglide_cal.model.measured import Readings
 from tests import truth
 from tests.diagnosis.sessions import known, model_of, read
 from tests.readings import some

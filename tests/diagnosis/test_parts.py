@@ -5,7 +5,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES, RelabelCause
 from orthoglide_cal.diagnosis import diagnose
-from orthoglide_cal.model import Place
+from orthoglide_cal.model.cause import Place
 from tests import truth
 from tests.diagnosis.sessions import known
 from tests.truth import again

@@ -11,7 +11,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose, extend
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files import Input, machine_from_text, machine_text, together
-from orthoglide_cal.model import Floats
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results import answer_to, with_dates
 from tests.diagnosis.test_delta import given
 from tests.printers import true_values

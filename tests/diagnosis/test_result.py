@@ -12,17 +12,11 @@ from orthoglide_cal.diagnosis.assess import assess
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
 from orthoglide_cal.files import read_input
-from orthoglide_cal.model import (
-    DIFFERENCES,
-    DataKind,
-    Differences,
-    Effect,
-    Source,
-    ideal_plan,
-    reduction,
-    simulate,
-    without_zeros,
-)
+from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
+from orthoglide_cal.model.model import simulate
+from orthoglide_cal.model.orthoglide import ideal_plan, reduction
+from orthoglide_cal.model.plan import without_zeros
 from orthoglide_cal.paper.published import EXPERIMENTS
 from tests import truth
 from tests.diagnosis.sessions import known

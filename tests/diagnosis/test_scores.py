@@ -15,7 +15,10 @@ from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
 from orthoglide_cal.diagnosis.scores import Acting, all_or_one
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model import Cause, Effect, Floats, GaugePlan, simulate
+from orthoglide_cal.model.cause import Cause, Effect
+from orthoglide_cal.model.model import simulate
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import GaugePlan
 from tests import truth
 from tests.diagnosis.sessions import known
 from tests.diagnosis.test_evidence import dense

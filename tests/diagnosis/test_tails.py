@@ -12,7 +12,8 @@ import pytest
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.diagnosis.assess import SPEAKS, WITHOUT_SIZE, Posterior, judge
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model import Model, Readings
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.results.release import release
 from tests import truth
 from tests.diagnosis.command import diagnose as run

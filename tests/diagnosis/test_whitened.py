@@ -8,8 +8,10 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.files import read_input
-from orthoglide_cal.model import DIFFERENCES, DataKind, Model, Series, double_posture, simulate
-from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind
+from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.orthoglide import Orthoglide, double_posture
+from orthoglide_cal.model.readings import Series
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
 from tests.readings import readings_of
 

@@ -12,7 +12,8 @@ from orthoglide_cal.diagnosis.candidates import Candidates
 from orthoglide_cal.diagnosis.explanations import OFFSETS_MM, Whitened
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.gaussian import log_sum
-from orthoglide_cal.model import DIFFERENCES, DataKind, Differences, Place, Readings
+from orthoglide_cal.model.cause import Place
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings
 from orthoglide_cal.results.release import release
 from tests import truth
 from tests.diagnosis.sessions import known, model_of, read

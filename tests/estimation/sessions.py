@@ -5,22 +5,18 @@ from dataclasses import fields, replace
 import numpy as np
 
 from orthoglide_cal.estimation import Problem
-from orthoglide_cal.model import (
+from orthoglide_cal.model.measured import (
     DIFFERENCES,
     DataKind,
     Difference,
     Differences,
-    Floats,
-    Gauge,
-    GaugePlan,
-    Model,
     Readings,
     Source,
-    ideal_plan,
-    reduction,
-    simulate,
 )
-from orthoglide_cal.model.model import synthetic_session
+from orthoglide_cal.model.model import Model, simulate, synthetic_session
+from orthoglide_cal.model.orthoglide import Gauge, ideal_plan, reduction
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import GaugePlan
 from tests.machines import extended
 
 NOWHERE = Source("test", "")

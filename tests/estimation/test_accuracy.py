@@ -14,16 +14,11 @@ from orthoglide_cal.estimation.accuracy import (
     sum_of_squares,
     unit_covariance,
 )
-from orthoglide_cal.model import (
-    DIFFERENCES,
-    DataKind,
-    Effect,
-    Floats,
-    Model,
-    double_posture,
-    simulate_with_jacobian,
-    single_posture,
-)
+from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind
+from orthoglide_cal.model.model import Model, simulate_with_jacobian
+from orthoglide_cal.model.orthoglide import double_posture, single_posture
+from orthoglide_cal.model.plan import Floats
 from tests.estimation.sessions import (
     OFFSETS,
     SINGLE,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation import Method, pose, solve
-from orthoglide_cal.model import DIFFERENCES, DataKind, Model
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind
+from orthoglide_cal.model.model import Model
 from tests.estimation.sessions import (
     BENT,
     NAMED,

@@ -13,7 +13,7 @@ from orthoglide_cal.estimation.gaussian import (
     unexplained,
     whiten,
 )
-from orthoglide_cal.model import Floats
+from orthoglide_cal.model.plan import Floats
 
 RNG = np.random.default_rng(5)
 COLUMNS, SIZES, SIGMA = RNG.standard_normal((7, 3)), np.array([0.4, 2.0, 30.0]), 0.3

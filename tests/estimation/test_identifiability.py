@@ -7,17 +7,10 @@ import pytest
 
 from orthoglide_cal.errors import RankDeficientError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model import (
-    AXES,
-    Contact,
-    GaugePlan,
-    Measured,
-    Model,
-    Posture,
-    Series,
-    double_posture,
-    single_posture,
-)
+from orthoglide_cal.model.measured import Measured
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import double_posture, single_posture
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, Series
 from tests.estimation.sessions import BENT, OFFSETS, SINGLE, SIX, differences, only, readings
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models
 from tests.readings import some

@@ -12,8 +12,11 @@ from scipy.optimize import least_squares
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.model import Effect, Floats, Gauge, Model, single_posture, without_zeros
+from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Influence, Origin
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import Gauge, single_posture
+from orthoglide_cal.model.plan import Floats, without_zeros
 from tests import truth
 from tests.diagnosis.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, sure

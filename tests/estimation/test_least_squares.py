@@ -10,15 +10,10 @@ from orthoglide_cal.errors import NotConvergedError
 from orthoglide_cal.estimation import Problem, fit_offsets, solve
 from orthoglide_cal.estimation.accuracy import unit_covariance
 from orthoglide_cal.estimation.least_squares import OPTIMAL, normal_step
-from orthoglide_cal.model import (
-    DataKind,
-    Floats,
-    Model,
-    double_posture,
-    simulate,
-    simulate_with_jacobian,
-    zero_free,
-)
+from orthoglide_cal.model.measured import DataKind
+from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
+from orthoglide_cal.model.orthoglide import double_posture
+from orthoglide_cal.model.plan import Floats, zero_free
 from orthoglide_cal.paper.tables import experiment
 from tests.estimation.sessions import BENT, READINGS, SIX, TWELVE, of_values, problem_of
 from tests.machines import NOMINAL, both_models, extended

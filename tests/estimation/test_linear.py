@@ -7,17 +7,12 @@ import pytest
 
 from orthoglide_cal.errors import RankDeficientError
 from orthoglide_cal.estimation import Method, solve
-from orthoglide_cal.model import (
-    DIFFERENCES,
-    DataKind,
-    Difference,
-    Floats,
-    Machine,
-    Model,
-    Posture,
-    double_posture,
-    single_posture,
-)
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import double_posture, single_posture
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import Posture
 from tests.estimation.sessions import (
     BENT,
     OFFSETS,

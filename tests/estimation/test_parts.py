@@ -8,7 +8,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model import Model
+from orthoglide_cal.model.model import Model
 from tests import truth
 from tests.diagnosis.sessions import known
 from tests.truth import again

@@ -7,20 +7,11 @@ import pytest
 
 from orthoglide_cal.estimation import OffsetEstimate, promise
 from orthoglide_cal.estimation.accuracy import Scatter
-from orthoglide_cal.model import (
-    DIFFERENCES,
-    Contact,
-    DataKind,
-    Difference,
-    Floats,
-    GaugePlan,
-    Measured,
-    Model,
-    Posture,
-    Series,
-    double_posture,
-    single_posture,
-)
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import double_posture, single_posture
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series
 from orthoglide_cal.paper.tables import experiment
 from tests import truth
 from tests.estimation.sessions import (

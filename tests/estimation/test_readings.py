@@ -9,18 +9,13 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, pose, solve, usable_methods
-from orthoglide_cal.model import (
-    Cause,
-    DataKind,
-    Floats,
-    GaugePlan,
-    Machine,
-    Model,
-    Readings,
-    double_posture,
-    simulate_with_jacobian,
-    single_posture,
-)
+from orthoglide_cal.model.cause import Cause
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.measured import DataKind, Readings
+from orthoglide_cal.model.model import Model, simulate_with_jacobian
+from orthoglide_cal.model.orthoglide import double_posture, single_posture
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import GaugePlan
 from tests.estimation.sessions import (
     BENT,
     OFFSETS,

@@ -10,7 +10,9 @@ from scipy.special import chdtri
 from orthoglide_cal.estimation import Posed, fit_offsets, solve
 from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.estimation.least_squares import OPTIMAL
-from orthoglide_cal.model import Floats, Measured, double_posture, single_posture
+from orthoglide_cal.model.measured import Measured
+from orthoglide_cal.model.orthoglide import double_posture, single_posture
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.paper.tables import experiment
 from tests import truth
 from tests.diagnosis.sessions import known

@@ -7,7 +7,7 @@ from pathlib import Path
 from orthoglide_cal.errors import InputError, InvalidFileError
 from orthoglide_cal.files import default_machine, read_input
 from orthoglide_cal.files.text import FileText, document_from_bytes
-from orthoglide_cal.model import Differences, Measured, Readings
+from orthoglide_cal.model.measured import Differences, Measured, Readings
 
 MODEL = default_machine()
 MACHINE = MODEL.machine

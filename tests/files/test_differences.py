@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.files import read_input
-from orthoglide_cal.model import DIFFERENCES, DataKind
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 
 from .helpers import MODEL, differences, measured, places, problems
 

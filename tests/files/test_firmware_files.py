@@ -15,7 +15,7 @@ from orthoglide_cal.files import (
     read_input,
     read_machine,
 )
-from orthoglide_cal.model import Model
+from orthoglide_cal.model.model import Model
 from tests import firmware_files as made
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import printer, true_values

@@ -22,10 +22,11 @@ from orthoglide_cal.files import (
 )
 from orthoglide_cal.files.machine_file import machine_in
 from orthoglide_cal.files.yaml_tree import load_tree
-from orthoglide_cal.model import Effect, Estimate, Gauge, Model
+from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.linear_delta import CALLIPER_MM
 from orthoglide_cal.model.machine import Details, Entered, JointOffsets, OwnGauge
-from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import Gauge, Orthoglide
 from tests.printers import CONFIG, UNEVEN, printer
 from tests.truth.delta import TOLERANCES, delta_yaml
 

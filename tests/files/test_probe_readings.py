@@ -15,8 +15,9 @@ from orthoglide_cal.files import (
     read_machine_file,
 )
 from orthoglide_cal.files.printer_file import REPEATABILITY_MM
-from orthoglide_cal.model import Model, Readings
 from orthoglide_cal.model.linear_delta import CALLIPER_MM, MINUTES_PER_TOUCH, Endstops, LinearDelta
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.model import Model
 from tests.printer_files import printer_cfg
 from tests.printers import CONFIG, UNEVEN, printer, true_values
 from tests.truth.delta import (

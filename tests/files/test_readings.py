@@ -17,7 +17,10 @@ from orthoglide_cal.files import (
     session_of_readings,
     session_text,
 )
-from orthoglide_cal.model import Contact, Model, Readings, double_posture, single_posture
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import double_posture, single_posture
+from orthoglide_cal.model.readings import Contact
 from tests.readings import readings_of, some
 
 from .helpers import MACHINE, document, measured, places, problems, readings

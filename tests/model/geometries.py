@@ -4,18 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthoglide_cal.model import (
-    Cause,
-    Contact,
-    Floats,
-    GaugePlan,
-    Machine,
-    Model,
-    Numbers,
-    Stage,
-    double_posture,
-)
+from orthoglide_cal.model.cause import Cause, Stage
 from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import double_posture
+from orthoglide_cal.model.plan import Floats, Numbers
+from orthoglide_cal.model.readings import Contact, GaugePlan
 
 
 class GivenRails(Cause):

@@ -8,8 +8,10 @@ import math
 
 import numpy as np
 
-from orthoglide_cal.model import Contact, Floats, GaugePlan, Machine
 from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import Contact, GaugePlan
 
 NONE = np.zeros(3)
 

@@ -5,25 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.model import (
-    DIFFERENCES,
-    Contact,
-    DataKind,
-    Difference,
-    GaugePlan,
-    Machine,
-    Model,
-    Posture,
-    Series,
-    cell_contrasts,
-    double_posture,
-    ideal_plan,
-    reduction,
-    simulate_with_jacobian,
-    single_posture,
-    without_zeros,
-    zero_free,
-)
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference
+from orthoglide_cal.model.model import Model, simulate_with_jacobian
+from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
+from orthoglide_cal.model.plan import cell_contrasts, without_zeros, zero_free
+from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series
 from tests.machines import LARGE, PROTOTYPE, both_machines
 from tests.model.geometries import mixed_plan
 

@@ -11,17 +11,10 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model import (
-    DIFFERENCES,
-    DataKind,
-    Differences,
-    Floats,
-    Gauge,
-    Readings,
-    Source,
-    gauge_doubts,
-)
-from orthoglide_cal.model.gauge_doubts import chance_of_less_scatter
+from orthoglide_cal.model.gauge_doubts import chance_of_less_scatter, gauge_doubts
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
+from orthoglide_cal.model.orthoglide import Gauge
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.release import release
 from tests import truth
 from tests.cli.program import lines, run

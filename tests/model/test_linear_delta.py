@@ -9,9 +9,10 @@ from scipy.special import eval_jacobi
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnreachableError
-from orthoglide_cal.model import Effect, Floats, Model, simulate
+from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.linear_delta import GRAIN_MM, ProbePlan
-from orthoglide_cal.model.model import simulate_with_jacobian
+from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
+from orthoglide_cal.model.plan import Floats
 from tests.model.test_plan import groups
 from tests.printers import (
     PRINTER,

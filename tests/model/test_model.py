@@ -6,24 +6,13 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model import (
-    AXES,
-    DIFFERENCES,
-    Cause,
-    DataKind,
-    Differences,
-    Effect,
-    Estimate,
-    Floats,
-    Place,
-    Source,
-    Stage,
-    double_posture,
-    simulate,
-)
-from orthoglide_cal.model.cause import EVERYWHERE
+from orthoglide_cal.model.cause import EVERYWHERE, Cause, Effect, Estimate, Place, Stage
 from orthoglide_cal.model.kinematics import Command
-from orthoglide_cal.model.model import synthetic_session
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
+from orthoglide_cal.model.model import simulate, synthetic_session
+from orthoglide_cal.model.orthoglide import double_posture
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import compensation, workspace_error
 from tests.machines import LARGE, NOMINAL, PROTOTYPE, extended
 from tests.model.geometries import bent_rails, on_rails

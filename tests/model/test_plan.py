@@ -5,19 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.model import (
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan_of, single_posture
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import (
     Contact,
-    Floats,
     GaugePlan,
-    Machine,
     Posture,
     Series,
-    double_posture,
     number_setups,
     other_axes,
-    single_posture,
 )
-from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import SingularError, UnreachableError
-from orthoglide_cal.model import Machine
 from orthoglide_cal.model.kinematics import trilaterate
+from orthoglide_cal.model.machine import Machine
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model.geometries import bent_rails, tool_positions
 from tests.model.paper_kinematics import inverse

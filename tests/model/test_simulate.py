@@ -8,22 +8,23 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import SingularError, UnreachableError
-from orthoglide_cal.model import (
-    Contact,
-    Floats,
-    Gauge,
-    GaugePlan,
-    Machine,
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import (
+    STEP,
     Model,
-    Posture,
-    double_posture,
     simulate,
     simulate_with_jacobian,
-    single_posture,
-    zero_free,
+    synthetic_session,
 )
-from orthoglide_cal.model.model import STEP, synthetic_session
-from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
+from orthoglide_cal.model.orthoglide import (
+    Gauge,
+    PlannedReading,
+    double_posture,
+    plan_of,
+    single_posture,
+)
+from orthoglide_cal.model.plan import Floats, zero_free
+from orthoglide_cal.model.readings import Contact, GaugePlan, Posture
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model import paper_kinematics
 from tests.model.geometries import bent_rails, mixed_plan, on_rails

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.model import Floats, Machine
 from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.workspace import (
     SAMPLES,
     WorkspaceMaps,

@@ -9,15 +9,10 @@ import pytest
 from orthoglide_cal.errors import NotConvergedError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import sigma_rho, unit_covariance
-from orthoglide_cal.model import (
-    AXES,
-    DIFFERENCES,
-    DataKind,
-    Floats,
-    Model,
-    Posture,
-    other_axes,
-)
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import AXES, Posture, other_axes
 from orthoglide_cal.paper import published, tables
 from orthoglide_cal.paper.tables import (
     PRINTED_MM,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orthoglide_cal.cli.plan import write_program
-from orthoglide_cal.model import Model
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.program import posture_program
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep, sequence
 from tests.cli.program import run

@@ -9,7 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from orthoglide_cal.errors import PostureError
-from orthoglide_cal.model import Contact, Machine, double_posture, single_posture
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.orthoglide import double_posture, single_posture
+from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.planning.bar import (
     MARGIN,
     bar_warning,

@@ -12,7 +12,12 @@ import pytest
 
 from orthoglide_cal.errors import RankDeficientError
 from orthoglide_cal.estimation import fit_offsets, pose_plan
-from orthoglide_cal.model import DataKind, Floats, GaugePlan, Machine, Model, double_posture
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.measured import DataKind
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import double_posture
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning.bar import MARGIN
 from orthoglide_cal.planning.design import design_of, readings_needed
 from orthoglide_cal.planning.forecast import session_of

@@ -6,9 +6,10 @@ import pytest
 from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.model import Floats, Model, Readings
-from orthoglide_cal.model.model import synthetic_session
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.model import Model, synthetic_session
 from orthoglide_cal.model.orthoglide import MINUTES_PER_POSTURE, OFFSET_MM
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.forecast import fewest_cycles, forecast, session_of
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,

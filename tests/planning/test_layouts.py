@@ -9,9 +9,10 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.least_squares import Problem
-from orthoglide_cal.model import Floats, Model
 from orthoglide_cal.model.linear_delta import ProbePlan, mixed, rings
 from orthoglide_cal.model.machine import SimulationOptions
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,

@@ -12,16 +12,12 @@ from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.text import document_from_bytes
-from orthoglide_cal.model import (
-    Effect,
-    Floats,
-    GaugePlan,
-    Model,
-    Posture,
-    Readings,
-    double_posture,
-)
-from orthoglide_cal.model.model import synthetic_session
+from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.model import Model, synthetic_session
+from orthoglide_cal.model.orthoglide import double_posture
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import GaugePlan, Posture
 from orthoglide_cal.planning import RankedMeasurement, best_next, joined, ranked
 from orthoglide_cal.planning.next_measurement import _pair, predictions
 from orthoglide_cal.planning.options import options

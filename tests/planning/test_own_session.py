@@ -10,8 +10,8 @@ import pytest
 
 from orthoglide_cal.diagnosis import Verdict, diagnose
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model import DataKind, Differences, Model, Readings
-from orthoglide_cal.model.measured import DIFFERENCES
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import reduction
 from orthoglide_cal.planning import Option, best_next, ranked
 from tests import truth

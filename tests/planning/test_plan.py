@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation import Method
-from orthoglide_cal.model import Model
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.forecast import SessionForecast, forecast
 from orthoglide_cal.planning.plan import METHODS, SHOWN_CYCLES, Wanted, measurement_plan
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from orthoglide_cal.errors import PostureError, UsageError
-from orthoglide_cal.model import Model
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.program import posture_program
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence
 from tests.machines import LARGE, NOMINAL, PROTOTYPE, both_models

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model import Model
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
 from orthoglide_cal.planning.forecast import session_of
 from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations, separations

@@ -6,8 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from orthoglide_cal.model import Contact, Machine
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
+from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.planning.steps import (
     MINUTES_PER_TURN,
     MeasuringProtocol,

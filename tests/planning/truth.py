@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from orthoglide_cal.model import Contact, Floats, GaugePlan, Ints, Machine
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.readings import Contact, GaugePlan
 from tests import truth
 from tests.truth.effects import state_with
 from tests.truth.forward import carriages_and_tool, signals

@@ -8,7 +8,7 @@ from pathlib import Path
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.input import Check, CheckedFile, Fault
-from orthoglide_cal.model import Model
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.paper.tables import table_5
 from orthoglide_cal.planning.plan import Wanted, measurement_plan

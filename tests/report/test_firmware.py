@@ -9,7 +9,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import read_input, read_machine_file
-from orthoglide_cal.model import Effect
+from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.report.controller import FIRMWARES, Export, as_firmware
 from tests.printer_files import OFF, exact
 from tests.results.cases import case_of, identity_of

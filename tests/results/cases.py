@@ -11,7 +11,10 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files import Conditions, GaugeIdentity, Input, read_input
-from orthoglide_cal.model import Model, Posture, Readings, double_posture, single_posture
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.orthoglide import double_posture, single_posture
+from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.results import Identity, answer_to, identify
 from orthoglide_cal.results.verification import Verification, verify

@@ -9,7 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from orthoglide_cal.files import Conditions, Input, session_of_readings, session_text
-from orthoglide_cal.model import GaugePlan, Model, Readings, double_posture, simulate
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.orthoglide import double_posture
+from orthoglide_cal.model.readings import GaugePlan
 from tests.machines import NOMINAL
 from tests.readings import readings_of
 

@@ -19,8 +19,11 @@ from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import OffsetEstimate, promise, solve
 from orthoglide_cal.estimation.accuracy import Scatter
-from orthoglide_cal.model import AXES, Entered, Model, Series, Source, simulate, single_posture
-from orthoglide_cal.model.machine import JointOffsets
+from orthoglide_cal.model.machine import Entered, JointOffsets
+from orthoglide_cal.model.measured import Source
+from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.orthoglide import single_posture
+from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.results import Answer, Parameter, answer_to, identify, making

@@ -15,7 +15,10 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import extend
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model import AXES, Estimate, Model, Readings
+from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.results import Answer, answer_to
 from tests import truth
 from tests.diagnosis.sessions import known

@@ -10,20 +10,11 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.methods import pose
 from orthoglide_cal.files import Conditions, Input, read_input
-from orthoglide_cal.model import (
-    DIFFERENCES,
-    DataKind,
-    Differences,
-    GaugePlan,
-    Posture,
-    Source,
-    double_posture,
-    ideal_plan,
-    reduction,
-    simulate,
-    single_posture,
-    without_zeros,
-)
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
+from orthoglide_cal.model.model import simulate
+from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
+from orthoglide_cal.model.plan import without_zeros
+from orthoglide_cal.model.readings import GaugePlan, Posture
 from orthoglide_cal.results.verification import (
     Behaviour,
     Outcome,

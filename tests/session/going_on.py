@@ -10,7 +10,7 @@ import yaml
 
 from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.files import read_document, read_input
-from orthoglide_cal.model import Readings
+from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.session.events import Following
 from orthoglide_cal.session.journal import decode

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from orthoglide_cal.model import Machine
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, check_reading, check_repeats
 from orthoglide_cal.session.events import Answered, Doubt, Taken, advance

@@ -16,9 +16,11 @@ from orthoglide_cal.estimation.forecast import (
     PlanForecast,
     misfit_mm,
 )
-from orthoglide_cal.model import Effect, GaugePlan, Model, simulate
+from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import plan_of
+from orthoglide_cal.model.readings import GaugePlan
 from tests.machines import NOMINAL, PROTOTYPE
 from tests.model.geometries import on_rails
 

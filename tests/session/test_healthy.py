@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from orthoglide_cal.model import Gauge, Machine, Model, simulate
-from orthoglide_cal.model.orthoglide import plan_of
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.orthoglide import Gauge, plan_of
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, gather
 from orthoglide_cal.session.events import advance

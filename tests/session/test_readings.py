@@ -10,7 +10,8 @@ from scipy import stats
 
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files import read_input, session_text
-from orthoglide_cal.model import GaugePlan, Readings
+from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session.events import (
     Answered,

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.files import machine_text, session_text
-from orthoglide_cal.model import Machine, Model
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep, sequence
 from orthoglide_cal.session import Dialogue, Quit, Show, Style
 from orthoglide_cal.session.asking import Asker, Line

@@ -13,7 +13,8 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import NextMeasurement, Verdict, nothing_wrong
 from orthoglide_cal.diagnosis.result import Explanation
 from orthoglide_cal.estimation.solution import UNUSUAL
-from orthoglide_cal.model import Stage, weighing
+from orthoglide_cal.model.cause import Stage
+from orthoglide_cal.model.measured import weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import SETTLED, Case, decision_notice, to_do, to_follow
 from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections

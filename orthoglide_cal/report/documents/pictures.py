@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orthoglide_cal.model import DataKind, Floats
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.measured import DataKind
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import Case

@@ -16,7 +16,9 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation.budget import Budget
-from orthoglide_cal.model import Floats, Model, Source
+from orthoglide_cal.model.measured import Source
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.next_measurement import RankedMeasurement

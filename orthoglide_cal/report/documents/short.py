@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import UnusableResultError, command, file_words
 from orthoglide_cal.files import Check, machine_values
-from orthoglide_cal.model import AXES, Model, Source
+from orthoglide_cal.model.measured import Source
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import measure_again
 from orthoglide_cal.report.facts import MEANS, OWNER, data_words, stated

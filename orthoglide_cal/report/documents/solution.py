@@ -11,8 +11,8 @@ from functools import partial
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
-from orthoglide_cal.model import DataKind, Machine, weighing
-from orthoglide_cal.model.machine import Origin
+from orthoglide_cal.model.machine import Machine, Origin
+from orthoglide_cal.model.measured import DataKind, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, decision_notice, to_do
 from orthoglide_cal.report.facts import comparison_words

@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 
 from orthoglide_cal.errors import command, file_words
-from orthoglide_cal.model import DataKind
+from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.documents.solution import sizes, sizes_grid

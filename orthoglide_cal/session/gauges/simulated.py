@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from orthoglide_cal.model import Floats, simulate
+from orthoglide_cal.model.model import simulate
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.gauges.interface import LiveGauge, Token
 from orthoglide_cal.session.readings import Setting
