@@ -35,7 +35,7 @@ def history(
     def judge(_: str) -> None:
         paths: list[Path] = []
         for path in map(Path, files):
-            within = [each.path for each in sessions_in(path)] if path.is_dir() else [path]
+            within = sessions_in(path) if path.is_dir() else [path]
             paths += within + sorted(printers_in(path))
         inputs = [common.read_input(str(path), machine, data) for path in paths]
         found = compare(inputs, dates.split(",") if dates else (), limit)

@@ -13,7 +13,7 @@ from orthoglide_cal.errors import OrthocalError, command
 _DIGEST = 8
 
 if TYPE_CHECKING:
-    from orthoglide_cal.files import FoundSession, StoredMachine
+    from orthoglide_cal.files import StoredMachine
     from orthoglide_cal.report import document as doc
 
 
@@ -40,14 +40,14 @@ def start() -> None:
         facts.append(("Printer", ", ".join(map(str, printers))))
     if sessions:
         others = f", and {len(sessions) - 1} before it" if len(sessions) > 1 else ""
-        facts.append(("Last session", f"{sessions[-1].path}{others}"))
+        facts.append(("Last session", f"{sessions[-1]}{others}"))
     title = "calibration of an Orthoglide with a dial indicator"
     if printers and not sessions:
         title = "calibration of a linear delta by its own probe"
     try:
         found = list(_next(file, to, sessions, waiting, printers))
     except OrthocalError as error:
-        found = [doc.Instruction(str(error), command("validate", str(sessions[-1].path)))]
+        found = [doc.Instruction(str(error), command("validate", str(sessions[-1])))]
     if len(sessions) > 1 and not (waiting or to):
         found.append(doc.Instruction("Check whether the machine has changed", "orthocal history ."))
     steps = [each for each in found if isinstance(each, doc.Instruction)]
@@ -68,7 +68,7 @@ def start() -> None:
 def _next(
     file: StoredMachine | None,
     to: str | None,
-    sessions: list[FoundSession],
+    sessions: list[Path],
     waiting: list[Path],
     printers: list[Path],
 ) -> Iterator[doc.Instruction | doc.Block]:
@@ -83,10 +83,10 @@ def _next(
     from orthoglide_cal.report.document import Instruction
     from orthoglide_cal.results import answer_to
 
-    last = str(sessions[-1].path) if sessions else ""
+    last = str(sessions[-1]) if sessions else ""
     machine = file.model.machine if file else None
     entered = machine.history[-1].data_sha256 if machine and machine.history else None
-    paths = [str(each.path) for each in reversed(sessions)] if entered else []
+    paths = [str(each) for each in reversed(sessions)] if entered else []
     # The session whose offsets were entered last.
     applied = next((path for path in paths if read_document(path).sha256 == entered), None)
     if to and file:

@@ -2,7 +2,6 @@
 
 from orthoglide_cal.files.input import (
     Check,
-    FoundSession,
     Input,
     check_file,
     latest_session,

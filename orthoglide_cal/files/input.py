@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path, PurePath
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -119,13 +119,6 @@ class Check(Schema):
     refused: str | None = Field(None, description="why sound data give no offsets")
 
 
-class FoundSession(NamedTuple):
-    """A session file; they sort by time."""
-
-    moment: float  # when it was finished, else started, else when the file changed [s since 1970]
-    path: Path
-
-
 def read_input(
     source: str | FileText,
     model: Known | None = None,
@@ -194,8 +187,12 @@ def check_file(
     return Check(input=input, machine=machine.name, remarks=remarks), given
 
 
-def sessions_in(folder: Path) -> list[FoundSession]:
-    """Session files, recognised by their content, oldest first. Raises InputError: no folder."""
+def sessions_in(folder: Path) -> list[Path]:
+    """Session files, recognised by their content, in the order of time.
+
+    That is when one was finished, else started, else when the file changed. Raises InputError if
+    there is no such folder.
+    """
     if not folder.is_dir():
         raise InputError("There is no such folder.", "Check the path.", file=str(folder))
     found = []
@@ -206,8 +203,8 @@ def sessions_in(folder: Path) -> list[FoundSession]:
                 with suppress(ValueError):
                     written = keys.get(key, "").strip().strip("'\"")
                     moment = datetime.fromisoformat(written).timestamp()
-            found.append(FoundSession(moment, path))
-    return sorted(found)
+            found.append((moment, path))
+    return [path for _, path in sorted(found)]
 
 
 def latest_session(folder: Path) -> Path:
@@ -216,7 +213,7 @@ def latest_session(folder: Path) -> Path:
     if not found:
         remedy = "Name a file of readings, or measure first: orthocal measure"
         raise InputError("There is no session in this folder.", remedy, file=str(folder))
-    return found[-1].path
+    return found[-1]
 
 
 def printers_in(folder: Path) -> list[Path]:

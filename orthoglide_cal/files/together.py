@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import PurePath
 
@@ -15,6 +15,7 @@ from orthoglide_cal.files.input import Input
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
 from orthoglide_cal.model.model import differentiate
+from orthoglide_cal.model.plan import joined
 
 
 def together(inputs: Sequence[Input]) -> Input:
@@ -48,8 +49,6 @@ def together(inputs: Sequence[Input]) -> Input:
         plans.append(replace(now, slope=slope, date=day))
         reads.append(read)
         start += len(plan)
-    names_of = (item.name for item in fields(ProbePlan))
-    every = {name: np.concatenate([getattr(plan, name) for plan in plans]) for name in names_of}
     sources = [read.source for read in reads]
     excerpt = sources[-1].excerpt
     words = f"{start} readings of {len(inputs)} dates"
@@ -66,7 +65,7 @@ def together(inputs: Sequence[Input]) -> Input:
         if (names := before.model.machine.differing(after.model.machine))
     )
     measured = Readings(
-        ProbePlan(**every),
+        joined(*plans),
         np.concatenate(values),
         np.concatenate([read.line for read in reads]),
         all(read.timed for read in reads),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
 from typing import Any, ClassVar, Self, TypeVar
@@ -187,6 +187,13 @@ class Plan:
         With what changes in time only where that order is known: `ordered`.
         """
         raise NotImplementedError
+
+
+def joined(*plans: PlanT) -> PlanT:
+    """Plans as one; set-ups and parts of the same number are the same, and so is the order."""
+    names = [item.name for item in fields(plans[0])]
+    every = {name: np.concatenate([getattr(plan, name) for plan in plans]) for name in names}
+    return replace(plans[0], **every)
 
 
 @functools.lru_cache(maxsize=16)

@@ -41,10 +41,10 @@ from orthoglide_cal.estimation.budget import fixed_influences, influences
 from orthoglide_cal.estimation.gaussian import predict, root_of, whiten
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.plan import Bools, Floats, Plan, ReadOnly, without_zeros
+from orthoglide_cal.model.plan import Bools, Floats, Plan, ReadOnly, joined, without_zeros
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning.forecast import ARRAYS, estimator_for, lengths
-from orthoglide_cal.planning.options import Option, further, joined, options
+from orthoglide_cal.planning.options import Option, further, options
 
 # Explanations nearer than this to each other under every option cannot be distinguished [σ].
 WORTHLESS_SIGMA = 1.0

@@ -8,7 +8,7 @@ and its bars is met again.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -60,17 +60,6 @@ class Option:
     # What `measure` is told for a session that is solved alone; None where what was read before
     # is solved together with it.
     session: str | None = None
-
-
-def joined(*plans: Plan) -> Plan:
-    """Plans as one; set-ups and parts of the same number are the same, and so is the order."""
-    return replace(
-        plans[0],
-        **{
-            item.name: np.concatenate([getattr(plan, item.name) for plan in plans])
-            for item in fields(plans[0])
-        },
-    )
 
 
 def options(first: Plan | None, machine: Orthoglide) -> tuple[Option, ...]:

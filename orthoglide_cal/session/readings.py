@@ -6,7 +6,7 @@ import math
 import re
 from collections import Counter
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cached_property
 from statistics import median
@@ -31,7 +31,7 @@ from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import Orthoglide, plan_of
-from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.plan import Floats, Ints, joined
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep, planned_readings
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
@@ -156,11 +156,11 @@ class Setting:
     @cached_property
     def outlook(self) -> PlanForecast:
         """Of 2·N readings: the steps', and the same with the gauges of each leg exchanged."""
-        both = {f.name: np.concatenate([getattr(self.plan, f.name)] * 2) for f in fields(GaugePlan)}
-        fixed = both["contact"] == Contact.FIXED
-        fixed[: len(self.plan)] = False
-        both["direction"][fixed] = (3 - both["leg"] - both["direction"])[fixed]
-        return PlanForecast(self.model, GaugePlan(**both))
+        both = joined(self.plan, self.plan)
+        exchanged = both.contact == Contact.FIXED
+        exchanged[: len(self.plan)] = False
+        direction = np.where(exchanged, 3 - both.leg - both.direction, both.direction)
+        return PlanForecast(self.model, replace(both, direction=direction))
 
 
 class ReadingsSoFar:

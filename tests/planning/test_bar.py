@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
+from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.planning.bar import (
     MARGIN,
@@ -19,7 +20,7 @@ from orthoglide_cal.planning.bar import (
     reach_mm,
     require_on_bar,
 )
-from orthoglide_cal.planning.options import joined, options
+from orthoglide_cal.planning.options import options
 from tests.cli.program import run
 from tests.cli.test_plan import machine
 from tests.machines import LARGE, PROTOTYPE, both_machines

@@ -16,9 +16,9 @@ from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
-from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.plan import Floats, joined
 from orthoglide_cal.model.readings import GaugePlan, Posture
-from orthoglide_cal.planning import RankedMeasurement, best_next, joined, ranked
+from orthoglide_cal.planning import RankedMeasurement, best_next, ranked
 from orthoglide_cal.planning.next_measurement import _pair, predictions
 from orthoglide_cal.planning.options import options
 from orthoglide_cal.results import answer_to
