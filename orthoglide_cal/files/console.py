@@ -108,6 +108,6 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
         remarks += (f"The probe's z offset is not known: {ZERO_UNKNOWN}",)
     at[less, :2] -= offset[:2]
     at[~less, 2] -= offset[2]
-    mesh = Stored.of_touches("console", touches[:, :4].tolist(), offset[2])
+    mesh = Stored.of_touches("console", touches[:, :4], offset[2])
     source = document.source
     return replace(settings, probe=offset, mesh=mesh, source=source, remarks=remarks)

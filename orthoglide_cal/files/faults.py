@@ -117,8 +117,44 @@ class Faults:
             place: from a path inside the content to its place in the file.
             words: instead of those for all files: "missing posture" → (what, remedy).
         """
-        for path, what, remedy in _worded(error, schema, words):
-            self.at(place(path), what, remedy)
+        for each in error.errors(include_url=False):
+            path = each["loc"]
+            given = each.get("ctx", {})
+            cause = given.get("error")
+            if isinstance(cause, InputError):
+                for problem in cause.problems:
+                    inner = _STEP.findall(problem.column or "")
+                    steps = (int(index) if index else name for index, name in inner)
+                    self.at(place((*path, *steps)), problem.what, problem.remedy)
+                continue
+            known = _QUOTED.findall(given.get("expected", ""))
+            meant = ""
+            kind = _ALSO.get(each["type"], each["type"])
+            if kind == "literal_error":
+                meant = str(each["input"])
+            elif kind == "extra_forbidden":
+                meant = str(path[-1])
+                known = _known(path, schema)
+            elif kind == "missing" and isinstance(path[-1], int):
+                kind = "too_short"
+            elif kind == "greater_than_equal" and given["ge"] == 0:
+                kind = "not_negative"
+            elif kind.startswith("greater_than"):
+                size = parse_number(str(each["input"]), decimal_comma=True)
+                if size <= 0.0 <= min(given.values()):  # it has the wrong sign, or is zero
+                    kind = "greater_than_zero"
+            key = next((step for step in reversed(path) if isinstance(step, str)), "value")
+            usual = WORDS.get(kind, (f"{each['msg']}.", "Correct it."))
+            what, remedy = words.get(f"{kind} {key}", usual)
+            mm = "; lengths are in mm" if key.endswith("_mm") else ""
+            said = {
+                **given,
+                "mm": mm,
+                "key": key,
+                "near": nearest(meant, known),
+                "known": ", ".join(known),
+            }
+            self.at(place(path), what.format(**said), remedy.format(**said))
 
     def error(self) -> InvalidFileError:
         """All faults, at least one, by line."""
@@ -151,50 +187,6 @@ def unused(what: str, names: Iterable[str], known: Iterable[str]) -> list[str]:
     hints = "".join(nearest(name, words) for name in given[:10])
     remark = f"{what} are not known and were not used: {listed(given)}. {hints}"
     return [remark.strip()]
-
-
-def _worded(
-    error: ValidationError, schema: object, words: Mapping[str, tuple[str, str]]
-) -> Iterator[tuple[Steps, str, str]]:
-    """(path, what, remedy) of each fault."""
-    for each in error.errors(include_url=False):
-        path = each["loc"]
-        given = each.get("ctx", {})
-        cause = given.get("error")
-        if isinstance(cause, InputError):
-            for problem in cause.problems:
-                inner = _STEP.findall(problem.column or "")
-                steps = (int(index) if index else name for index, name in inner)
-                yield (*path, *steps), problem.what, problem.remedy
-            continue
-        known = _QUOTED.findall(given.get("expected", ""))
-        meant = ""
-        kind = _ALSO.get(each["type"], each["type"])
-        if kind == "literal_error":
-            meant = str(each["input"])
-        elif kind == "extra_forbidden":
-            meant = str(path[-1])
-            known = _known(path, schema)
-        elif kind == "missing" and isinstance(path[-1], int):
-            kind = "too_short"
-        elif kind == "greater_than_equal" and given["ge"] == 0:
-            kind = "not_negative"
-        elif kind.startswith("greater_than"):
-            size = parse_number(str(each["input"]), decimal_comma=True)
-            if size <= 0.0 <= min(given.values()):  # it has the wrong sign, or is zero
-                kind = "greater_than_zero"
-        key = next((step for step in reversed(path) if isinstance(step, str)), "value")
-        usual = WORDS.get(kind, (f"{each['msg']}.", "Correct it."))
-        what, remedy = words.get(f"{kind} {key}", usual)
-        mm = "; lengths are in mm" if key.endswith("_mm") else ""
-        said = {
-            **given,
-            "mm": mm,
-            "key": key,
-            "near": nearest(meant, known),
-            "known": ", ".join(known),
-        }
-        yield path, what.format(**said), remedy.format(**said)
 
 
 def _known(path: Steps, schema: object) -> list[str]:

@@ -165,7 +165,12 @@ class _Settings:
         self.faults.add("The option is missing.", remedy, line=line, column=column)
 
     def read(
-        self, section: str, option: str, rule: Callable[[str], T], fault: T, default: T | None
+        self,
+        section: str,
+        option: str,
+        rule: Callable[[str], T],
+        fault: T,
+        default: T | None = None,
     ) -> T:
         """What a rule makes of an option.
 
@@ -191,10 +196,6 @@ class _Settings:
     ) -> float:
         """A number above `low`; NaN if it is wrong."""
         return self.read(section, option, lambda text: within(text, low), math.nan, default)
-
-    def count(self, section: str, option: str, default: int | None = None) -> int:
-        """A whole number from 1; 0 if it is wrong."""
-        return self.read(section, option, _count, 0, default)
 
 
 def read_printer_file(
@@ -278,8 +279,8 @@ def _step(settings: _Settings, tower: str) -> float:
     if (tower, turn) not in settings.options and (tower, old) in settings.options:
         return settings.number(tower, old, low=0.0)
     way = settings.number(tower, turn, low=0.0)
-    steps = settings.count(tower, "full_steps_per_rotation", 200)
-    steps *= settings.count(tower, "microsteps")
+    steps = settings.read(tower, "full_steps_per_rotation", _count, 0, 200)
+    steps *= settings.read(tower, "microsteps", _count, 0)
     return way / (max(steps, 1) * settings.read(tower, "gear_ratio", _gears, math.nan, 1.0))
 
 
@@ -398,7 +399,7 @@ def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[st
 def _grid(settings: _Settings, section: str, axis: str) -> Floats:
     """The places of a mesh along one axis [mm]; empty if they cannot be read."""
     low, high = (settings.number(section, f"{end}_{axis}") for end in ("min", "max"))
-    count = settings.count(section, f"{axis}_count")
+    count = settings.read(section, f"{axis}_count", _count, 0)
     if low >= high:
         settings.note(section, f"max_{axis}", "The mesh ends before it begins.", _AGAIN)
     return np.linspace(low, high, count)

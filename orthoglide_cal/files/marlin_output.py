@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -29,7 +29,6 @@ from orthoglide_cal.files.printer_file import (
 )
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, counter_clockwise
-from orthoglide_cal.model.plan import Floats
 
 MARLIN_OUTPUT = re.compile(
     "Bed X:|Bilinear Leveling Grid:|G33 Auto Calibrate|Bed Topography Report|Measured points:"
@@ -55,8 +54,9 @@ class _Reader:
 
     Attributes:
         now: the machine with the settings in force.
-        seven, touched, grid: settings that were in force, and what was probed with them: of G33
-            name → line and height, of G29 (line, x, y, height), and of a grid line → heights.
+        probed: G33 or G29 → the machine at that time, and line, x, y and height of each touch;
+            places of G33 are on a circle of radius 1.
+        grid: the machine at that time, and line → heights.
         radius: of G33's circle [mm]; None where it was not printed.
         changed: line at which the settings changed; 0 if they did not.
     """
@@ -64,8 +64,8 @@ class _Reader:
     def __init__(self, settings: PrinterFile) -> None:
         self.now = settings.machine
         self.offset = np.nan_to_num(settings.probe)
-        self.seven: tuple[LinearDelta, dict[str, tuple[int, float]]] = self.now, {}
-        self.touched: tuple[LinearDelta, list[tuple[float, ...]]] = self.now, []
+        self.reach = self.now.bed_radius_mm - _MARGIN_MM
+        self.probed: dict[str, tuple[LinearDelta, list[Sequence[float]]]] = {}
         self.grid: tuple[LinearDelta, dict[int, list[str]]] = self.now, {}
         self.radius: float | None = None
         self.changed = 0
@@ -82,19 +82,22 @@ class _Reader:
             self._in_grid = False
         if match := _BED.search(line):
             x, y, height = (within(text, -LARGEST_MM) for text in match.groups())
-            if self.touched[0] is not self.now:
-                self.touched = self.now, []
-            self.touched[1].append((number, x - self.offset[0], y - self.offset[1], height))
+            self._add("G29", [(number, x - self.offset[0], y - self.offset[1], height)])
         self._calibrating |= _CALIBRATES in line
         if not self._calibrating:
             return
         if match := _AT_RADIUS.search(line):
             self.radius = within(match[1], 0.0)
         if match := _RESULTS.search(line):
-            results = _RESULT.findall(match[1])
-            found = {name: (number, within(text, -LARGEST_MM)) for name, text in results}
-            begins = "c" in found or self.seven[0] is not self.now
-            self.seven = self.now, found if begins else {**self.seven[1], **found}
+            touches: list[Sequence[float]] = []
+            for name, text in _RESULT.findall(match[1]):
+                turn, away = math.radians(_TURNS.get(name, 0.0)), float(name != "c")
+                at = away * math.cos(turn), away * math.sin(turn)
+                touches.append((number, *at, within(text, -LARGEST_MM)))
+                if name == "c":
+                    self.probed.pop("G33", None)
+            if touches:
+                self._add("G33", touches)
         elif said := dict(_SETTING.findall(line)):
             self._set({name: within(text, -LARGEST_MM) for name, text in said.items()}, number)
 
@@ -121,15 +124,14 @@ class _Reader:
         }
         self.now, self.changed = self.now.model_copy(update=values), number
 
-    def on_circle(self, radius: float) -> Iterator[tuple[float, ...]]:
-        """Line, place and height of each of G33's."""
-        for name, (line, height) in self.seven[1].items():
-            turn = math.radians(_TURNS.get(name, 0.0))
-            away = 0.0 if name == "c" else radius
-            yield line, away * math.cos(turn), away * math.sin(turn), height
+    def _add(self, name: str, touches: Iterable[Sequence[float]]) -> None:
+        """Touches behind those before them with the same settings."""
+        if name not in self.probed or self.probed[name][0] is not self.now:
+            self.probed[name] = self.now, []
+        self.probed[name][1].extend(touches)
 
-    def on_grid(self, reach: float) -> Floats:
-        """Line, place and height of the points within reach: Marlin makes up the others."""
+    def take_grid(self) -> None:
+        """The points of the grid within reach as those of G29: Marlin makes up the others."""
         lines = list(self.grid[1])
         rows = [
             [math.nan if "=" in text else within(text, -LARGEST_MM) for text in row]
@@ -138,11 +140,12 @@ class _Reader:
         if len({len(row) for row in rows}) != 1:
             raise InputError("The rows of the grid are not equally long.", "Send M420 V again.")
         heights = np.array(rows)
-        x, y = (np.linspace(-reach, reach, count) for count in heights.shape[::-1])
-        heights[np.hypot(*np.meshgrid(x, y)) > reach + _ROUNDED] = math.nan
+        x, y = (np.linspace(-self.reach, self.reach, count) for count in heights.shape[::-1])
+        heights[np.hypot(*np.meshgrid(x, y)) > self.reach + _ROUNDED] = math.nan
         mesh = Stored.of_grid("", x, y, heights, lines, self.offset)
         points = np.column_stack((mesh.line, mesh.plan.place[:, :2], mesh.value))
-        return np.asarray(points[mesh.plan.in_time])
+        if len(points):
+            self.probed["G29"] = self.grid[0], points[mesh.plan.in_time].tolist()
 
 
 def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
@@ -159,24 +162,27 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         with faults.noting(number, line.strip()):
             reader.take(number, line)
     faults.check()
-    reach, assumed = settings.machine.bed_radius_mm - _MARGIN_MM, reader.radius is None
     if math.isnan(settings.probe[2]):
         remarks.append("M851 is not known and is taken as 0: do not add it to H again.")
 
     def needs_reach(name: str) -> None:
-        if not reach > 0.0:
+        if not reader.reach > 0.0:
             what = f"{name} does not print where it probed."
             remedy = (
                 "Send G29 V4, which does; or give the machine file, with bed_radius_mm: --machine"
             )
             raise InputError(what, remedy, file=document.path)
         remarks.append(
-            f"{name} does not print where it probed: as Marlin usually does, to {reach:g} mm from"
-            f" the middle ({_MARGIN_MM:g} mm from the edge), is assumed."
+            f"{name} does not print where it probed: as Marlin usually does, to {reader.reach:g} mm"
+            f" from the middle ({_MARGIN_MM:g} mm from the edge), is assumed."
         )
 
-    def stored(name: str, then: LinearDelta, touches: Iterable[Sequence[float]]) -> Stored:
-        mesh = Stored.of_touches(name, list(touches), reader.offset[2])
+    def stored(name: str, radius: float = 1.0) -> Stored | None:
+        if name not in reader.probed:
+            return None
+        then, touches = reader.probed[name]
+        placed = np.array(touches) * (1.0, radius, radius, 1.0)
+        mesh = Stored.of_touches(name, placed, reader.offset[2])
         if then is reader.now:
             return mesh
         remarks.append(
@@ -192,19 +198,15 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         plan = replace(mesh.plan, place=place, other=place)
         return replace(mesh, plan=plan, value=place[:, 2] - reader.offset[2])
 
-    heights = mesh = None
-    if reader.seven[1]:
-        if assumed:
+    if "G33" in reader.probed:
+        if reader.radius is None:
             needs_reach("G33")
         remarks.append("G33 with P4 to P10 prints averages around seven places: take P3.")
-        circle = reach if reader.radius is None else reader.radius
-        heights = stored("G33", reader.seven[0], reader.on_circle(circle))
-    if reader.touched[1]:
-        mesh = stored("G29", *reader.touched)
-    elif reader.grid[1]:
+    heights = stored("G33", reader.reach if reader.radius is None else reader.radius)
+    if "G29" not in reader.probed and reader.grid[1]:
         needs_reach("G29")
-        if (points := reader.on_grid(reach)).size:
-            mesh = stored("G29", reader.grid[0], points)
+        reader.take_grid()
+    mesh = stored("G29")
     if heights is None and mesh is None:
         what, remedy = "holds no probed heights with their places", "Send G29 V4"
         if _CALIBRATES in document.text:

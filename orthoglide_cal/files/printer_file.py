@@ -51,12 +51,12 @@ class Stored(ReadOnly):
     remarks: tuple[str, ...] = ()
 
     @classmethod
-    def of_touches(cls, mesh: str, touches: Sequence[Sequence[float]], trigger: float) -> Stored:
-        """From line, x, y and height of each, in the order of time; at least one.
+    def of_touches(cls, mesh: str, touches: Floats, trigger: float) -> Stored:
+        """From line, x, y and height of each, in the order of time, shape (n, 4).
 
         Heights are those of the nozzle over where it is when the probe triggers, `trigger` [mm].
         """
-        line, x, y, height = np.array(touches).T
+        line, x, y, height = touches.T
         place = np.column_stack((x, y, height + trigger))
         plan = touching(place, np.full(len(line), trigger), np.arange(len(line)))
         return cls(plan, height, line.astype(int), mesh)
