@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 from typer.exceptions import TyperException
+from typer.main import get_command
 
 from orthoglide_cal import __version__
 from orthoglide_cal.cli import common
@@ -40,8 +41,29 @@ _ASCII = {"−": "-", "–": "-", "±": "+/-", "→": "->", "µ": "u", "σ": "s"
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
+_COMMANDS: dict[str, typer.Typer] = {}  # by name, each a program of its own
+for command in (
+    measure, solve, diagnose, plan, apply, verify, history, report, export, simulate, validate,
+    paper, template, guide,
+):  # fmt: skip
+    alone = _COMMANDS[command.__name__] = typer.Typer(rich_markup_mode=None, add_completion=False)
+    alone.command(cls=PlainCommand)(command)
+_COMMANDS["machine"] = machine
+
+
 class _Commands(TyperGroup):
-    """Errors of the package end a command with their own exit code."""
+    """Makes the command that is asked for: all of them take longer than most have to work.
+
+    Errors of the package end a command with their own exit code.
+    """
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        names: Any = _COMMANDS
+        self.commands = names  # to list, and to suggest for what is no command
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        return get_command(_COMMANDS[cmd_name]) if cmd_name in _COMMANDS else None
 
     def invoke(self, ctx: Any) -> Any:
         common.forget()
@@ -91,14 +113,6 @@ def _orthocal(
         raise typer.Exit
     if context.invoked_subcommand is None:
         start()
-
-
-for command in (
-    measure, solve, diagnose, plan, apply, verify, history, report, export, simulate, validate,
-    paper, template, guide,
-):  # fmt: skip
-    app.command(cls=PlainCommand)(command)
-app.add_typer(machine, name="machine")
 
 
 def _in_ascii(error: UnicodeError) -> tuple[str, int]:

@@ -20,7 +20,12 @@ if TYPE_CHECKING:
 Value = str | float | list[float]
 Answers = dict[str, Any]  # dotted key of the file → its value
 
-machine = typer.Typer(help="Make a machine file, or show one.", no_args_is_help=True)
+machine = typer.Typer(
+    help="Make a machine file, or show one.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    add_completion=False,
+)
 
 
 @machine.command(cls=common.PlainCommand)
