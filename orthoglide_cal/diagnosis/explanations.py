@@ -133,7 +133,7 @@ class Whitened(ReadOnly):
         return np.asarray(self.matrix @ (sign * (self.matrix.T @ values)[index]))
 
     def uncertain(self, offsets: Floats) -> tuple[Influence, ...]:
-        """What is uncertain of the data in addition to noise, for offsets (3,) [mm]."""
+        """What is uncertain of the data in addition to noise, for offsets (..., 3) [mm]."""
         found = influences(self.problem.model, offsets, self.plan)
         return tuple(each.reduced(self.matrix) for each in found)
 
@@ -287,8 +287,8 @@ class Linearised:
     jacobian: Floats  # derivative of the data by the offsets at the fit to version 0, shape (k, 3)
     # Id of a broad cause → derivative by its parameters there, where it is absent, shape (k, p).
     jacobians: Mapping[str, Floats]
-    # What is uncertain of the data in addition to noise and causes.
-    uncertain: tuple[Influence, ...]
+    # What is uncertain of each version of the data in addition to noise and causes.
+    uncertain: tuple[tuple[Influence, ...], ...]
 
     @classmethod
     def of(cls, white: Whitened, candidates: Candidates) -> Linearised:
@@ -341,8 +341,11 @@ class Linearised:
         ends = np.cumsum([offsets.size, *(cause.unknowns for cause in broad)])
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
         weighed = {cause.id for cause in broad}
+        every = fit.offsets_mm[fit.converged]
+        found = white.uncertain(every)
+        recorded, *others = (tuple(one.at(number) for one in found) for number in range(len(every)))
         uncertain: list[Influence] = []
-        for each in white.uncertain(offsets):
+        for each in recorded:
             if each.source in weighed:
                 shown = unexplained(jacobian, each.columns)
                 if np.linalg.norm(shown) > machine.instrument.noise_mm:
@@ -355,18 +358,18 @@ class Linearised:
             noise=NoiseGrid.around(machine.instrument.noise_mm, white.spectrum, white.assumed),
             extras=extras,
             versions=versions[fit.converged],
-            offsets=fit.offsets_mm[fit.converged],
+            offsets=every,
             residuals=fit.residuals_mm[fit.converged] / precision,
             patterns=patterns,
             jacobian=jacobian,
             jacobians={cause.id: own for cause, own in zip(broad, jacobians, strict=True)},
-            uncertain=tuple(uncertain),
+            uncertain=(tuple(uncertain), *others),
         )
 
     @property
     def local(self) -> bool:
         """Whether a local shape is uncertain."""
-        return any(each.local for each in self.uncertain)
+        return any(each.local for each in self.uncertain[0])
 
     @property
     def scales(self) -> Mapping[float, float]:
@@ -385,7 +388,7 @@ class Linearised:
     @cached_property
     def seen(self) -> Floats:
         """`shown` where the offsets-only model fits best, shape (k, b) [mm]."""
-        return self.shown(self.uncertain, self.jacobian)
+        return self.shown(self.uncertain[0], self.jacobian)
 
     def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:
         """What is uncertain of the data and shows, with as few columns as tell it, (k, b) [mm].

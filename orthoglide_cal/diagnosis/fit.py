@@ -201,34 +201,33 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
     found: dict[_Search, Floats] = {}
     acting: dict[_Search, Acting] = {}
     alone = [each for each in group if each.score.extra is None and len(each.base) < 2]
-    if alone:
-        columns, bases = [each.own for each in alone], [each.base for each in alone]
-        density = density_of(at, columns, bases, at.scales, [each.seen for each in alone])
-        residuals = np.stack([each.linear for each in alone])[:, None, :, None]
-        found = dict(zip(alone, density.log_density(residuals)[..., 0], strict=True))
+    others = [each for each in group if each not in alone]
+    for scales, some in ((at.scales, alone), (at.usual, others)):
+        if some:
+            columns, bases = [each.own for each in some], [each.base for each in some]
+            density = density_of(at, columns, bases, scales, [each.seen for each in some])
+            residuals = np.stack([each.linear + each.added for each in some])[:, None, :, None]
+            found |= zip(some, density.log_density(residuals)[..., 0], strict=True)
     for each in alone:
         if each.base:
             width = each.width
             mine = each.own[:, width:] * at.sizes(each.base)[width:]
-            others = offsets_and_seen(at, each.own[:, :width])
+            others_too = offsets_and_seen(at, each.own[:, :width])
             log_all = float(log_sum(found[each]))
-            acting[each] = Acting(each.base[0], mine, others, each.linear, log_all)
-    for each in group:
-        if each in found:
-            continue
+            acting[each] = Acting(each.base[0], mine, others_too, each.linear, log_all)
+    for each in others:
         extra = each.score.extra
-        residual = each.linear + each.added
+        if extra is None:
+            continue
+        placed = at.extras[extra.cause.id]
+        if isinstance(extra.cause, RelabelCause):
+            found[each] = found[each] + placed.log_weight[extra.place]
+            continue
         density = density_of(at, [each.own], [each.base], at.usual, [each.seen])
-        by_noise = density.by_noise(residual)[0]
-        if extra is not None:
-            placed = at.extras[extra.cause.id]
-            if isinstance(extra.cause, RelabelCause):
-                by_noise = by_noise + placed.log_weight[extra.place]
-            else:
-                power, match = density.against(at.patterns[:, placed.own], residual)
-                log = pattern_density(at.white.machine, extra.cause, power, match, by_noise)
-                by_noise = log_sum(log[0] + placed.weights, (-2, -1))
-        found[each] = by_noise
+        patterns = at.patterns[:, placed.own]
+        power, match = density.against(patterns, each.linear + each.added)
+        log = pattern_density(at.white.machine, extra.cause, power, match, found[each][None])
+        found[each] = log_sum(log[0] + placed.weights, (-2, -1))
     logs = {each: float(log_sum(own)) + LOG_ALL * bool(each.base) for each, own in found.items()}
     either = all_or_one(list(acting.values()), at.noise, at.scales)
     logs.update(zip(acting, either, strict=True))
@@ -248,9 +247,6 @@ class _Search:
             cause, number, machine = extra.cause, extra.number, at.white.machine
             if isinstance(cause, RelabelCause):
                 self.version = number
-                # Undone, other offsets fit: what is uncertain of the data acts as with those.
-                at = replace(at, uncertain=at.white.uncertain(at.offsets[number]))
-                score = replace(score, at=at)
             elif extra.count is None:
                 self.free = at.patterns[:, [number]]
                 free_size = cause.prior_std(machine) * max(BLUNDER_SCALES)
@@ -259,12 +255,14 @@ class _Search:
         self.at, self.score, self.own = at, score, at.columns(self.base)
         # A cause of this explanation is not counted as uncertain again.
         ids = ids_of(*self.base)
-        self.uncertain = tuple(each for each in at.uncertain if each.source not in ids)
+        uncertain = at.uncertain[self.version]
+        self.uncertain = tuple(each for each in uncertain if each.source not in ids)
         nothing = np.zeros((len(at.white), 0))
         self.carried = np.hstack([nothing, *(each.columns for each in self.uncertain)])
         widths = [each.columns.shape[1] for each in self.uncertain]
         local = np.repeat([each.local for each in self.uncertain], widths)
-        self.seen = at.seen
+        # Undone, other offsets fit: what is uncertain of the data acts as with those.
+        self.seen = at.shown(uncertain, at.jacobian) if self.version else at.seen
         self.width = width = at.offsets.shape[1]
         own_sizes = self._own_sizes(free_size)
         self.sizes = np.concatenate([own_sizes, free_size, np.ones(local.size)])
@@ -293,10 +291,10 @@ class _Search:
             return at.sizes(self.base, scale)
         tried = [(s, n) for s in at.scales for n in range(choices)]
         sizes = np.stack([at.sizes(self.base, *each) for each in tried])
-        rest = np.concatenate([beside, np.ones(at.seen.shape[1])])
+        rest = np.concatenate([beside, np.ones(self.seen.shape[1])])
         every = np.hstack([sizes, np.tile(rest, (len(sizes), 1))])
         shares = np.log([at.scales[s] for s, _ in tried])
-        density = at.noise.density(np.hstack([self.own, self.free, at.seen]), every, shares)
+        density = at.noise.density(np.hstack([self.own, self.free, self.seen]), every, shares)
         residual = at.residuals[self.version] - self.added
         likeliest = int(np.argmax(log_sum(density.by_noise(residual), 1)))
         return np.asarray(sizes[likeliest])

@@ -6,7 +6,6 @@ U = k·u with Student's t of the effective degrees of freedom (Welch–Satterthw
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
@@ -20,7 +19,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.gaussian import root_of
 from orthoglide_cal.model.machine import Influence, Instrument, Origin
-from orthoglide_cal.model.model import Model, carried_uncertainty, differentiate, simulate
+from orthoglide_cal.model.model import Model, carried_uncertainty, differentiate_absent, simulate
 from orthoglide_cal.model.plan import Floats, Plan, ReadOnly
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Schema
@@ -156,17 +155,10 @@ def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
 
 
 def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
-    """All that act on n readings, at offsets Δρ (3,) [mm].
+    """All that act on n readings, at offsets Δρ (..., 3) [mm]; their columns are (..., n, p).
 
     Machine and gauge give the sizes, accepted causes their own uncertainty.
     """
-    return _influences(model, tuple(offsets.tolist()), plan)
-
-
-# Asked by a diagnosis and by the solution of the same data.
-@functools.lru_cache(maxsize=4)
-def _influences(model: Model, at: tuple[float, ...], plan: Plan) -> tuple[Influence, ...]:
-    offsets = np.array(at)
     readings, hidden = _of_causes(model.machine.unobservable, model, offsets, plan)
     gauges = model.machine.uncertain(
         plan, lambda other: readings if other is plan else simulate(model, offsets, other)
@@ -178,6 +170,11 @@ def _influences(model: Model, at: tuple[float, ...], plan: Plan) -> tuple[Influe
             Influence(effect.cause.id, None, "", False, columns)
             for effect, columns in zip(model.accepted, carried, strict=True)
         ]
+    if offsets.ndim > 1:
+        # What does not depend on the offsets is the same at all of them.
+        shapes = [(*offsets.shape[:-1], *each.columns.shape[-2:]) for each in found]
+        pairs = zip(found, shapes, strict=True)
+        found = [replace(each, columns=np.broadcast_to(each.columns, s)) for each, s in pairs]
     return tuple(found)
 
 
@@ -195,13 +192,11 @@ def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influen
 def _of_causes(
     ids: Iterable[str], model: Model, offsets: Floats, plan: Plan
 ) -> tuple[Floats, list[Influence]]:
-    """Readings (n,) [mm], and causes at their plausible size; not those that the model knows of."""
+    """Readings (..., n) [mm], and causes at plausible size; not those that the model knows of."""
     machine = model.machine
     known = {effect.cause.id for effect in model.accepted}
     causes = [CAUSES[id] for id in ids if id not in known and CAUSES[id].size(machine) > 0.0]
-    absent = [cause.at(np.zeros(cause.unknowns)) for cause in causes]
-    readings, jacobian = differentiate(model, offsets, plan, absent)
-    ends = np.cumsum([offsets.size, *(cause.unknowns for cause in causes)])[:-1]
+    readings, jacobians = differentiate_absent(model, offsets, plan, causes)
     found = [
         Influence(
             cause.id,
@@ -210,7 +205,7 @@ def _of_causes(
             cause.assumed(machine),
             own * cause.prior_std(machine),
         )
-        for cause, own in zip(causes, np.split(jacobian, ends, axis=1)[1:], strict=True)
+        for cause, own in zip(causes, jacobians, strict=True)
     ]
     return readings, found
 

@@ -74,11 +74,10 @@ def promise(
     scatter = 2.0 * noise.sigma_mm**2 * np.diag(problem.covariance())
     # What one standard deviation of each other source changes in the effect of what is entered.
     sources = [(second - first) @ np.linalg.cholesky(known.covariance_mm2)]
-    each = (influences(known.model, at, problem.plan) for at in (known.offsets_mm, after))
-    for one, other in zip(*each, strict=True):
-        was, is_left = problem.matrix @ one.columns, problem.matrix @ other.columns
+    for each in influences(known.model, np.stack((known.offsets_mm, after)), problem.plan):
+        was, is_left = problem.matrix @ each.columns
         # The stands are put there again; machine and gauge are the same.
-        anew = one.source == Origin.GAUGE_PLACEMENT
+        anew = each.source == Origin.GAUGE_PLACEMENT
         sources += [was, is_left] if anew else [is_left - was]
     if not problem.model.repeats:
         # Another pace changes what time does in an accepted cause.

@@ -51,7 +51,7 @@ class JointOffsets(NamedTuple):
 
 
 # A named tuple is a group of keys in the file.
-Predicted = Callable[[Plan], Floats]  # gives the readings of any plan, (n,) [mm]
+Predicted = Callable[[Plan], Floats]  # gives the readings of any plan, (..., n) [mm]
 Named = Annotated[T, PlainSerializer(lambda values: values._asdict())]
 
 
@@ -185,13 +185,17 @@ class Influence(ReadOnly):
     size: float | None  # one standard deviation, in `unit`; None where the unknowns differ
     unit: str  # "" without one
     assumed: bool  # nobody stated the size: a default
-    columns: Floats  # what one standard deviation of each adds to the data, shape (n, p) [mm]
+    columns: Floats  # what one standard deviation of each adds to the data, (..., n, p) [mm]
     # As many unknowns as readings, shared by neighbours: what is put down to them is not explained.
     local: bool = False
 
     def reduced(self, matrix: Floats) -> Influence:
         """The same in data R·readings, R of shape (k, n)."""
         return replace(self, columns=matrix @ self.columns)
+
+    def at(self, number: int) -> Influence:
+        """One of many."""
+        return replace(self, columns=self.columns[number])
 
 
 @dataclass(frozen=True)

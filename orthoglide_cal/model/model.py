@@ -186,19 +186,37 @@ def differentiate_each(
     return [(own[0].real, own[1:].imag.T / STEP) for own in readings]
 
 
+def differentiate_absent(
+    model: Model, offsets: Floats, plan: Plan, causes: Sequence[Cause]
+) -> tuple[Floats, list[Floats]]:
+    """Readings (..., n) [mm], and their derivatives by parameters of `causes` that are not there.
+
+    At offsets Δρ (..., 3) [mm]. Of each cause the derivatives by its p parameters, (..., n, p).
+    """
+    ends = np.cumsum([cause.unknowns for cause in causes], dtype=np.intp)
+    count = ends[-1] if causes else 0
+    steps = np.split(1j * STEP * np.eye(count + 1, count, k=-1), ends[:-1], axis=1)
+    absent = [cause.at(theta) for cause, theta in zip(causes, steps, strict=False)]
+    stepped = simulate(model.extended(absent), offsets[..., None, :], plan)
+    columns = stepped[..., 1:, :].swapaxes(-1, -2).imag / STEP
+    return stepped[..., 0, :].real, np.split(columns, ends, axis=-1)[:-1]
+
+
 def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floats, ...]:
     """What one standard deviation of each accepted cause's parameters adds to readings.
 
-    Shape (n, p) [mm] for each accepted cause, p its independent uncertainties.
+    At offsets Δρ (..., 3) [mm]; shape (..., n, p) [mm] for each accepted cause, p its independent
+    uncertainties.
     """
     accepted, before = model.accepted, simulate(model, offsets, plan)
     found = []
     for k, effect in enumerate(accepted):
-        columns = np.zeros((len(plan), 0))
-        for other in effect.moved():
-            moved = replace(model, accepted=(*accepted[:k], other, *accepted[k + 1 :]))
-            columns = np.column_stack((columns, simulate(moved, offsets, plan) - before))
-        found.append(columns)
+        moved = (
+            replace(model, accepted=(*accepted[:k], other, *accepted[k + 1 :]))
+            for other in effect.moved()
+        )
+        columns = [(simulate(other, offsets, plan) - before)[..., None] for other in moved]
+        found.append(np.concatenate([np.zeros((*before.shape, 0)), *columns], axis=-1))
     return tuple(found)
 
 

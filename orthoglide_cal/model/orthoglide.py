@@ -372,13 +372,13 @@ class Orthoglide(Machine):
     def uncertain(self, plan: Plan, predict: Predicted) -> Iterator[Influence]:
         plan = GaugePlan.require(plan)
         gauge, predicted = self.gauge, predict(plan)
-        scale = gauge.scale_std * predicted[:, None]
+        scale = gauge.scale_std * predicted[..., None]
         yield Influence(Origin.GAUGE_SCALE, gauge.scale_std, "", gauge.scale_u is None, scale)
         if np.any(plan.contact == Contact.FIXED):
             # As far along the leg as the stand plausibly is from where it was meant to be.
             size, assumed = gauge.placement_std_mm, gauge.placement_mm is None
             moved = replace(plan, gauge_at=plan.gauge_at + size / self.leg_length_mm)
-            shift = (predict(known_plan(moved)) - predicted)[:, None] * plan.zeros
+            shift = (predict(known_plan(moved)) - predicted)[..., None] * plan.zeros
             yield Influence(Origin.GAUGE_PLACEMENT, size, "mm", assumed, shift)
 
 

@@ -224,12 +224,10 @@ def estimator_for(
 @lru_cache(maxsize=128)
 def _plausible_influences(model: Model, plan: Plan) -> tuple[Influence, ...]:
     """Influences on these readings: their squares are the means over plausible parameters."""
-    alike = [influences(model, offsets, plan) for offsets in model.machine.linearization_points]
-    share = 1.0 / np.sqrt(len(alike))
-    return tuple(
-        replace(each[0], columns=share * np.hstack([one.columns for one in each]))
-        for each in zip(*alike, strict=True)
-    )
+    points = model.machine.linearization_points
+    share = 1.0 / np.sqrt(len(points))
+    found = influences(model, points, plan)
+    return tuple(replace(each, columns=share * np.hstack([*each.columns])) for each in found)
 
 
 def fewest_cycles(

@@ -89,8 +89,10 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
     causes = tuple(sorted(possible, key=lambda cause: list(Stage).index(cause.stage)))
     supposed = machine.linearization_points
     total = np.zeros((len(causes), len(causes) + 1))
-    for offsets in supposed if causes else ():
-        total += _Near(model, plan, offsets, causes).margins() / len(supposed)
+    if causes:
+        columns = np.concatenate([u.columns for u in influences(model, supposed, plan)], axis=-1)
+        for offsets, carried in zip(supposed, columns, strict=True):
+            total += _Near(model, plan, offsets, causes, carried).margins() / len(supposed)
     sigma = np.sqrt(np.minimum(total[:, :-1], total[:, :-1].T))
     return Separations(causes, sigma, np.sqrt(total[:, -1]))
 
@@ -114,12 +116,18 @@ class _Changes(NamedTuple):
 class _Near:
     """The surroundings of a machine with given offsets, as a linear model of its readings.
 
+    With what one plausible size of each influence adds to these, `carried` (n, u) [mm].
     Readings are in mm; what is left of them is whitened, so that it counts in standard deviations:
     what offsets, zeros and influences of plausible size imitate has been taken out.
     """
 
     def __init__(
-        self, model: Model, plan: Plan, offsets: Floats, causes: tuple[Cause, ...]
+        self,
+        model: Model,
+        plan: Plan,
+        offsets: Floats,
+        causes: tuple[Cause, ...],
+        carried: Floats,
     ) -> None:
         self._machine, self._plan = model.machine, plan
         self._offsets, self._causes = offsets, causes
@@ -135,8 +143,8 @@ class _Near:
             for cause, own in zip(broad, slopes, strict=True)
         }
         contrasts = zero_free(plan) / sigma
-        carried = contrasts @ np.hstack([u.columns for u in influences(model, offsets, plan)])
-        noise = np.eye(len(contrasts)) + carried @ carried.T
+        shown = contrasts @ carried
+        noise = np.eye(len(contrasts)) + shown @ shown.T
         white, white_slope = whiten(noise, contrasts, contrasts @ slope)
         self._left = unexplained(white_slope, white)
 

@@ -36,8 +36,7 @@ class TerminalPage:
         self._page = page
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
-        self._console, self._width = console, options.max_width
-        for line in self._lines(self._page):
+        for line in self.lines(console, options.max_width):
             line.plain = line.plain.replace(_BLANK_HELD, " ")
             line.rstrip()
             if line.style:
@@ -45,7 +44,9 @@ class TerminalPage:
             # They are as wide as they may be: rich need not wrap them again.
             yield from line.render(console, end="\n")
 
-    def _lines(self, page: doc.Page) -> Iterator[Text]:
+    def lines(self, console: Console, width: int) -> Iterator[Text]:
+        """Those of a console so many columns wide, not yet in its colours."""
+        self._console, self._width, page = console, width, self._page
         headed, begun = page.title is not None, page.notice is not None
         if headed:
             yield from self._flow(doc.Strong(f"{page.kind}: {page.title}"))
@@ -197,7 +198,7 @@ class TerminalPage:
 
 def height(page: doc.Page) -> int:
     """How many lines it has on a terminal 80 columns wide."""
-    return len(Console(width=80).render_lines(TerminalPage(page)))
+    return len([*TerminalPage(page).lines(Console(), 80)])
 
 
 def _text(parts: Iterable[doc.Inline], style: str = "") -> Text:
