@@ -97,7 +97,7 @@ def solves(method: str) -> None:
     from scipy.optimize import least_squares
 
     from orthoglide_cal.estimation import Problem, fit_offsets
-    from orthoglide_cal.files import default_machine
+    from orthoglide_cal.files.machine_file import default_machine
     from orthoglide_cal.model.measured import DIFFERENCES, DataKind
     from orthoglide_cal.model.model import simulate
     from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction

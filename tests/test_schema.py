@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from orthoglide_cal import schema
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files import number_text
+from orthoglide_cal.files.text import number_text
 from orthoglide_cal.schema import parse_count, parse_number, yaml_number
 
 

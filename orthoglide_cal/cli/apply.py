@@ -54,8 +54,8 @@ def apply(
     json: common.AsJson = False,
 ) -> None:
     """Record what was entered in the controller, or enter it (--to)."""
-    from orthoglide_cal.files import read_input
     from orthoglide_cal.files.controller_file import controller_file
+    from orthoglide_cal.files.input import read_input
     from orthoglide_cal.files.linuxcnc import is_live
     from orthoglide_cal.files.moonraker import restart, server
     from orthoglide_cal.report.documents.short import application_document
@@ -110,8 +110,8 @@ def _write(found: Application) -> None:
 
     So the record never lacks what a controller holds, whenever the program is killed.
     """
-    from orthoglide_cal.files import write_text
     from orthoglide_cal.files.controller_file import replace_file
+    from orthoglide_cal.files.text import write_text
 
     record, controller = found.file.document, found.controller
     writes = [(record.path, record.sha256, found.then.document.text.encode())]
@@ -133,7 +133,8 @@ def _entered(
 
     `to` is the controller's file, if it is written; that of a printer needs no machine file.
     """
-    from orthoglide_cal.files import machine_in_folder, new_machine_file, read_input
+    from orthoglide_cal.files.input import machine_in_folder, read_input
+    from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.report.case import SETTLED
     from orthoglide_cal.report.controller import told_by_name
     from orthoglide_cal.results import apply as application

@@ -29,7 +29,9 @@ from orthoglide_cal.errors import (
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from orthoglide_cal.files import Input, PrinterFile, StoredMachine
+    from orthoglide_cal.files.input import Input
+    from orthoglide_cal.files.machine_file import StoredMachine
+    from orthoglide_cal.files.printer_file import PrinterFile
     from orthoglide_cal.model.measured import Source
     from orthoglide_cal.model.model import Model
     from orthoglide_cal.planning.steps import MeasuringProtocol
@@ -215,13 +217,13 @@ def read_input(
 
     `rule_out` names causes that were looked for and are not there. Raises UsageError for others.
     """
-    from orthoglide_cal import files
     from orthoglide_cal.causes import CAUSES
+    from orthoglide_cal.files.input import read_input as read
 
     for id in rule_out or ():
         if id not in CAUSES:
             raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(CAUSES)}.")
-    given = files.read_input(path, known_machine(machine_file), folder_machine, data)
+    given = read(path, known_machine(machine_file), folder_machine, data)
     require_printer(given.measured.source, data)
     if rule_out:
         known = tuple(sorted(set(rule_out)))
@@ -247,7 +249,7 @@ def own_machine_file(machine_file: Path | None) -> Path:
     Raises:
         UsageError: there is none that may be changed.
     """
-    from orthoglide_cal.files import shipped_folder
+    from orthoglide_cal.files.machine_file import shipped_folder
 
     path = machine_file or _file_in_folder()
     if path is None:
@@ -267,7 +269,7 @@ def own_machine_file(machine_file: Path | None) -> Path:
 
 def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
     """The machine of --machine, or the settings of a printer's firmware."""
-    from orthoglide_cal.files import printer_settings
+    from orthoglide_cal.files.input import printer_settings
 
     if machine_file is None or str(machine_file) == "-":
         return given_machine(machine_file)
@@ -282,9 +284,9 @@ def given_machine(machine_file: Path | None) -> Model | None:
 @functools.cache
 def read_machine_file(path: Path) -> StoredMachine:
     """A machine file, read once in a command; in a terminal, what is to be known of it is said."""
-    from orthoglide_cal import files
+    from orthoglide_cal.files.machine_file import read_machine_file as read
 
-    file = files.read_machine_file(path)
+    file = read(path)
     for remark in file.remarks if sys.stderr.isatty() else ():
         tell(f"{file_words(str(path))}: {remark}")
     return file
@@ -293,7 +295,7 @@ def read_machine_file(path: Path) -> StoredMachine:
 @functools.cache
 def _file_in_folder() -> Path | None:
     """The machine file of this folder, searched for once in a command."""
-    from orthoglide_cal.files import machine_in_folder
+    from orthoglide_cal.files.input import machine_in_folder
 
     return machine_in_folder(Path())
 
@@ -310,7 +312,7 @@ def remembered_machine() -> Model | None:
 @functools.cache
 def folder_machine() -> Model:
     """The machine that this folder remembers, else the prototype; says once which one it is."""
-    from orthoglide_cal.files import default_machine
+    from orthoglide_cal.files.machine_file import default_machine
 
     model = remembered_machine()
     if model is None and sys.stderr.isatty():
@@ -384,7 +386,7 @@ def _write(path: Path, text: str, name: str, overwrite: bool) -> None:
 
 def put(text: str, target: Path | None, told: str, overwrite: bool = False) -> None:
     """Write a file as `write_text` does, and tell people; "-", or none: show the text."""
-    from orthoglide_cal.files import write_text
+    from orthoglide_cal.files.text import write_text
 
     if target is None or str(target) == "-":
         print(text, end="")

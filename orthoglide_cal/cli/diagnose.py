@@ -48,8 +48,12 @@ def diagnose(
     import numpy as np
 
     from orthoglide_cal import diagnosis
-    from orthoglide_cal import files as written
     from orthoglide_cal.causes import CAUSES
+    from orthoglide_cal.files.input import read_input
+    from orthoglide_cal.files.machine_file import machine_text
+    from orthoglide_cal.files.printer_file import PrinterFile
+    from orthoglide_cal.files.text import write_text
+    from orthoglide_cal.files.together import together as as_one
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
     from orthoglide_cal.results import answer_to, with_dates
@@ -72,10 +76,10 @@ def diagnose(
     def judge(path: str) -> int:
         inputs = files if together else [path]
         dates = [common.read_input(each, machine, data, rule_out) for each in inputs]
-        given = written.together(dates) if together else dates[0]
+        given = as_one(dates) if together else dates[0]
         named = common.known_machine(machine) if holdout else None
-        by = named if isinstance(named, written.PrinterFile) else given.model
-        later = written.read_input(holdout, by, stored=data) if holdout else None
+        by = named if isinstance(named, PrinterFile) else given.model
+        later = read_input(holdout, by, stored=data) if holdout else None
         diagnosed = diagnosis.diagnose(
             given.measured,
             given.model,
@@ -96,7 +100,7 @@ def diagnose(
         try:
             diagnosed.require_recommended(accept)
             extended = diagnosis.extend(given.measured, given.model, accept, date.today())
-            written.write_text(target, written.machine_text(extended))
+            write_text(target, machine_text(extended))
         except OrthocalError as error:
             # The diagnosis stands; only the extension is refused.
             common.tell_error(error, path)

@@ -10,7 +10,7 @@ from orthoglide_cal.cli.common import MEASURED, argument, flag, option
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
-    from orthoglide_cal.files import Input
+    from orthoglide_cal.files.input import Input
     from orthoglide_cal.report.controller import Export
 
 Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marlin"]

@@ -28,7 +28,7 @@ def history(
     overwrite: common.Overwrite = False,
 ) -> None:
     """Show whether the machine changed between sessions."""
-    from orthoglide_cal.files import printers_in, sessions_in
+    from orthoglide_cal.files.input import printers_in, sessions_in
     from orthoglide_cal.report.documents.history import history_document
     from orthoglide_cal.results.history import compare
 

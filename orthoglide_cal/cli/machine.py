@@ -78,8 +78,8 @@ def new(
     json: common.AsJson = False,
 ) -> None:
     """Make a machine file. It asks for what no option gives."""
-    from orthoglide_cal.files import write_text
     from orthoglide_cal.files.machine_file import MACHINES
+    from orthoglide_cal.files.text import write_text
 
     # Each option with the keys that it gives, on machines of this or that kind.
     given: dict[str, tuple[Value | None, *tuple[str, ...]]] = {
@@ -138,7 +138,7 @@ def show(
     json: common.AsJson = False,
 ) -> None:
     """Show a machine: its numbers, active offsets and accepted causes."""
-    from orthoglide_cal.files import machine_in_folder
+    from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.report.documents.short import machine_document
 
     path = file or machine_in_folder(Path())
@@ -227,7 +227,7 @@ def _numbers(said: str, usual: Value) -> float | list[float]:
 
 def _text(answers: Answers, target: Path) -> str:
     """The file's text. Raises InvalidFileError for values that make no machine."""
-    from orthoglide_cal.files import new_machine
+    from orthoglide_cal.files.machine_file import new_machine
 
     values: Answers = {"name": "my machine"}
     scaled = ("joint_limits_mm", "workspace_mm") if "leg_length_mm" in answers else ()
@@ -251,7 +251,7 @@ def _plain(value: Value) -> Value:
 
 def _usual(key: str, answers: Answers) -> Value:
     """What is proposed: the prototype's value, for travel and workspace in proportion to L."""
-    from orthoglide_cal.files import machine_values, read_machine_file, shipped_machine
+    from orthoglide_cal.files.machine_file import machine_values, read_machine_file, shipped_machine
 
     known = machine_values(read_machine_file(shipped_machine(answers["kind"])).model)
     value: Any = {**known, "name": "my machine"}

@@ -31,7 +31,8 @@ from orthoglide_cal.words import Unit
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from orthoglide_cal.session import Dialogue, Show
+    from orthoglide_cal.session.asking import Show
+    from orthoglide_cal.session.dialogue import Dialogue
 
 INTERRUPTED = 130
 
@@ -112,14 +113,15 @@ def measure(
     json: common.AsJson = False,
 ) -> None:
     """Measure, guided step by step. Every reading is checked and saved at once."""
-    from orthoglide_cal import session as guided
     from orthoglide_cal.cli.keyboard import StandardInput
-    from orthoglide_cal.files import machine_in_folder
+    from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.files.linuxcnc import Standing
     from orthoglide_cal.planning.steps import Order
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.results import answer_to
+    from orthoglide_cal.session.events import GaugeLabel
+    from orthoglide_cal.session.opening import Request, open_session
 
     if until is not None and until <= 0.0:
         raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")
@@ -134,7 +136,7 @@ def measure(
     )
     if known is not None:
         known.machine.check_guided()
-    request = guided.Request(
+    request = Request(
         path=session,
         resume=resume,
         agreed=yes,
@@ -154,14 +156,14 @@ def measure(
         until_mm=until,
         operator=visible(operator or ""),
         temperature_c=temperature,
-        gauges=tuple(guided.GaugeLabel(id=id, certificate=no or "") for id, no in labels),
+        gauges=tuple(GaugeLabel(id=id, certificate=no or "") for id, no in labels),
     )
     standing = Standing(follow) if follow else None
     aside = common.console(stderr=True)
     show = _show_on(aside if json else common.console(), aside)
     with ExitStack() as left, _saved_when_interrupted() as running:
         with closing(StandardInput()) as keyboard:
-            dialogue = guided.open_session(request, Path(), keyboard, show)
+            dialogue = open_session(request, Path(), keyboard, show)
             left.callback(dialogue.close)
             running.append(dialogue)
             dialogue.standing = standing
@@ -184,7 +186,7 @@ def _saved_when_interrupted() -> Iterator[list[Dialogue]]:
 
     The session is put into the list that this gives, once there is one.
     """
-    from orthoglide_cal.session import Quit
+    from orthoglide_cal.session.dialogue import Quit
 
     def interrupt(number: int, frame: object) -> None:
         raise KeyboardInterrupt
@@ -224,7 +226,7 @@ def _show_on(console: Console, aside: Console) -> Show:
     from rich.color import ColorSystem
     from rich.style import Style as Paint
 
-    from orthoglide_cal.session import Style
+    from orthoglide_cal.session.asking import Style
 
     paints = {style: Paint.parse(style.value) for style in Style}
 

@@ -23,7 +23,7 @@ def paper(
     """Reproduce the tables of the paper that describes the method."""
     import numpy as np
 
-    from orthoglide_cal.files import default_machine
+    from orthoglide_cal.files.machine_file import default_machine
     from orthoglide_cal.paper import tables
     from orthoglide_cal.report.documents.short import paper_document
 

@@ -157,7 +157,7 @@ def write_places(found: SessionForecast, target: Path) -> None:
     Raises:
         UsageError: another kind of file, a layout with distances, or the file exists.
     """
-    from orthoglide_cal.files import places_csv
+    from orthoglide_cal.files.probe_readings import places_csv
     from orthoglide_cal.model.linear_delta import ProbePlan
 
     if not found.can_be_sent:

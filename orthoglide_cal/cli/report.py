@@ -39,7 +39,7 @@ def report(
     limit: common.Limit = None,
 ) -> None:
     """Write the calibration report."""
-    from orthoglide_cal.files import latest_session
+    from orthoglide_cal.files.input import latest_session
     from orthoglide_cal.report.case import Case, about
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.results import answer_to, identify

@@ -81,7 +81,9 @@ def simulate(
     """
     import numpy as np
 
-    from orthoglide_cal import files
+    from orthoglide_cal.files.probe_readings import probe_points_csv
+    from orthoglide_cal.files.readings import readings_csv
+    from orthoglide_cal.files.session_file import session_json, session_of_readings, session_text
     from orthoglide_cal.model.machine import SimulationOptions
     from orthoglide_cal.model.model import synthetic_session
 
@@ -107,15 +109,15 @@ def simulate(
     made = synthetic_session(wrong, plan, true, rng, gauge)
     record = None
     if on_bed:
-        text, what = files.probe_points_csv(made), "touches"
+        text, what = probe_points_csv(made), "touches"
     else:
-        text, what = files.readings_csv(made), "readings"
-        record = files.session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
+        text, what = readings_csv(made), "readings"
+        record = session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
     if target or not json:
-        written = files.session_text(record) if yaml and record else text
+        written = session_text(record) if yaml and record else text
         common.put(written, target, f"{len(made)} {what} written to {target}")
     if json and record:
-        common.print_json(files.session_json(record))
+        common.print_json(session_json(record))
     if seed is None:
         common.tell(f"seed {chosen}")
 

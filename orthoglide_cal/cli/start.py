@@ -13,16 +13,16 @@ from orthoglide_cal.errors import OrthocalError, command
 _DIGEST = 8
 
 if TYPE_CHECKING:
-    from orthoglide_cal.files import StoredMachine
+    from orthoglide_cal.files.machine_file import StoredMachine
     from orthoglide_cal.report import document as doc
 
 
 def start() -> None:
     """Show the machine, the sessions and the next command; nothing is changed."""
-    from orthoglide_cal.files import machine_in_folder, printers_in, sessions_in
+    from orthoglide_cal.files.input import machine_in_folder, printers_in, sessions_in
     from orthoglide_cal.report import document as doc
     from orthoglide_cal.results import unwritten
-    from orthoglide_cal.session import unfinished
+    from orthoglide_cal.session.opening import unfinished
 
     here = Path()
     file = to = None
@@ -76,7 +76,8 @@ def _next(
 
     `to`: the controller's file of a change that is recorded and was not written.
     """
-    from orthoglide_cal.files import read_document, read_input
+    from orthoglide_cal.files.input import read_input
+    from orthoglide_cal.files.text import read_document
     from orthoglide_cal.model.linear_delta import LinearDelta
     from orthoglide_cal.model.orthoglide import Orthoglide
     from orthoglide_cal.report.case import Case, decision_notice, measure_again, to_do
@@ -124,7 +125,7 @@ def _next(
 
 def _reported(*sessions: str) -> bool:
     """Whether a page in this folder is about these sessions: it holds their digests."""
-    from orthoglide_cal.files import read_document
+    from orthoglide_cal.files.text import read_document
     from orthoglide_cal.report.document import MARK
 
     digests = [read_document(path).sha256[:_DIGEST] for path in sessions]

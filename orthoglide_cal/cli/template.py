@@ -16,7 +16,7 @@ def template(
     """Print an example file to fill in with your own numbers."""
     from importlib.resources import files
 
-    from orthoglide_cal.files import new_machine
+    from orthoglide_cal.files.machine_file import new_machine
 
     if kind == "machine":
         print(new_machine({"name": "my machine"}, "-"), end="")

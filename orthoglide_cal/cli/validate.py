@@ -14,7 +14,7 @@ def validate(
 ) -> None:
     """Check files; name every fault with its place and remedy."""
     from orthoglide_cal import estimation
-    from orthoglide_cal.files import check_file
+    from orthoglide_cal.files.input import check_file
     from orthoglide_cal.model.measured import Source
     from orthoglide_cal.report.documents.short import check_document
 

@@ -12,7 +12,8 @@ from pathlib import Path
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import command
-from orthoglide_cal.files import Conditions, Input
+from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine, Vocabulary
 from orthoglide_cal.model.measured import Source

@@ -27,7 +27,7 @@ from orthoglide_cal.diagnosis.candidates import Ids
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import PromisedDifference
 from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
-from orthoglide_cal.files import Input
+from orthoglide_cal.files.input import Input
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.validity import Validity
 from orthoglide_cal.schema import Schema

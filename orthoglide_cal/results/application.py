@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Literal
 
 from orthoglide_cal.errors import UsageError, command
-from orthoglide_cal.files import Conditions, Input, StoredMachine, differing, with_history
 from orthoglide_cal.files.controller_file import ControllerFile
+from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.machine_file import StoredMachine, differing, with_history
+from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.model.machine import Entered, JointOffsets, Written
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.results.answer import Answer

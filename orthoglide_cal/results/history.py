@@ -37,7 +37,8 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
 from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
-from orthoglide_cal.files import Input, machine_values
+from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.model.machine import Origin

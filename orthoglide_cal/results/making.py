@@ -49,7 +49,7 @@ from orthoglide_cal.estimation.accuracy import (
     rms,
 )
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
-from orthoglide_cal.files import Input
+from orthoglide_cal.files.input import Input
 from orthoglide_cal.model.measured import DIFFERENCES, Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats

@@ -9,7 +9,8 @@ from datetime import UTC, datetime
 from pydantic import AwareDatetime, Field
 
 from orthoglide_cal import __version__
-from orthoglide_cal.files import Input, machine_values
+from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.schema import Schema

@@ -42,7 +42,8 @@ from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, h
 from orthoglide_cal.estimation.gaussian import whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.files import Input, machine_values
+from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import DataKind, Measured, Readings, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly

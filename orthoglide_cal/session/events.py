@@ -22,7 +22,7 @@ from pydantic import (
     TypeAdapter,
 )
 
-from orthoglide_cal.files import FileText
+from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order

@@ -20,7 +20,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files import write_text
+from orthoglide_cal.files.text import write_text
 from orthoglide_cal.session.events import RECORD, Event, Opened
 from orthoglide_cal.system import SYSTEM
 

@@ -18,15 +18,15 @@ import numpy as np
 
 from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
-from orthoglide_cal.files import (
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import (
     default_machine,
     differing,
     machine_from_text,
     machine_text,
     machine_values,
-    read_document,
-    read_input,
 )
+from orthoglide_cal.files.text import read_document
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of

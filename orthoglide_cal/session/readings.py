@@ -17,16 +17,16 @@ from orthoglide_cal.errors import OrthocalError, UsageError, visible
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import warmth
 from orthoglide_cal.estimation.forecast import Forecast, PlanForecast
-from orthoglide_cal.files import (
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.readings import (
     QUESTIONED,
     GaugeIdentity,
-    ReadingRow,
-    Session,
-    read_input,
     reading_rows,
     readings_of,
     row_at,
 )
+from orthoglide_cal.files.rows import ReadingRow
+from orthoglide_cal.files.session_file import Session
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model

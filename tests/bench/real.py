@@ -23,7 +23,7 @@ from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
 from orthoglide_cal.errors import OrthocalError
-from orthoglide_cal.files import Input, read_input
+from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from tests.truth.delta import Delta, Floats, Truth, touches
 

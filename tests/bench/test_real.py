@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.files import read_input
+from orthoglide_cal.files.input import read_input
 from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import V400, Truth
 

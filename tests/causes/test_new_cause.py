@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import orthoglide_cal
-from orthoglide_cal.files import readings_csv
+from orthoglide_cal.files.readings import readings_csv
 from orthoglide_cal.model.model import synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
 from tests.machines import NOMINAL, PROTOTYPE, ROOT

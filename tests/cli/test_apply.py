@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from orthoglide_cal.files import shipped_folder
+from orthoglide_cal.files.machine_file import shipped_folder
 from tests import truth
 
 from .program import UNDETERMINED, answer, done, parameters, refused, run, words

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rich.cells import cell_len
 
-from orthoglide_cal.files import session_of_readings, session_text
+from orthoglide_cal.files.session_file import session_of_readings, session_text
 from orthoglide_cal.model.measured import Readings
 from tests.cli.program import DOUBLE, SESSION, answer, done, refused, run, words
 from tests.results.histories import draw

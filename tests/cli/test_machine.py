@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.files import default_machine, read_machine
+from orthoglide_cal.files.machine_file import default_machine, read_machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from tests.session.terminal import Terminal
 

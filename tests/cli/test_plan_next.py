@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.files import write_text
+from orthoglide_cal.files.text import write_text
 from tests import truth
 from tests.cli.program import DOUBLE, SINGLE, SIX, lines, process, run
 from tests.cli.test_plan import once

@@ -20,7 +20,7 @@ import yaml
 from typer.testing import Result
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.files import read_machine
+from orthoglide_cal.files.machine_file import read_machine
 from tests.cli.program import SIX, answer, done, parameters, refused, run, words
 from tests.machines import ROOT
 from tests.printer_files import OFF, exact, printer_cfg

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from orthoglide_cal.files import read_input
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.readings import Contact
 from tests.cli.program import DOUBLE, SAMPLES, SESSION, SINGLE, lines, run

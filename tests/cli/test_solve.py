@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.files import default_machine, machine_text, read_input
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import default_machine, machine_text
 from orthoglide_cal.results import Answer
 from tests.cli.program import DOUBLE, SESSION, SINGLE, SIX, answer, lines, process, refused, run
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from typer.testing import Result
 
-from orthoglide_cal.files import default_machine, machine_text, shipped_folder
+from orthoglide_cal.files.machine_file import default_machine, machine_text, shipped_folder
 from tests import truth
 from tests.cli.program import process, run, words
 from tests.machines import SAMPLES

@@ -9,7 +9,9 @@ from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files import machine_from_text, read_input, shipped_folder, write_text
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import machine_from_text, shipped_folder
+from orthoglide_cal.files.text import write_text
 from orthoglide_cal.session.gauges.serial_line import SERIAL_FORMATS, SerialGauge, SerialPort
 from tests.session.terminal import Terminal, run_program
 from tests.session.virtual import answered, readings_of, steps_of, typed

@@ -2,8 +2,8 @@
 
 from functools import cache
 
-from orthoglide_cal.files import machine_from_text
 from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import machine_from_text
 from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
-from orthoglide_cal.files import read_machine
+from orthoglide_cal.files.machine_file import read_machine
 from tests import truth
 from tests.diagnosis.command import GAP, HEALTHY, SECOND, diagnose, one, written
 from tests.truth.session import Session

@@ -20,7 +20,7 @@ from orthoglide_cal.diagnosis.assess import (
 from orthoglide_cal.diagnosis.candidates import UNLISTED, Candidates, Ids
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.result import Verdict
-from orthoglide_cal.files import read_input
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.model import Model
 from tests import truth
 from tests.diagnosis.sessions import known

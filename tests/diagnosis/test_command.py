@@ -55,7 +55,7 @@ class TestHeldOut:
 
     def test_a_later_csv_is_read_by_the_session_s_own_machine(self, tmp_path: Path) -> None:
         """Its `max` and `min` are those of that machine, not of the prototype."""
-        from orthoglide_cal.files import session_of_readings, session_text
+        from orthoglide_cal.files.session_file import session_of_readings, session_text
         from tests.diagnosis.sessions import known
 
         session = truth.make_session(4, truth.LARGE, truth.MICRON, ("axis_gap",))

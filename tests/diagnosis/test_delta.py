@@ -13,7 +13,8 @@ from orthoglide_cal.diagnosis.assess import assess
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import predict_later
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.files import Input, read_input, read_machine_file
+from orthoglide_cal.files.input import Input, read_input
+from orthoglide_cal.files.machine_file import read_machine_file
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.planning import best_next
 from orthoglide_cal.results import answer_to

@@ -11,7 +11,7 @@ from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose, extend
 from orthoglide_cal.diagnosis.assess import assess
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
-from orthoglide_cal.files import read_input
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import simulate

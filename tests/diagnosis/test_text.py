@@ -6,7 +6,7 @@ from pathlib import Path
 
 from orthoglide_cal.diagnosis import Diagnosis
 from orthoglide_cal.diagnosis import diagnose as analysed
-from orthoglide_cal.files import read_input
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.results import answer_to
 from tests import truth
 from tests.diagnosis.command import GAP, SECOND, diagnose, shown, written

@@ -7,7 +7,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis.explanations import Whitened
-from orthoglide_cal.files import read_input
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import Orthoglide, double_posture

@@ -7,7 +7,7 @@ from scipy import stats
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of, warmth
-from orthoglide_cal.files import Conditions
+from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats

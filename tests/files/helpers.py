@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from orthoglide_cal.errors import InputError, InvalidFileError
-from orthoglide_cal.files import default_machine, read_input
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import default_machine
 from orthoglide_cal.files.text import FileText, document_from_bytes
 from orthoglide_cal.model.measured import Differences, Measured, Readings
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.files import read_input
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 
 from .helpers import MODEL, differences, measured, places, problems

@@ -8,13 +8,8 @@ import pytest
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.files import (
-    default_machine,
-    machine_text,
-    printer_settings,
-    read_input,
-    read_machine,
-)
+from orthoglide_cal.files.input import printer_settings, read_input
+from orthoglide_cal.files.machine_file import default_machine, machine_text, read_machine
 from orthoglide_cal.model.model import Model
 from tests import firmware_files as made
 from tests.printer_files import OFF, printer_cfg

@@ -6,17 +6,10 @@ from datetime import UTC, datetime
 import pytest
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files import (
-    Conditions,
-    GaugeIdentity,
-    Session,
-    latest_session,
-    machine_text,
-    read_input,
-    session_text,
-    sessions_in,
-)
-from orthoglide_cal.files.input import check_file
+from orthoglide_cal.files.input import check_file, latest_session, read_input, sessions_in
+from orthoglide_cal.files.machine_file import machine_text
+from orthoglide_cal.files.readings import Conditions, GaugeIdentity
+from orthoglide_cal.files.session_file import Session, session_text
 
 from .helpers import MACHINE, MODEL
 

@@ -10,17 +10,16 @@ from hypothesis import strategies as st
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files import (
-    Session,
-    check_file,
+from orthoglide_cal.files.input import check_file
+from orthoglide_cal.files.machine_file import (
     default_machine,
     machine_from_text,
+    machine_in,
     machine_text,
     machine_values,
     read_machine,
-    session_text,
 )
-from orthoglide_cal.files.machine_file import machine_in
+from orthoglide_cal.files.session_file import Session, session_text
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.linear_delta import CALLIPER_MM

@@ -7,20 +7,17 @@ import pytest
 import yaml
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files import (
-    Conditions,
-    GaugeIdentity,
-    Session,
+from orthoglide_cal.files import session_file as module
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import (
     machine_from_text,
     machine_text,
     machine_values,
-    read_input,
     read_machine,
-    session_json,
-    session_text,
-    write_text,
 )
-from orthoglide_cal.files import session_file as module
+from orthoglide_cal.files.readings import Conditions, GaugeIdentity
+from orthoglide_cal.files.session_file import Session, session_json, session_text
+from orthoglide_cal.files.text import write_text
 from tests.machines import extended
 
 from .helpers import MODEL, PROTOTYPE, places, problems, saved

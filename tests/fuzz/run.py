@@ -22,7 +22,8 @@ from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
 from orthoglide_cal.errors import OrthocalError
-from orthoglide_cal.session import Quit, Request, open_session
+from orthoglide_cal.session.dialogue import Quit
+from orthoglide_cal.session.opening import Request, open_session
 from tests.files.test_machine_file import HISTORY, VALUES, accepted, text_with
 from tests.firmware_files import CONFIGURATION, FILES
 from tests.session.virtual import Screen, Script, answered

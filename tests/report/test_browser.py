@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.files import Conditions, GaugeIdentity
+from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.model.machine import Details
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.html import html

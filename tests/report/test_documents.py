@@ -12,7 +12,8 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines
-from orthoglide_cal.files import check_file, machine_text, read_input, read_machine_file
+from orthoglide_cal.files.input import check_file, read_input
+from orthoglide_cal.files.machine_file import machine_text, read_machine_file
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.plan import Wanted, measurement_plan

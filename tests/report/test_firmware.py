@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.files import read_input, read_machine_file
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import read_machine_file
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.report.controller import FIRMWARES, Export, as_firmware
 from tests.printer_files import OFF, exact

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.diagnosis import diagnose
-from orthoglide_cal.files import read_input
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning import ranked
 from orthoglide_cal.planning.plan import MeasurementPlan, Wanted, measurement_plan

@@ -11,7 +11,8 @@ import pytest
 from rich.cells import cell_len
 
 from orthoglide_cal.diagnosis import Verdict, diagnose
-from orthoglide_cal.files import machine_text, read_input, read_machine_file, shipped_folder
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import machine_text, read_machine_file, shipped_folder
 from orthoglide_cal.planning import ranked
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report import document as doc

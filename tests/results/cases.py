@@ -10,7 +10,8 @@ from functools import cache
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.files import Conditions, GaugeIdentity, Input, read_input
+from orthoglide_cal.files.input import Input, read_input
+from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture

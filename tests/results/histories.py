@@ -11,8 +11,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from orthoglide_cal.files import Input
-from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.text import document_from_bytes
 from tests import truth
 from tests.diagnosis.sessions import model_of

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.files import Conditions, GaugeIdentity
+from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.verification import verification_document

@@ -9,7 +9,8 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.methods import pose
-from orthoglide_cal.files import Conditions, Input, read_input
+from orthoglide_cal.files.input import Input, read_input
+from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from orthoglide_cal.files import read_input, session_json
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.session_file import session_json
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.planning.steps import MeasuringProtocol, Posture
 from orthoglide_cal.results import answer_to
-from orthoglide_cal.session import Dialogue, Quit, Style
+from orthoglide_cal.session.asking import Style
+from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import Doubt, Questioned
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 

@@ -12,7 +12,8 @@ from typer.testing import CliRunner
 from orthoglide_cal.cli.app import app
 from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.files import default_machine, read_input, read_machine
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import default_machine, read_machine
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.session.events import Planned, Taken

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.files import session_text
+from orthoglide_cal.files.session_file import session_text
 from orthoglide_cal.planning.steps import MeasuringProtocol
-from orthoglide_cal.session import Dialogue, Style
 from orthoglide_cal.session import journal as journal_module
+from orthoglide_cal.session.asking import Style
+from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import Opened, replay
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode

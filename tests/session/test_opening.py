@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.files import machine_from_text, machine_text
+from orthoglide_cal.files.machine_file import machine_from_text, machine_text
 from orthoglide_cal.session.events import Opened
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode, encode

@@ -9,7 +9,8 @@ import pytest
 from scipy import stats
 
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.files import read_input, session_text
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.session_file import session_text
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning.steps import MeasuringProtocol

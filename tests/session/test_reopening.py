@@ -7,7 +7,8 @@ import pytest
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.planning.steps import with_set_ups
-from orthoglide_cal.session import Dialogue, Style
+from orthoglide_cal.session.asking import Style
+from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import Retake, Skipped
 from orthoglide_cal.session.journal import decode
 

@@ -11,7 +11,7 @@ import pytest
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.linuxcnc import Standing
-from orthoglide_cal.session import Dialogue, Quit
+from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import Doubt, Questioned
 from tests.linuxcnc import LinuxCnc, missing
 

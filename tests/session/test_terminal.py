@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.files import read_input
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.files import machine_text, session_text
+from orthoglide_cal.files.machine_file import machine_text
+from orthoglide_cal.files.session_file import session_text
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep, sequence
-from orthoglide_cal.session import Dialogue, Quit, Show, Style
-from orthoglide_cal.session.asking import Asker, Line
+from orthoglide_cal.session.asking import Asker, Line, Show, Style
 from orthoglide_cal.session.checks import Question, check
+from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import (
     Answered,
     Doubt,

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import file_words
-from orthoglide_cal.files import machine_values
+from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures

@@ -7,7 +7,8 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import UnusableResultError, command, file_words
-from orthoglide_cal.files import Check, machine_values
+from orthoglide_cal.files.input import Check
+from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES
