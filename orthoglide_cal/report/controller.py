@@ -54,29 +54,32 @@ class Export:
         """Why it must not be used, exported all the same; empty if it may be used."""
         return self.case.answer.release.reasons
 
-    def head(self) -> Iterator[str]:
-        """Title, origin, and the warning of a forced export."""
-        case, identity = self.case, self.identity
-        yield f"{case.words.title} for {case.machine.name}, {identity.number}"
-        yield f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}"
-        yield f"From {file_words(case.source.path)}, SHA-256 {case.source.sha256}"
-        if self.forced:
-            yield from ("FORCED: this result must not be used.", *self.forced)
-        if case.answer.release.settled:
-            yield f"Note: {SETTLED}."
-        yield from (f"Note: {line}" for line in case.answer.release.cautions)
+    def around(self, lines: Iterable[str], sign: str = "", *remarks: str) -> str:
+        """The lines to enter, below title, origin and warnings, above what to do then.
 
-    def afterwards(self) -> Iterator[str]:
-        """Re-home, check posture, verification."""
-        case, restart = self.case, self.case.words.restart
-        yield f"After entering: {restart[0].lower()}{restart[1:]}"
+        What is around them begins with a sign, that of a comment.
+        """
+        case, identity, release = self.case, self.identity, self.case.answer.release
+        head = [
+            f"{case.words.title} for {case.machine.name}, {identity.number}",
+            f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}",
+            f"From {file_words(case.source.path)}, SHA-256 {case.source.sha256}",
+            *(["FORCED: this result must not be used."] if self.forced else []),
+            *self.forced,
+            *([f"Note: {SETTLED}."] if release.settled else []),
+            *(f"Note: {line}" for line in release.cautions),
+            *remarks,
+        ]
+        after = [f"After entering: {case.words.restart[0].lower()}{case.words.restart[1:]}"]
         if case.answer.check is not None:
-            yield check_words(case.answer.check)
+            after.append(check_words(case.answer.check))
         if case.record is not None:
-            yield f"Record what was entered: {case.record}"
+            after.append(f"Record what was entered: {case.record}")
         if case.table is not None:
-            yield f"Correct what offsets leave with a table of corrections: {case.table}"
-        yield f"Then measure again and run: {case.verify}"
+            after.append(f"Correct what offsets leave with a table of corrections: {case.table}")
+        after.append(f"Then measure again and run: {case.verify}")
+        above, below = ([f"{sign}{visible(line)}" for line in each] for each in (head, after))
+        return "\n".join((*above, *lines, *below, ""))
 
 
 def as_text(export: Export) -> str:
@@ -105,7 +108,7 @@ def as_text(export: Export) -> str:
             said = f"{each.name}: the controller says {plain(says, digits)} mm, truly {truly} mm"
             lines.append(said)
         lines.append("")
-    return _framed(export, "", lines)
+    return export.around(lines)
 
 
 def as_linuxcnc(export: Export) -> str:
@@ -125,14 +128,7 @@ def as_linuxcnc(export: Export) -> str:
             f" change {typed(each.change(digits), digits)} (U = {two_figures(each.expanded)})",
             f"HOME_OFFSET = {plain(each.new(digits), digits)}",
         ]
-    return _framed(export, "# ", [*lines, ""])
-
-
-def _framed(export: Export, sign: str, lines: Iterable[str], *remarks: str) -> str:
-    """The lines between what they are and what to do then, which begin with a sign."""
-    head = (f"{sign}{visible(line)}" for line in (*export.head(), *remarks))
-    after = (f"{sign}{visible(line)}" for line in export.afterwards())
-    return "\n".join((*head, *lines, *after, ""))
+    return export.around([*lines, ""], "# ")
 
 
 def as_table(table: Compensation, export: Export) -> str:
@@ -258,7 +254,7 @@ FIRMWARES: Mapping[str, tuple[str, Callable[[LinearDelta], Iterator[str]], str]]
 def as_firmware(format: str, export: Export) -> str:
     """The lines to paste, with what they are and what they leave out as comments."""
     name, lines, sign = FIRMWARES[format]
-    return _framed(export, f"{sign} ", lines(told(export)), *_left_out(name, export))
+    return export.around(lines(told(export)), f"{sign} ", *_left_out(name, export))
 
 
 def _left_out(name: str, export: Export) -> Iterator[str]:
