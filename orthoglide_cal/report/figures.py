@@ -80,12 +80,7 @@ def svg(
 ) -> Html:
     """A picture with its text alternative: what it is, and what one sees in it.
 
-    Args:
-        name: unique in the page; letters, digits and "-".
-        width, height: natural size.
-        title, finding: the alternative.
-        parts: of it; None is left out.
-        class_: of all parts together.
+    `name` is unique in the page (letters, digits and "-"), `class_` is of all parts together.
     """
     return tag(
         "svg",
@@ -142,9 +137,8 @@ def mark(x: float, y: float, shape: int, class_: str = "mark", size: float = 3.6
 def apart(places: Sequence[float], texts: Sequence[str]) -> list[int]:
     """Which of the texts along an axis are written so that none overprints its neighbour.
 
-    Args:
-        places: middle of each text, in ascending order.
-        texts: the last is always written, then from it backwards what has room.
+    The last is always written, then from it backwards what has room; `places`, in ascending order,
+    are the middles of the texts.
 
     >>> apart([0.0, 10.0, 60.0, 120.0], ["2026-01", "2026-02", "2026-03", "2026-04"])
     [1, 2, 3]
@@ -281,10 +275,8 @@ def residual_panels(
                 parts += [thread(points)] if last else []
                 parts += [mark(x, y, turn - 1, "mark" if last else "mark open") for x, y in points]
         worst = max(chosen, key=lambda k: abs(microns[-1][k]))
-        finding = (
-            f"Residuals of {one.words}: the largest is at posture {posture[worst]}, cycle"
-            f" {rows[worst].cycle}."
-        )
+        where = f"posture {posture[worst]}, cycle {rows[worst].cycle}"
+        finding = f"Residuals of {one.words}: the largest is at {where}."
         name = f"residual-{AXES[one.direction]}{AXES[one.leg]}"
         title = f"Residuals, {one.words}"
         panels.append(svg(name, width, height, title, finding, parts, f"c-{AXES[one.leg]}"))

@@ -132,7 +132,7 @@ def calibration_document(
 def _notice(case: Case, left: Verification | None) -> doc.Notice:
     """The verdict, with what to know before relying on it; of a refused result what is wrong."""
     if left is not None:
-        return reserved(verification_notice(left), left.reservations)
+        return verification_notice(left)
     answer, notice = case.answer, decision_notice(case)
     release = answer.release
     wrong = _wrong(case) if release.sound and answer.parameters and not release.usable else ""

@@ -20,6 +20,7 @@ from orthoglide_cal.report.case import SETTLED, Case, decision_notice, to_do, to
 from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections
 from orthoglide_cal.report.documents.solution import (
     alone_block,
+    common_unit,
     open_blocks,
     parameters_grid,
     parameters_title,
@@ -160,7 +161,7 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
     if offsets:
         known = (each for each in answer.parameters if each.determined)
         found = [(each.name, each.found or 0.0, each.expanded, each.unit) for each in known]
-        unit = f", {case.unit}" if case.unit else ""
+        unit = common_unit(case.machine)
         with_it = " with it" * bool(answer.named)
         lines.append((f"{case.words.many}{with_it}{unit}", sizes(found, not unit)))
     if lines:
@@ -221,8 +222,8 @@ def _open_grid(case: Case) -> doc.Grid:
         own = {one.name: signed(one.found, decimals_for(2.0 * one.std)) for one in each.parameters}
         left = "" if each.rms_mm is None else plain(each.rms_mm, 4)
         rows.append((_name(each), left, *(own.get(name, "") for name in names)))
-    unit = f", {case.unit}" if case.unit else ""
-    return doc.Grid((f"{case.words.many}{unit}", "r.m.s. left, mm", *names), rows)
+    what = f"{case.words.many}{common_unit(case.machine)}"
+    return doc.Grid((what, "r.m.s. left, mm", *names), rows)
 
 
 def _steps(case: Case) -> Iterator[doc.Instruction]:

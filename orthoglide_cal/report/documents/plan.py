@@ -443,18 +443,15 @@ def _next_grid(
     for each in found[:_SHOWN_NEXT]:
         sure = (percent(each.chance), f"{each.separation_sigma:.1f}") if telling else ()
         number, minutes = str(plan.next.index(each) + 1), f"{each.minutes:.0f}"
-        rows.append(
-            (number, minutes, *sure, two_figures(max(each.expanded_mm.values())), each.what)
-        )
+        u = two_figures(max(each.expanded_mm.values()))
+        rows.append((number, minutes, *sure, u, each.what))
     meaning = None
     if full:
         meaning = "Readings can decide nothing more. Ranked by the reduction of U"
         meaning += " per minute; half an hour is added for the session."
     if full and plan.next[0].between:
         first, second = between_words(plan.next[0])
-        meaning = "Settles: the probability of one answer. Ranked by it per minute;"
-        meaning += (
-            f" eight hours are added for coming back if it stays undecided. σ: how far {first} and"
-        )
-        meaning += f" {second} are apart in the new readings, in standard deviations."
+        meaning = "Settles: the probability of one answer. Ranked by it per minute; eight hours are"
+        meaning += f" added for coming back if it stays undecided. σ: how far {first} and {second}"
+        meaning += " are apart in the new readings, in standard deviations."
     return doc.Grid(heads, rows, words=(len(heads) - 1,), caption=meaning)

@@ -186,10 +186,8 @@ def paper_document(found: Reproduction) -> doc.Document:
         rows = []
         for row in found.rows:
             computed = row.computed or (None,) * len(row.published)
-            for name, what, values in (
-                (row.name, "published", row.published),
-                ("", "computed", computed),
-            ):
+            both = (row.name, "published", row.published), ("", "computed", computed)
+            for name, what, values in both:
                 cells = ("—" if each is None else plain(each, found.digits) for each in values)
                 rows.append((name, what, *cells))
         verdict = doc.Notice(doc.Tone.BAD, "NOT reproduced.")

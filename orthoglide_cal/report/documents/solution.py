@@ -106,13 +106,12 @@ def _screen(case: Case) -> doc.Page:
 
 def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
     """Differences as measured and as expected after entering; residuals before and after."""
-    answer = case.answer
-    rows = answer.deviations
+    answer, rows = case.answer, case.answer.deviations
+    raw = answer.input.kind == DataKind.READINGS
     if len(rows) > _MOST_DIFFERENCES and not full:
         rows = tuple(sorted(rows, key=lambda each: -abs(each.measured_mm))[:_LARGEST_DIFFERENCES])
     if rows and answer.as_found is not None and answer.expected is not None:
         after = "expected after" if answer.release.usable else "would be left"
-        raw = answer.input.kind == DataKind.READINGS
         digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
         measured = (signed(each.measured_mm, digits) for each in rows)
         expected = (signed(each.expected_mm, digits) for each in rows)
@@ -123,8 +122,7 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
         )
         yield doc.Grid(("Deviation, mm", *(each.name for each in rows), "r.m.s."), table)
     if answer.rms is not None:
-        of_what = "readings" if answer.input.kind == DataKind.READINGS else "differences"
-        of_what += weighing(case.given.measured)
+        of_what = f"{'readings' if raw else 'differences'}{weighing(case.given.measured)}"
         before, left = (plain(mm, 4) for mm in (answer.rms.before_mm, answer.rms.after_mm))
         yield f"Residuals of the {of_what}: {before} mm r.m.s. before, {left} after."
 

@@ -14,7 +14,7 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.pictures import differences_figure
-from orthoglide_cal.report.documents.solution import sizes, sizes_grid
+from orthoglide_cal.report.documents.solution import common_unit, sizes, sizes_grid
 from orthoglide_cal.report.facts import data_words, reserved, signed_page
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import (
@@ -40,22 +40,24 @@ _MOST_DIFFERENCES = 6  # that a screen has room for
 
 def verification_document(found: Verification, identity: Identity) -> doc.Document:
     """The document, for any of the renderers."""
-    given = found, identity
-    return doc.Document(partial(_data, *given), partial(_page, *given), partial(_screen, found))
+
+    def data() -> dict[str, object]:
+        issued = identity.issued.isoformat(timespec="seconds")
+        return {**found.model_dump(mode="json"), "number": identity.number, "issued": issued}
+
+    return doc.Document(data, partial(_page, found, identity), partial(_screen, found))
 
 
 def _screen(found: Verification) -> doc.Page:
     parameters = found.parameters.items()
     left = [(name, each.left, each.left_expanded, each.unit) for name, each in parameters]
-    units = {each.unit for each in found.parameters.values()}
-    unit = units.pop() if len(units) == 1 else ""
-    grid = sizes_grid([(f"left{unit and f', {unit}'}", sizes(left, not unit))], 3 if unit else 2)
+    unit = common_unit(found.inputs[1][1].machine)
+    grid = sizes_grid([(f"left{unit}", sizes(left, not unit))], 3 if unit else 2)
     before, after = (count for _, count in _measured(found))
-    aside = f"{found.machine}, {before}{' and' * (after != before)} "
-    aside += after if after != before else "before and after"
+    both = f"{before} before and after" if before == after else f"{before} and {after}"
     return doc.Page(
         kind="Verification",
-        notice=replace(reserved(verification_notice(found), found.reservations), aside=aside),
+        notice=replace(verification_notice(found), aside=f"{found.machine}, {both}"),
         sections=(
             doc.Section(None, *([_differences(found)] if found.differences else [])),
             doc.Section(None, grid),
@@ -64,11 +66,6 @@ def _screen(found: Verification) -> doc.Page:
             ),
         ),
     )
-
-
-def _data(found: Verification, identity: Identity) -> dict[str, object]:
-    issued = identity.issued.isoformat(timespec="seconds")
-    return {**found.model_dump(mode="json"), "number": identity.number, "issued": issued}
 
 
 def _page(found: Verification, identity: Identity) -> doc.Page:
@@ -86,7 +83,7 @@ def _page(found: Verification, identity: Identity) -> doc.Page:
     return replace(
         page,
         title=found.machine,
-        notice=reserved(verification_notice(found), found.reservations),
+        notice=verification_notice(found),
         sheet=(*page.sheet, _outcome(found), parameters_left(found)),
         sections=(
             *([_response(found, found.response)] if found.response else []),
@@ -98,6 +95,8 @@ def _page(found: Verification, identity: Identity) -> doc.Page:
 
 def verification_notice(found: Verification) -> doc.Notice:
     """The answer in one box."""
+    outcome = found.decision.outcome if found.decision else Outcome.PASS
+    tone, title = doc.Tone.GOOD, "The correction worked as predicted"
     before, promised, after, _ = _sizes(found)
     size = f"Predicted {promised}, measured {after} (r.m.s.; before {before})."
     lines = tuple(line for line in (size, _answer(found), _decision(found), found.remains) if line)
@@ -109,16 +108,14 @@ def verification_notice(found: Verification) -> doc.Notice:
             title = "The machine has moved: nothing was entered, and the touches agree worse"
             told = "Look for what was changed, hit or came loose; then calibrate and probe again."
             lines = (*lines, told)
-        return doc.Notice(doc.Tone.GOOD if found.kept else doc.Tone.WARN, title, lines)
-    outcome = found.decision.outcome if found.decision else Outcome.PASS
-    tone, title = doc.Tone.GOOD, "The correction worked as predicted"
-    if not found.kept:
+        tone = doc.Tone.GOOD if found.kept else doc.Tone.WARN
+    elif not found.kept:
         tone, title = doc.Tone.BAD, "The correction did not work as predicted"
     elif outcome is Outcome.FAIL:
         tone, title = doc.Tone.BAD, "The correction worked, but a deviation is beyond the limit"
     elif outcome is not Outcome.PASS or (found.other_change and found.other_change.found):
         tone, title = doc.Tone.WARN, "The correction worked, with a reservation"
-    return doc.Notice(tone, title, lines)
+    return reserved(doc.Notice(tone, title, lines), found.reservations)
 
 
 def _digits(found: Verification) -> int:
