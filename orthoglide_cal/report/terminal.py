@@ -130,7 +130,9 @@ class TerminalPage:
         return lines
 
     def _wrapped(self, text: Text, width: int) -> list[Text]:
-        lines = list(text.wrap(self._console, max(width, 1), overflow="fold")) or [Text()]
+        lines = [text.copy()]  # most fit, and wrapping takes its time
+        if text.cell_len > width or "\n" in text.plain or "\t" in text.plain:
+            lines = list(text.wrap(self._console, max(width, 1), overflow="fold")) or [Text()]
         for line in lines:
             line.rstrip()
         return lines
