@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model.cause import EVERYWHERE, Cause, Effect, Estimate, Place, Stage
+from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import simulate, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import compensation, workspace_error
-from tests.machines import LARGE, NOMINAL, PROTOTYPE, extended
+from tests.machines import NOMINAL, PROTOTYPE, extended
 from tests.model.geometries import bent_rails, on_rails
 from tests.printers import PRINTER
 from tests.subjects import Subject, every_cause
@@ -30,18 +29,6 @@ def covariance(size: int, scale: float, seed: int = 3) -> Floats:
 
 
 # --- models -----------------------------------------------------------------------------------
-
-
-def test_a_model_keeps_its_causes_in_order() -> None:
-    gap, lean = CAUSES["axis_gap"].at(np.ones(3)), CAUSES["axis_squareness"].at(1e-3 * np.ones(3))
-    model = NOMINAL.extended([gap]).extended(iter([lean]))
-    assert model.accepted == (gap, lean)
-    assert model.machine is PROTOTYPE
-    moved = replace(model, machine=LARGE)
-    assert moved.machine is LARGE
-    assert moved.accepted == (gap, lean)
-    assert NOMINAL.accepted == ()
-    assert model.machine.parameter_names == AXES
 
 
 def test_causes_of_the_geometry_act_one_on_the_other() -> None:
@@ -72,23 +59,6 @@ def test_gaps_and_angles_add_to_rails_that_are_bent_already() -> None:
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
     assert leaning.directions == pytest.approx(ways, abs=1e-12)
     assert np.array_equal(leaning.points, rails.points)
-
-
-def test_true_joints_are_the_indicated_ones_with_offsets_and_motion() -> None:
-    """q = L + (1 + k)(ρ − L) + Δρ + r t, many offsets at once."""
-    joints = np.array([[300.0, 310.0, 305.0], [340.0, 280.0, 310.25]])
-    hours = np.array([0.5, 1.5])
-    command = Command(joints, PROTOTYPE.leg_length_mm, hours, None, np.zeros_like(joints))
-    scales, rates = np.array([1.0, -2.0, 0.5]) * 1e-3, np.array([0.1, 0.2, -0.3])
-    model = NOMINAL.extended(
-        [CAUSES["thermal_drift"].at(rates), CAUSES["encoder_scale"].at(scales)]
-    )
-    offsets = np.random.default_rng(2).normal(0.0, 1.0, (4, 3))
-    length = PROTOTYPE.leg_length_mm
-    expected = length + (1.0 + scales) * (joints - length) + rates * hours[:, None]
-    found = model.real.joints(command, offsets)
-    assert found.shape == (4, 2, 3)
-    assert found == pytest.approx(expected + offsets[:, None], abs=1e-12)
 
 
 def test_contact_comes_before_the_record_whatever_the_order_of_the_causes() -> None:
@@ -154,15 +124,6 @@ def test_estimates_are_in_the_units_of_the_files() -> None:
         assert (estimate.value, estimate.std) == pytest.approx((value, std), rel=1e-12)
 
 
-def test_what_is_known_exactly_has_no_uncertainty() -> None:
-    effect = CAUSES["leg_length"].at(np.array([0.05, -0.03, 0.11]))
-    assert effect.std.tolist() == [0.0, 0.0, 0.0]
-    assert effect.moved() == ()
-    assert [estimate.std for estimate in effect.estimates.values()] == [0.0] * 3
-    assert effect.place == EVERYWHERE
-    assert CAUSES["sign_flip"].at(np.zeros(0), Place((0, 1))).estimates == {}
-
-
 def test_a_width_is_not_negative_and_first_positions_are_not_told() -> None:
     theta = np.array([0.03, -0.004, 0.02, 0.011, -0.007, 0.017])
     effect = Effect(CAUSES["backlash"], theta, covariance=covariance(6, 0.01))
@@ -204,23 +165,6 @@ def test_moved_effects_span_the_uncertainty() -> None:
     assert sorted(np.abs(moved.theta - theta).max() for moved in flat.moved()) == pytest.approx(
         [0.01, 0.02]
     )
-
-
-def test_a_cause_does_nothing_where_it_does_not_act() -> None:
-    """The base of all causes: no place but everywhere, without a name, nothing changed."""
-
-    class Idle(Cause):
-        id, title, stage, advice = "idle", "idles", Stage.CONTACT, "Leave it."
-
-    idle = Idle()
-    assert idle.places(PLAN, PROTOTYPE) == (EVERYWHERE,)
-    assert idle.label(EVERYWHERE, PLAN, PROTOTYPE) == ""
-    assert idle.unknowns == 0
-    before, after = (
-        simulate(model, OFFSETS, PLAN)
-        for model in (NOMINAL, NOMINAL.extended([idle.at(np.zeros(0))]))
-    )
-    assert np.array_equal(before, after)
 
 
 # --- values that nobody can change ------------------------------------------------------------

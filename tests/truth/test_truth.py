@@ -14,12 +14,9 @@ import pytest
 
 from . import (
     DIAL,
-    LARGE,
     MICRON,
-    OUTSIDE,
     PROTOTYPE,
     Machine,
-    Session,
     make_session,
     measure,
     readings_csv,
@@ -29,7 +26,7 @@ from . import (
 )
 from .effects import state_with, swapped_rows, transposed
 from .forward import PARTS
-from .plan import Floats, Plan, frozen
+from .plan import Plan, frozen
 from .session import Setting
 
 OFFSETS = frozen([0.43, -0.71, 0.28])
@@ -37,13 +34,6 @@ OFFSETS = frozen([0.43, -0.71, 0.28])
 
 def _plan(machine: Machine = PROTOTYPE, seed: int = 5) -> Plan:
     return standard_plan(machine, np.random.default_rng(seed))
-
-
-def _healthy(session: Session) -> Floats:
-    """The record a healthy machine would have given this technician, without noise."""
-    state = state_with(session.offsets, ())
-    surface: Floats = signals(session.plan, session.machine, state[None])[0]
-    return surface + session.zeros[session.plan.setup]
 
 
 def test_legs_places_and_scale_act_as_drawn() -> None:
@@ -85,16 +75,6 @@ def test_tired_eyes_exchange_neighbouring_digits() -> None:
     assert 0.004 < sizes.min() < sizes.max() < 0.95
     written = [s.readings[s.effects[0].row] for s in digits]
     assert np.allclose(written, np.round(written, 3))
-
-
-@pytest.mark.parametrize("name", OUTSIDE)
-def test_outside_effects_show(name: str) -> None:
-    session = make_session(4, LARGE, MICRON, outside=name, offset_sd=1.0)
-    change = session.clean - _healthy(session)
-    change -= change[session.plan.stand]
-    assert 0.005 < np.abs(change).max() < 1.0
-    assert session.causes == ()
-    assert session.label == f"outside:{name}"
 
 
 def test_next_day_keeps_the_machine_and_forgets_the_blunders() -> None:
