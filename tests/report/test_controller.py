@@ -9,16 +9,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import read_machine_file
+from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.model.workspace import compensation
 from orthoglide_cal.report import controller
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.controller import Export
+from orthoglide_cal.report.controller import FIRMWARES, Export, as_firmware
 from tests.machines import NOMINAL, extended
+from tests.printer_files import OFF, exact
 from tests.report.cases import changed
 from tests.results import cases
 from tests.results.cases import HOSTILE, case_of, identity_of
 from tests.results.sessions import TRUE, given, session
+from tests.truth.delta import V400, Layout, Truth, delta_yaml, tool
+from tests.truth.forward import tool_from_carriages
 
 FORMATS = {"linuxcnc": controller.as_linuxcnc, "text": controller.as_text}
 
@@ -117,3 +124,113 @@ def test_previous_offsets_keep_their_digits() -> None:
     model = changed(NOMINAL, offsets_mm=JointOffsets(0.12345, 0.0, 0.0))
     text = controller.as_linuxcnc(export(case_of(given(session(TRUE, 3), model))))
     assert "previous +0.12345" in text
+
+
+# --- lines for printers, read as each firmware documents them -----------------------------------
+
+USUAL = np.array([210.0, 330.0, 90.0])
+# Carriages so far below the height at which their endstop triggers.
+BELOW = np.array([[210.0, 260.0, 190.0], [400.0, 395.0, 410.0], [418.0, 391.0, 425.0]])
+
+
+def numbers(text: str, code: str) -> dict[str, list[float]]:
+    """Letter → numbers of the one line that begins with a G-code."""
+    (line,) = (line for line in text.splitlines() if line.startswith(f"{code} "))
+    words = (word for word in line.split()[1:])
+    return {word[0]: [float(part) for part in word[1:].split(":")] for word in words}
+
+
+def klipper(text: str) -> tuple[np.ndarray, ...]:
+    """Arms, radius, angles, and heights of the nozzle at which the endstops trigger."""
+    found: dict[str, dict[str, float]] = {}
+    section: dict[str, float] = {}
+    for line in re.findall(r"^#\*# ?(.*)$", text, re.MULTILINE):
+        if header := re.fullmatch(r"\[(\w+)\]", line):
+            section = found.setdefault(header[1], {})
+        elif line:
+            key, value = line.split(" = ")
+            section[key] = float(value)
+    towers = [found[f"stepper_{tower}"] for tower in "abc"]
+    keys = "arm_length", "angle", "position_endstop"
+    arms, angles, ends = (np.array([tower[key] for tower in towers]) for key in keys)
+    return arms, np.array(found["printer"]["delta_radius"]), angles, ends
+
+
+def reprapfirmware(text: str) -> tuple[np.ndarray, ...]:
+    """M665: L, R, H, tower corrections in degrees; M666: corrections added to the homed height."""
+    m665, m666 = numbers(text, "M665"), numbers(text, "M666")
+    trims = np.array([m665[name][0] for name in "XYZ"])
+    more = np.array([m666[name][0] for name in "XYZ"])
+    assert more.sum() == pytest.approx(0.0, abs=3e-4)
+    arms = np.broadcast_to(m665["L"], 3)
+    return arms, np.array(m665["R"][0]), USUAL + trims, m665["H"][0] + more
+
+
+def marlin(text: str) -> tuple[np.ndarray, ...]:
+    """M666 moves a carriage down by −adjustment after its endstop: there it is homed at H."""
+    m665, m666 = numbers(text, "M665"), numbers(text, "M666")
+    trims = np.array([m665[name][0] for name in "XYZ"])
+    adjust = np.array([m666[name][0] for name in "XYZ"])
+    assert adjust.max() <= 0.0
+    arms = m665["L"][0] + np.array([m665.get(name, [0.0])[0] for name in "ABC"])
+    return arms, np.array(m665["R"][0]), USUAL + trims, m665["H"][0] - adjust
+
+
+READ = {"klipper": klipper, "reprapfirmware": reprapfirmware, "marlin": marlin}
+
+
+def reached(arms, radius, angles, endstops) -> np.ndarray:
+    """Where a firmware with these numbers believes the tool to be, shape (n, 3)."""
+    angle = np.radians(angles)
+    feet = radius * np.stack((np.cos(angle), np.sin(angle), 0.0 * angle), axis=1)
+    height = endstops + np.sqrt(arms**2 - radius**2) - BELOW
+    carriages = feet + height[:, :, None] * [0.0, 0.0, 1.0]
+    start = np.array([[0.0, 0.0, z] for z in height.mean(axis=1) - 0.9 * arms.mean()])
+    return tool_from_carriages(carriages.transpose(1, 2, 0), arms[:, None], start.T, steps=12).T
+
+
+def exported(tmp_path: Path, truth: Truth, format: str, *known: Effect) -> str:
+    machine, data = tmp_path / "machine.yaml", tmp_path / "touches.csv"
+    machine.write_text(delta_yaml(V400).replace("  backlash: 0.05\n", ""))
+    data.write_text(exact(V400, truth, Layout(places=41, heights=(0.0, 60.0))))
+    model = read_machine_file(machine).model
+    case = case_of(read_input(str(data), model.extended(known)))
+    return as_firmware(format, Export(case, identity_of(case)))
+
+
+@pytest.mark.parametrize("format", FIRMWARES)
+def test_the_tool_is_where_the_firmware_will_believe_it(tmp_path, format):
+    really = tool(V400, OFF, V400.home - BELOW)
+    found = reached(*READ[format](exported(tmp_path, OFF, format)))
+    assert found == pytest.approx(really, abs=2e-3)
+    before = reached(np.array(V400.arms), V400.radius, USUAL, np.array(V400.endstops))
+    assert np.abs(before - really).max() > 0.2
+
+
+@pytest.mark.parametrize("format", FIRMWARES)
+def test_arms_that_were_accepted_as_longer_are_entered(tmp_path, format):
+    longer = np.array([0.21, -0.13, 0.34])
+    truth = replace(OFF, arms=longer)
+    text = exported(tmp_path, truth, format, CAUSES["leg_length"].at(longer))
+    assert reached(*READ[format](text)) == pytest.approx(
+        tool(V400, truth, V400.home - BELOW), abs=2e-3
+    )
+    assert "leg_length" not in text
+
+
+def test_klipper_is_told_which_lines_it_would_obey_instead(tmp_path):
+    text = exported(tmp_path, OFF, "klipper")
+    remarks = " ".join(line[2:] for line in text.splitlines() if line.startswith("# "))
+    assert "Where these settings stand above the block, too, delete them there" in remarks
+
+
+@pytest.mark.parametrize("format", FIRMWARES)
+def test_what_no_firmware_can_be_told_is_said(tmp_path, format):
+    leaning = CAUSES["tower_lean"].at(1e-3 * np.array([2.0, -1.0, 1.0, 0.5, 0.0, 1.5]))
+    truth = replace(OFF, leans=np.array([[2.0, 0.5], [-1.0, 0.0], [1.0, 1.5]]))
+    text = exported(tmp_path, truth, format, leaning)
+    assert "Not in these lines: tower_lean; it has no setting for that: correct the fault." in text
+    assert "no setting for towers that lean" in text
+    comment = FIRMWARES[format][2]
+    code = [line for line in text.splitlines() if not line.startswith((f"{comment} ", comment))]
+    assert all(line.startswith("M") for line in code)
