@@ -209,58 +209,46 @@ def test_a_machine_of_another_kind_is_refused(tmp_path: Path) -> None:
     assert "solve, diagnose or plan" in fault.remedy
 
 
-def test_towers_in_the_other_sense_are_a_fault_of_their_line(tmp_path: Path) -> None:
-    text = cfg().replace("angle = 209.0", "angle = 345")
-    fault = fault_of(tmp_path, text)
-    assert places([fault]) == [(text.split("\n").index("#*# angle = 90.0") + 1, "angle", None)]
-    assert "counter-clockwise" in fault.what
-    assert "stepper_a" in fault.remedy
-
-
-@pytest.mark.parametrize("stored", [None, "mesh", "calibration"])
-def test_a_printer_that_stores_nothing_is_told_what_to_run(
-    tmp_path: Path, stored: str | None
-) -> None:
-    """And not sent to the other choice."""
-    fault = fault_of(tmp_path, cfg(""), stored=stored)
-    assert "neither probed heights nor a mesh" in fault.what
-    assert "DELTA_CALIBRATE" in fault.remedy
-    assert "BED_MESH_CALIBRATE" in fault.remedy
-
-
 END = f"position_endstop = {UNEVEN.endstops[0]}"
+DISTANCE = next(line for line in cfg().split("\n") if line.startswith("#*# distance2 "))
+TYPED = f"#*# distance2 = {float(DISTANCE.split()[-1]) + 30.0}"
+BED, SMALLER = (f"print_radius: {share * UNEVEN.bed}" for share in (1.0, 0.6))
+FAULTS = [
+    # sections, replaced, by, option, start of the line at fault, words of message and remedy
+    ("cm", "angle = 209.0", "angle = 345", None, "angle = 90.0", "counter-clockwise", "stepper_a"),
+    # Of one tower: the stored steps count from its endstop, in the length they have then.
+    ("cm", "microsteps: 16", "microsteps: 32", None, "height", "mm off", "DELTA_CALIBRATE"),
+    ("cm", "e: 40", "e: 32", None, "height", "mm off", "DELTA_CALIBRATE"),
+    ("cm", END, f"position_endstop = {UNEVEN.endstops[0] - 30.0}", None, "height", "mm off",
+     "DELTA_CALIBRATE"),
+    ("cm", "e: 40", "e: 4000", None, "height", "out of reach", "DELTA_CALIBRATE"),
+    ("cm", DISTANCE, TYPED, None, "distance2 ", "mm off", "DELTA_ANALYZE"),
+    ("m", BED, SMALLER, None, "\t", "from the middle of the bed", "print_radius"),
+    # What stores nothing is not sent to the other choice.
+    *(("", "", "", stored, None, "neither probed heights nor a mesh", remedy)
+      for stored in (None, "mesh", "calibration")
+      for remedy in ("BED_MESH_CALIBRATE", "DELTA_CALIBRATE")),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("microsteps: 16", "microsteps: 32", "mm off"),
-        ("rotation_distance: 40", "rotation_distance: 32", "mm off"),
-        (END, f"position_endstop = {UNEVEN.endstops[0] - 30.0}", "mm off"),
-        ("rotation_distance: 40", "rotation_distance: 4000", "out of reach"),
-    ],
-)
-def test_settings_that_changed_since_the_heights_were_stored(
-    tmp_path: Path, old: str, new: str, words: str
+@pytest.mark.parametrize(("sections", "old", "new", "stored", "start", "what", "remedy"), FAULTS)
+def test_faults_of_a_printer_have_their_line_and_remedy(
+    tmp_path: Path, sections, old, new, stored, start, what, remedy
 ) -> None:
-    """Of one tower: the stored steps count from its endstop, in the length they have then."""
-    text = cfg()
+    text = cfg(sections)
     assert old in text
-    fault = fault_of(tmp_path, text.replace(old, new, 1))
-    assert text.split("\n")[(fault.line or 0) - 1].startswith("#*# height")
-    assert words in fault.what
-    assert "DELTA_CALIBRATE" in fault.remedy
+    fault = fault_of(tmp_path, text.replace(old, new, 1), stored=stored)
+    assert (fault.line is None) == (start is None)
+    if start is not None:
+        assert text.replace(old, new, 1).split("\n")[fault.line - 1].startswith(f"#*# {start}")
+    assert (fault.column, fault.value) == ("angle" if "angle" in old else None, None)
+    assert what in fault.what
+    assert remedy in fault.remedy
+
+
+@pytest.mark.parametrize(("old", "new"), [row[1:3] for row in FAULTS[1:5]])
+def test_a_mesh_has_no_steps(tmp_path: Path, old: str, new: str) -> None:
     assert len(taken(tmp_path, cfg("m").replace(old, new)).measured) == 49
-
-
-def test_a_distance_that_was_typed_wrong_is_named(tmp_path: Path) -> None:
-    text = cfg()
-    line = next(row for row in text.split("\n") if row.startswith("#*# distance2 "))
-    wrong = text.replace(line, f"#*# distance2 = {float(line.split()[-1]) + 30.0}")
-    fault = fault_of(tmp_path, wrong)
-    assert fault.line == text.split("\n").index(line) + 1
-    assert "mm off" in fault.what
-    assert "DELTA_ANALYZE" in fault.remedy
 
 
 @pytest.mark.parametrize(("by", "words"), [(0.3, "0.300 mm higher"), (-0.2, "0.200 mm lower")])
@@ -275,14 +263,6 @@ def test_endstops_that_were_trimmed_after_the_calibration_are_told(
     remarks = taken(tmp_path, text).measured.remarks
     (remark,) = (each for each in remarks if "first layer" in each)
     assert words in remark
-
-
-def test_a_mesh_that_lies_beyond_the_bed_is_refused(tmp_path: Path) -> None:
-    text = cfg("m").replace(f"print_radius: {UNEVEN.bed}", f"print_radius: {0.6 * UNEVEN.bed}")
-    fault = fault_of(tmp_path, text)
-    assert "from the middle of the bed" in fault.what
-    assert "print_radius" in fault.remedy
-    assert text.split("\n")[(fault.line or 0) - 1].startswith("#*# \t")
 
 
 @pytest.mark.parametrize("section", ["[printer] # mine", "[ printer ]", "[printer]\t; mine"])
