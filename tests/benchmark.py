@@ -130,12 +130,10 @@ def solves(method: str) -> None:
 
 
 def row(what: str, ours: float, unit: float) -> None:
-    """Print one comparison."""
     print(f"{what:52}{1e3 * ours:>12.4f}{1e3 * unit:>12.3f}{ours / unit:>12.4f}", flush=True)
 
 
 def main() -> None:
-    """Measure and print."""
     os.environ.update(ONE_CORE)  # before numpy is imported
     print(f"The unit of commands and files: {IMPORTS}")
     print(f"{'processor time':52}{'ours, ms':>12}{'unit, ms':>12}{'ratio':>12}")

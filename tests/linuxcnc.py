@@ -162,7 +162,6 @@ class LinuxCnc:
         return [b - a for a, b in zip(before, self.motors_mm(), strict=True)]
 
     def rests(self) -> bool:
-        """Whether no motor moves any more."""
         before = self.motors_mm()
         time.sleep(0.15)
         return before == self.motors_mm()
@@ -172,14 +171,12 @@ class LinuxCnc:
         return [round(float(self.hal("getp", f"joint.{n}.motor-pos-cmd")), 6) for n in range(3)]
 
     def hal(self, *arguments: str) -> str:
-        """What halcmd answers."""
         run = subprocess.run(
             ["halcmd", *arguments], capture_output=True, text=True, check=True, user=self.user
         )
         return run.stdout.strip()
 
     def drive(self, x: float, y: float, z: float) -> None:
-        """Go there, and wait for it."""
         self.tell("set mode mdi", f"set mdi G53 G0 X{x} Y{y} Z{z}")
         time.sleep(0.1)
         while not self.rests():
@@ -196,7 +193,6 @@ class LinuxCnc:
         return answer.decode()
 
     def stop(self) -> None:
-        """Shut it down."""
         try:
             self.tell("shutdown")
             self.connection.close()

@@ -56,7 +56,6 @@ class Klipper(threading.Thread):
             threading.Thread(target=self.serve, args=(connection,), daemon=True).start()
 
     def serve(self, connection: socket.socket) -> None:
-        """Answer until the other side has gone."""
         left = b""
         while data := connection.recv(65536):
             *messages, left = (left + data).split(b"\x03")
@@ -67,7 +66,6 @@ class Klipper(threading.Thread):
                     connection.sendall(json.dumps(reply).encode() + b"\x03")
 
     def answer(self, method: str) -> dict[str, Any]:
-        """The result of a method."""
         if method == "info":
             names = ("hostname", "klipper_path", "python_path", "software_version", "cpu_info")
             return {
@@ -110,7 +108,6 @@ class Moonraker:
             time.sleep(0.2)
 
     def ready(self) -> bool:
-        """Whether it has found its printer."""
         try:
             with urllib.request.urlopen(f"{self.address}/server/info", timeout=2) as answer:
                 return bool(json.load(answer)["result"]["klippy_state"] == "ready")
@@ -146,7 +143,6 @@ class StandIn(ThreadingHTTPServer):
         return f"http://127.0.0.1:{self.server_address[1]}"
 
     def answer(self, asked: BaseHTTPRequestHandler) -> None:
-        """Send what belongs to the last part of the path: a status, bytes, or a JSON object."""
         self.asked.append((asked.path, asked.headers.get("X-Api-Key")))
         name = asked.path.partition("?")[0].rpartition("/")[2].removesuffix(".cfg")
         found = self.answers.get(name, 404)

@@ -56,7 +56,6 @@ def terminal(case: Case) -> str:
 
 
 def sheet(case: Case) -> str:
-    """The first sheet, as a page in a picture."""
     identity = identify([(case.source, case.given.model)], case.answer.method, issued=DAY)
     whole = html(calibration_document(case, identity).page())
     style = re.search("<style>(.*?)</style>", whole, re.DOTALL)[1]

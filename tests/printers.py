@@ -56,7 +56,6 @@ def printed(first: Floats, second: Floats, weight: float = 1.0) -> ProbePlan:
 
 
 def both(touches: ProbePlan, distances: ProbePlan) -> ProbePlan:
-    """Touches, and distances behind them."""
     parts, names = (
         (touches, distances),
         ("hours", "place", "other", "surface", "distance", "weight"),

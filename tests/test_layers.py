@@ -52,7 +52,6 @@ FILES = {name_of(path): path for path in sorted((ROOT / PACKAGE).rglob("*.py"))}
 
 @functools.cache
 def trees() -> dict[str, ast.Module]:
-    """Syntax of every file."""
     return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
 
 
@@ -87,7 +86,6 @@ def nodes(*kinds: type[ast.AST]) -> Iterator[tuple[str, ast.AST]]:
 
 
 def none(faults: Iterable[str]) -> None:
-    """Fails with all places, if there are any."""
     places = list(faults)
     assert not places, f"{len(places)} places:\n" + "\n".join(places)
 
@@ -206,19 +204,6 @@ def test_nothing_is_shipped_that_only_tests_use() -> None:
             elif isinstance(inner, ast.Attribute):
                 read.add(inner.attr)
     none(place for word, place in defined.items() if word not in read)
-
-
-def test_public_things_say_what_they_are() -> None:
-    faults = [
-        f"{name}:{node.lineno}: {node.name}"
-        for name, tree in trees().items()
-        for node in tree.body
-        if isinstance(node, ast.FunctionDef | ast.ClassDef)
-        and not node.name.startswith("_")
-        and not ast.get_docstring(node)
-    ]
-    faults += [name for name, tree in trees().items() if not ast.get_docstring(tree)]
-    none(faults)
 
 
 def test_init_files_only_re_export() -> None:

@@ -61,7 +61,6 @@ def measured(folder: Path, line: str) -> str:
 
 
 def suggested(screen: str, verb: str) -> str:
-    """The command that a screen names."""
     found = re.search(rf"orthocal {verb}\b[^\n]*", screen)
     assert found, screen
     return found[0].strip()

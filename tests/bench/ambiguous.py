@@ -127,7 +127,6 @@ class Tally:
 
     @property
     def share(self) -> float:
-        """Of the recommendations that lead to the right name."""
         return self.named.total() / self.asked.total()
 
     @property
@@ -137,12 +136,10 @@ class Tally:
 
     @property
     def answered_share(self) -> float:
-        """Of the recommendations that lead to the right answer, under any of its names."""
         return self.answered.total() / self.asked.total()
 
     @property
     def bottom_share(self) -> float:
-        """Of the options from the bottom half that decide."""
         return self.bottom.total() / self.asked.total()
 
     def __str__(self) -> str:

@@ -65,7 +65,6 @@ class Counts:
 
     @property
     def sizes(self) -> Times:
-        """Least and greatest size."""
         return (self.times, self.times) if self.times else USUAL
 
 

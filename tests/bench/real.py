@@ -59,7 +59,6 @@ def machines(folder: Path) -> Iterator[tuple[str, list[Path]]]:
 
 
 def answered(*words: str) -> Found:
-    """The object that the program prints."""
     result = CliRunner().invoke(app, [*words, "--json"])
     if result.exception and not isinstance(result.exception, SystemExit):
         raise result.exception
@@ -153,7 +152,6 @@ def _columns(given: Input) -> tuple[Floats, Floats]:
 
 
 def stores(path: Path) -> list[str]:
-    """What of a file can be read."""
     found = []
     for data in DATA:
         try:
@@ -183,7 +181,6 @@ def _table(header: str, rows: Iterable[Iterable[object]]) -> list[str]:
 
 
 def table(found: Sequence[Found]) -> str:
-    """All of it, as Markdown."""
     rows = [
         (machine["name"], each["file"], each["data"], each.get("readings"),
          each.get("verdict") or f"refused: {each['error']}", ", ".join(each.get("named", ())),

@@ -47,7 +47,6 @@ def failures(bench: Bench) -> list[str]:
 
 
 def full_report(bench: Bench) -> str:
-    """Everything as text."""
     judged = bench.judged
     parts = [
         ("Rates", _rate_table(judged)),

@@ -31,7 +31,6 @@ class Bench(NamedTuple):
 
 
 def files_of(session: Session | DeltaSession) -> tuple[str, str]:
-    """Text of its machine file and of its record."""
     if isinstance(session, DeltaSession):
         return delta_yaml(session.machine), delta_csv(session)
     return machine_yaml(session.machine, session.gauge), readings_csv(session)

@@ -154,6 +154,5 @@ class Rate(NamedTuple):
 
 
 def rates(judged: Sequence[Judged]) -> list[Rate]:
-    """One rate per kind that occurred."""
     total, right = Counter(j.kind for j in judged), Counter(j.kind for j in judged if j.right)
     return [Rate(kind, right[kind], total[kind]) for kind in KINDS if total[kind]]

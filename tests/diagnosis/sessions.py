@@ -17,7 +17,6 @@ def model_of(hidden: truth.Machine, gauge: truth.Gauge) -> Model:
 
 
 def read(text: str, model: Model) -> Readings:
-    """The readings of a table."""
     document = document_from_bytes(text.encode(), "session.csv")
     measured = read_input(document, model).measured
     assert isinstance(measured, Readings)

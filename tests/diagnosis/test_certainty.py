@@ -1,19 +1,24 @@
-"""How sure a verdict is: large faults, one answer for one remedy, patterns that no cause makes."""
+"""How sure a verdict is: one answer for one remedy, two causes at once, a session unfinished."""
 
-from collections import Counter
 from dataclasses import replace
+from datetime import date
 
 import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import Diagnosis, diagnose
+from orthoglide_cal.diagnosis import Diagnosis, diagnose, extend
+from orthoglide_cal.diagnosis.assess import assess
+from orthoglide_cal.diagnosis.explanations import Whitened
+from orthoglide_cal.diagnosis.fit import leave_out_cells
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.model.cause import Place
 from tests import truth
 from tests.diagnosis.sessions import known
+from tests.readings import some
 from tests.truth.effects import Effect
 
-SEEDS = range(4)
+ON = date(2024, 5, 6)
 
 
 def measured(
@@ -27,28 +32,6 @@ def measured(
 
 def ids(found: Diagnosis) -> set[str]:
     return {cause.id for cause in found.causes}
-
-
-@pytest.mark.parametrize("gauge", [truth.MICRON, truth.DIAL], ids=lambda gauge: gauge.name)
-def test_bars_skewed_by_three_tolerances_are_skewed_bars(gauge: truth.Gauge) -> None:
-    """Not a smaller skew beside an exchange that did not happen."""
-    slopes = (3.0, -2.0, 2.0, 1.0, -3.0, 2.0)
-    for seed in SEEDS:
-        found = diagnose(*known(measured(Effect("bar_skew", "", slopes), seed=seed, gauge=gauge)))
-        assert ids(found) == {"bar_skew"}
-        estimates = found.causes[0].parameters
-        for true, estimate in zip(slopes, estimates, strict=True):
-            assert abs(estimate.value - true) < 4.5 * estimate.std < 2.0
-
-
-def test_an_exchange_beside_skewed_bars_is_never_passed_over() -> None:
-    for seed in range(700, 712):
-        hidden = ("bar_skew", "swapped_gauges")
-        session = truth.make_session(seed, truth.PROTOTYPE, truth.MICRON, hidden)
-        found = diagnose(*known(session))
-        assert "bar_skew" in ids(found)
-        told = {*ids(found), *found.ambiguous_with, *(fault.id for fault in found.unshown)}
-        assert "swapped_gauges" in told
 
 
 def test_a_miscounted_turn_is_named_although_the_reading_may_just_be_wrong() -> None:
@@ -93,33 +76,53 @@ def test_readings_to_take_again() -> None:
     assert again["bar_skew"](plan, Place()) == ()
 
 
-def test_a_screw_error_is_never_two_causes() -> None:
-    """Its deviation returns with each posture, as nine parameters of two causes can make it.
-
-    Of these sessions four were named bars and squareness, or backlash and a knock.
-    """
-    verdicts: Counter[str] = Counter()
-    for machine, gauge, seed in SCREWS:
-        session = truth.make_session(
-            seed, machine, gauge, outside="screw_period", scale=(1.0, 1.5, 2.5)[seed % 3]
-        )
-        found = diagnose(*known(session))
-        assert len(ids(found)) < 2
-        verdicts[found.verdict] += 1
-        if found.verdict == "unexplained":
-            assert any("same deviation whenever a posture returns" in n for n in found.notes)
-    assert verdicts["named"] == 0
-    assert verdicts["unexplained"] >= len(SCREWS) - 2
-
-
-SCREWS = [
-    *((truth.LARGE, truth.MICRON, seed) for seed in (9010, 9013, 9033, 9034)),
-    *((truth.LARGE, truth.DIAL, seed) for seed in (9003, 9015, 9024, 9033)),
-    *((truth.PROTOTYPE, truth.MICRON, seed) for seed in (9007, 9014, 9023)),
-]
-
-
 def test_two_real_causes_are_still_named_together() -> None:
     """Nine parameters of a skew and a lean that are there, for the check that refuses a screw."""
     session = truth.make_session(5, truth.PROTOTYPE, truth.MICRON, ("bar_skew", "axis_squareness"))
     assert ids(diagnose(*known(session))) == {"bar_skew", "axis_squareness"}
+
+
+def test_a_doubt_about_the_record_is_no_doubt_about_the_machine() -> None:
+    """A gap is in every explanation; a turn miscounted or a line misread is one answer."""
+    session = truth.make_session(3, truth.PROTOTYPE, truth.DIAL, ("gauge_slip", "axis_gap"))
+    readings, model = known(session)
+    found = diagnose(readings, model)
+    record = {cause.id for cause in found.causes} - {"axis_gap"}
+    assert len(found.causes) == 2
+    aliases = {other for cause in found.causes for other in cause.aliases}
+    assert record | aliases == {"gauge_slip", "misread"}
+    assert found.verdict == "named"
+    assert {cause.id for cause in found.causes if cause.recommended} == {"axis_gap"}
+    (effect,) = extend(readings, model, "axis_gap", ON).accepted
+    assert effect.cause.id == "axis_gap"
+    with pytest.raises(UnusableResultError):
+        extend(readings, model, "gauge_slip", ON)
+
+
+def test_an_unfinished_session_is_diagnosed() -> None:
+    """A set-up that leaves with its cell takes its zero along; it is not scored."""
+    session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
+    readings, model = known(session)
+    plan = readings.plan
+    started = (plan.setup != 5) | (plan.displacement == 0.0) & (plan.order < 50)
+    white = Whitened.of(some(readings, started), model)
+    assert 0 < np.sum(white.plan.setup == 5) < 10
+    found = assess(white)
+    assert found.judgement.accepted == ("axis_gap",)
+    # Predicted from less, and said to be: the errors are as large as stated.
+    assert 0.7 < leave_out_cells(white, found.accepted, found.accepted).ratio < 1.3
+
+
+def test_a_second_cause_that_may_be_chance_is_said_to_be_open() -> None:
+    hidden = ("stand_shift", "encoder_scale")
+    session = truth.make_session(1_100_000, truth.PROTOTYPE, truth.DIAL, hidden, exact=True)
+    found = diagnose(*known(session))
+    assert {cause.id for cause in found.causes} == {"stand_shift", "encoder_scale"}
+    alone, both = (("stand_shift",), ("encoder_scale", "stand_shift"))
+    shares = {each.ids: each.probability for each in found.explanations}
+    assert 0.01 < shares[alone] < 0.5 * shares[both]
+    (note,) = [note for note in found.notes if "alone" in note]
+    assert note.startswith("stand_shift alone is also possible")
+    assert "that encoder_scale is present" in note
+    clear = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("gauge_slip", "axis_gap"))
+    assert not [note for note in diagnose(*known(clear)).notes if "alone" in note]

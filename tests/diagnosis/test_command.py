@@ -1,12 +1,28 @@
 """`orthocal diagnose` as its users and their programs see it."""
 
+import re
+import shlex
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis import Diagnosis
+from orthoglide_cal.diagnosis import diagnose as analysed
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import read_machine
+from orthoglide_cal.files.session_file import session_of_readings, session_text
+from orthoglide_cal.report.case import Case
+from orthoglide_cal.report.documents.diagnosis import diagnosis_document, headline
+from orthoglide_cal.report.markdown import markdown
+from orthoglide_cal.results import answer_to
 from tests import truth
-from tests.diagnosis.command import SECOND, THIRD, diagnose, one, written
+from tests.cli.program import answer as answered
+from tests.diagnosis.command import GAP, HEALTHY, SECOND, THIRD, diagnose, one, shown, written
+from tests.diagnosis.sessions import known
+from tests.results.sessions import given
 
 
 class TestJson:
@@ -55,9 +71,6 @@ class TestHeldOut:
 
     def test_a_later_csv_is_read_by_the_session_s_own_machine(self, tmp_path: Path) -> None:
         """Its `max` and `min` are those of that machine, not of the prototype."""
-        from orthoglide_cal.files.session_file import session_of_readings, session_text
-        from tests.diagnosis.sessions import known
-
         session = truth.make_session(4, truth.LARGE, truth.MICRON, ("axis_gap",))
         readings, machine = known(session)
         record = tmp_path / "first.yaml"
@@ -89,3 +102,146 @@ class TestHeldOut:
         assert ran.code == 3
         (line,) = ran.lines()
         assert str(missing) in line["error"]
+
+
+class TestAccept:
+    def test_a_new_machine_file_that_every_command_uses(self, tmp_path: Path) -> None:
+        session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
+        readings, machine = written(tmp_path, session)
+        before, extended = machine.read_bytes(), tmp_path / "extended.yaml"
+        accept = ("--machine", machine, "--accept", "axis_gap", "--output", extended)
+        ran = diagnose(readings, *accept)
+        assert ran.code == 0
+        assert str(extended) in ran.err
+        assert machine.read_bytes() == before
+        (found,) = read_machine(extended).accepted
+        assert found.cause.id == "axis_gap"
+        assert found.data_sha256 == one(readings, "--machine", machine)["input"]["sha256"]
+        assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", found.date or "")
+        for true, estimate in zip(
+            session.effects[0].parameters, found.estimates.values(), strict=True
+        ):
+            assert 0.0 < estimate.std < 0.05
+            assert estimate.unit == "mm"
+            assert abs(estimate.value - true) < 4.5 * estimate.std
+        # Solved without bias.
+        errors = []
+        for model in (machine, extended):
+            answer = answered("solve", str(readings), "--machine", str(model))
+            parameters = (answer["alone"] or answer)["parameters"]
+            offsets = np.array([each["found"] for each in parameters])
+            errors.append(np.abs(offsets - session.offsets).max())
+        assert errors[0] > 0.03 > 0.015 > errors[1]
+        again = one(readings, "--machine", extended)
+        assert again["verdict"] == "consistent"
+        # Never overwritten.
+        kept = extended.read_bytes()
+        ran = diagnose(readings, *accept)
+        assert ran.code == 2
+        assert extended.read_bytes() == kept
+
+    def test_the_default_name_says_what_was_accepted(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
+        assert diagnose(GAP, "--accept", "axis_gap").code == 0
+        assert [path.name for path in tmp_path.iterdir()] == ["machine-axis_gap.yaml"]
+
+    @pytest.mark.parametrize("cause", ["misread", "stand_shift", "gauge_slip", "sign_flip"])
+    def test_the_measurement_is_no_part_of_the_machine(self, tmp_path: Path, cause: str) -> None:
+        target = tmp_path / "new.yaml"
+        ran = diagnose(GAP, "--accept", cause, "--output", target)
+        assert ran.code == 4
+        assert "measurement" in ran.err
+        assert "Cause found" in ran.out
+        assert not target.exists()
+
+    @pytest.mark.parametrize(
+        ("data", "cause"),
+        [(SECOND, "axis_gap"), (HEALTHY, "axis_gap"), (GAP, "encoder_scale")],
+        ids=["open with a bar", "healthy", "another cause"],
+    )
+    def test_what_the_data_do_not_support_is_refused(
+        self, tmp_path: Path, data: Path, cause: str
+    ) -> None:
+        target = tmp_path / "new.yaml"
+        ran = diagnose(data, "--accept", cause, "--output", target)
+        assert ran.code == 4
+        assert ran.err
+        assert not target.exists()
+
+    def test_a_refusal_does_not_spoil_the_line_of_json(self, tmp_path: Path) -> None:
+        target = tmp_path / "new.yaml"
+        ran = diagnose(HEALTHY, "--json", "--accept", "axis_gap", "--output", target)
+        assert ran.code == 4
+        assert [line["verdict"] for line in ran.lines()] == ["consistent"]
+
+    def test_one_file_only(self) -> None:
+        assert diagnose(GAP, HEALTHY, "--accept", "axis_gap").code == 2
+
+
+def sound_with(diagnosis: Diagnosis, share: float) -> Diagnosis:
+    """The same, but for the probability that nothing is wrong."""
+    explanations = (
+        each.changed(probability=share) if each.sound else each for each in diagnosis.explanations
+    )
+    return replace(diagnosis, explanations=tuple(explanations))
+
+
+class TestText:
+    def test_wrapped_lines_keep_their_place(self) -> None:
+        lines = shown(SECOND, "--details").splitlines()
+        start = next(k for k, line in enumerate(lines) if line.lstrip().startswith("1."))
+        column = lines[start].index("1.") + 3
+        assert lines[start + 1].startswith(" " * column)
+        assert lines[start + 1][column] != " "
+
+    def test_it_says_what_to_do(self) -> None:
+        text = " ".join(shown(GAP).split())
+        assert "Cause found: the actuator axes do not meet in one point (axis_gap, 91.1 %)" in text
+        assert "xy +0.3" in text
+        assert f"orthocal diagnose {shlex.quote(str(GAP))} --accept axis_gap" in text
+        assert "left out of the fit" in text
+        assert "tolerances" not in text
+        assert "Stable when tolerances are halved" in " ".join(shown(GAP, "--details").split())
+        assert "type in" not in text
+        assert "−0.189" in text
+
+    def test_an_open_answer_offers_no_compensation(self) -> None:
+        text = " ".join(shown(SECOND).split())
+        assert "? Undecided: " in text
+        assert "orthocal measure" in text
+        assert "--accept" not in text
+
+    def test_a_fault_of_the_measurement_offers_none_either(self, tmp_path: Path) -> None:
+        session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("misread",))
+        readings, machine = written(tmp_path, session)
+        ran = diagnose(readings, "--machine", machine)
+        text = " ".join(ran.out.split())
+        assert "Cause found: one reading is wrong (misread," in text
+        assert "Take this reading again" in text
+        assert "--accept" not in text
+
+    def test_a_faint_cause_leaves_room_for_nothing(self) -> None:
+        """Beside a cause that hardly shows stands how likely it is that nothing is wrong."""
+        readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
+        read = given(readings, model)
+        diagnosis = analysed(readings, model)
+        for found, told in (diagnosis, False), (sound_with(diagnosis, 0.217), True):
+            case = Case(read, answer_to(read, diagnosed=found))
+            text = markdown(diagnosis_document(case).page())
+            assert ("21.7 % that nothing is wrong at all" in text) is told
+            assert ("nothing is wrong at all" in text) is told
+
+    def test_what_is_less_likely_than_nothing_is_not_called_likeliest(self) -> None:
+        """The sound machine is one of the open answers, and then nothing must be wrong."""
+        read = read_input(str(SECOND))
+        diagnosis = analysed(read.measured, read.model)
+        faint = sound_with(diagnosis, 1.01 * diagnosis.causes[0].probability)
+        first, second = (Case(read, answer_to(read, diagnosed=each)) for each in (diagnosis, faint))
+        assert headline(first)[1].endswith("leave open what is wrong.")
+        assert headline(second)[1].endswith("what is wrong, or whether anything is.")
+        (before,), (after,) = (each.answer.release.reasons for each in (first, second))
+        assert before.startswith("Something is wrong")
+        assert after.startswith("Something may be wrong")
+        assert after.endswith("nor from a sound machine.")

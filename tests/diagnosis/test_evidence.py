@@ -37,22 +37,6 @@ def test_densities_are_those_of_the_dense_covariance(shape: tuple[int, int]) -> 
         assert density.by_noise(vectors[:, 1])[g] == pytest.approx(logs[1], rel=1e-6, abs=1e-5)
 
 
-@pytest.mark.parametrize("shape", [(9, 4), (5, 11)], ids=str)
-def test_many_at_once_and_padded_with_zeros_are_as_each_alone(shape: tuple[int, int]) -> None:
-    rng = np.random.default_rng(3)
-    wide = rng.normal(size=(3, *shape))
-    wide[0, :, 2:] = 0.0
-    vectors, residual = rng.normal(size=(shape[0], 2)), rng.normal(size=shape[0])
-    together = Gaussian(wide, GRID)
-    power, match = together.against(vectors, residual)
-    for number, columns in enumerate([wide[0, :, :2], wide[1], wide[2]]):
-        alone = Gaussian(columns, GRID)
-        density = together.log_density(vectors)[number]
-        assert density == pytest.approx(alone.log_density(vectors), rel=1e-9)
-        assert power[number] == pytest.approx(alone.against(vectors, residual)[0], rel=1e-6)
-        assert match[number] == pytest.approx(alone.against(vectors, residual)[1], rel=1e-6)
-
-
 def test_the_noise_is_weighed_around_what_is_stated() -> None:
     grid = NoiseGrid.around(0.0067)
     assert np.exp(grid.log_weight).sum() == pytest.approx(1.0)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from datetime import date
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -84,31 +85,20 @@ def stored_arms(
     return probe_bed(machine, calibrated(machine, truth), (), Layout(places), rng)
 
 
-def _of_arms(
-    folder: Path, seeds: range, stored: tuple[tuple[float, float, float], ...] = ARMS
-) -> list[tuple[object, ...]]:
-    """Answers in which stored arms that differ are missing, or a lean stands alone."""
-    wrong: list[tuple[object, ...]] = []
-    for arms in stored:
-        for bent in (False, True):
-            for seed in seeds:
-                read = given(folder, stored_arms(arms, bent, seed))
-                found = diagnose(read.measured, read.model)
-                named = [cause.id for cause in found.causes]
-                if "leg_length" not in {*named, *found.ambiguous_with} or (
-                    found.verdict is Verdict.NAMED and "tower_lean" in named
-                ):
-                    wrong.append((arms, bent, seed, found.verdict, named))
-    return wrong
-
-
-def test_stored_arms_that_differ_are_in_the_answer(tmp_path: Path) -> None:
-    assert _of_arms(tmp_path, range(1), ARMS[2:]) == []
-
-
-@pytest.mark.slow
-def test_stored_arms_that_differ_are_in_48_answers(tmp_path: Path) -> None:
-    assert _of_arms(tmp_path, range(8)) == []
+@pytest.mark.parametrize(
+    ("stored", "seeds"),
+    [(ARMS[2:], range(1)), pytest.param(ARMS, range(8), marks=pytest.mark.slow)],
+)
+def test_stored_arms_that_differ_are_in_the_answer(
+    stored: tuple[tuple[float, float, float], ...], seeds: range, tmp_path: Path
+) -> None:
+    """And no lean stands there alone."""
+    for arms, bent, seed in product(stored, (False, True), seeds):
+        read = given(tmp_path, stored_arms(arms, bent, seed))
+        found = diagnose(read.measured, read.model)
+        named = [cause.id for cause in found.causes]
+        assert "leg_length" in {*named, *found.ambiguous_with}, (arms, bent, seed)
+        assert found.verdict is not Verdict.NAMED or "tower_lean" not in named, (arms, bent, seed)
 
 
 def test_what_stored_arms_are_doubted_by_is_told_and_counted(tmp_path: Path) -> None:
@@ -152,11 +142,14 @@ def read_dates(folder: Path, sessions: tuple[DeltaSession, ...]) -> list[Input]:
     return found
 
 
-def _carried(folder: Path, seeds: range) -> list[float]:
-    """Held-out error of the extension by that of the better baseline, on other places."""
+@pytest.mark.parametrize("seeds", [1, pytest.param(16, marks=pytest.mark.slow)])
+def test_what_is_carried_predicts_better_than_a_surface_and_than_the_earlier_map(
+    seeds: int, tmp_path: Path
+) -> None:
+    """Held-out errors by those of the better baseline, on other places."""
     ratios = []
-    for seed in seeds:
-        first, second = read_dates(folder, dates(seed, (Layout(121), Layout(149))))
+    for seed in range(seeds):
+        first, second = read_dates(tmp_path, dates(seed, (Layout(121), Layout(149))))
         found = diagnose(
             first.measured, first.model, holdout=second.measured, then=second.model
         ).baselines
@@ -164,18 +157,6 @@ def _carried(folder: Path, seeds: range) -> list[float]:
         assert found.quartic_mm is not None
         assert found.earlier_map_mm is not None
         ratios.append(found.extension_mm / min(found.quartic_mm, found.earlier_map_mm))
-    return ratios
-
-
-def test_what_is_carried_predicts_better_than_a_surface_and_than_the_earlier_map(
-    tmp_path: Path,
-) -> None:
-    assert max(_carried(tmp_path, range(1))) < 0.95
-
-
-@pytest.mark.slow
-def test_what_is_carried_predicts_better_on_16_machines(tmp_path: Path) -> None:
-    ratios = _carried(tmp_path, range(16))
     assert np.mean(np.array(ratios) <= 1.0) >= 2 / 3
     assert np.median(ratios) <= 0.95
 

@@ -13,7 +13,6 @@ from orthoglide_cal.diagnosis.candidates import UNLISTED, Ids
 from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
-from orthoglide_cal.diagnosis.scores import Acting, all_or_one
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.model.cause import Cause, Effect
 from orthoglide_cal.model.model import simulate
@@ -229,26 +228,6 @@ def test_scores_are_brute_force_by_another_way(
     found = assessed(("axis_gap", "stand_shift"), 5, exact)
     score = found.scores[ids].log_evidence
     assert score == pytest.approx(by_brute_force(found, ids), **close)
-
-
-def test_evidence_is_the_mean_over_all_and_each() -> None:
-    """By dense covariances; the first positions of backlash are always free."""
-    rng = np.random.default_rng(3)
-    noise, cause = NoiseGrid.around(0.004), CAUSES["backlash"]
-    others, own = rng.normal(0.0, 0.02, (20, 3)), rng.normal(0.0, 0.02, (20, 6))
-    residual = own[:, 1] + rng.normal(0.0, 0.004, 20)
-    together = averaged(noise, np.hstack((others, own)), residual)
-    each = [
-        averaged(noise, np.column_stack((others, own[:, 3:], own[:, k])), residual)
-        for k in range(3)
-    ]
-    expected = np.log(ALL * np.exp(together) + (1.0 - ALL) * np.mean(np.exp(each)))
-    gap = rng.normal(0.0, 0.02, (20, 3))
-    alone = Acting(cause, own, others, residual, together)
-    both = [Acting(CAUSES["axis_gap"], gap, 2.0 * others, 2.0 * residual, 0.0), alone]
-    assert all_or_one([alone], noise, SCALES) == pytest.approx([expected], abs=1e-6)
-    assert all_or_one(both, noise, SCALES)[1] == pytest.approx(expected, abs=1e-6)
-    assert each[1] == max(*each, together)
 
 
 def patterns(plan: GaugePlan) -> Iterator[Floats]:

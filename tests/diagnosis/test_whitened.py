@@ -50,15 +50,6 @@ def test_six_differences_pass_the_isotropic_posture() -> None:
     assert white.plain(white.matrix @ readings) == pytest.approx(expected, abs=1e-12)
 
 
-def test_a_clock_that_was_only_assumed_leaves_rates_three_times_as_open() -> None:
-    readings = readings_of(PROTOTYPE, double_posture(PROTOTYPE), np.linspace(0.0, 1.0, 60))
-    sure = Whitened.of(readings, NOMINAL).machine.tolerances
-    assumed = Whitened.of(replace(readings, timed=False), NOMINAL).machine.tolerances
-    assert sure == PROTOTYPE.tolerances
-    assert {id for id in sure if assumed[id] != sure[id]} == {"thermal_drift", "gauge_drift"}
-    assert all(assumed[id] == 3.0 * sure[id] for id in ("thermal_drift", "gauge_drift"))
-
-
 def test_defaults_are_scaled_like_what_is_given() -> None:
     silent = Model(PROTOTYPE.changed(tolerances={"misread": 0.2}))
     plan = double_posture(PROTOTYPE)

@@ -7,12 +7,8 @@ from scipy import stats
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import (
-    chance_of_residual,
-    half_width,
     scatter_of_repeats,
-    sigma_rho,
     sum_of_squares,
-    unit_covariance,
 )
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
@@ -29,37 +25,7 @@ from tests.estimation.sessions import (
     problem_of,
     readings,
 )
-from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, sure
-
-
-@pytest.mark.parametrize("kind", [SIX, TWELVE])
-def test_covariance_of_differences(kind: DataKind) -> None:
-    """Eq. (28): 2 I; eq. (31) with the errata of eq. (30): + and − of one name share a reading."""
-    covariance = problem_of(kind, NOMINAL).covariance()
-    for i, one in enumerate(DIFFERENCES[kind]):
-        for j, other in enumerate(DIFFERENCES[kind]):
-            expected = 2.0 if one == other else 1.0 if one.series == other.series else 0.0
-            assert covariance[i, j] == pytest.approx(expected, abs=1e-15)
-
-
-@both_models
-@pytest.mark.parametrize("kind", [SIX, TWELVE])
-def test_covariance_of_the_papers_methods_is_eq_32(model: Model, kind: DataKind) -> None:
-    """Of six differences, which are independent, that is eq. (29)."""
-    problem = problem_of(kind, model)
-    jacobian = problem.at_zero[1]
-    inner = np.linalg.inv(jacobian.T @ jacobian)
-    expected = np.asarray(inner @ jacobian.T @ problem.covariance() @ jacobian @ inner)
-    assert unit_covariance(problem, jacobian) == pytest.approx(expected, rel=1e-10)
-    assert sigma_rho(expected) == pytest.approx(np.sqrt(np.mean(np.diag(expected))), rel=1e-14)
-
-
-def test_covariances_come_in_batches() -> None:
-    problem = problem_of(SIX, NOMINAL)
-    jacobian = problem.predict_with_jacobian(np.random.default_rng(1).normal(0, 2, (4, 5, 3)))[1]
-    together = unit_covariance(problem, jacobian)
-    assert together.shape == (4, 5, 3, 3)
-    assert together[3, 2] == pytest.approx(unit_covariance(problem, jacobian[3, 2]), rel=1e-12)
+from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, sure
 
 
 @pytest.mark.parametrize("influenced", [False, True], ids=["noise", "influences"])
@@ -155,20 +121,6 @@ def test_the_gauges_resolution_is_the_floor() -> None:
     assert solution.sigma_residuals_mm < 1e-9
     assert solution.sigma_mm == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-14)
     assert any("resolution" in warning for warning in solution.warnings)
-
-
-@pytest.mark.parametrize("dof", [1, 3, 6.4, 51, 1e6])
-def test_half_width_is_students_t(dof: float) -> None:
-    assert half_width(dof) == pytest.approx(stats.t.ppf(0.975, dof), rel=1e-9)
-    assert half_width(dof, 0.8) == pytest.approx(stats.t.ppf(0.9, dof), rel=1e-9)
-    assert half_width(np.inf) == pytest.approx(stats.norm.ppf(0.975), rel=1e-6)
-
-
-def test_chance_of_residual_is_chi_squared() -> None:
-    assert chance_of_residual(0.0041, 51.0, 0.0067) == pytest.approx(
-        stats.chi2.sf(0.0041 / 0.0067**2, 51), rel=1e-12
-    )
-    assert chance_of_residual(0.0041, 0.0, 0.0067) == 1.0
 
 
 def test_standard_and_expanded_uncertainty() -> None:

@@ -9,9 +9,7 @@ from orthoglide_cal.estimation.gaussian import (
     fit_size,
     log_density,
     predict,
-    root_of,
     unexplained,
-    whiten,
 )
 from orthoglide_cal.model.plan import Floats
 
@@ -22,15 +20,6 @@ COLUMNS, SIZES, SIGMA = RNG.standard_normal((7, 3)), np.array([0.4, 2.0, 30.0]),
 def covariances(*shape: int, k: int = 7) -> Floats:
     root = RNG.standard_normal((*shape, k, k))
     return np.asarray(root @ root.swapaxes(-1, -2) + 0.1 * np.eye(k))
-
-
-def test_white_values_have_independent_noise_of_unit_size() -> None:
-    covariance, values = covariances(4), RNG.standard_normal((7, 2))
-    white, vector = whiten(covariance[0], values, values[:, 1])
-    np.testing.assert_array_equal(vector, white[:, 1])
-    (root,) = whiten(covariance, np.eye(7))
-    np.testing.assert_allclose(root @ covariance @ root.swapaxes(1, 2), [np.eye(7)] * 4, atol=1e-9)
-    np.testing.assert_allclose(root[0] @ values, white, atol=1e-9)
 
 
 def test_densities_are_those_of_scipy_but_for_the_constant() -> None:
@@ -59,12 +48,6 @@ def test_what_free_unknowns_leave_has_nothing_of_them() -> None:
     np.testing.assert_allclose(COLUMNS.T @ left, 0.0, atol=1e-12)
     expected = np.linalg.lstsq(COLUMNS, values, rcond=None)[0]
     np.testing.assert_allclose(values - left, COLUMNS @ expected)
-
-
-def test_a_root_gives_the_covariance_back_and_nothing_negative() -> None:
-    covariance = covariances()
-    np.testing.assert_allclose(root_of(covariance) @ root_of(covariance).T, covariance, rtol=1e-9)
-    np.testing.assert_allclose(root_of(np.diag([4.0, -1.0])), [[0.0, 0.0], [0.0, 2.0]][::-1])
 
 
 def test_a_size_that_few_data_tell_counts_what_they_leave_open() -> None:

@@ -10,9 +10,9 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.model.measured import Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
-from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, Series
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Series
 from tests.estimation.sessions import BENT, OFFSETS, SINGLE, SIX, differences, only, readings
-from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models
+from tests.machines import NOMINAL, PROTOTYPE, both_models
 from tests.readings import some
 
 DOUBLE_WORDS = re.compile(r"leg ([xyz]), direction ([xyz]), at max and min in one gauge set-up")
@@ -101,19 +101,6 @@ def test_raw_readings_and_the_readings_that_complete_them(model: Model) -> None:
             completed = solve(some(full, kept), model)
             assert completed.offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
     assert refusals > 30
-
-
-def test_raw_single_posture_readings() -> None:
-    full = readings(NOMINAL_LARGE, single_posture(LARGE, 2), seed=None)
-    plan = full.plan
-    kept = plan.displacement == 0.0
-    error = refused(some(full, kept), NOMINAL_LARGE)
-    assert error.undetermined == ("x", "y")
-    for leg, direction, posture in SINGLE_WORDS.findall(error.remedy):
-        there = plan.displacement == LARGE.displacement_mm(Posture(posture))
-        kept |= of(plan, leg, direction) & there
-    completed = solve(some(full, kept), NOMINAL_LARGE)
-    assert completed.offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
 
 
 @pytest.mark.parametrize("method", ["readings", "six", "twelve-linear"])

@@ -1,7 +1,5 @@
 """What the gauges are promised to read once offsets are entered, against the independent truth."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,7 @@ from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Mea
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series
+from orthoglide_cal.model.readings import Contact, Posture
 from orthoglide_cal.paper.tables import experiment
 from tests import truth
 from tests.estimation.sessions import (
@@ -25,57 +23,32 @@ from tests.estimation.sessions import (
     readings,
 )
 from tests.machines import NOMINAL, PROTOTYPE, sure
+from tests.planning.truth import true_readings
 from tests.readings import readings_of, some
-from tests.truth.forward import PARTS, SIZE, carriages_and_tool
+from tests.truth.effects import Effect
+from tests.truth.forward import PARTS, SIZE
 
 # Neither what was found nor near it, and different on every axis.
 ENTERED = np.array([0.6, -1.1, 0.9])
 NOISE = Scatter(0.006, 51.0)
 
-Heights = dict[tuple[Series, Posture, Contact], float]
-
-
-@cache
-def heights(gaps: tuple[float, ...], offsets: tuple[float, ...]) -> Heights:
-    """What the truth's gauges touch on a prototype, by series, posture and contact [mm]."""
-    machine = truth.PROTOTYPE
-    plan = truth.standard_plan(machine, np.random.default_rng(1), cycles=1)
-    state = np.zeros((1, SIZE))
-    state[0, PARTS["offsets"]], state[0, PARTS["axis_gap"]] = offsets, gaps
-    fixed = truth.signals(plan, machine, state)[0]
-    carriages, tool = carriages_and_tool(plan, machine, state, np.zeros((plan.count, 3)))
-    found = {}
-    for n, (leg, direction, posture) in enumerate(
-        zip(plan.leg.tolist(), plan.direction.tolist(), plan.posture, strict=True)
-    ):
-        place = (Series(leg, direction), Posture(posture))
-        found[*place, Contact.FIXED] = float(fixed[n])
-        found[*place, Contact.JOINT] = float(carriages[leg, direction, 0, n])
-        found[*place, Contact.TOOL] = float(tool[direction, 0, n])
-    return found
-
-
-def true_heights(offsets: Floats) -> Heights:
-    return heights(tuple(BENT.accepted[0].theta.tolist()), tuple(offsets.tolist()))
+GAPS = (Effect("axis_gap", "", tuple(BENT.accepted[0].theta.tolist())),)
 
 
 def true_difference(kind: DataKind, difference: Difference, offsets: Floats) -> float:
     """One of the paper's differences on the bent machine, by the truth [mm]."""
-    at, (series, posture) = true_heights(offsets), difference
+    plan = (single_posture if kind is SINGLE else double_posture)(PROTOTYPE, 1)
+    read, (series, posture) = true_readings(plan, PROTOTYPE, offsets, GAPS), difference
+
+    def at(posture: Posture, contact: Contact = Contact.FIXED) -> float:
+        there = plan.displacement == PROTOTYPE.displacement_mm(posture)
+        return float(read[plan.of(series) & there & (plan.contact == contact)][0])
+
     if kind is SINGLE:
         assert posture is not None
-        return at[series, posture, Contact.TOOL] - at[series, posture, Contact.JOINT]
+        return at(posture, Contact.TOOL) - at(posture, Contact.JOINT)
     first, second = (posture, Posture.ISO) if posture else (Posture.MAX, Posture.MIN)
-    return at[series, first, Contact.FIXED] - at[series, second, Contact.FIXED]
-
-
-def true_readings(plan: GaugePlan, offsets: Floats) -> Floats:
-    """Readings of the bent machine, by the truth, with a zero in every set-up [mm]."""
-    at = true_heights(offsets)
-    postures = [PROTOTYPE.posture_at(d) or Posture.ISO for d in plan.displacement.tolist()]
-    contacts = map(Contact, plan.contact.tolist())
-    values = [at[place] for place in zip(plan.series, postures, contacts, strict=True)]
-    return np.array(values) + np.linspace(-0.9, 0.8, plan.setups)[plan.setup]
+    return at(first) - at(second)
 
 
 FORMS = ["six", "twelve", "single", "double-posture readings", "single-posture readings"]
@@ -99,7 +72,8 @@ def measured(form: str, offsets: Floats, noise: float = 0.0) -> Measured:
         values = np.array([true_difference(kind, each, offsets) for each in DIFFERENCES[kind]])
         return of_values(kind, values + noise * rng.standard_normal(len(values)))
     plan = (double_posture if "double" in form else single_posture)(PROTOTYPE, 2)
-    values = true_readings(plan, offsets)
+    zeros = np.linspace(-0.9, 0.8, plan.setups)[plan.setup]
+    values = true_readings(plan, PROTOTYPE, offsets, GAPS) + zeros
     return readings_of(PROTOTYPE, plan, values + noise * rng.standard_normal(len(plan)))
 
 

@@ -139,36 +139,6 @@ def test_the_next_measurement_separates_as_far_as_it_says(cause: str, rival: str
     assert 0.8 * stated < np.mean(gained) < 1.5 * stated
 
 
-@pytest.mark.parametrize("shifted", [True, False], ids=["knocked", "misread"])
-def test_one_more_reading_tells_a_knock_from_a_wrong_reading(shifted: bool) -> None:
-    rng = np.random.default_rng(4)
-    healthy = synthetic_session(MODEL, double_posture(MACHINE), OFFSETS, rng)
-    found = diagnose(healthy, MODEL)
-    assert found.verdict == "consistent"
-    assert best_next(found) is None
-    readings = replace(healthy, value=healthy.value + 0.06 * np.eye(len(healthy))[-1])
-    following = best_next(diagnose(readings, MODEL))
-    assert following is not None
-    assert following.between
-    assert set(following.between) == {("misread",), ("stand_shift",)}
-    assert following.option.continues
-    assert "leg z" in following.option.what
-    assert following.separation_sigma > 10.0
-    assert following.option.minutes < 1.0
-    plan, last = joined(readings.plan, following.option.plan), len(readings) - 1
-    both = [int(np.flatnonzero(readings.plan.setup == k)[-1]) for k in following.option.plan.setup]
-    again = readings.value[both] + 0.002
-    again[[row == last for row in both]] -= 0.0 if shifted else 0.06
-    more = replace(
-        some(readings, np.array([*range(len(readings)), *both])),
-        plan=plan,
-        value=np.concatenate((readings.value, again)),
-    )
-    found = diagnose(more, MODEL)
-    assert found.verdict == "named"
-    assert [c.id for c in found.causes] == ["stand_shift" if shifted else "misread"]
-
-
 UNTELLABLE = [
     # Exchanging two gauges that read nearly the same changes nothing else either.
     (7_500_003, truth.MICRON, ("thermal_drift",), 2.5, "swapped_gauges"),

@@ -6,7 +6,7 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import Contact, GaugePlan
 from tests import truth
-from tests.truth.effects import state_with
+from tests.truth.effects import Effect, state_with
 from tests.truth.forward import carriages_and_tool, signals
 from tests.truth.plan import SETUPS, joints_at
 
@@ -45,13 +45,15 @@ def standing(
     )  # fmt: skip
 
 
-def true_readings(plan: GaugePlan, machine: Machine, offsets: Floats) -> Floats:
+def true_readings(
+    plan: GaugePlan, machine: Machine, offsets: Floats, effects: tuple[Effect, ...] = ()
+) -> Floats:
     """What perfect gauges read, shape (n,) [mm], of a plan of one part; offsets (3,) [mm]."""
     pairs = zip(plan.leg.tolist(), plan.displacement.tolist(), strict=True)
     joints = np.array([joints_at(machine.leg_length_mm, leg, moved) for leg, moved in pairs])
     gauge = np.array([SETUPS.index(tuple(series)) for series in plan.series])
     there = standing(gauge, plan.displacement, joints, plan.gauge_at, plan.hours)
-    real, state = machine_of(machine), state_with(offsets, ())[None]
+    real, state = machine_of(machine), state_with(offsets, effects)[None]
     if plan.fixed:
         return np.asarray(signals(there, real, state)[0])
     carriages, tool = carriages_and_tool(there, real, state, np.zeros((len(plan), 3)))
