@@ -169,25 +169,18 @@ def compensation(model: Model, points: int) -> Compensation:
             "Accept one first, with diagnose and its option --accept.",
         )
     _, grid = _grid(model, points)
-    needed = _required_joints(Model(model.machine, chosen), grid)
+    known = Model(model.machine, chosen)
+    # Indicated joints that really put the tool there. Causes of the motion are nearly the identity,
+    # so that a fixed-point iteration converges.
+    needed = wanted = known.real.geometry.joints_for(grid)
+    for _ in range(50):
+        missing = wanted - _standing(known, needed, np.zeros(3))
+        needed = needed + missing
+        if float(np.abs(missing).max()) < 1e-9:
+            break
     return Compensation(
         causes=tuple(effect.cause.id for effect in chosen),
         left_out=tuple(e.cause.id for e in model.accepted if not e.cause.compensable),
         points_mm=grid,
         corrections_mm=needed - model.machine.nominal_rails.joints_for(grid),
     )
-
-
-def _required_joints(model: Model, points: Floats) -> Floats:
-    """Indicated joints that really put the tool at `points`, offsets entered, (n, 3) → (n, 3).
-
-    Causes of the motion are nearly the identity, so that a fixed-point iteration converges.
-    """
-    wanted = model.real.geometry.joints_for(points)
-    indicated = wanted
-    for _ in range(50):
-        missing = wanted - _standing(model, indicated, np.zeros(3))
-        indicated = indicated + missing
-        if float(np.abs(missing).max()) < 1e-9:
-            break
-    return np.asarray(indicated)

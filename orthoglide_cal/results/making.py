@@ -62,6 +62,11 @@ from orthoglide_cal.words import entered_decimals, two_figures
 
 # Beyond this Student's t is the normal distribution to two decimals.
 NORMAL_DOF = 500.0
+# What the answer takes from a diagnosis as it is.
+_DIAGNOSED = (
+    *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
+    *("rivals", "unshown", "beyond_tolerance", "assumed_sizes"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -435,21 +440,11 @@ def _of_diagnosis(
     diagnosis: Diagnosis, solution: Solution, alone: _Found, following: NextMeasurement | None
 ) -> dict[str, object]:
     """The parts of the answer that a diagnosis gives."""
-    sizes = diagnosis.assumed_sizes
     return {
-        "verdict": diagnosis.verdict,
+        **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
         "explanations": tuple(_explanations(diagnosis, solution, alone)),
-        "lack_of_fit": diagnosis.lack_of_fit,
-        "causes": diagnosis.causes,
-        "baselines": diagnosis.baselines,
         "shims": tuple(_shims(diagnosis.causes)) if diagnosis.verdict is Verdict.NAMED else (),
-        "ambiguous_with": diagnosis.ambiguous_with,
-        "not_excluded": diagnosis.not_excluded,
-        "rivals": diagnosis.rivals,
-        "unshown": diagnosis.unshown,
-        "beyond_tolerance": diagnosis.beyond_tolerance,
-        "assumed": tuple(each.id for each in sizes),
-        "assumed_sizes": sizes,
+        "assumed": tuple(each.id for each in diagnosis.assumed_sizes),
         "next_measurement": following,
         "sensitivity": dict(diagnosis.sensitivity) or None,
     }
