@@ -46,7 +46,7 @@ from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import DataKind, Measured, Readings, Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, ReadOnly
+from orthoglide_cal.model.plan import Floats, ReadOnly, joined
 from orthoglide_cal.model.readings import AXES, GaugePlan
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.answer import InputFile, Spread
@@ -537,32 +537,19 @@ def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContr
     whole = [GaugePlan.require(each.plan) for each in (before, after)]
     plans = [plan.subset(plan.as_found) for plan in whole]
     values = [before.value[whole[0].as_found], after.value[whole[1].as_found]]
-    keys: list[Floats] = [
-        np.column_stack((p.leg, p.direction, p.displacement, p.contact, p.gauge_at, p.turned))
-        for p in plans
-    ]
-    cells, cell = np.unique(np.concatenate(keys).round(9), axis=0, return_inverse=True)
+    both = joined(*plans)
+    first, cell = both.distinct
     inverses, estimates, unknown = [], [], []
-    owned = np.split(cell.reshape(-1), [len(keys[0])])
+    owned, cells = np.split(cell, [len(plans[0])]), np.arange(len(first))
     for plan, value, own in zip(plans, values, owned, strict=True):
-        design = (own[:, None] == np.arange(len(cells))).astype(np.float64)
+        design = (own[:, None] == cells).astype(np.float64)
         free = design.T @ (np.eye(len(value)) - plan.zeros @ np.linalg.pinv(plan.zeros))
         inverses.append(np.linalg.pinv(free @ design, rcond=NO_INFORMATION))
         estimates.append(inverses[-1] @ (free @ value))
         unknown.append(_null_space(free @ design))
     missing = np.concatenate(unknown)
     contrasts = _null_space(missing.T @ missing)
-    plan = GaugePlan(
-        leg=cells[:, 0].astype(np.intp),
-        direction=cells[:, 1].astype(np.intp),
-        displacement=cells[:, 2],
-        contact=cells[:, 3].astype(np.intp),
-        gauge_at=cells[:, 4],
-        setup=np.zeros(len(cells), dtype=np.intp),
-        order=np.arange(len(cells)),
-        hours=np.zeros(len(cells)),
-        turned=cells[:, 5] != 0.0,
-    )
+    plan = replace(both.subset(first), setup=0 * cells, order=cells, hours=np.zeros(len(cells)))
     return SharedContrasts(
         kind=DataKind.READINGS,
         problem=Problem(model, plan, contrasts),
