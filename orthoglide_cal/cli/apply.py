@@ -72,7 +72,7 @@ def apply(
     def judge(path: str) -> None:
         controller = controller_file(to) if to else None
         if undo:
-            file = common.read_machine_file(common.own_machine_file(machine))
+            file = common.own_machine_file(machine)
             source = read_input(path, file.model).measured.source if path else None
             found = take_back(file, source.sha256 if source else None, controller)
         else:
@@ -141,7 +141,7 @@ def _entered(
 
     file = None
     if machine or to is None or to.adds or machine_in_folder(Path()):
-        file = common.read_machine_file(common.own_machine_file(machine))
+        file = common.own_machine_file(machine)
     if file and file.model.machine.keeps_itself and to is None:
         known = file.model.machine
         options = f"--format {known.controller_formats[0]}"

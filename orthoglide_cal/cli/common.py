@@ -229,7 +229,7 @@ def read_input(
         known = tuple(sorted(set(rule_out)))
         given = replace(given, model=replace(given.model, ruled_out=known))
     try:
-        return replace(given, keeper=read_machine_file(own_machine_file(machine_file)))
+        return replace(given, keeper=own_machine_file(machine_file))
     except OrthocalError:
         return given  # nothing can be recorded; what was measured stands for itself
 
@@ -243,11 +243,10 @@ def require_printer(source: Source, data: Stored | None) -> None:
         )
 
 
-def own_machine_file(machine_file: Path | None) -> Path:
-    """The machine file of --machine or of this folder, if what was entered can be recorded in it.
+def own_machine_file(machine_file: Path | None) -> StoredMachine:
+    """The machine file of --machine or of this folder, in which what was entered is recorded.
 
-    Raises:
-        UsageError: there is none that may be changed.
+    Raises UsageError: there is none that may be changed; InputError: it cannot be used.
     """
     from orthoglide_cal.files.machine_file import shipped_folder
 
@@ -264,7 +263,7 @@ def own_machine_file(machine_file: Path | None) -> Path:
             f"{path} comes with the program and is never changed.",
             "Make one for your machine: orthocal machine new",
         )
-    return path
+    return read_machine_file(path)
 
 
 def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:

@@ -118,16 +118,12 @@ def plan(
 
 
 def write_program(program: PostureProgram, target: Path, template: Path | None = None) -> None:
-    """Write a posture program; "-" shows its table on standard output.
+    """Write a posture program as CSV or G-code, by the end of the name; "-" shows its table.
 
-    Args:
-        program: what to write.
-        target: CSV or G-code, by the end of its name; an existing file is not touched.
-        template: of the G-code; the one of `orthocal template gcode` if None.
+    The template of the G-code is the one of `orthocal template gcode` if None.
 
-    Raises:
-        UsageError: another kind of file, a template without G-code, or the file exists.
-        InputError: the template cannot be used, or the file cannot be written.
+    Raises UsageError: another kind of file, a template without G-code, or the file exists;
+    InputError: the template cannot be used, or the file cannot be written.
     """
     from importlib.resources import as_file, files
 
@@ -154,8 +150,7 @@ def write_program(program: PostureProgram, target: Path, template: Path | None =
 def write_places(found: SessionForecast, target: Path) -> None:
     """Write the places of a layout as a file to be filled in; "-" shows it.
 
-    Raises:
-        UsageError: another kind of file, a layout with distances, or the file exists.
+    Raises UsageError: another kind of file, a layout with distances, or the file exists.
     """
     from orthoglide_cal.files.probe_readings import places_csv
     from orthoglide_cal.model.linear_delta import ProbePlan
