@@ -131,10 +131,9 @@ def recording(given: Input) -> Literal["due", "done", "nowhere"]:
 def unwritten(file: StoredMachine) -> str | None:
     """The controller's file of the last entry, if the program was killed before it wrote it."""
     written = _last_written(file)
-    path = Path(written.target if written else "")
-    if written is None or written.sha256_before == written.sha256_after or not path.is_file():
+    if written is None or not written.values or not Path(written.target).is_file():
         return None
-    held = hashlib.sha256(path.read_bytes()).hexdigest()
+    held = hashlib.sha256(Path(written.target).read_bytes()).hexdigest()
     return written.target if held == written.sha256_before else None
 
 
