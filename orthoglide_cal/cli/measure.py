@@ -188,12 +188,9 @@ def _saved_when_interrupted() -> Iterator[list[Dialogue]]:
     """
     from orthoglide_cal.session.dialogue import Quit
 
-    def interrupt(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
     names = ("SIGTERM", "SIGHUP", "SIGBREAK")
     caught = [getattr(signal, name) for name in names if hasattr(signal, name)]
-    before = {number: signal.signal(number, interrupt) for number in caught}
+    before = {number: signal.signal(number, signal.default_int_handler) for number in caught}
     running: list[Dialogue] = []
     message = ""
     try:
