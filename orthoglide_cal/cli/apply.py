@@ -129,17 +129,14 @@ def _write(found: Application) -> None:
 def _entered(
     path: str, machine: File, to: ControllerFile | None, data: common.Data, rule_out: common.RuleOut
 ) -> Application:
-    """The parameters of a measurement, if they may be used. Raises UsageError, UnusableResultError.
-
-    `to` is the controller's file, if it is written; that of a printer needs no machine file.
-    """
+    """What a measurement found, if it may be used. Raises UsageError, UnusableResultError."""
     from orthoglide_cal.files.input import machine_in_folder, read_input
     from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.report.case import SETTLED
     from orthoglide_cal.report.controller import told_by_name
     from orthoglide_cal.results import apply as application
 
-    file = None
+    file = None  # what is written to a printer needs none
     if machine or to is None or to.adds or machine_in_folder(Path()):
         file = common.own_machine_file(machine)
     if file and file.model.machine.keeps_itself and to is None:
@@ -156,5 +153,4 @@ def _entered(
     file = file or new_machine_file(given.model)
     values = told_by_name(export) if file.model.machine.keeps_itself else None
     measured_on = read_input(path).model if given.is_session else None
-    now = datetime.now().astimezone()
-    return application(given, answer, file, now, measured_on, to, values)
+    return application(given, answer, file, datetime.now().astimezone(), measured_on, to, values)
