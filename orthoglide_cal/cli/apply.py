@@ -130,7 +130,7 @@ def _entered(
     path: str, machine: File, to: ControllerFile | None, data: common.Data, rule_out: common.RuleOut
 ) -> Application:
     """What a measurement found, if it may be used. Raises UsageError, UnusableResultError."""
-    from orthoglide_cal.files.input import machine_in_folder, read_input
+    from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.report.case import SETTLED
     from orthoglide_cal.report.controller import told_by_name
@@ -152,5 +152,4 @@ def _entered(
         raise UsageError(f"{SETTLED}.", "Leave everything as it is.")
     file = file or new_machine_file(given.model)
     values = told_by_name(export) if file.model.machine.keeps_itself else None
-    measured_on = read_input(path).model if given.is_session else None
-    return application(given, answer, file, datetime.now().astimezone(), measured_on, to, values)
+    return application(given, answer, file, datetime.now().astimezone(), to, values)

@@ -75,15 +75,19 @@ class Input:
 
     Attributes:
         model: the machine to judge it by, with its accepted causes.
-        is_session: False for a table and for a printer's file.
+        recorded: the machine as a session itself holds it; None of a table and a printer's file.
         keeper: the machine file in which it is recorded what was entered in the controller.
     """
 
     measured: Measured
     model: Model
     conditions: Conditions
-    is_session: bool = False
+    recorded: Model | None = None
     keeper: StoredMachine | None = None
+
+    @property
+    def is_session(self) -> bool:
+        return self.recorded is not None
 
 
 class CheckedFile(Schema):
@@ -141,7 +145,7 @@ def read_input(
     """
     document = source if isinstance(source, FileText) else read_document(source)
     if _is_yaml(document):
-        return Input(*session_from_tree(load_tree(document), _as_model(model)), is_session=True)
+        return Input(*session_from_tree(load_tree(document), _as_model(model)))
     if file := _firmware_file(document, model, otherwise):
         return _printer(file, model, stored)
     return _table(document, _as_model(model), otherwise)
@@ -171,7 +175,7 @@ def check_file(
                 held = machine_file_in(tree)
                 input, name = input.changed(kind="machine"), held.model.machine.name
                 return Check(input=input, machine=name, remarks=held.remarks), None
-            given = Input(*session_from_tree(tree, _as_model(model)), is_session=True)
+            given = Input(*session_from_tree(tree, _as_model(model)))
         else:
             given = read_input(file, model, otherwise, stored)
     except UnreadableError:

@@ -55,8 +55,10 @@ class Session(Circumstances):
     skipped: tuple[ReadingRow, ...] = ()
 
 
-def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model, Conditions]:
-    """The readings of a parsed session, the machine to judge them by, and the circumstances.
+def session_from_tree(
+    tree: Tree, model: Model | None
+) -> tuple[Readings, Model, Conditions, Model | None]:
+    """The readings of a parsed session, the machine to judge them by, the circumstances, its own.
 
     Without a model they are judged by the machine in the session itself. Which offsets were active
     in the controller is always the session's to say.
@@ -112,7 +114,7 @@ def session_from_tree(tree: Tree, model: Model | None) -> tuple[Readings, Model,
         "retaken": len(session.retaken),
         "skipped": len(session.skipped),
     }
-    return readings, judge, found.changed(**given)
+    return readings, judge, found.changed(**given), recorded
 
 
 def session_json(session: Session) -> dict[str, object]:

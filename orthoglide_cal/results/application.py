@@ -49,7 +49,6 @@ def apply(
     answer: Answer,
     file: StoredMachine,
     at: datetime,
-    measured_on: Model | None = None,
     controller: ControllerFile | None = None,
     values: Mapping[str, float] | None = None,
 ) -> Application:
@@ -60,7 +59,6 @@ def apply(
     Args:
         answer: to the input, released.
         file: of the machine that was measured.
-        measured_on: what the session itself says of its machine; None without a session.
         controller: the controller's file, if it is to be written.
         values: parameter → what is to stand there, of a printer [mm, deg]; None for another
             machine, whose controller's file adds.
@@ -78,9 +76,9 @@ def apply(
         file = take_back(file, sha256, controller).then
         known = _last_written(file, controller)
     machine = file.model.machine
-    if measured_on is not None:
+    if given.recorded is not None:
         # Causes may have been accepted since; rails and legs are what they were.
-        _check_same_machine(measured_on, file, but=("identified",))
+        _check_same_machine(given.recorded, file, but=("identified",))
     if not machine.keeps_itself:
         _check_recordable(given, file)
     written, data, decimals = None, b"", answer.decimals

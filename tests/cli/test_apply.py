@@ -220,3 +220,9 @@ def test_a_simulated_machine_is_measured_again_with_its_seed() -> None:
     assert "orthocal measure --gauge simulated --seed 4" in shown
     assert "orthocal measure --gauge simulated --seed 4" in run().stdout
     assert "According to the machine file the" in words(run("solve", "s.yaml").stdout)
+
+
+def test_a_session_may_come_from_standard_input() -> None:
+    simulated_session()
+    done("apply", "-", "--yes", text=Path("s.yaml").read_text(encoding="utf-8"))
+    assert len(machine_file()["history"]) == 1  # type: ignore[arg-type]

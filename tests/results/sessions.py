@@ -60,7 +60,7 @@ def given(
     measured: Readings, model: Model = NOMINAL, conditions: Conditions | None = None
 ) -> Input:
     """Readings as the input of a command that reads a session."""
-    return Input(measured, model, conditions or Conditions(), is_session=True)
+    return Input(measured, model, conditions or Conditions(), recorded=model)
 
 
 def write(measured: Readings, model: Model, path: Path, **more: str) -> None:

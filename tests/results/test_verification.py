@@ -241,7 +241,7 @@ def test_what_was_entered_is_what_two_sessions_record():
     first = before(19)
     second = given(session(TRUE - np.array(entered), 20), adjusted)
     assert tuple(verify(first, second).applied_mm.values()) == entered
-    for one, other in ((second, second), (first, replace(second, is_session=False))):
+    for one, other in ((second, second), (first, replace(second, recorded=None))):
         with pytest.raises(UsageError, match="do not say what was entered"):
             verify(one, other)
 
@@ -276,7 +276,7 @@ def test_usage_errors():
         Source("s.csv", ""),
     )
     with pytest.raises(UsageError, match="different things"):
-        verify(paper(2), Input(heights, NOMINAL, Conditions(), is_session=False), TRUE)
+        verify(paper(2), Input(heights, NOMINAL, Conditions()), TRUE)
     halves = [session(TRUE, k) for k in (23, 24)]
     near = [
         some(one, np.flatnonzero(one.plan.displacement != PROTOTYPE.displacement_mm(Posture.MAX)))
