@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from orthoglide_cal.session.gauges.simulated import OFFSETS_MM
+from orthoglide_cal.session.gauges import OFFSETS_MM
 from tests.cli.program import run
 from tests.session.terminal import Terminal
 

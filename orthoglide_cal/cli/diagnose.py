@@ -50,10 +50,10 @@ def diagnose(
     from orthoglide_cal import diagnosis
     from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.files.input import read_input
+    from orthoglide_cal.files.input import together as as_one
     from orthoglide_cal.files.machine_file import machine_text
     from orthoglide_cal.files.printer_file import PrinterFile
     from orthoglide_cal.files.text import write_text
-    from orthoglide_cal.files.together import together as as_one
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
     from orthoglide_cal.results import answer_to, with_dates

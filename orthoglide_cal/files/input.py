@@ -1,13 +1,15 @@
-"""The inputs that a user names: read once, or only checked; and the sessions of a folder."""
+"""The inputs that a user names: read, joined, or only checked; and the sessions of a folder."""
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path, PurePath
 from typing import Literal
 
@@ -15,9 +17,14 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files.console import KLIPPY_LOG, PROBED, read_klippy_log, read_probed
 from orthoglide_cal.files.differences import DIFFERENCE_COLUMNS, differences_from_table
-from orthoglide_cal.files.klipper_file import read_printer_file
+from orthoglide_cal.files.klipper_file import (
+    KLIPPY_LOG,
+    PROBED,
+    read_klippy_log,
+    read_printer_file,
+    read_probed,
+)
 from orthoglide_cal.files.machine_file import (
     PRINTER_SECTION,
     StoredMachine,
@@ -51,9 +58,10 @@ from orthoglide_cal.files.table import read_table
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, read_document
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.gauge_doubts import gauge_doubts
-from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.measured import Measured
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
+from orthoglide_cal.model.measured import Excerpt, Measured, Readings, Source
+from orthoglide_cal.model.model import Model, differentiate
+from orthoglide_cal.model.plan import joined
 from orthoglide_cal.schema import Schema
 
 # The machine that the user names, or the settings of its firmware.
@@ -189,6 +197,63 @@ def check_file(
     doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.instrument))
     remarks = (*doubts, *measured.remarks)
     return Check(input=input, machine=machine.name, remarks=remarks), given
+
+
+def together(inputs: Sequence[Input]) -> Input:
+    """One measurement of one machine, whose calibrated parameters are others on each date.
+
+    Each touch stands where the settings of the last date would have put the nozzle with its
+    carriages at the same heights. What the parameters of another date differ by beyond that is
+    unknown, and has no part in the evidence.
+
+    The latest date is the last. Raises UsageError: they are not all touches of one printer.
+    """
+    last = inputs[-1]
+    if not all(each.measured.of_bed for each in inputs):
+        what = "--together is for touches of one printer's bed on several dates."
+        raise UsageError(what, "Leave it out: each file is then judged alone.")
+    machine = LinearDelta.require(last.model.machine)
+    zero = np.zeros(len(machine.parameter_names))
+    start = 0  # how many readings the dates before have
+    reads, plans, values = [], [], []
+    for number, each in enumerate(inputs):
+        own, read = LinearDelta.require(each.model.machine), each.measured
+        own.check_same(machine)
+        assert isinstance(read, Readings)
+        plan = ProbePlan.require(read.plan)
+        day = np.full(len(plan), number)
+        place, other = (machine.believed(own, at) for at in (plan.place, plan.other))
+        now = replace(plan, place=place, other=other, order=plan.order + start, part=day)
+        grown = plan.wanted - now.wanted
+        values.append(np.where(plan.distance, read.value + grown, place[:, 2] - plan.surface))
+        slope = differentiate(last.model, zero, now, ())[1] * (each is not last)
+        plans.append(replace(now, slope=slope, date=day))
+        reads.append(read)
+        start += len(plan)
+    sources = [read.source for read in reads]
+    excerpt = sources[-1].excerpt
+    words = f"{start} readings of {len(inputs)} dates"
+    source = Source(
+        sources[-1].path,
+        hashlib.sha256("".join(each.sha256 for each in sources).encode()).hexdigest(),
+        Excerpt(excerpt.data if excerpt else "", words),
+        tuple(each.path for each in sources[:-1]),
+    )
+    changed = (
+        f"{PurePath(before.measured.source.path).name} and"
+        f" {PurePath(after.measured.source.path).name}: other {', '.join(names)} in force."
+        for before, after in pairwise(inputs)
+        if (names := before.model.machine.differing(after.model.machine))
+    )
+    measured = Readings(
+        joined(*plans),
+        np.concatenate(values),
+        np.concatenate([read.line for read in reads]),
+        all(read.timed for read in reads),
+        source,
+        remarks=tuple(dict.fromkeys((*changed, *(r for read in reads for r in read.remarks)))),
+    )
+    return replace(last, measured=measured)
 
 
 def sessions_in(folder: Path) -> list[Path]:

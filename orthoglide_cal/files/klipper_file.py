@@ -1,15 +1,23 @@
-"""Klipper's printer.cfg to the parameters in force and what it stores of probing.
+"""Klipper's printer.cfg and klippy.log, and the lines that its console prints while probing.
 
 Of a linear delta only: sections [printer], [stepper_a … c], [probe], [delta_calibrate] and
 [bed_mesh]; others may hold anything, and nothing in them is interpreted. Included files are not
 opened. A value goes on in lines that are indented more than its option. "#" begins a remark
 anywhere, ";" after a blank. The file's own lines win over those that SAVE_CONFIG wrote ("#*# …").
-Options, units and defaults: Klipper's documents "Configuration reference", "Delta calibration" and
-"Bed Mesh".
+
+The log holds the configuration in force, also what is included and stored, and what each
+DELTA_CALIBRATE reckoned with. The console has a line for each touch, with anything in front of it:
+
+    probe at x,y is z=…                     the nozzle's place when the probe triggered
+    probe: at x,y bed will contact at z=…   since 2025: the probe's, less its z offset
+
+Options, units, defaults and messages: Klipper's documents "Configuration reference", "Delta
+calibration" and "Bed Mesh".
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -62,10 +70,20 @@ _AGAIN = "Probe the bed and save the mesh again."
 # DELTA_CALIBRATE leaves stored heights right on the mean.
 _TRIMMED_MM = 0.02
 _ROUNDED = 0.01  # mm, to which the spacing of a mesh is rounded down
+_CONFIG = re.compile(r"=+ Config file =+\s*")
+_CALCULATING = "Calculating delta_calibrate with:"
+KLIPPY_LOG = re.compile(rf"^({_CONFIG.pattern}|{_CALCULATING}\s*)$", re.MULTILINE)
+_ENDS = re.compile("={10,}")
+_LOGGED = re.compile(r"(manual_)?height[0-9]+\s*[:=]")
+_STEPS = r"\(([^,()]+, [^,()]+, [^,()]+)\)"
+_HEIGHT, _DISTANCE = rf"\(([^,()]+), {_STEPS}\)", rf"\(([^,()]+), {_STEPS}, {_STEPS}\)"
+# A nozzle that touches the bed itself stands this low when it does.
+_LEVEL_MM = 0.5
+PROBED = re.compile(r"probe(:?) at (\S+?), ?(\S+) (?:is|bed will contact at) z=(\S+)")
 
 
 @dataclass(frozen=True)
-class Value:
+class _Value:
     """The value of an option: (line in the file, text), without empty lines."""
 
     line: int
@@ -94,7 +112,7 @@ class _Settings:
         own_sections, own = self._parsed(typed)
         saved_sections, saved = self._parsed(written)
         self.sections: Mapping[str, int] = {**saved_sections, **own_sections}
-        self.options: Mapping[tuple[str, str], Value] = {**saved, **own}
+        self.options: Mapping[tuple[str, str], _Value] = {**saved, **own}
         self.included = any(name.startswith("include ") for name in own_sections)
         self._cut_off = not saved_sections
         self.remarks = [
@@ -107,10 +125,10 @@ class _Settings:
 
     def _parsed(
         self, lines: Iterable[tuple[int, str]]
-    ) -> tuple[dict[str, int], dict[tuple[str, str], Value]]:
+    ) -> tuple[dict[str, int], dict[tuple[str, str], _Value]]:
         """Sections and options of the file's own lines, or of those that SAVE_CONFIG wrote."""
         sections: dict[str, int] = {}
-        options: dict[tuple[str, str], Value] = {}
+        options: dict[tuple[str, str], _Value] = {}
         section, option, indented = "", "", 0  # no option where none can go on
         for line, raw in lines:
             text = _COMMENT.sub("", raw).rstrip()
@@ -120,7 +138,7 @@ class _Settings:
                 continue
             if option and indent > indented:
                 value = options[section, option]
-                options[section, option] = Value(value.line, (*value.texts, (line, plain)))
+                options[section, option] = _Value(value.line, (*value.texts, (line, plain)))
                 continue
             option, indented = "", indent
             if header := _SECTION.match(plain):
@@ -133,14 +151,14 @@ class _Settings:
             elif setting := _OPTION.match(plain):
                 option = setting[1].lower()
                 texts = ((line, setting[2]),) if setting[2] else ()
-                options[section, option] = Value(line, texts)
+                options[section, option] = _Value(line, texts)
             elif _MATTERS.fullmatch(section):
                 what = f"The line in [{section}] is not an option."
                 remedy = "Write “option: value”, or “#” in front of a remark."
                 self.faults.add(what, remedy, line=line, value=shortened(plain))
         return sections, options
 
-    def options_of(self, section: str) -> dict[str, Value]:
+    def options_of(self, section: str) -> dict[str, _Value]:
         """Option → value of one section."""
         return {option: value for (name, option), value in self.options.items() if name == section}
 
@@ -199,7 +217,7 @@ class _Settings:
 
 
 def read_printer_file(
-    document: FileText, calibration: Mapping[str, Value] | None = None
+    document: FileText, calibration: Mapping[str, _Value] | None = None
 ) -> PrinterFile:
     """What a printer.cfg says; `calibration` stands for the options of its [delta_calibrate].
 
@@ -247,6 +265,76 @@ def read_printer_file(
         mesh=mesh,
         remarks=tuple(settings.remarks),
     )
+
+
+def read_klippy_log(document: FileText) -> PrinterFile:
+    """The last configuration of a log, with the last calibration and else what was probed.
+
+    Raises InvalidFileError with everything that is wrong in the lines that matter here.
+    """
+    lines = document.text.split("\n")
+    starts = [number for number, line in enumerate(lines) if _CONFIG.fullmatch(line)]
+    if not starts:
+        what = "The log does not hold the configuration: its beginning is missing."
+        raise InputError(what, "Give the whole klippy.log, or the printer.cfg.", file=document.path)
+    start = starts[-1] + 1
+    inside = itertools.takewhile(lambda line: not _ENDS.fullmatch(line.strip()), lines[start:])
+    kept = [""] * start + list(inside)
+    found = [number for number, line in enumerate(lines) if line.startswith(_CALCULATING)]
+    unsaved = bool(found) and found[-1] > start
+    calculated = None
+    if found and (unsaved or not any(map(_LOGGED.match, kept))):
+        calculated = _calculated(document, lines, found[-1])
+    file = read_printer_file(replace(document, text="\n".join(kept)), calculated)
+    if unsaved:
+        remark = (
+            f"SAVE_CONFIG does not follow the calibration of line {found[-1] + 1}: the settings"
+            " before it are in force and are used."
+        )
+        file = replace(file, remarks=(*file.remarks, remark))
+    if file.heights is None and file.mesh is None and PROBED.search(document.text):
+        return read_probed(document, file)
+    return file
+
+
+def _calculated(document: FileText, lines: Sequence[str], at: int) -> Mapping[str, _Value]:
+    """Heights and distances that a calibration reckoned with, as [delta_calibrate] stores them."""
+    stored = {}
+    for number, name, each in ((at + 1, "height", _HEIGHT), (at + 2, "distance", _DISTANCE)):
+        text = lines[number].strip() if number < len(lines) else ""
+        if not re.fullmatch(rf"\[(?:{each}(?:, |(?=\])))*\]", text):
+            what = f"This is not a list of {name}s with stepper positions."
+            remedy = "Was the log cut off or changed? Give it as Klipper wrote it."
+            line, value = number + 1, shortened(text) or None
+            raise InputError(what, remedy, file=document.path, line=line, value=value)
+        for index, parts in enumerate(re.findall(each, text)):
+            ends = ("", "_pos") if len(parts) == 2 else ("", "_pos1", "_pos2")
+            for end, part in zip(ends, parts, strict=True):
+                stored[f"{name}{index}{end}"] = _Value(number + 1, ((number + 1, part),))
+    return stored
+
+
+def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
+    """The settings, and the touches that Klipper printed as their mesh. Raises InvalidFileError."""
+    faults, rows = Faults(document.path), []
+    for number, line in enumerate(document.text.split("\n"), start=1):
+        for match in PROBED.finditer(line):
+            with faults.noting(number, match[0]):
+                place = [within(match[group], -LARGEST_MM) for group in (2, 3, 4)]
+                rows.append((number, *place, match[1] == ":"))
+    faults.check()
+    touches = np.array(rows)
+    at, less = touches[:, 1:4], touches[:, 4] > 0.0  # the probe's offset
+    offset, remarks = np.nan_to_num(settings.probe), settings.remarks
+    usual = 0.0 if less.all() else float(np.median(at[~less, 2]))
+    if offset[2] == 0.0 and abs(usual) > _LEVEL_MM:
+        offset[2] = usual
+        remarks += (f"The probe's z offset is not known: {ZERO_UNKNOWN}",)
+    at[less, :2] -= offset[:2]
+    at[~less, 2] -= offset[2]
+    mesh = Stored.of_touches("console", touches[:, :4], offset[2])
+    source = document.source
+    return replace(settings, probe=offset, mesh=mesh, source=source, remarks=remarks)
 
 
 def _check_kind(settings: _Settings) -> None:

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.planning.steps import SessionStep
-from orthoglide_cal.session.gauges.interface import GaugeLost, LiveGauge, Token
+from orthoglide_cal.session.gauges import GaugeLost, LiveGauge, Token
 from orthoglide_cal.session.wording import wrapped
 from orthoglide_cal.words import counted
 

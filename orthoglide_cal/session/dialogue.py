@@ -29,8 +29,7 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
-from orthoglide_cal.session.gauges.interface import NotAReading, Token, parse_typed
-from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.gauges import NotAReading, SimulatedGauge, Token, parse_typed
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
 from orthoglide_cal.words import Unit, counted, decimals_for, signed

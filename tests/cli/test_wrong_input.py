@@ -12,7 +12,7 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_from_text, shipped_folder
 from orthoglide_cal.files.text import write_text
-from orthoglide_cal.session.gauges.serial_line import SERIAL_FORMATS, SerialGauge, SerialPort
+from orthoglide_cal.session.gauges import SERIAL_FORMATS, SerialGauge, SerialPort
 from tests.session.terminal import Terminal, run_program
 from tests.session.virtual import answered, readings_of, steps_of, typed
 

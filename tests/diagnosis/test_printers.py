@@ -11,9 +11,8 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose, extend
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, together
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
-from orthoglide_cal.files.together import together
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results import answer_to, with_dates
 from tests.diagnosis.test_delta import given

@@ -18,7 +18,7 @@ from orthoglide_cal.session.asking import (
     Style,
     Unasked,
 )
-from orthoglide_cal.session.gauges.interface import GaugeLost, LiveGauge, Token
+from orthoglide_cal.session.gauges import GaugeLost, LiveGauge, Token
 
 from .virtual import Screen, steps_of
 

@@ -18,7 +18,7 @@ from orthoglide_cal.results import answer_to
 from orthoglide_cal.session.asking import Style
 from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import Doubt, Questioned
-from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.gauges import SimulatedGauge
 
 from .virtual import (
     DOUBLE,

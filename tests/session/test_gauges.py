@@ -8,15 +8,17 @@ from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.session.gauges.interface import NotAReading, Token, parse_typed
-from orthoglide_cal.session.gauges.serial_line import (
+from orthoglide_cal.session.gauges import (
     PATIENCE_S,
     SERIAL_FORMATS,
+    NotAReading,
     SerialGauge,
     SerialPort,
+    SimulatedGauge,
     Splitter,
+    Token,
+    parse_typed,
 )
-from orthoglide_cal.session.gauges.simulated import SimulatedGauge
 from orthoglide_cal.words import Unit
 
 from .virtual import setting_of, steps_of

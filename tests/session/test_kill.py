@@ -15,7 +15,7 @@ from orthoglide_cal.session import journal as journal_module
 from orthoglide_cal.session.asking import Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import Opened, replay
-from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.gauges import SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode
 
 from .virtual import (

@@ -7,7 +7,7 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
 from orthoglide_cal.session.events import Opened
-from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.gauges import SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode, encode
 from orthoglide_cal.session.opening import MOST_CYCLES, session_file, session_path
 from tests.machines import NOMINAL, PROTOTYPE

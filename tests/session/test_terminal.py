@@ -18,7 +18,7 @@ import yaml
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.planning.steps import MeasuringProtocol
-from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.gauges import SimulatedGauge
 
 from .terminal import (
     PATIENCE_S,

@@ -28,8 +28,7 @@ from orthoglide_cal.session.events import (
     advance,
     replay,
 )
-from orthoglide_cal.session.gauges.interface import LiveGauge
-from orthoglide_cal.session.gauges.simulated import SimulatedGauge
+from orthoglide_cal.session.gauges import LiveGauge, SimulatedGauge
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
 from orthoglide_cal.words import Unit

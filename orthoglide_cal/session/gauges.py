@@ -1,20 +1,120 @@
-"""Gauges on serial lines or USB-serial adapters, through pyserial."""
+"""Gauges: what each is for the dialogue; what it or a person says; serial lines; a simulation."""
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from orthoglide_cal.errors import UsageError
+import numpy as np
+
+from orthoglide_cal.errors import OrthocalError, UsageError, visible
+from orthoglide_cal.model.model import simulate
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.steps import SessionStep
-from orthoglide_cal.session.gauges.interface import GaugeLost, LiveGauge, Token
+from orthoglide_cal.session.readings import Setting
+from orthoglide_cal.words import MM_PER_INCH, Unit
 
 if TYPE_CHECKING:
     import serial
+
+# Error messages that look like numbers: they must never become one.
+_ERROR_CODES = re.compile(r"[+-]?9{5,}(?:\.9+)?|9[0-9]{2}")
+_TYPED = re.compile(
+    r"(?P<value>[+-]?\s?(?:\d{1,6}(?:[.,]\d{0,6})?|[.,]\d{1,6}))\s*(?P<unit>mm|inch|in|\")?",
+    flags=re.ASCII | re.IGNORECASE,
+)
+_UNITS = {"m": Unit.MM, "mm": Unit.MM} | dict.fromkeys(("i", "in", "inch", '"'), Unit.INCH)
+
+
+class GaugeLost(OrthocalError):
+    """The gauge does not answer any more: unplugged, switched off, or the port is in use."""
+
+    exit_code = 3
+
+
+class Token(NamedTuple):
+    """One message of a gauge or one typed number, understood."""
+
+    raw: str  # the characters that arrived
+    value: float | None = None  # as shown by the gauge, in `unit`; None for an error message
+    unit: Unit | None = None  # None where the gauge does not say
+    channel: str | None = None  # of a multiplexer
+    source: str = "typed"  # the gauge's name for the records
+    elsewhere: str | None = None  # a sentence if not this gauge was asked: its value is not used
+
+    @classmethod
+    def of(cls, match: re.Match[str], raw: str) -> Token:
+        """From a match with the group `value` and optionally `unit` and `channel`."""
+        found = match.groupdict()
+        digits = match["value"].replace(" ", "").replace(",", ".")
+        channel = found.get("channel") or None
+        unit = found.get("unit")
+        if _ERROR_CODES.fullmatch(digits):
+            return cls(raw, channel=channel)
+        return cls(raw, float(digits), _UNITS[unit.lower()] if unit else None, channel)
+
+    def mm(self, default: Unit) -> float | None:
+        """The value in mm; `default` is its unit where the gauge gave none."""
+        if self.value is None or (self.unit or default) is Unit.MM:
+            return self.value
+        # A gauge never shows more than a nanometre: drop the dust of the multiplication.
+        return round(self.value * MM_PER_INCH, 6)
+
+
+class NotAReading(Exception):
+    """Typed text that is no reading; the message is the sentence to show."""
+
+
+def parse_typed(text: str) -> Token:
+    """What a person or a keyboard-wedge gauge types at a prompt.
+
+    Accepts a sign (also U+2212), decimal point or comma, and a unit; nothing else. Exponents,
+    digit groups and error codes are not readings. Raises NotAReading.
+    """
+    plain = text.strip().replace("\u2212", "-")
+    match = _TYPED.fullmatch(plain)
+    token = Token.of(match, text.strip()) if match else None
+    if token is not None and token.value is not None:
+        return token
+    clean = visible(plain)
+    shown = f"'{clean if len(clean) <= 24 else clean[:23] + '~'}'"
+    if token is not None or re.search(r"err|^\d\s+to\b", plain, flags=re.IGNORECASE):
+        raise NotAReading(f"{shown} is an error message of the gauge, not a reading.")
+    if re.fullmatch(r"[+-]?[\d.,\s]+", plain) and len(re.findall(r"[.,]", plain)) > 1:
+        raise NotAReading(f"{shown}: two numbers in one? Type one, such as -0.12.")
+    raise NotAReading(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
+
+
+class LiveGauge(Protocol):
+    """A gauge that the program listens to, in addition to the keyboard."""
+
+    hint: str  # what to do for a reading, e.g. "press its button"
+    silence: str = ""  # what to check where Return was pressed and nothing came
+    # True if nobody need be there: where input from a pipe ends, Return is pressed for ever, and
+    # no press of a button can come too soon.
+    reads_itself: bool = False
+
+    def begin(self, step: SessionStep, takes: int) -> None:
+        """A prompt for this step, which was read `takes` times: forget what was said before."""
+
+    def poll(self, asked: bool) -> list[Token]:
+        """What was said since the last call; `asked`: Return was pressed. Raises GaugeLost."""
+
+    def reconnect(self) -> bool:
+        """After GaugeLost: try again; True if it is back."""
+        return True
+
+    def close(self) -> None:
+        """Let go of the port, if it has one."""
+        return
+
+
+# ---- gauges on serial lines or USB-serial adapters, through pyserial
 
 _PORT = re.compile(
     r"(?P<format>\w+):(?P<port>[^#@]+)(?:@(?P<baud>[^#]*))?(?:#(?P<channels>[\w,]+))?"
@@ -275,3 +375,62 @@ def _reason(error: Exception) -> str:
     """A short reason without the library's own wording around it."""
     match = re.search(r".*\] (.+?)(?:: '|$)", str(error))
     return match.group(1) if match else str(error).rstrip(".")
+
+
+# ---- a virtual machine whose joint offsets are hidden: for training and for trying
+
+# Half the width of the ranges that the hidden truth is drawn from.
+OFFSETS_MM = 1.5
+ZEROS_MM = 0.3
+_FINEST_MM = 1e-6  # in which two active offsets are distinguished
+
+_TRUTH, _NOISE = 0, 1  # streams of random numbers
+
+
+class SimulatedGauge(LiveGauge):
+    """Reads what the real gauges would; the same seed gives the same readings.
+
+    The hidden offsets are those of the machine without any correction: what is active in the
+    controller acts, so that a correction that was entered is seen when it is measured again.
+
+    Every reading has its own stream of random numbers (seed, step, take, and what is active), so
+    that a session that was interrupted reads the same as one that was not. In a session that goes
+    on from others, steps count from theirs on, and every part has its own zeros.
+    """
+
+    hint = "press Return to read it"
+    reads_itself = True
+
+    def __init__(self, setting: Setting, seed: int) -> None:
+        self._gauge = setting.machine.gauge
+        self._seed = seed
+        active = np.array(setting.machine.offsets_mm)
+        # Nothing for no correction.
+        steps = (active / _FINEST_MM).round().astype(np.int64) % 2**32
+        self._active: list[int] = steps.tolist() if steps.any() else []
+        rng = np.random.default_rng([seed, _TRUTH])
+        self.offsets_mm: Floats = rng.uniform(-OFFSETS_MM, OFFSETS_MM, 3) - active
+        plan = setting.plan
+        later = (np.random.default_rng([seed, _TRUTH, part]) for part in range(1, plan.parts))
+        zeros = np.array([each.uniform(-ZEROS_MM, ZEROS_MM, (3, 3)) for each in (rng, *later)])
+        exact = simulate(setting.model, self.offsets_mm, plan)
+        zero = zeros[plan.part, plan.leg, plan.direction]
+        self._exact: list[float] = (exact + zero).tolist()
+        self._before = len(setting.first.readings) if setting.first else 0
+        self._wanted = (1, 0)  # step and take
+
+    def begin(self, step: SessionStep, takes: int) -> None:
+        """A prompt for this step appears."""
+        self._wanted = (step.number, takes)
+
+    def poll(self, asked: bool) -> list[Token]:
+        """The reading, once Return was pressed."""
+        if not asked:
+            return []
+        step, takes = self._wanted
+        division = self._gauge.resolution_mm
+        rng = np.random.default_rng([self._seed, _NOISE, self._before + step, takes, *self._active])
+        noisy = self._exact[step - 1] + rng.normal(0.0, self._gauge.repeatability_mm)
+        value = round(round(noisy / division) * division, 6)
+        decimals = max(0, math.ceil(-math.log10(division)))
+        return [Token(f"{value:+.{decimals}f}", value, Unit.MM, source="simulated")]
