@@ -47,7 +47,7 @@ Line = Inline | tuple[Inline, ...]
 Blank = Line | None
 
 
-def parts_of(content: Line) -> tuple[Inline, ...]:
+def parts_of(content: Blank) -> tuple[Inline | None, ...]:
     """The parts of a line, however it was given."""
     return content if isinstance(content, tuple) else (content,)
 
@@ -161,11 +161,6 @@ class Section:
         self.title = title
         self.blocks = [each for each in blocks if not isinstance(each, Grid) or each.rows]
 
-    @property
-    def in_characters(self) -> list[Block]:
-        """The blocks but figures without a sketch: their words would refer to nothing."""
-        return [block for block in self.blocks if not isinstance(block, Figure) or block.sketch]
-
 
 def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:
     """What to do next, in order."""
@@ -188,9 +183,13 @@ class Page:
     stamp: str | None = None  # one word across the first page; None for what may be relied on
 
     @property
-    def in_characters(self) -> tuple[Section, ...]:
-        """All sections but those of which characters can show nothing."""
-        return tuple(each for each in (*self.sheet, *self.sections) if each.in_characters)
+    def in_characters(self) -> list[Section]:
+        """The sections but figures without a sketch: their words would refer to nothing."""
+        shown = [
+            Section(each.title, *(b for b in each.blocks if not isinstance(b, Figure) or b.sketch))
+            for each in (*self.sheet, *self.sections)
+        ]
+        return [each for each in shown if each.blocks]
 
     @property
     def closing(self) -> tuple[str, ...]:

@@ -85,7 +85,7 @@ def _block(block: doc.Block) -> Html:
             lines = (tag("p", _line(line)) for line in block.lines)
             return tag("div", title, *lines, class_=f"notice {block.tone}")
         case doc.Facts():
-            rows = (join((tag("dt", name), tag("dd", _cell(value)))) for name, value in block.rows)
+            rows = (join((tag("dt", name), tag("dd", _line(value)))) for name, value in block.rows)
             return tag("dl", *rows)
         case doc.Grid():
             return _tiles(block) if block.tiles else _table(block)
@@ -117,9 +117,9 @@ def _table(grid: doc.Grid) -> Html:
     for first, *others in grid.rows:
         named = bool(first) and 0 in grid.words
         scope = "row" if named else None
-        cells = [tag("th" if named else "td", _cell(first), scope=scope, class_=kinds[0])]
+        cells = [tag("th" if named else "td", _line(first), scope=scope, class_=kinds[0])]
         pairs = zip(others, kinds[1:], strict=True)
-        cells += (tag("td", _cell(cell), class_=kind) for cell, kind in pairs)
+        cells += (tag("td", _line(cell), class_=kind) for cell, kind in pairs)
         rows.append(tag("tr", *cells))
     scrolled = tag(
         "div",
@@ -138,10 +138,10 @@ def _tiles(grid: doc.Grid) -> Html:
     """A name never leaves its value, however narrow the page."""
     tiles = []
     for name, *others, value in grid.rows:
-        shown = tag("p", tag("span", _cell(name)), " ", tag("b", _cell(value)), class_="value")
+        shown = tag("p", tag("span", _line(name)), " ", tag("b", _line(value)), class_="value")
         label = tag("p", grid.head[-1], class_="small label")
         pairs = zip(grid.head[1:-1], others, strict=True)
-        below = (tag("p", f"{title} ", _cell(cell), class_="small") for title, cell in pairs)
+        below = (tag("p", f"{title} ", _line(cell), class_="small") for title, cell in pairs)
         tiles.append(tag("div", shown, label, *below, class_="tile"))
     caption = tag("p", grid.caption, class_="small") if grid.caption else None
     return tag("div", tag("div", *tiles, class_="tiles"), caption)
@@ -162,18 +162,14 @@ def _figure(figure: doc.Figure) -> Html:
     )
 
 
-def _cell(content: doc.Blank) -> Html:
-    if content is None:
-        return tag("span", class_="blank", role="img", aria_label="not given")
-    return _line(content)
-
-
-def _line(content: doc.Line) -> Html:
+def _line(content: doc.Blank) -> Html:
     return join(_inline(part) for part in doc.parts_of(content))
 
 
-def _inline(part: doc.Inline) -> Html:
+def _inline(part: doc.Inline | None) -> Html:
     match part:
+        case None:
+            return tag("span", class_="blank", role="img", aria_label="not given")
         case doc.Code():
             return tag("code", part.text)
         case doc.Typed():

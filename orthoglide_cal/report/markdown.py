@@ -21,7 +21,7 @@ def markdown(page: doc.Page) -> str:
     for section in page.in_characters:
         if section.title is not None:
             parts.append(f"## {in_markdown(section.title)}")
-        parts += [_block(block) for block in section.in_characters]
+        parts += [_block(block) for block in section.blocks]
     parts += [f"{in_markdown(role)}, date: {_BLANK}" for role in page.signatures]
     parts += map(in_markdown, page.closing)
     return "\n\n".join([*parts, doc.MARK])
@@ -35,7 +35,7 @@ def _block(block: doc.Block) -> str:
             lines = [f"**{in_markdown(block.title)}**", *(_line(line) for line in block.lines)]
             return "\n>\n".join(f"> {line}" for line in lines)
         case doc.Facts():
-            return "\n".join(f"- {in_markdown(name)}: {_cell(value)}" for name, value in block.rows)
+            return "\n".join(f"- {in_markdown(name)}: {_line(value)}" for name, value in block.rows)
         case doc.Grid():
             return _table(block)
         case doc.Figure():
@@ -55,21 +55,19 @@ def _block(block: doc.Block) -> str:
 def _table(grid: doc.Grid) -> str:
     head = "| " + " | ".join(in_markdown(title) or " " for title in grid.head) + " |"
     rule = "|" + "|".join("---" if k in grid.words else "---:" for k in range(len(grid.head))) + "|"
-    rows = ["| " + " | ".join(_cell(cell) for cell in row) + " |" for row in grid.rows]
+    rows = ["| " + " | ".join(_line(cell) for cell in row) + " |" for row in grid.rows]
     caption = [f"\n{in_markdown(grid.caption)}"] if grid.caption else []
     return "\n".join([head, rule, *rows, *caption])
 
 
-def _cell(content: doc.Blank) -> str:
-    return _BLANK if content is None else _line(content)
-
-
-def _line(content: doc.Line) -> str:
+def _line(content: doc.Blank) -> str:
     return "".join(_inline(part) for part in doc.parts_of(content))
 
 
-def _inline(part: doc.Inline) -> str:
+def _inline(part: doc.Inline | None) -> str:
     match part:
+        case None:
+            return _BLANK
         case doc.Code() | doc.Typed():
             return _code(part.text)
         case doc.Strong() | doc.Doubtful():

@@ -60,7 +60,7 @@ class TerminalPage:
             begun = True
             if section.title is not None:
                 yield from self._flow(doc.Strong(section.title))
-            for number, block in enumerate(section.in_characters):
+            for number, block in enumerate(section.blocks):
                 close = section.title is None and not headed
                 if number and isinstance(block, doc.Grid | doc.Figure) and not close:
                     yield Text()
@@ -117,10 +117,9 @@ class TerminalPage:
 
         So many columns of the console's width are `taken` by what stands in front.
         """
-        if content is None:
-            return [_cell(None)]
         parts = doc.parts_of(content)
-        end = next((k for k, part in enumerate(parts) if isinstance(part, doc.Typed)), len(parts))
+        whole = (k for k, part in enumerate(parts) if part is None or isinstance(part, doc.Typed))
+        end = next(whole, len(parts))
         sentence, command = _text(parts[:end], style), _text(parts[end:], style)
         lines = self._wrapped(sentence, self._width - taken)
         if command:
@@ -158,7 +157,7 @@ class TerminalPage:
 
     def _grid(self, grid: doc.Grid) -> Iterator[Text]:
         """The table; turned where it is too wide, or its rows as lines where that is, too."""
-        rows = [[_cell(cell) for cell in row] for row in grid.rows]
+        rows = [[_text(doc.parts_of(cell)) for cell in row] for row in grid.rows]
         if any(grid.head):
             rows.insert(0, [_text((title,), "dim") for title in grid.head])
         widths, over = self._widths(rows, grid.words)
@@ -203,9 +202,12 @@ def height(page: doc.Page) -> int:
     return len([*TerminalPage(page).lines(Console(), 80)])
 
 
-def _text(parts: Iterable[doc.Inline], style: str = "") -> Text:
+def _text(parts: Iterable[doc.Inline | None], style: str = "") -> Text:
     text = Text(style=style)
     for part in parts:
+        if part is None:
+            text.append(_BLANK, "dim")
+            continue
         marked = _TYPED if isinstance(part, doc.Typed) else ""
         if isinstance(part, doc.Strong | doc.Code | doc.Doubtful):
             marked = "bold"
@@ -213,10 +215,6 @@ def _text(parts: Iterable[doc.Inline], style: str = "") -> Text:
         text.append(content if content.isprintable() else visible(content), style=marked)
     text.plain = _HELD.sub(_BLANK_HELD, text.plain)
     return text
-
-
-def _cell(content: doc.Blank) -> Text:
-    return Text(_BLANK, style="dim") if content is None else _text(doc.parts_of(content))
 
 
 def _hung(lines: Iterable[Text], first: str | Text, rest: str | Text) -> Iterator[Text]:
