@@ -8,7 +8,7 @@ import yaml
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, ProbePlan
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.plan import Floats, joined
 from tests.machines import ROOT
 from tests.truth.delta import Delta, DeltaSession, Layout, Truth, places_of
 from tests.truth.plan import frozen
@@ -56,12 +56,7 @@ def printed(first: Floats, second: Floats, weight: float = 1.0) -> ProbePlan:
 
 
 def both(touches: ProbePlan, distances: ProbePlan) -> ProbePlan:
-    parts, names = (
-        (touches, distances),
-        ("hours", "place", "other", "surface", "distance", "weight"),
-    )
-    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
-    return ProbePlan(order=np.arange(len(touches) + len(distances)), **joined)
+    return joined(touches, replace(distances, order=distances.order + len(touches)))
 
 
 def standard_plan(machine: Delta = UNEVEN) -> ProbePlan:

@@ -4,7 +4,7 @@ The truth goes on measuring at the same machine exactly what is recommended; bot
 written to one file, read and diagnosed as any other.
 """
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import product
@@ -15,18 +15,13 @@ from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning import Option, RankedMeasurement, ranked
 from tests.diagnosis.sessions import known
-from tests.truth import (
-    Gauge,
-    Machine,
-    Session,
-    continue_session,
-    make_session,
-    separation,
-)
+from tests.truth import Gauge, Machine, Session, continue_session, make_session, separation
 from tests.truth.separation import STANDS_OUT
 
 from .cases import SLOW, SLOW_PACE
 from .scoring import showing
+
+Pair = tuple[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +33,7 @@ class Ambiguous:
     following: tuple[RankedMeasurement, ...]
 
     @property
-    def pair(self) -> tuple[str, str]:
+    def pair(self) -> Pair:
         """What is accepted, and what it cannot be told from, or what beside it would not show."""
         accepted = "+".join(sorted(cause.id for cause in self.found.causes))
         unshown = (fault.id for fault in self.found.unshown if fault.matters)
@@ -112,51 +107,47 @@ def draw(
 
 @dataclass
 class Tally:
-    """How often the recommendation decides, and one from the bottom half of the ranking."""
+    """How often the recommendation decides, and one from the bottom half of the ranking.
 
-    asked: Counter[tuple[str, str]] = field(default_factory=Counter)
-    named: Counter[tuple[str, str]] = field(default_factory=Counter)
-    """The right name, and nothing open."""
-    answered: Counter[tuple[str, str]] = field(default_factory=Counter)
-    """The right answer, whichever of its names is given; see `is_answered`."""
-    bottom: Counter[tuple[str, str]] = field(default_factory=Counter)
-    silent: Counter[tuple[str, str]] = field(default_factory=Counter)
-    """Nothing is recommended, because nothing would tell."""
+    Counted for each pair are sessions that are `asked` to go on, those that end `named` (the right
+    name, and nothing open) or `answered` (see `is_answered`), those that the `bottom` option names,
+    and `silent` ones: nothing is recommended, because nothing would tell.
+    """
+
+    counts: dict[str, Counter[tuple[str, str]]] = field(
+        default_factory=lambda: defaultdict(Counter)
+    )
     chance: float = 0.0
     """Sum of what the program foretells."""
 
-    @property
-    def share(self) -> float:
-        return self.named.total() / self.asked.total()
+    def total(self, what: str) -> int:
+        return self.counts[what].total()
+
+    def share(self, what: str = "named") -> float:
+        """Of the recommendations."""
+        return self.total(what) / self.total("asked")
 
     @property
     def share_of_all(self) -> float:
         """Of all that is ambiguous, also where nothing is recommended, what ends in its name."""
-        return self.named.total() / (self.asked.total() + self.silent.total())
-
-    @property
-    def answered_share(self) -> float:
-        return self.answered.total() / self.asked.total()
-
-    @property
-    def bottom_share(self) -> float:
-        return self.bottom.total() / self.asked.total()
+        return self.total("named") / (self.total("asked") + self.total("silent"))
 
     def __str__(self) -> str:
+        columns, asked = ("asked", "named", "answered", "bottom", "silent"), self.counts["asked"]
+        pairs = sorted({*asked, *self.counts["silent"]}, key=lambda pair: -asked[pair])
         rows = [
-            f"{self.asked[pair]:5d} {self.named[pair]:5d} {self.answered[pair]:8d}"
-            f" {self.bottom[pair]:6d}"
-            f" {self.silent[pair]:6d}  {' / '.join(pair)}"
-            for pair in sorted({*self.asked, *self.silent}, key=lambda p: -self.asked[p])
+            " ".join(f"{self.counts[what][pair]:{len(what)}d}" for what in columns)
+            + f"  {' / '.join(pair)}"
+            for pair in pairs
         ]
         total = (
-            f"{self.asked.total()} recommendations: {self.share:.1%} lead to the right name,"
-            f" {self.answered_share:.1%} to the right answer under any of its names (foretold"
-            f" {self.chance / self.asked.total():.1%}), {self.bottom_share:.1%} from the bottom"
-            f" half name it; {self.silent.total()} sessions without one: no reading can tell. Of"
+            f"{self.total('asked')} recommendations: {self.share():.1%} lead to the right name,"
+            f" {self.share('answered'):.1%} to the right answer under any of its names (foretold"
+            f" {self.chance / self.total('asked'):.1%}), {self.share('bottom'):.1%} from the bottom"
+            f" half name it; {self.total('silent')} sessions without one: no reading can tell. Of"
             f" all that is ambiguous, these included, {self.share_of_all:.1%} end in the right name"
         )
-        return "\n".join(("asked named answered bottom silent  accepted / open with", *rows, total))
+        return "\n".join((" ".join(columns) + "  accepted / open with", *rows, total))
 
 
 def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = print) -> Tally:
@@ -166,16 +157,15 @@ def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = p
     for n, case in enumerate(cases):
         best, ranking = case.recommended, case.following
         if best is None:
-            found.silent[case.pair] += 1
+            found.counts["silent"][case.pair] += 1
             continue
         low = ranking[int(rng.integers(len(ranking) // 2, len(ranking)))]
-        found.asked[case.pair] += 1
         found.chance += best.chance
         after, bottom = (joined_diagnosis(case.session, each.option, n) for each in (best, low))
         named = is_named(case.session, after)
-        found.named[case.pair] += named
-        found.answered[case.pair] += is_answered(case.session, after)
-        found.bottom[case.pair] += is_named(case.session, bottom)
+        answered, worse = is_answered(case.session, after), is_named(case.session, bottom)
+        for what, yes in ("asked", 1), ("named", named), ("answered", answered), ("bottom", worse):
+            found.counts[what][case.pair] += yes
         if not named:
             said = [(each.id, *each.aliases) for each in after.causes], after.ambiguous_with
             said = *said, [fault.id for fault in after.unshown if fault.matters]

@@ -197,14 +197,6 @@ def test_what_stays_unexplained_is_told(leaning: tuple[Input, Input]) -> None:
     assert "13 µm are the probe's noise" in note
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_rough_bed_is_no_cause(seed: int, tmp_path: Path) -> None:
-    """Twice as rough as stated, with many touches: independent noise it is not."""
-    rough = (2.0 * V400.texture, GRAIN)
-    session = make_delta_session(seed, V400, (), Layout(240), rough)
-    assert diagnosed(tmp_path, session).verdict is Verdict.CONSISTENT
-
-
 @pytest.mark.parametrize(
     ("drift", "layout", "seed"),
     [

@@ -61,12 +61,3 @@ def test_defaults_are_scaled_like_what_is_given() -> None:
         assert cause.size(white.machine) == factor * cause.size(silent.machine), id
         assert (cause.size(white.machine) > 0.0) == (Orthoglide in cause.sizes), id
         assert cause.size(doubled) == 2.0 * cause.size(white.machine), id
-
-
-def test_scaling_changes_the_tolerances_and_nothing_else() -> None:
-    white = sample("double_posture_session.csv")
-    half = white.scaled(0.5)
-    assert half.machine.tolerances == {id: 0.5 * t for id, t in PROTOTYPE.tolerances.items()}
-    assert half.machine.changed(tolerances=PROTOTYPE.tolerances) == PROTOTYPE
-    assert np.array_equal(half.data, white.data)
-    assert half.plan is white.plan

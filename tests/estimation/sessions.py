@@ -1,6 +1,6 @@
 """Measured data for tests, plans for them, and many sessions solved at once."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from orthoglide_cal.model.measured import (
 )
 from orthoglide_cal.model.model import Model, simulate, synthetic_session
 from orthoglide_cal.model.orthoglide import Gauge, ideal_plan, reduction
-from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.plan import Floats, joined
 from orthoglide_cal.model.readings import GaugePlan
 from tests.machines import extended
 
@@ -71,13 +71,7 @@ def only(data: Differences, *names: str) -> Differences:
     return replace(data, which=tuple(NAMED[name] for name in names), value=data.value[index])
 
 
-def merged(*plans: GaugePlan) -> GaugePlan:
-    """Plans one after the other, each with set-ups of its own."""
-    parts = {
-        item.name: np.concatenate([getattr(plan, item.name) for plan in plans])
-        for item in fields(GaugePlan)
-    }
-    counts = np.cumsum([0, *(plan.setups for plan in plans)])
-    parts["setup"] = np.concatenate([p.setup + n for p, n in zip(plans, counts, strict=False)])
-    parts["order"] = np.arange(len(parts["leg"]))
-    return GaugePlan(**parts)
+def merged(one: GaugePlan, other: GaugePlan) -> GaugePlan:
+    """One after the other, each with set-ups of its own."""
+    later = replace(other, setup=other.setup + one.setups, order=other.order + len(one))
+    return joined(one, later)

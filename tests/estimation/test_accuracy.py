@@ -6,10 +6,7 @@ from scipy import stats
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.accuracy import (
-    scatter_of_repeats,
-    sum_of_squares,
-)
+from orthoglide_cal.estimation.accuracy import scatter_of_repeats, sum_of_squares
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import Model, simulate_with_jacobian

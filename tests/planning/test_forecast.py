@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
-from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model, synthetic_session
@@ -19,12 +18,8 @@ from orthoglide_cal.planning.steps import (
     minutes_left,
     sequence,
 )
-from orthoglide_cal.results import answer_to
-from tests import truth
-from tests.diagnosis.sessions import model_of, readings_of
 from tests.machines import NOMINAL, both_models, sure
 from tests.planning.truth import true_readings
-from tests.results.sessions import given
 
 DOUBLE, SINGLE, BEST = MeasuringProtocol
 OFFSETS = np.array([0.43, -0.61, 0.32])
@@ -99,31 +94,6 @@ def test_the_expected_uncertainty_is_what_solve_gives(
             session = synthetic_session(machine, found.plan, offsets, rng)
             reach.append(solve(session, machine, name).expanded_mm)
         assert found.budget.expanded_mm == pytest.approx(np.mean(reach, axis=0), rel=within)
-
-
-@pytest.mark.parametrize(("hidden", "cycles"), [(truth.PROTOTYPE, 10), (truth.LARGE, 1)])
-def test_the_offsets_are_as_far_off_as_was_forecast(hidden: truth.Machine, cycles: int) -> None:
-    """Whole u against 100 machines of the independent truth, whose legs, gauge places and gauge
-    scales are off. Their r.m.s. error has a standard error of 4.1 %; 15 % is 3.7 of them.
-    """
-    model = model_of(hidden, truth.DIAL)
-    found, errors = forecast(model, DOUBLE, cycles), []
-    for seed in range(100):
-        session = truth.make_session(12_000_000 + seed, hidden, truth.DIAL, cycles=cycles)
-        errors.append(solve(readings_of(session), model).offsets_mm - session.offsets)
-    assert rms(found.budget.std_mm) == pytest.approx(rms(np.array(errors)), rel=0.15)
-
-
-def test_what_the_command_prints_is_hardly_more() -> None:
-    """It adds what the readings cannot rule out: by the median of 40 sessions less than 5 %."""
-    found = forecast(NOMINAL, DOUBLE, 3)
-    rng, reach = np.random.default_rng(8), []
-    for _ in range(40):
-        offsets = rng.normal(0.0, OFFSET_MM, 3)
-        session = synthetic_session(NOMINAL, found.plan, offsets, rng)
-        reach.append([each.expanded for each in answer_to(given(session, NOMINAL)).parameters])
-    assert found.budget.expanded_mm == pytest.approx(np.median(reach, axis=0), rel=0.05)
-    assert np.all(found.budget.expanded_mm < 1.01 * np.median(reach, axis=0))
 
 
 @pytest.mark.parametrize("target", [0.03, 0.024, 0.022])

@@ -14,11 +14,7 @@ from orthoglide_cal.model.machine import SimulationOptions
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.forecast import SessionForecast
-from orthoglide_cal.planning.plan import (
-    CERTAIN_SIGMA,
-    Wanted,
-    measurement_plan,
-)
+from orthoglide_cal.planning.plan import CERTAIN_SIGMA, Wanted, measurement_plan
 from orthoglide_cal.planning.separation import separations
 from tests.machines import NOMINAL
 from tests.printers import UNEVEN, printer, readings_of_touches, true_values

@@ -23,10 +23,9 @@ from orthoglide_cal.planning.next_measurement import _pair, predictions
 from orthoglide_cal.planning.options import options
 from orthoglide_cal.results import answer_to
 from tests import truth
-from tests.bench.ambiguous import continued, is_named, joined_diagnosis
-from tests.diagnosis.sessions import known, model_of, readings_of
+from tests.bench.ambiguous import continued
+from tests.diagnosis.sessions import known, model_of
 from tests.printers import plan_of_session, printer, readings_of_touches
-from tests.readings import some
 from tests.results.sessions import given
 from tests.truth.delta import TOLERANCES, V400, Layout, make_delta_session
 from tests.truth.effects import state_with
@@ -164,38 +163,6 @@ def test_what_no_reading_tells_is_not_looked_for(
     assert sum(rival in mentioned(each) for each in after) >= 2
 
 
-def ends_only(readings: Readings, count: int) -> Readings:
-    """Without the isotropic posture in the first `count` readings."""
-    iso = (readings.plan.displacement == 0.0) & (np.arange(len(readings)) < count)
-    return some(readings, np.flatnonzero(~iso))
-
-
-@pytest.mark.parametrize("cause", ["axis_gap", "bar_skew"])
-@pytest.mark.parametrize("hidden", [truth.PROTOTYPE, truth.LARGE], ids=lambda machine: machine.name)
-def test_a_gap_and_a_skewed_bar_are_told_apart_in_minutes(
-    cause: str, hidden: truth.Machine
-) -> None:
-    """With the parts they have: the independent truth decides between them in each session."""
-    model, asked = model_of(hidden, truth.MICRON), 0
-    for seed in range(1, 6):
-        session = truth.make_session(seed, hidden, truth.MICRON, (cause,))
-        count = session.plan.count
-        found = diagnose(ends_only(readings_of(session), count), model)
-        if not mentioned(found) >= {"axis_gap", "bar_skew"}:
-            continue
-        asked += 1
-        following = best_next(found)
-        assert following is not None
-        assert following.option.minutes < 35.0
-        # The last isotropic reading, which was left out, took its time.
-        whole = readings_of(continued(session, following.option, seed, rest_min=1.0))
-        after = diagnose(ends_only(whole, count), model)
-        (rival,) = {"axis_gap", "bar_skew"} - {cause}
-        assert [named.id for named in after.causes] == [cause]
-        assert rival not in after.ambiguous_with
-    assert asked >= 3
-
-
 SESSIONS = [
     (5, truth.MICRON, ()),
     (5, truth.DIAL, ()),
@@ -242,31 +209,6 @@ def printed_u(session: truth.Session) -> Floats:
     model = model_of(session.machine, session.gauge)
     answer = answer_to(read_input(document, model))
     return np.array([each.expanded for each in answer.parameters])
-
-
-DECIDED = [
-    (7_100_014, truth.DIAL, "bar_skew", "ambiguous"),
-    # Named, but exchanged columns or a gauge read from its other side would not show beside it.
-    (7_100_016, truth.MICRON, "axis_gap", "named"),
-    (7_100_009, truth.MICRON, "bar_skew", "named"),
-]
-
-
-@pytest.mark.parametrize(("seed", "gauge", "cause", "verdict"), DECIDED)
-def test_the_first_decides_and_the_last_does_not(
-    seed: int, gauge: truth.Gauge, cause: str, verdict: str
-) -> None:
-    """As foretold, and as the truth measures it."""
-    session = truth.make_session(seed, truth.PROTOTYPE, gauge, (cause,))
-    found = diagnose(*known(session))
-    assert found.verdict == verdict
-    assert not is_named(session, found)
-    first, *_, last = ranked(found)
-    assert first.chance > 0.95
-    assert last.chance < 0.2
-    assert best_next(found) == first
-    assert is_named(session, joined_diagnosis(session, first.option, 1))
-    assert not is_named(session, joined_diagnosis(session, last.option, 1))
 
 
 def test_readings_are_expected_as_the_truth_has_them() -> None:

@@ -3,22 +3,18 @@
 Where the carriages belong and where the tool then is comes from `tests.truth`.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from orthoglide_cal.errors import PostureError, UsageError
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.program import posture_program
-from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence
-from tests.machines import LARGE, NOMINAL, PROTOTYPE, both_models
+from orthoglide_cal.planning.steps import MeasuringProtocol, Order
+from tests.machines import LARGE, NOMINAL, both_models
 from tests.planning.programs import SESSION, gcode, ran, steps_of, true_tool, visits_of
-from tests.truth.forward import PARTS, SIZE, signals
-from tests.truth.machines import MACHINES
-from tests.truth.plan import joints_at, standard_plan
+from tests.truth.plan import joints_at
 
 MICROMETRE = 1e-3
 NAN = float("nan")
@@ -104,43 +100,6 @@ def test_the_leg_stays_under_the_plunger_on_the_way(tmp_path: Path) -> None:
             joints = move.start + shares * (move.end - move.start)
             tool = np.sort(np.abs(true_tool(length, joints)), axis=0)
             assert tool[1].max() < 0.25 + 1.5 * approach
-
-
-@pytest.mark.parametrize("name", ["prototype", "large"])
-def test_lost_motion_leaves_no_trace_but_half_of_it_in_the_offsets(
-    name: str, tmp_path: Path
-) -> None:
-    """With room behind every posture. The machine is the independent one of the bench."""
-    machine = MACHINES[name]
-    nominal = {"prototype": PROTOTYPE, "large": LARGE}[name]
-    nominal = nominal.changed(
-        leg_length_mm=machine.leg, joint_limits_mm=(machine.lower, machine.upper)
-    )
-    model = Model(nominal)
-    plan = standard_plan(machine, np.random.default_rng(5))
-    steps = sequence(nominal, MeasuringProtocol.DOUBLE, 3, Order.PAPER, 2)
-    assert [step.leg for step in steps] == plan.leg.tolist()
-    assert [step.displacement_mm for step in steps] == plan.displacement.tolist()
-
-    def read(travel: tuple[float, float] | None) -> NDArray[np.float64]:
-        folder = tmp_path / str(travel)
-        folder.mkdir()
-        done = ran(gcode(folder, model, steps, travel_mm=travel), machine.leg)
-        side = {w.block: np.sign(w.arrival.end - w.arrival.start) for w in done.readings}
-        approach = np.array([side[step.block] for step in steps])
-        worn, shifted = np.zeros((2, 1, SIZE))
-        worn[0, PARTS["offsets"]] = shifted[0, PARTS["offsets"]] = (0.3, -0.4, 0.5)
-        worn[0, 15:18] = widths = np.array((0.05, 0.02, 0.08))
-        shifted[0, PARTS["offsets"]] -= widths / 2.0
-        driven = replace(plan, approach=approach)
-        return signals(driven, machine, worn)[0] - signals(driven, machine, shifted)[0]
-
-    def trace(difference: NDArray[np.float64]) -> float:
-        zeros = [difference[plan.setup == k].mean() for k in range(6)]
-        return float(np.abs(difference - np.array(zeros)[plan.setup]).max())
-
-    assert trace(read(WIDE)) < 1e-9
-    assert trace(read(None)) > 0.002
 
 
 ROOM = r"N10: carriage X has no room for an approach of 100"
