@@ -2,7 +2,6 @@
 as CSV they come back exactly."""
 
 import dataclasses
-import math
 import time
 
 import numpy as np
@@ -44,24 +43,6 @@ def test_the_required_columns_are_enough(tmp_path):
     assert read.remarks == (
         "Times were not given, or are all the same; 0.4 minutes per reading were assumed.",
     )
-
-
-def test_all_columns(tmp_path):
-    text = (
-        "Seq, Cycle ,minutes,temperature_c,gauge,gauge_at,note,leg,posture,direction,reading_mm\n"
-        '2,1,3.5,21.5,B,0.25,"a, ""b""",x,iso,y,0.1\n1,1,0.5,,A,,,x,min,z,-0.2\n'
-    )
-    read = readings(tmp_path, text)
-    assert read.plan.order.tolist() == [1, 0]
-    assert read.plan.in_time.tolist() == [1, 0]
-    assert read.plan.hours.tolist() == [3.5 / 60, 0.5 / 60]
-    assert read.plan.gauge_at.tolist() == [0.25, 0.5]
-    assert read.temperature[0] == 21.5
-    assert math.isnan(read.temperature[1])
-    assert read.gauge == ("B", "A")
-    assert read.note == ('a, "b"', "")
-    assert read.timed
-    assert read.remarks == ()
 
 
 @pytest.mark.parametrize(
@@ -189,14 +170,6 @@ def test_cycles_are_counted_in_time(tmp_path):
     assert read.cycle.tolist() == [2, 1, 1, 1]
     explicit = readings(tmp_path, f"{HEAD},cycle\nx,iso,y,0.1,7\n")
     assert explicit.cycle.tolist() == [7]
-
-
-def test_both_ends_share_a_zero(tmp_path):
-    rows = [f"x,{p},z,0.1,{e}" for p in ("iso", "max") for e in ("joint", "tool")]
-    read = readings(tmp_path, f"{HEAD},end\n" + "\n".join(rows))
-    assert read.plan.setup.tolist() == [0, 0, 0, 0]
-    assert read.plan.contact.tolist() == [Contact.JOINT, Contact.TOOL] * 2
-    assert read.cycle.tolist() == [1, 1, 1, 1]
 
 
 REMARKS = [
@@ -415,13 +388,6 @@ def test_a_bar_that_is_turned_within_a_part_gets_new_zeros(tmp_path):
     ]
     plan = parted(tmp_path, rows).plan
     assert plan.setup.tolist() == [0, 1, 0, 1, 2, 3, 2, 3]
-
-
-def test_a_usual_file_has_no_such_column(tmp_path):
-    usual = parted(tmp_path, ["x,iso,y,0.10,1,,0 0 0,0.5"])
-    assert not {"part", "bar", "entered", "gauge_at"} & set(
-        readings_csv(usual).splitlines()[0].split(",")
-    )
 
 
 def test_readings_that_were_replaced_are_checked_for_it_too(tmp_path):

@@ -12,9 +12,7 @@ from orthoglide_cal.model.readings import (
     Contact,
     GaugePlan,
     Posture,
-    Series,
     number_setups,
-    other_axes,
 )
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 
@@ -76,23 +74,6 @@ def test_order_in_time_and_set_ups() -> None:
     assert plan.subset([]).setups == len(plan.subset([])) == 0
 
 
-def test_series_are_named_direction_first() -> None:
-    plan = small_plan()
-    assert plan.series == (Series(0, 1), Series(0, 1), Series(1, 2), Series(0, 2))
-    assert [series.name for series in plan.series] == ["y_x", "y_x", "z_y", "z_x"]
-    assert plan.series[2].words == "leg y, direction z"
-    assert plan.of(Series(0, 1)).tolist() == [True, True, False, False]
-    assert plan.of(Series(1, 0)).tolist() == [False] * 4
-    assert [other_axes(leg) for leg in range(3)] == [(1, 2), (0, 2), (0, 1)]
-
-
-def test_a_subset_renumbers_its_set_ups() -> None:
-    part = small_plan().subset(np.array([2, 3]))
-    assert part.setup.tolist() == [1, 0]
-    assert part.gauge_at.tolist() == [0.4, 0.5]
-    assert part.setups == 2
-
-
 def test_readings_alike_share_their_cell_and_their_moment() -> None:
     """A cell is where and how is read; a moment where the carriages stand; iso is one for all."""
     ends = [(0, 1, 0.0), (0, 1, 60.0), (0, 2, 60.0), (1, 2, 0.0), (1, 2, 60.0), (1, 2, 60.0)]
@@ -105,21 +86,6 @@ def test_readings_alike_share_their_cell_and_their_moment() -> None:
     assert groups(plan.moments[1]) == [[0, 3], [1, 2, 6], [4, 5]]
     for first, kind in (plan.distinct, plan.moments):
         assert kind[first].tolist() == list(range(len(first)))
-
-
-def test_contacts_name_the_end_that_is_touched() -> None:
-    assert [contact.end for contact in Contact] == [None, "joint", "tool"]
-    assert small_plan().fixed
-    assert not replace(small_plan(), contact=[0, 0, 2, 0]).fixed
-
-
-@both_machines
-def test_postures_are_the_ends_of_the_travel(machine: Machine) -> None:
-    low, high = machine.joint_limits_mm
-    for posture, moved in ((Posture.ISO, 0.0), (Posture.MAX, high), (Posture.MIN, low)):
-        assert machine.displacement_mm(posture) == moved
-        assert machine.posture_at(moved) is posture
-    assert machine.posture_at(high - 1.0) is None
 
 
 # --- the paper's sessions ---------------------------------------------------------------------
@@ -159,33 +125,10 @@ def test_the_papers_sessions(machine: Machine) -> None:
 # --- where the controller sends the carriages -------------------------------------------------
 
 
-def test_carriages_remember_their_last_motion() -> None:
-    """Iso → max: x forward, y and z back; max → min: x back, y and z pass iso and end lower."""
-    signs = approach(double_posture(PROTOTYPE, cycles=1))
-    assert signs[0:2].tolist() == [[0, 0, 0]] * 2
-    assert signs[2:4].tolist() == [[1, -1, -1]] * 2
-    assert signs[4:6].tolist() == [[-1, -1, -1]] * 2
-    assert signs[6:8].tolist() == [[1, 1, 1]] * 2
-    # The y-leg's first isotropic posture is where the x-leg's last one was: nothing moves.
-    assert signs[8:10].tolist() == [[1, 1, 1]] * 2
-
-
 def test_approach_follows_time_not_the_order_of_the_rows() -> None:
     plan = double_posture(PROTOTYPE)
     mixed = np.random.default_rng(3).permutation(len(plan))
     assert np.array_equal(approach(plan.subset(mixed)), approach(plan)[mixed])
-
-
-def test_commanded_joints_put_the_nominal_tool_on_the_axis() -> None:
-    plan = small_plan()
-    command = NOMINAL.machine.command(plan)
-    length = PROTOTYPE.leg_length_mm
-    assert command.joints[1].tolist() == [length] * 3
-    assert command.joints[2] == pytest.approx(
-        [np.sqrt(length**2 - 1e4), length - 100.0, np.sqrt(length**2 - 1e4)], abs=1e-12
-    )
-    assert command.home == length
-    assert command.hours.tolist() == plan.hours.tolist()
 
 
 @pytest.mark.parametrize(
@@ -202,10 +145,6 @@ def test_commanded_joints_put_the_nominal_tool_on_the_axis() -> None:
 def test_a_place_and_a_label_make_a_setup(places, gauges, ordered, setups):
     found = number_setups(places, gauges, range(len(places)), ordered=ordered)
     assert found.tolist() == setups
-
-
-def test_numbers_of_setups_follow_time():
-    assert number_setups("ba", ["", ""], [1, 0], ordered=True).tolist() == [1, 0]
 
 
 # --- several parts ----------------------------------------------------------------------------
