@@ -34,8 +34,6 @@ from tests.truth.delta import (
     Surface,
     Truth,
     distances,
-    feet,
-    indicated,
     places_of,
     probe_bed,
     touches,
@@ -83,29 +81,6 @@ def missed(machine: Delta, truth: Truth, values: Floats, effects: Sequence[Effec
 
 
 # --- kinematics -------------------------------------------------------------------------------
-
-
-@every_machine
-def test_inverse_kinematics_of_the_controller(machine: Delta) -> None:
-    rng = np.random.default_rng(2)
-    places = np.column_stack((rng.uniform(-70, 70, (50, 2)), rng.uniform(0, 100, 50)))
-    found = printer(machine).nominal_rails.joints_for(places)
-    assert found == pytest.approx(indicated(machine, places), abs=NANOMETRE)
-    rails = printer(machine).nominal_rails
-    assert rails.points == pytest.approx(feet(machine, Truth()), abs=NANOMETRE)
-    many = printer(machine).nominal_rails.joints_for(np.stack((places, 0.5 * places)))
-    assert many.shape == (2, 50, 3)
-    assert np.array_equal(many[0], found)
-
-
-@every_machine
-def test_direct_kinematics_undo_the_inverse_ones(machine: Delta) -> None:
-    """A perfect machine goes where it is told: every reading is zero."""
-    model = Model(printer(machine))
-    plan = trigger_plan(machine, Truth())
-    sensed = model.machine.sensed(model.real, NONE, plan, True, False)
-    assert sensed.where == pytest.approx(plan.place, abs=NANOMETRE)
-    assert simulate(model, NONE, plan) == pytest.approx(plan.surface * 0.0, abs=NANOMETRE)
 
 
 def test_a_place_beyond_the_arms_is_refused() -> None:
