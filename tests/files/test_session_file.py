@@ -95,20 +95,6 @@ def test_the_conditions_are_those_of_the_file(tmp_path):
     assert given.environment == (("sky", "foggy"),)
 
 
-def test_readings_come_back_exactly(tmp_path):
-    path = save(tmp_path, session_text(values()))
-    read = read_input(path, MODEL).measured
-    assert read.value.tolist() == [k / 3 - 0.4 for k in range(4)]
-    assert read.plan.hours.tolist() == [0.37 * k / 60 for k in range(4)]
-    assert read.plan.gauge_at.tolist() == [0.45] * 4
-    assert read.temperature.tolist() == [20 + k / 7 for k in range(4)]
-    assert read.posture == ("iso", "max", "-20.5", "min")
-    assert read.gauge == ("012",) * 4
-    assert read.note == ("yes: 1", "", "", "")
-    assert read.timed
-    assert len(read.source.sha256) == 64
-
-
 def test_each_file_and_its_machine_are_read_once(tmp_path, monkeypatch):
     path = save(tmp_path, session_text(values(LARGE)))
     read = []
@@ -170,14 +156,6 @@ def test_a_fault_of_a_cause_inside_has_its_place(tmp_path):
     (fault,) = problems(read_input, save(tmp_path, changed))
     line = changed.split("\n").index("  - cause: sign_flip") + 1
     assert places([fault]) == [(line, "machine.identified[0].cause", "sign_flip")]
-
-
-def test_the_default_machine_for_a_table(tmp_path):
-    path = save(tmp_path, "leg,posture,direction,reading_mm\nx,max,y,1\n", "d.csv")
-    given = read_input(path)
-    assert not given.is_session
-    assert given.model is MODEL
-    assert given.measured.plan.displacement.tolist() == [60.0]
 
 
 def without(text: str, key: str) -> str:
