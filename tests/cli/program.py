@@ -1,5 +1,6 @@
 """Running the program: inside this process where that is enough, as a process of its own else."""
 
+import functools
 import json
 import os
 import subprocess
@@ -10,6 +11,7 @@ from typing import Any
 from typer.testing import CliRunner, Result
 
 from orthoglide_cal.cli.app import app
+from tests import truth
 from tests.machines import ROOT
 
 SAMPLES = ROOT / "sample_data"
@@ -17,12 +19,19 @@ SIX = str(SAMPLES / "experiment2.csv")
 DOUBLE = str(SAMPLES / "double_posture_session.csv")
 SINGLE = str(SAMPLES / "single_posture_session.csv")
 SESSION = str(SAMPLES / "session.yaml")
+READINGS, MACHINE = "my readings.csv", "my machine.yaml"
 UNDETERMINED = "difference,value_mm\ndx_y,0.1\ndy_x,0.2\n"
 
 
 def run(*arguments: str, text: str = "") -> Result:
     """One command in this process; `text` is its standard input."""
     return CliRunner().invoke(app, list(arguments), input=text)
+
+
+@functools.cache
+def once(*arguments: str) -> Result:
+    """What a command shows that no test changes anything for."""
+    return run(*arguments)
 
 
 def done(*arguments: str, text: str = "") -> str:
@@ -60,12 +69,11 @@ def parameters(found: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def words(text: str) -> str:
-    """What is said, without the breaks of its lines."""
     return " ".join(text.replace("│", " ").split())
 
 
 def process(
-    *arguments: str, text: str = "", environment: dict[str, str] | None = None, cwd: Path = ROOT
+    *arguments: str, text: str = "", environment: dict[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
     """One command as a process of its own."""
     return subprocess.run(
@@ -75,27 +83,21 @@ def process(
         text=True,
         encoding="utf-8",
         env={**os.environ, **(environment or {})},
-        cwd=cwd,
         timeout=120,
         check=False,
     )
 
 
 def modules_after(*arguments: str) -> set[str]:
-    """Modules that a command leaves loaded."""
-    script = (
-        "import sys\n"
-        f"sys.argv = {['orthocal', *arguments]!r}\n"
-        "from orthoglide_cal.cli import main\n"
-        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code, end.code\n"
-        "print('\\n'.join(sys.modules), file=sys.stderr)\n"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        timeout=120,
-        check=True,
-    )
-    return set(done.stderr.split())
+    """Modules that a command loads, as Python itself tells."""
+    shown = process(*arguments, environment={"PYTHONPROFILEIMPORTTIME": "1"})
+    assert shown.returncode == 0, shown.stderr
+    return {line.rpartition("|")[2].strip() for line in shown.stderr.splitlines()}
+
+
+def written(session: truth.Session) -> tuple[str, ...]:
+    """A session of the truth and its machine in the present folder; its arguments."""
+    truth.write_readings(session, Path(READINGS))
+    text = truth.machine_yaml(session.machine, session.gauge)
+    Path(MACHINE).write_text(text, encoding="utf-8")
+    return READINGS, "--machine", MACHINE

@@ -19,9 +19,8 @@ FIRST = truth.make_session(31, truth.LARGE, truth.MICRON)
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A folder with a machine file that somebody wrote, and a first measurement."""
-    monkeypatch.chdir(tmp_path)
+def _here(folder: Path) -> None:
+    """A machine file that somebody wrote, and a first measurement."""
     machine = truth.machine_yaml(truth.LARGE, truth.MICRON)
     Path("machine.yaml").write_text(COMMENT + machine, encoding="utf-8")
     truth.write_readings(FIRST, Path("before.csv"))

@@ -96,26 +96,25 @@ def test_json_and_page_say_the_same(tmp_path):
         assert found["changes"] == answer("history", *files)["changes"]
 
 
-def test_a_printer_is_compared_too(tmp_path):
+def test_a_printer_is_compared_too():
     """Its touches as tables; the radius is another one from the second on."""
     machine = KOSSEL
-    with chdir(tmp_path):
-        Path("machine.yaml").write_text(delta_yaml(machine), encoding="utf-8")
-        for day in (2, 9, 16):
-            session = make_delta_session(3, machine, (), Layout(places=37))
-            if day > 2:
-                longer = replace(session.truth, radius=session.truth.radius + 1.0)
-                rng = np.random.default_rng(day)
-                session = probe_bed(machine, longer, (), session.layout, rng)
-            Path(f"touches_2026-03-{day:02}.csv").write_text(delta_csv(session), encoding="utf-8")
-        files = sorted(map(str, Path().glob("*.csv")))
-        found = answer("history", *files)
-        assert found["verdict"] == "changed"
-        assert found["changes"][0]["before"] == files[0]
-        changed = {each["name"]: each["value"] for each in found["changes"][0]["parameters"]}
-        assert changed["radius"] == pytest.approx(1.0, abs=0.2)
-        run("history", *files, "--html", "page.html")
-        assert "What is left of each touch" in Path("page.html").read_text(encoding="utf-8")
+    Path("machine.yaml").write_text(delta_yaml(machine), encoding="utf-8")
+    for day in (2, 9, 16):
+        session = make_delta_session(3, machine, (), Layout(places=37))
+        if day > 2:
+            longer = replace(session.truth, radius=session.truth.radius + 1.0)
+            rng = np.random.default_rng(day)
+            session = probe_bed(machine, longer, (), session.layout, rng)
+        Path(f"touches_2026-03-{day:02}.csv").write_text(delta_csv(session), encoding="utf-8")
+    files = sorted(map(str, Path().glob("*.csv")))
+    found = answer("history", *files)
+    assert found["verdict"] == "changed"
+    assert found["changes"][0]["before"] == files[0]
+    changed = {each["name"]: each["value"] for each in found["changes"][0]["parameters"]}
+    assert changed["radius"] == pytest.approx(1.0, abs=0.2)
+    run("history", *files, "--html", "page.html")
+    assert "What is left of each touch" in Path("page.html").read_text(encoding="utf-8")
 
 
 def test_what_is_refused():

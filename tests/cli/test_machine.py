@@ -19,11 +19,6 @@ ANSWERS = (
 )  # fmt: skip
 
 
-@pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 def test_options_make_the_machine() -> None:
     made = done("machine", "new", *ANSWERS, "--yes", "--output", "mine.yaml")
     machine = read_machine("mine.yaml").machine

@@ -19,8 +19,7 @@ def of_state(state: object) -> dict:
 
 
 @pytest.fixture(autouse=True)
-def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def _here(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("MOONRAKER_API_KEY", "http_proxy"):
         monkeypatch.delenv(name, raising=False)
 

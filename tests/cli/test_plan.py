@@ -1,6 +1,5 @@
 """`orthocal plan`: what it promises is what `measure` and `solve` do then."""
 
-import functools
 import html
 import re
 import textwrap
@@ -9,12 +8,11 @@ from pathlib import Path
 
 import pytest
 import yaml
-from typer.testing import Result
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.planning.design import GIVES_UP
-from tests.cli.program import lines, modules_after, process, run
+from tests.cli.program import lines, modules_after, once, process, run
 from tests.machines import ROOT
 from tests.printers import CONFIG
 
@@ -29,15 +27,9 @@ KEYS = {
 }  # fmt: skip
 
 
-@functools.cache
-def once(*arguments: str) -> Result:
-    """What a command shows that no test changes anything for."""
-    return run(*arguments)
-
-
 def machine(folder: Path, **changes: object) -> str:
     given = {**yaml.safe_load(SHIPPED.read_text("utf-8")), **changes}
-    path = folder / "machine.yaml"
+    path = folder / "mine.yaml"
     kept = {name: value for name, value in given.items() if value is not None}
     path.write_text(yaml.safe_dump(kept), encoding="utf-8")
     return str(path)
@@ -68,14 +60,11 @@ def test_the_json_is_that_of_the_contract() -> None:
 
 
 @pytest.mark.parametrize("protocol", ["double", "single"])
-def test_measure_takes_the_readings_and_the_minutes_that_were_planned(
-    protocol: str, tmp_path: Path
-) -> None:
+def test_measure_takes_the_readings_and_the_minutes_that_were_planned(protocol: str) -> None:
     (data,) = lines(run("plan", "--protocol", protocol, "--cycles", "2", "--json"))
     row = next(each for each in data["by_cycles"] if each["cycles"] == 2)
     done = process(
         "measure", "--gauge", "simulated", "--seed", "1", "--protocol", protocol, "--cycles", "2",
-        cwd=tmp_path, environment={"PYTHONPATH": str(ROOT)},
     )  # fmt: skip
     said = re.search(r"(\d+) readings .* (\d+) gauge\s+moves,\s+about (\d+) min", done.stdout)
     assert said, done.stdout
@@ -110,22 +99,13 @@ def test_a_target_below_what_cannot_be_seen_says_what_would_help(tmp_path: Path)
 
 
 def test_more_cycles_are_said_to_help_where_they_do(tmp_path: Path) -> None:
+    assert "More cycles help little" in once("plan").stdout
+    assert "More cycles hardly help" in run("plan", "--cycles", "10").stdout
     known = {"leg_length": 0.0}
     exact = {"resolution_mm": 0.01, "range_mm": 10, "repeatability_mm": 0.006,
              "placement_mm": 0.01, "scale_u": 1e-6}  # fmt: skip
     path = machine(tmp_path, tolerances=known, gauge=exact)
     assert "more cycles help" in run("plan", "--machine", path).stdout
-    assert "More cycles help little" in once("plan").stdout
-    assert "More cycles hardly help" in run("plan", "--cycles", "10").stdout
-
-
-def test_a_machine_file_without_tolerances_has_the_usual_ones(tmp_path: Path) -> None:
-    bare, full = (
-        lines(run("plan", "--json", "--machine", path))[0]
-        for path in (machine(tmp_path, tolerances=None), str(SHIPPED))
-    )
-    assert bare["by_cycles"] == full["by_cycles"]
-    assert bare["separation"] == full["separation"]
 
 
 def test_a_machine_without_possible_causes_is_planned_for(tmp_path: Path) -> None:
@@ -182,13 +162,12 @@ def test_a_plan_takes_less_than_two_seconds(options: tuple[str, ...]) -> None:
 @pytest.mark.parametrize("command", [("plan",), ("report", SESSION)])
 @pytest.mark.parametrize("target", ["-", "page.html"])
 def test_a_page_and_json_are_asked_for_apart(
-    command: tuple[str, ...], target: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: tuple[str, ...], target: str, folder: Path
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     done = run(*command, "--html", target, "--json")
     assert done.exit_code == 2
     assert "Leave out --html" in " ".join((done.stdout + done.stderr).split())
-    assert not list(tmp_path.iterdir())
+    assert not list(folder.iterdir())
 
 
 def test_its_help_is_made_of_phrases_that_stand_alone() -> None:

@@ -1,34 +1,34 @@
 """`plan FILE`: what to measure next, ranked; `diagnose` names the first of it."""
 
 import re
-from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.files.text import write_text
 from tests import truth
-from tests.cli.program import DOUBLE, SINGLE, SIX, lines, process, run
-from tests.cli.test_plan import once
-from tests.machines import ROOT
+from tests.cli.program import (
+    DOUBLE,
+    SINGLE,
+    SIX,
+    answer,
+    lines,
+    once,
+    process,
+    run,
+    words,
+    written,
+)
 
 OF_DIAGNOSIS = {"session", "what", "minutes", "separates", "between", "separation_sigma"}
 KEYS = OF_DIAGNOSIS | {"expanded_mm", "chance"}
 
 
-@pytest.fixture(scope="module")
-def open_session(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
-    """A skewed bar that may as well be rails that do not meet, and its machine file."""
-    folder: Path = tmp_path_factory.mktemp("open")
-    session = truth.make_session(7_100_014, truth.PROTOTYPE, truth.DIAL, ("bar_skew",))
-    write_text(folder / "machine.yaml", truth.machine_yaml(truth.PROTOTYPE, truth.DIAL))
-    path = truth.write_readings(session, folder / "first.csv")
-    return str(path), str(folder / "machine.yaml")
+# A skewed bar that may as well be rails that do not meet.
+OPEN = truth.make_session(7_100_014, truth.PROTOTYPE, truth.DIAL, ("bar_skew",))
 
 
-def test_the_ranking_begins_with_what_diagnose_names(open_session: tuple[str, str]) -> None:
-    path, machine = open_session
-    (plan,) = lines(run("plan", path, "--machine", machine, "--json"))
-    (diagnosis,) = lines(run("diagnose", path, "--machine", machine, "--json"))
+def test_the_ranking_begins_with_what_diagnose_names() -> None:
+    given = written(OPEN)
+    plan, diagnosis = answer("plan", *given), answer("diagnose", *given)
     first, *others = plan["next"]
     assert set(first) == KEYS
     assert diagnosis["verdict"] == "ambiguous"
@@ -44,9 +44,9 @@ def test_the_ranking_begins_with_what_diagnose_names(open_session: tuple[str, st
     assert others[-1]["chance"] < 0.5
 
 
-def test_the_text_says_what_to_type(open_session: tuple[str, str]) -> None:
-    path, machine = open_session
-    shown = once("plan", path, "--machine", machine, "--details").output
+def test_the_text_says_what_to_type() -> None:
+    given = written(OPEN)
+    shown = run("plan", *given, "--details").output
     # The recommendation leads.
     assert next(line for line in shown.splitlines() if line[:1] in "i!✔✘").startswith("i Next: ")
     assert "What to measure next, best first" in shown
@@ -54,37 +54,33 @@ def test_the_text_says_what_to_type(open_session: tuple[str, str]) -> None:
     assert "Ranked by it per minute; eight hours are added for coming back" in said
     assert "measure --then" in shown
     assert "settles" in shown
-    page = run("diagnose", path, "--machine", machine).output
+    page = run("diagnose", *given).output
     assert "measure --then" in page
     assert "it distinguishes bar_skew from" in " ".join(page.split())
 
 
-def test_what_would_not_show_but_matters_is_decided_by_the_next_measurement(tmp_path: Path) -> None:
+def test_what_would_not_show_but_matters_is_decided_by_the_next_measurement() -> None:
     """A gap that exchanged columns would turn into another: named, yet nothing to enter."""
     session = truth.make_session(7_100_001, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
-    write_text(tmp_path / "machine.yaml", truth.machine_yaml(truth.PROTOTYPE, truth.MICRON))
-    path = str(truth.write_readings(session, tmp_path / "first.csv"))
-    given = path, "--machine", str(tmp_path / "machine.yaml")
-    (answer,) = lines(run("diagnose", *given, "--json"))
-    following = answer["next_measurement"]
-    assert answer["verdict"] == "named"
+    given = written(session)
+    found = answer("diagnose", *given)
+    following = found["next_measurement"]
+    assert found["verdict"] == "named"
     assert following["between"] == [["axis_gap"], ["axis_gap", "exchanged_columns"]]
     said = " ".join(run("diagnose", *given).output.split())
     assert "--rule-out exchanged_columns" in said
     assert "it distinguishes axis_gap from axis_gap with exchanged_columns" in said
     assert "measure --then" in said
     assert "Next: about 2 min leave one answer" in run("plan", *given).output
-    (checked,) = lines(run("diagnose", *given, "--rule-out", "exchanged_columns", "--json"))
+    checked = answer("diagnose", *given, "--rule-out", "exchanged_columns")
     assert checked["next_measurement"] is None
 
 
-def test_what_no_reading_tells_is_measured_again(tmp_path: Path) -> None:
+def test_what_no_reading_tells_is_measured_again() -> None:
     """Beside a lost motion a stand that is gone may have crept: it is not looked for."""
     hidden = ("gauge_drift", "backlash")
     session = truth.make_session(7_500_005, truth.LARGE, truth.DIAL, hidden)
-    write_text(tmp_path / "machine.yaml", truth.machine_yaml(truth.LARGE, truth.DIAL))
-    path = str(truth.write_readings(session, tmp_path / "first.csv"))
-    page = run("diagnose", path, "--machine", str(tmp_path / "machine.yaml")).output
+    page = run("diagnose", *written(session)).output
     said = " ".join(page.split())
     assert "No further reading of this kind is likely to decide. All of them are faults of" in said
     assert "leave the old readings out" in said
@@ -92,23 +88,17 @@ def test_what_no_reading_tells_is_measured_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", [SIX, SINGLE])
-def test_what_cannot_be_joined_is_followed_by_a_session_of_its_own(
-    path: str, tmp_path: Path
-) -> None:
+def test_what_cannot_be_joined_is_followed_by_a_session_of_its_own(path: str) -> None:
     """The command that is shown measures it; it is solved alone, as was said."""
     shown = run("plan", path).stdout
     assert "measure --then" not in shown
     assert "It is solved alone" in " ".join(shown.split())
-    head = shown
-    (told,) = re.findall(r"^ +orthocal (measure.*)$", head, re.MULTILINE)
-    (wanted,) = re.findall(
-        r"double-posture, ([0-9]) cycle", " ".join(head.split("\nNext\n")[1].split())
-    )
-    environment = {"PYTHONPATH": str(ROOT)}
+    (told,) = re.findall(r"^ +orthocal (measure.*)$", shown, re.MULTILINE)
+    (wanted,) = re.findall(r"double-posture, ([0-9]) cycle", words(shown.split("\nNext\n")[1]))
     simulated = ("session.yaml", "--gauge", "simulated", "--seed", "4", "--yes")
-    done = process(*told.split(), *simulated, cwd=tmp_path, environment=environment)
+    done = process(*told.split(), *simulated)
     assert done.returncode in (0, 4), done.stderr
-    (found,) = lines(run("solve", str(tmp_path / "session.yaml"), "--json"))
+    found = answer("solve", "session.yaml")
     assert found["input"]["readings"] == 6 * (3 * int(wanted) + 1)
 
 
@@ -127,7 +117,7 @@ def test_the_page_of_a_file_speaks_of_that_file() -> None:
 def test_a_target_beside_a_file_is_answered() -> None:
     def said(target: str) -> str:
         shown = once("plan", DOUBLE, "--target", target).stdout.partition("\nNext\n")[0]
-        return " ".join(shown.replace("│", " ").split())
+        return words(shown)
 
     (plan,) = lines(once("plan", DOUBLE, "--json"))
     able = [n for n in plan["next"] if max(n["expanded_mm"].values()) <= 0.022]

@@ -5,23 +5,22 @@ Files that tests only read are made once; what reads them is run once.
 
 from __future__ import annotations
 
-import contextlib
 import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
-from typer.testing import Result
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import read_machine
-from tests.cli.program import SIX, answer, done, parameters, refused, run, words
+from tests.cli.program import SIX, answer, done, once, parameters, refused, run, words
 from tests.machines import ROOT
 from tests.printer_files import OFF, exact, printer_cfg
 from tests.truth.delta import (
@@ -116,7 +115,6 @@ FILES: dict[str, Callable[[], str]] = {
     "longer.cfg": lambda: printer_cfg(V400, replace(OFF, arms=np.full(3, 0.9))),
     "t13.csv": lambda: exact(V400, OFF, Layout(places=13)),
     "t41.csv": lambda: exact(V400, OFF, Layout(places=41)),
-    "longer.csv": lambda: exact(V400, replace(OFF, arms=np.full(3, 0.3)), Layout(places=41)),
     "belt.csv": lambda: touched(STRETCHED, Layout(41, THREE)),
     "lean.csv": lambda: touched(LEANING, Layout(81, THREE)),
     "lost.csv": lambda: touched(replace(OFF, lost=np.array([0.12, 0.0, 0.1])), Layout(81)),
@@ -148,23 +146,9 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def here(files: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(files)
-
-
-@pytest.fixture
-def own(files: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder to write in, with a machine file and a printer.cfg."""
-    for name in ("v400.yaml", "printer.cfg"):
-        shutil.copy(files / name, tmp_path)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@cache
-def once(*arguments: str) -> Result:
-    """A command that only reads the shared files."""
-    return run(*arguments)
+def own(files: Path, folder: Path) -> None:
+    """The files, in the folder of the test."""
+    shutil.copytree(files, folder, dirs_exist_ok=True)
 
 
 def page(*arguments: str) -> str:
@@ -192,18 +176,6 @@ def test_solve_tells_the_parameters_themselves(data: str) -> None:
         assert told[name]["enter"] == pytest.approx(real, abs=1e-4)
     assert solved["rms"]["after_mm"] < solved["rms"]["before_mm"]
     assert {each["source"] for each in solved["budget"]} >= {"noise", "bed_texture", "leg_length"}
-
-
-def test_arms_are_taken_as_given_and_make_the_endstops_unsure(own: Path, files: Path) -> None:
-    """Arms that are one tolerance too long give other endstops, and U covers that."""
-    shutil.copy(files / "longer.csv", own)
-    told = parameters(answer("solve", "longer.csv", *MACHINE))["a"]
-    wrong = abs(told["active"] + told["found"] - TRUE["a"])
-    assert 0.1 < wrong < told["expanded"]
-    text = Path("v400.yaml").read_text()
-    Path("known.yaml").write_text(text.replace("leg_length: 0.3", "leg_length: 0.0"))
-    sure = parameters(answer("solve", "longer.csv", "--machine", "known.yaml"))
-    assert sure["a"]["expanded"] < 0.5 * wrong
 
 
 def known(longer: float) -> tuple[str, str]:
@@ -243,12 +215,13 @@ def test_verify_says_what_was_entered_of_each_parameter() -> None:
         assert compared["parameters"][name]["entered"] == pytest.approx(change)
     assert compared["rms_after_mm"] < 0.02 < compared["rms_before_mm"]
     assert "agree better than before" in page(*both)
+    assert "161.8000 +0.2400 162.0400" in page(*both, "--details")
     assert run(*both[:3], "--applied", "1", "2", "3").exit_code == 2
     assert run("report", "printer.cfg", "--after", "after.cfg").exit_code == 2
 
 
 @pytest.mark.parametrize(("share", "kept"), [(1.0, True), (0.6, False)])
-def test_what_is_better_is_not_yet_what_was_promised(share: float, kept: bool, own: Path) -> None:
+def test_what_is_better_is_not_yet_what_was_promised(share: float, kept: bool) -> None:
     """Of all that is off a share was entered: the touches agree better either way."""
     left = 1.0 - share
     parts = {name: left * getattr(OFF, name) for name in ("endstops", "radius", "angles")}
@@ -261,7 +234,7 @@ def test_what_is_better_is_not_yet_what_was_promised(share: float, kept: bool, o
     assert ("but not as predicted" in said) is not kept
 
 
-def test_what_got_worse_with_nothing_entered_has_moved(own: Path) -> None:
+def test_what_got_worse_with_nothing_entered_has_moved() -> None:
     """The same settings: twice and more as bad is a move, the same again is none."""
     worse = replace(OFF, endstops=frozen(3.0 * OFF.endstops))
     for truth, moved in ((worse, True), (OFF, False)):
@@ -273,7 +246,7 @@ def test_what_got_worse_with_nothing_entered_has_moved(own: Path) -> None:
         assert not compared["kept"]
 
 
-def test_no_better_than_before_is_not_as_promised(own: Path) -> None:
+def test_no_better_than_before_is_not_as_promised() -> None:
     """29 touches on a shape of 25 µm: what was entered took nothing away, though F cannot tell."""
     at = places_of(Layout(29), V400.bed)
     x, y = at.T / V400.bed
@@ -289,7 +262,7 @@ def test_no_better_than_before_is_not_as_promised(own: Path) -> None:
     assert not compared["kept"]
 
 
-def test_dates_of_one_printer_are_judged_together(own: Path) -> None:
+def test_dates_of_one_printer_are_judged_together() -> None:
     Path("later.cfg").write_text(printer_cfg(CALIBRATED, Truth(), seed=4))
     both = ("diagnose", "printer.cfg", "later.cfg", "--data", "mesh", "--together")
     found = answer(*both)
@@ -307,7 +280,7 @@ def test_dates_of_one_printer_are_judged_together(own: Path) -> None:
         assert run("diagnose", *wrong).exit_code == 2
 
 
-def test_a_simulated_printer_is_found_out(own: Path) -> None:
+def test_a_simulated_printer_is_found_out() -> None:
     """Offsets, radius and angles as they were drawn up; the arms are right, so U is ample."""
     given = ("--offsets", "0.3", "-0.2", "0.1", "--radius-angles", "0.2", "0.1", "-0.05")
     drawn = (*given, "--places", "41", "--height", "0", "--height", "40", "--seed", "3")
@@ -333,12 +306,11 @@ def test_a_simulated_printer_is_found_out(own: Path) -> None:
 # --- causes -----------------------------------------------------------------------------------
 
 
-def test_causes_of_the_rails_have_the_names_of_the_towers(own: Path, files: Path) -> None:
+def test_causes_of_the_rails_have_the_names_of_the_towers() -> None:
     """In every form: values for programs, the machine file, the page, and what is typed."""
-    (cause,) = found_at(files, "diagnose", "belt.csv", *MACHINE)["causes"]
+    (cause,) = found("diagnose", "belt.csv", *MACHINE)["causes"]
     assert cause["id"] == "encoder_scale"
     assert [each["name"] for each in cause["parameters"]] == ["a", "b", "c"]
-    shutil.copy(files / "belt.csv", own)
     accept = ("--accept", "encoder_scale", "--output", "known.yaml")
     done("diagnose", "belt.csv", *MACHINE, *accept)
     (kept,) = yaml.safe_load(Path("known.yaml").read_text())["identified"]
@@ -352,17 +324,11 @@ def test_causes_of_the_rails_have_the_names_of_the_towers(own: Path, files: Path
     back = refused(3, "solve", "belt.csv", "--machine", "other.yaml")
     assert "encoder_scale has the parameters a, b, c." in back
     std = cause["parameters"][1]["std"]
-    with contextlib.chdir(files):
-        said = page("diagnose", "belt.csv", *MACHINE, "--details")
+    said = page("diagnose", "belt.csv", *MACHINE, "--details")
     shown = re.search(r"encoder_scale, mm/m a [^b]+ b −[\d.]+ ± ([\d.]+)", said)
     assert shown is not None
     assert float(shown[1]) == pytest.approx(1.96 * std, rel=0.06)
     assert "± U, 95 %" in said
-
-
-def found_at(folder: Path, *arguments: str) -> dict[str, Any]:
-    with contextlib.chdir(folder):
-        return found(*arguments)
 
 
 def test_no_page_of_a_printer_speaks_of_gauges_and_postures() -> None:
@@ -396,9 +362,8 @@ def test_what_is_not_recommended_is_not_accepted() -> None:
     assert not Path("v400-backlash.yaml").exists()
 
 
-def test_a_leaning_tower_that_is_named_can_be_lived_with(own: Path, files: Path) -> None:
+def test_a_leaning_tower_that_is_named_can_be_lived_with() -> None:
     """No firmware knows of it, but its parameters are found beside it, and may be pasted."""
-    shutil.copy(files / "lean.csv", own)
     refused(4, "export", "lean.csv", *MACHINE, "--format", "klipper")
     accept = ("--accept", "tower_lean", "--output", "known.yaml")
     assert "--accept tower_lean" in done("diagnose", "lean.csv", *MACHINE, *accept)
@@ -419,7 +384,7 @@ def test_diagnose_shows_the_bed_from_above() -> None:
 
 
 @pytest.mark.parametrize("data", ["calibration", "mesh"])
-def test_the_report_is_written_whole(data: str, own: Path) -> None:
+def test_the_report_is_written_whole(data: str) -> None:
     given = ("report", "printer.cfg", "--data", data)
     done(*given, "--html", "r.html", "--markdown", "r.md")
     html = Path("r.html").read_text()
@@ -432,18 +397,53 @@ def test_the_report_is_written_whole(data: str, own: Path) -> None:
 # --- little, nothing, or nothing to change ----------------------------------------------------
 
 
-def test_where_nothing_is_to_be_changed_it_is_said() -> None:
-    """Calibrated again it would get other digits, and no better ones."""
-    said = once("solve", "right.csv", *MACHINE).stdout
-    assert "✔ Nothing to enter: noise explains the changes" in said
-    assert "type in" not in said
-    assert "orthocal export" not in said
-    assert "orthocal plan right.csv --machine v400.yaml" in said
+@pytest.mark.parametrize(
+    ("command", "present", "absent"),
+    [
+        # Calibrated again it would get other digits, and no better ones.
+        ("solve right.csv",
+         ("✔ Nothing to enter: noise explains the changes",
+          "orthocal plan right.csv --machine v400.yaml"), ("type in", "orthocal export")),
+        ("diagnose right.csv", ("Nothing to enter",), ()),
+        ("export right.csv --format klipper", ("Nothing to enter",), ()),
+        # One spare reading: any cause fits it, and that nothing is wrong is likelier than each.
+        ("diagnose seven.csv",
+         ("Undecided: nothing wrong (", "so few readings nearly anything fits",
+          "1. Probe more places"), ("Likeliest", "Something is wrong")),
+        ("solve seven.csv", ("nor from a sound machine",), ()),
+        # Without a touch to spare the model is not said to fit.
+        ("diagnose six.csv", ("these data cannot show",),
+         ("✔", "Unexplained: ", "degrees of freedom")),
+        ("diagnose seven20.csv --details", ("1 degree of freedom)",), ()),
+        # A pattern that noise leaves in fewer than one of a hundred, on a bed without grain.
+        ("solve seven14.csv --machine smooth.yaml --details",
+         ("larger than usual for the probe's noise", "not large enough to call the model wrong"),
+         ("smaller ones",)),
+        ("solve tilted.csv", ("± U enter",), ()),
+        # Nine touches within 2 mm of the middle.
+        ("solve grid.csv", ("not determined", "blocks of two known heights"), ()),
+        *((f"{command} --data {data}", (said,), ())
+          for data, said in (("calibration", "7 heights and 3 distances"),
+                             ("mesh", "points of a mesh"))
+          for command in ("solve printer.cfg", "diagnose printer.cfg", "validate printer.cfg",
+                          "report printer.cfg --markdown -", "verify printer.cfg printer.cfg")),
+    ],
+)  # fmt: skip
+def test_what_a_page_says_and_does_not(
+    command: str, present: tuple[str, ...], absent: tuple[str, ...]
+) -> None:
+    known = "--machine" in command or "printer.cfg" in command
+    said = page(*command.split(), *(() if known else MACHINE))
+    assert [part for part in present if part not in said] == [], said
+    assert [part for part in absent if part in said] == [], said
+
+
+def test_what_is_released_is_settled_where_nothing_is_to_be_changed() -> None:
     release = found("solve", "right.csv", *MACHINE)["release"]
-    assert release["usable"]
-    assert release["settled"]
-    assert "Nothing to enter" in page("diagnose", "right.csv", *MACHINE)
-    assert "Nothing to enter" in page("export", "right.csv", *MACHINE, "--format", "klipper")
+    assert (release["usable"], release["settled"]) == (True, True)
+    assert found("diagnose", "seven.csv", *MACHINE)["verdict"] == "ambiguous"
+    for verb, data in product(("solve", "diagnose"), ("calibration", "mesh")):
+        assert found(verb, "printer.cfg", "--data", data)["input"]["data"] == data
 
 
 def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
@@ -451,41 +451,9 @@ def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
     solved = found("solve", "tilted.csv", *MACHINE)
     assert max(each["expanded"] for each in solved["parameters"]) > 0.3
     assert not solved["release"]["settled"]
-    assert "± U enter" in page("solve", "tilted.csv", *MACHINE)
     planned = page("plan", "tilted.csv", *MACHINE)
     assert planned.index("To reduce U: about") < planned.index(" Next ")
     assert "telling: " not in planned.partition(" Next ")[0]
-
-
-def test_seven_touches_do_not_claim_what_is_wrong() -> None:
-    """One spare reading: any cause fits it, and that nothing is wrong is likelier than each."""
-    assert found("diagnose", "seven.csv", *MACHINE)["verdict"] == "ambiguous"
-    said = page("diagnose", "seven.csv", *MACHINE)
-    for part in (
-        "Undecided: nothing wrong (",
-        "so few readings nearly anything fits",
-    ):
-        assert part in said
-    for part in ("Likeliest", "Something is wrong"):
-        assert part not in said
-    assert "1. Probe more places" in once("diagnose", "seven.csv", *MACHINE).stdout
-    assert "nor from a sound machine" in page("solve", "seven.csv", *MACHINE)
-
-
-def test_without_a_touch_to_spare_the_model_is_not_said_to_fit() -> None:
-    said = page("diagnose", "six.csv", *MACHINE)
-    assert "these data cannot show" in said
-    for part in ("✔", "Unexplained: ", "degrees of freedom"):
-        assert part not in said
-    assert "1 degree of freedom)" in page("diagnose", "seven20.csv", *MACHINE, "--details")
-
-
-def test_what_seldom_happens_is_not_called_what_noise_would_give() -> None:
-    """A pattern that noise leaves in fewer than one of a hundred, on a bed without grain."""
-    said = page("solve", "seven14.csv", "--machine", "smooth.yaml", "--details")
-    assert "larger than usual for the probe's noise" in said
-    assert "not large enough to call the model wrong" in said
-    assert "smaller ones" not in said
 
 
 def test_values_and_page_give_the_same_residuals() -> None:
@@ -498,28 +466,13 @@ def test_values_and_page_give_the_same_residuals() -> None:
     assert f"{lack['left_mm']:.3f} mm r.m.s., where" in " ".join(told["release"]["reasons"])
 
 
-@pytest.mark.parametrize("verb", ["solve", "diagnose"])
-@pytest.mark.parametrize("file", ["three.csv", "near.csv"])
-def test_touches_that_are_few_or_near_to_each_other_are_no_failed_search(
-    verb: str, file: str
-) -> None:
-    """Within 5 mm of the middle the radius and the tower angles hardly show beside the noise."""
-    said = refused(4, verb, file, *MACHINE)
-    assert "do not determine a, b, c, radius" in said
-    assert "Touch at least seven places spread over the whole bed" in said
-    assert not re.search("offsets|search", said)
-
-
 def test_of_what_the_touches_do_not_determine_no_number_is_told() -> None:
-    """Nine touches within 2 mm of the middle."""
     assert once("solve", "grid.csv", *MACHINE, "--json").exit_code == 4
     told = found("solve", "grid.csv", *MACHINE)
     assert not told["release"]["usable"]
     for each in told["parameters"]:
         assert (each["determined"], each["found"], each["enter"]) == (False, None, None)
-    said = page("solve", "grid.csv", *MACHINE)
-    assert said.count("not determined") == 6
-    assert "blocks of two known heights" in said
+    assert page("solve", "grid.csv", *MACHINE).count("not determined") == 6
     pasted = once("export", "grid.csv", *MACHINE, "--format", "klipper", "--force").stdout
     assert "#*# delta_radius = 161.8000" in pasted
     assert "do not tell: a, b, c, radius, angle_a, angle_b" in pasted
@@ -550,14 +503,7 @@ def test_the_next_steps_are_about_the_readings_that_were_shown(command: tuple[st
     assert all("--data mesh" in each for each in told), told
 
 
-def test_what_is_pasted_is_what_was_shown() -> None:
-    shown = parameters(found("solve", "printer.cfg", "--data", "mesh"))
-    steps = typed(once("solve", "printer.cfg", "--data", "mesh").stdout)
-    (step,) = (each for each in steps if " export " in each)
-    assert f"delta_radius = {shown['radius']['enter']:.4f}" in run(*step.split()[1:]).stdout
-
-
-def test_a_cause_is_accepted_from_the_readings_that_showed_it(own: Path) -> None:
+def test_a_cause_is_accepted_from_the_readings_that_showed_it() -> None:
     """Towers that lean by as much as nothing else does, which only the mesh shows."""
     leaning = replace(OFF, leans=np.array([[9.0, -4.0], [2.0, -18.0], [1.0, 15.0]]))
     Path("printer.cfg").write_text(printer_cfg(V400, leaning))
@@ -571,19 +517,6 @@ def test_a_cause_is_accepted_from_the_readings_that_showed_it(own: Path) -> None
     assert "report printer.cfg --machine known.yaml --data mesh" in accepted.stderr
 
 
-@pytest.mark.parametrize(
-    ("data", "said"), [("calibration", "7 heights and 3 distances"), ("mesh", "points of a mesh")]
-)
-def test_every_page_says_which_readings_it_is_of(data: str, said: str) -> None:
-    chosen = ("--data", data)
-    for verb in ("solve", "diagnose", "validate"):
-        assert said in once(verb, "printer.cfg", *chosen).stdout
-    assert said in once("report", "printer.cfg", *chosen, "--markdown", "-").stdout
-    assert said in once("verify", "printer.cfg", "printer.cfg", *chosen).stdout
-    for verb in ("solve", "diagnose"):
-        assert found(verb, "printer.cfg", *chosen)["input"]["data"] == data
-
-
 def test_reports_of_the_mesh_and_of_the_calibration_have_two_numbers() -> None:
     numbers = {
         re.search(r"OC-[0-9A-F-]+", page("report", "printer.cfg", "--data", data))[0]  # type: ignore[index]
@@ -592,7 +525,7 @@ def test_reports_of_the_mesh_and_of_the_calibration_have_two_numbers() -> None:
     assert len(numbers) == 2
 
 
-def test_a_report_judges_all_that_the_file_stores_and_opens_with_the_worst(own: Path) -> None:
+def test_a_report_judges_all_that_the_file_stores_and_opens_with_the_worst() -> None:
     """The calibration is fine, and the mesh shows that towers lean."""
     leaning = replace(OFF, leans=np.array([[1.8, -0.8], [0.4, -3.6], [0.2, 3.0]]))
     Path("printer.cfg").write_text(printer_cfg(V400, leaning))
@@ -629,41 +562,38 @@ TWO_MACHINES = "two machines: arms 344 and 265 mm long, delta radius 162 and 130
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "said"),
+    ("command", "code", "said"),
     [
-        (("solve", SIX, *MACHINE), 3, "readings of gauges. truth-v400 is of kind linear_delta."),
-        (
-            ("solve", SIX, "--data", "mesh", "--machine", PROTOTYPE),
-            2,
-            "--data is for a printer's file",
-        ),
-        (("export", "printer.cfg", "--format", "linuxcnc"), 2, FOREIGN.format("linuxcnc")),
-        (("export", "printer.cfg", "--format", "table"), 2, FOREIGN.format("table")),
-        (("verify", "printer.cfg", "kossel.cfg"), 2, TWO_MACHINES),
-        (("diagnose", "printer.cfg", "--holdout", "kossel.cfg"), 2, TWO_MACHINES),
-        (("measure", *MACHINE), 2, "BED_MESH_CALIBRATE"),
-        (("apply", "t41.csv", *MACHINE, "--yes"), 2, "export t41.csv --machine v400.yaml --format"),
-        (("plan", *MACHINE, "--layout", "print-13", "--program", "p.csv"), 2, "DELTA_ANALYZE"),
-        (
-            ("machine", "new", "--kind", "linear_delta", "--width", "80", "--yes"),
-            2,
-            "--width is not for a machine of kind linear_delta",
-        ),
-        (("machine", "new", "--radius", "140", "--yes"), 2, "--radius"),
-        (("diagnose", "series.csv", *MACHINE), 4, "A series at one place says how the probe"),
+        ("solve SIX --machine v400.yaml", 3,
+         "readings of gauges. truth-v400 is of kind linear_delta."),
+        ("solve SIX --data mesh --machine PROTOTYPE", 2, "--data is for a printer's file"),
+        ("export printer.cfg --format linuxcnc", 2, FOREIGN.format("linuxcnc")),
+        ("export printer.cfg --format table", 2, FOREIGN.format("table")),
+        ("export SIX --format marlin --machine PROTOTYPE", 2,
+         "of kind linear_delta; this machine is of kind orthoglide"),
+        ("verify printer.cfg kossel.cfg", 2, TWO_MACHINES),
+        ("diagnose printer.cfg --holdout kossel.cfg", 2, TWO_MACHINES),
+        ("measure --machine v400.yaml", 2, "BED_MESH_CALIBRATE"),
+        ("apply t41.csv --machine v400.yaml --yes", 2,
+         "export t41.csv --machine v400.yaml --format"),
+        ("plan --machine v400.yaml --layout print-13 --program p.csv", 2, "DELTA_ANALYZE"),
+        ("machine new --kind linear_delta --width 80 --yes", 2,
+         "--width is not for a machine of kind linear_delta"),
+        ("machine new --radius 140 --yes", 2, "--radius"),
+        ("diagnose series.csv --machine v400.yaml", 4, "A series at one place says how the probe"),
+        *((f"{verb} {file} --machine v400.yaml", 4, said)
+          for verb in ("solve", "diagnose") for file in ("three.csv", "near.csv")
+          for said in ("do not determine a, b, c, radius",
+                       "Touch at least seven places spread over the whole bed")),
     ],
-    ids=lambda value: " ".join(value[:2]) if isinstance(value, tuple) else "",
-)
-def test_what_is_not_of_printers_is_refused(
-    arguments: tuple[str, ...], code: int, said: str
-) -> None:
-    assert said in refused(code, *arguments)
-
-
-def test_formats_of_printers_are_refused_for_others(tmp_path: Path) -> None:
-    with contextlib.chdir(tmp_path):
-        back = refused(2, "export", SIX, "--format", "marlin")
-    assert "of kind linear_delta; this machine is of kind orthoglide" in back
+)  # fmt: skip
+def test_what_is_not_of_printers_is_refused(command: str, code: int, said: str) -> None:
+    """Within 5 mm of the middle the radius and the tower angles hardly show beside the noise."""
+    names = {"SIX": SIX, "PROTOTYPE": PROTOTYPE}
+    told = refused(code, *(names.get(word, word) for word in command.split()))
+    assert said in told
+    # Few touches are no failed search.
+    assert "determine" not in said or not re.search("offsets|search", told)
 
 
 @pytest.mark.parametrize(
@@ -674,12 +604,12 @@ def test_formats_of_printers_are_refused_for_others(tmp_path: Path) -> None:
     ],
     ids=["cut off", "a decimal comma"],
 )
-def test_faults_of_a_printers_file(pattern: str, instead: str, said: str, own: Path) -> None:
+def test_faults_of_a_printers_file(pattern: str, instead: str, said: str) -> None:
     Path("p.cfg").write_text(re.sub(pattern, instead, Path("printer.cfg").read_text()))
     assert said in refused(3, "solve", "p.cfg")
 
 
-def test_a_machine_of_no_kind_is_refused(own: Path) -> None:
+def test_a_machine_of_no_kind_is_refused() -> None:
     text = Path("v400.yaml").read_text().replace("kind: linear", "kinds: linear")
     Path("slip.yaml").write_text(text)
     back = refused(3, "solve", "printer.cfg", "--machine", "slip.yaml")
@@ -687,7 +617,7 @@ def test_a_machine_of_no_kind_is_refused(own: Path) -> None:
     assert "arm_length_mm" not in back.replace("Known here", "").split("kinds")[0]
 
 
-def test_places_that_are_not_filled_in_are_one_fault(own: Path) -> None:
+def test_places_that_are_not_filled_in_are_one_fault() -> None:
     done("plan", *MACHINE, "--layout", "bed-13", "--program", "places.csv")
     back = run("diagnose", "places.csv", *MACHINE)
     assert back.exit_code == 3
@@ -698,7 +628,7 @@ def test_places_that_are_not_filled_in_are_one_fault(own: Path) -> None:
 # --- beside them ------------------------------------------------------------------------------
 
 
-def test_a_new_machine_file_of_a_printer(own: Path) -> None:
+def test_a_new_machine_file_of_a_printer() -> None:
     made = answer(
         *("machine", "new", "--kind", "linear_delta", "--leg-length", "300", "--radius", "140"),
         *("--bed-radius", "120", "--endstop", "380", "--repeatability", "0.02", "--yes"),
@@ -711,15 +641,17 @@ def test_a_new_machine_file_of_a_printer(own: Path) -> None:
     assert made["probe"]["repeatability_mm"] == 0.02
 
 
-def test_the_template_of_touches_can_be_solved(own: Path) -> None:
+def test_the_template_of_touches_can_be_solved() -> None:
     Path("t.csv").write_text(done("template", "touches"))
     for verb in ("validate", "solve"):
         done(verb, "t.csv", *MACHINE)
 
 
-def test_the_bare_program_beside_a_printers_file_says_what_to_do_with_it(own: Path) -> None:
-    Path("v400.yaml").unlink()
-    Path("printer.cfg").rename("mine.cfg")
+def test_the_bare_program_beside_a_printers_file_says_what_to_do_with_it() -> None:
+    settings = Path("printer.cfg").read_text()
+    for path in Path().iterdir():
+        path.unlink()
+    Path("mine.cfg").write_text(settings)
     Path("other.cfg").write_text("[printer]\nkinematics: corexy\n")
     said = run().stdout
     for command in ("orthocal solve mine.cfg", "orthocal diagnose mine.cfg"):

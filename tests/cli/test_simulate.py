@@ -10,11 +10,12 @@ import yaml
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.readings import Contact
-from tests.cli.program import DOUBLE, SAMPLES, SESSION, SINGLE, lines, run
+from tests.cli.program import DOUBLE, SAMPLES, SESSION, SINGLE, lines, refused, run
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, ROOT
 from tests.printers import CONFIG
 
 EXACT = ("--noise", "0", "--resolution", "0")
+GAUGES_ONLY = "--protocol and --gauge-at are for machines that are measured"
 LARGE_FILE = str(ROOT / "configs" / "orthoglide_large.yaml")
 CAUSES = (
     "axis_gap=0.1,0.2,-0.1", "axis_squareness=1,-1,0.5", "leg_length=0.01,0,-0.02",
@@ -35,19 +36,6 @@ def session(*arguments: str) -> Readings:
     measured = read_input(str(path), NOMINAL).measured
     assert isinstance(measured, Readings)
     return measured
-
-
-def refused(*arguments: str, said: str) -> str:
-    """What is said where nothing is simulated."""
-    shown = run("simulate", *arguments)
-    assert (shown.exit_code, shown.stdout) == (2, "")
-    assert said in shown.stderr
-    return shown.stderr
-
-
-@pytest.fixture(autouse=True)
-def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
 
 
 def test_the_seed_decides_and_is_told() -> None:
@@ -128,29 +116,30 @@ def test_a_placed_cause_acts_there_and_nowhere_else() -> None:
 
 
 @pytest.mark.parametrize(
-    ("cause", "said"),
+    ("given", "said"),
     [
-        ("rust=1", "There is no cause 'rust'"),
-        ("axis_gap=1,2", "takes 3 values in mm, not 2. Write axis_gap=xy,yz,zx"),
-        ("axis_gap", "takes 3 values"),
-        ("axis_gap=1,2,x", "This is not a number."),
-        ("axis_gap@x=1,2,3", "axis_gap cannot act at 'x'"),
-        ("backlash=-1,0,0", "cannot be negative"),
-        ("misread=0.1", "misread cannot act in this session"),
-        ("misread@61=0.1", "misread cannot act at '61'"),
-        ("misread@0=0.1", "misread cannot act at '0'"),
-        ("gauge_drift@x,x=0.1", "gauge_drift cannot act at 'x,x'"),
-        ("sign_flip@x,y=1", "takes 0 values, not 1"),
-        ("swapped_gauges@q", "swapped_gauges cannot act at 'q'"),
+        ("--cause rust=1", "There is no cause 'rust'"),
+        ("--cause axis_gap=1,2", "takes 3 values in mm, not 2. Write axis_gap=xy,yz,zx"),
+        ("--cause axis_gap", "takes 3 values"),
+        ("--cause axis_gap=1,2,x", "This is not a number."),
+        ("--cause axis_gap@x=1,2,3", "axis_gap cannot act at 'x'"),
+        ("--cause backlash=-1,0,0", "cannot be negative"),
+        ("--cause misread=0.1", "misread cannot act in this session"),
+        ("--cause misread@61=0.1", "misread cannot act at '61'"),
+        ("--cause misread@0=0.1", "misread cannot act at '0'"),
+        ("--cause gauge_drift@x,x=0.1", "gauge_drift cannot act at 'x,x'"),
+        ("--cause sign_flip@x,y=1", "takes 0 values, not 1"),
+        ("--cause swapped_gauges@q", "swapped_gauges cannot act at 'q'"),
+        # Readings that do not pair up cannot be exchanged.
+        ("--protocol single --cause exchanged_columns", "cannot act in this session"),
+        # An Orthoglide has no bed and no towers.
+        ("--places 13", "are for a linear delta"),
+        ("--height 10", "are for a linear delta"),
+        ("--cause tower_lean=1,1,1,1,1,1", "kind"),
     ],
 )
-def test_causes_that_make_no_sense(cause: str, said: str) -> None:
-    refused("--seed", "1", "--cause", cause, said=said)
-
-
-def test_readings_that_do_not_pair_up_cannot_be_exchanged() -> None:
-    refused("--protocol", "single", "--cause", "exchanged_columns",
-            said="exchanged_columns cannot act in this session")  # fmt: skip
+def test_what_no_orthoglide_can_have_is_refused(given: str, said: str) -> None:
+    assert said in refused(2, "simulate", *given.split())
 
 
 def test_output_is_written_but_never_over_a_file(tmp_path: Path) -> None:
@@ -161,7 +150,7 @@ def test_output_is_written_but_never_over_a_file(tmp_path: Path) -> None:
     assert str(target) in shown.stderr
     written = target.read_text(encoding="utf-8")
     assert written == run("simulate", "--seed", "3").stdout
-    refused("--seed", "4", "--output", str(target), said="is not overwritten")
+    assert "is not overwritten" in refused(2, "simulate", "--output", str(target))
     # Nor is the JSON of a file shown that was not written.
     (found,) = lines(run("simulate", "--seed", "4", "--json", "--output", str(target)))
     assert list(found) == ["input", "error"]
@@ -217,34 +206,19 @@ def test_json_is_the_session_and_reads_back_as_one() -> None:
 
 
 @pytest.mark.parametrize(
-    ("option", "message", "remedy"),
+    ("given", "message", "remedy"),
     [
-        (("--cause", "axis_gap=0.5,0.5,0.5"), "no cause 'axis_gap' of kind", "tower_lean"),
-        (("--cause", "misread=0.3"), "misread cannot act", "its place: 12 (a reading)"),
-        (
-            ("--protocol", "single"),
-            "--protocol and --gauge-at are for machines that are measured",
-            "Leave",
-        ),
-        (
-            ("--gauge-at", "0.9"),
-            "--protocol and --gauge-at are for machines that are measured",
-            "Leave",
-        ),
+        ("--cause axis_gap=0.5,0.5,0.5", "no cause 'axis_gap' of kind", "tower_lean"),
+        ("--cause misread=0.3", "misread cannot act", "its place: 12 (a reading)"),
+        ("--protocol single", GAUGES_ONLY, "Leave"),
+        ("--gauge-at 0.9", GAUGES_ONLY, "Leave"),
     ],
 )
 def test_a_printer_has_no_gauges_and_causes_of_its_own(
-    option: tuple[str, str], message: str, remedy: str
+    given: str, message: str, remedy: str
 ) -> None:
-    shown = refused("--machine", str(CONFIG), *option, said=message)
+    shown = refused(2, "simulate", "--machine", str(CONFIG), *given.split())
+    assert message in shown
     assert remedy in shown
     assert "swapped_gauges" not in shown
     assert "leg)" not in shown
-
-
-@pytest.mark.parametrize(
-    "option", [("--places", "13"), ("--height", "10"), ("--cause", "tower_lean=1,1,1,1,1,1")]
-)
-def test_an_orthoglide_has_no_bed_and_no_towers(option: tuple[str, str]) -> None:
-    shown = refused(*option, said="")
-    assert "kind" in shown or "linear delta" in shown

@@ -135,7 +135,8 @@ def test_what_must_not_be_entered_stands_without_an_order(tmp_path: Path) -> Non
         "Offsets alone: x −0.177, y +0.683, z +0.109" in run("solve", "--details", str(copy)).stdout
     )
     assert f"orthocal diagnose {shlex.quote(str(copy))}\n" in shown
-    machine = Path("configs") / "orthoglide_prototype.yaml"
+    machine = Path("prototype.yaml")
+    machine.write_text(machine_text(default_machine()), encoding="utf-8")
     shown = run("solve", "--machine", str(machine), str(copy)).stdout
     assert f"orthocal diagnose {shlex.quote(str(copy))} --machine {machine}\n" in shown
 

@@ -19,14 +19,13 @@ from typer.testing import Result
 
 from orthoglide_cal.files.machine_file import default_machine, machine_text, shipped_folder
 from tests import truth
-from tests.cli.program import process, run, words
+from tests.cli.program import MACHINE, READINGS, process, run, words, written
 from tests.machines import SAMPLES
 
 SAMPLE_FILES = sorted(path.name for path in SAMPLES.iterdir() if path.suffix in (".csv", ".yaml"))
 SPEAKING = ("solve", "diagnose", "report", "export")
 ORDERS = ("type in", "Enter the offsets", "may be entered", "HOME_OFFSET")
 COMMAND = re.compile(r"(?:^|[\s`>])orthocal ([a-z]+ [^\n`]+)")
-READINGS, MACHINE = "my readings.csv", "my machine.yaml"
 
 
 def said(result: Result) -> str:
@@ -81,19 +80,6 @@ def walk_on(*given: str) -> int:
     return 1 + sum(walk_on(given[0], "--machine", str(machine)) for machine in made)
 
 
-def written(session: truth.Session) -> tuple[str, ...]:
-    """The session in the present folder; its arguments."""
-    truth.write_readings(session, Path(READINGS))
-    text = truth.machine_yaml(session.machine, session.gauge)
-    Path(MACHINE).write_text(text, encoding="utf-8")
-    return READINGS, "--machine", MACHINE
-
-
-@pytest.fixture(autouse=True)
-def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-
-
 @pytest.mark.parametrize("name", SAMPLE_FILES)
 def test_samples(name: str) -> None:
     shutil.copy(SAMPLES / name, f"my {name}")
@@ -114,7 +100,7 @@ def test_where_no_machine_file_can_keep_it_the_command_says_what_was_entered() -
     """None here, that of another machine, one that comes with the program, several."""
     shutil.copy(SAMPLES / "double_posture_session.csv", READINGS)
     shipped = str(shipped_folder() / "orthoglide_prototype.yaml")
-    measured = process("measure", str(Path.cwd() / "s.yaml"), "--gauge", "simulated", "--seed", "1")
+    measured = process("measure", "s.yaml", "--gauge", "simulated", "--seed", "1")
     assert measured.returncode == 0
     other = machine_text(default_machine()).replace("Orthoglide prototype", "Mill 3")
     for given in ((READINGS,), (READINGS, "--machine", shipped), ("s.yaml",)):

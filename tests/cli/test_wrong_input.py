@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
-from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_from_text, shipped_folder
 from orthoglide_cal.files.text import write_text
@@ -16,7 +16,7 @@ from orthoglide_cal.session.gauges import SERIAL_FORMATS, SerialGauge, SerialPor
 from tests.session.terminal import Terminal, run_program
 from tests.session.virtual import answered, readings_of, steps_of, typed
 
-from .program import DOUBLE, SESSION, SIX, answer, lines, refused, run
+from .program import DOUBLE, SESSION, SIX, answer, refused, run
 
 PROTOTYPE = (shipped_folder() / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
 DELTA = str(shipped_folder() / "linear_delta.yaml")
@@ -30,41 +30,7 @@ def test_a_session_is_not_judged_by_a_machine_of_another_kind(verb: str) -> None
     assert all(word in " ".join(said.split()) for word in ("session.yaml", "linear_delta", "kind"))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "path"),
-    [
-        (("plan", "--target", "-1"), 2, None),
-        (("plan", "none.csv"), 3, "none.csv"),
-        (("machine", "show", "none.yaml"), 3, "none.yaml"),
-        (("machine", "new", "--kind", "hexapod", "--yes"), 2, None),
-        (("simulate", "--noise", "-1"), 2, None),
-        (("apply",), 2, None),
-        (("apply", SIX), 2, SIX),
-        (("measure", "a.yaml", "--until", "0"), 2, "a.yaml"),
-        (("report", "none.csv", "--limit", "1"), 3, "none.csv"),
-        (("solve", DOUBLE, "--nonsense"), 2, None),
-        (("plan", "--cycles", "many"), 2, None),
-    ],
-)
-def test_every_error_is_an_object_with_json(
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: tuple[str, ...],
-    code: int,
-    path: str | None,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    result = run(*arguments, "--json")
-    assert (result.exit_code, result.stderr) == (code, "")
-    (said,) = lines(result)
-    assert said["input"] == (path and {"path": path})
-    assert said["error"]
-
-
-def test_apply_says_nothing_is_entered_before_it_asks(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_apply_says_nothing_is_entered_before_it_asks(tmp_path: Path) -> None:
     Path("machine.yaml").write_text(PROTOTYPE, encoding="utf-8")
     assert "Nothing is recorded." in refused(4, "apply", SIX, "--yes")
     before = Path("machine.yaml").read_bytes()
@@ -126,26 +92,6 @@ def test_what_killed_writes_left_is_removed_after_an_hour(tmp_path: Path) -> Non
     assert {path.name for path in tmp_path.iterdir()} == {*names[1:], "d"}
 
 
-@pytest.mark.parametrize("text", ["a\x1b[31mb", "a\u202eb", "a\x07"])
-def test_names_with_control_characters_make_a_session_that_can_be_read(
-    tmp_path: Path, text: str
-) -> None:
-    options = ("--operator", text, "--gauge-id", text, "--certificate", text)
-    shape = ("--protocol", "single", "--cycles", "1", "--gauge", "simulated", "--seed", "1")
-    assert run_program(tmp_path, "s.yaml", *shape, *options).returncode == 0
-    said = read_input(str(tmp_path / "s.yaml")).conditions
-    assert said.operator == said.gauges[0].id == said.gauges[0].certificate
-    assert said.operator is not None
-    assert "⟨U+" in said.operator
-
-
-@pytest.mark.parametrize("speed", ["abc", "", "96k"])
-def test_a_speed_that_is_no_number_is_named(speed: str) -> None:
-    with pytest.raises(UsageError, match="baud") as caught:
-        SerialPort(f"mahr:/dev/ttyUSB9@{speed}")
-    assert repr(speed) in caught.value.what
-
-
 @pytest.mark.parametrize("name", ["plain", "sylvac"])
 def test_a_number_cut_off_on_its_way_is_no_reading(
     monkeypatch: pytest.MonkeyPatch, name: str
@@ -168,15 +114,6 @@ def test_pasted_lines_are_not_lost_in_silence(tmp_path: Path) -> None:
         terminal.expect(r"ignored: [123] lines? typed too soon")
         terminal.expect("Drive to")
         terminal.step()
-
-
-def test_a_stopped_session_says_how_to_come_back(tmp_path: Path) -> None:
-    with Terminal(tmp_path, "s.yaml") as first:
-        first.step()
-        assert (
-            "fg, if it was stopped with Ctrl-Z"
-            in run_program(tmp_path, "s.yaml", "--resume").stderr
-        )
 
 
 def test_a_number_beyond_the_travel_is_called_so_whatever_came_before(tmp_path: Path) -> None:

@@ -10,25 +10,15 @@ from pathlib import Path
 
 from .run import Fuzz
 
-
-def main() -> int:
-    """Run as many mutants as wanted."""
-    parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
-    parser.add_argument("--count", type=int, default=100_000)
-    parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args()
-    failures = 0
-    foreign = given.count // 6
-    for firmwares, count in ((False, given.count - foreign), (True, foreign)):
-        with tempfile.TemporaryDirectory() as folder:
-            for failure in Fuzz(Path(folder), given.seed, firmwares).run(count):
-                failures += 1
-                print(
-                    f"{failure.number} {failure.kind}: {failure.what}\n{failure.text}\n", flush=True
-                )
-    print(f"{given.count} mutants, {failures} failures", file=sys.stderr)
-    return int(failures > 0)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
+parser.add_argument("--count", type=int, default=100_000)
+parser.add_argument("--seed", type=int, default=1)
+given = parser.parse_args()
+failures, foreign = 0, given.count // 6
+for firmwares, count in ((False, given.count - foreign), (True, foreign)):
+    with tempfile.TemporaryDirectory() as folder:
+        for failure in Fuzz(Path(folder), given.seed, firmwares).run(count):
+            failures += 1
+            print(failure, flush=True)
+print(f"{given.count} mutants, {failures} failures", file=sys.stderr)
+sys.exit(failures > 0)

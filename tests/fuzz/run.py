@@ -6,32 +6,34 @@ this size can give.
 """
 
 import contextlib
-import io
 import json
+import re
 import signal
-import sys
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
 import numpy as np
-from typer.main import get_command
-from typer.testing import CliRunner
 
-from orthoglide_cal.cli.app import app
 from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.session.dialogue import Quit
 from orthoglide_cal.session.opening import Request, open_session
+from tests import conftest  # noqa: F401  # options are made once, which takes longer than a command
+from tests.cli.program import done, lines, run
 from tests.files.test_machine_file import HISTORY, VALUES, accepted, text_with
 from tests.firmware_files import CONFIGURATION, FILES
 from tests.session.virtual import Screen, Script, answered
 
-from .mutate import HOSTILE, Rng, mutant
-
-# Made once: making the commands takes longer than running one.
-COMMAND = get_command(app)
+HOSTILE = (
+    "nan", "inf", "-inf", "1e300", "-1e300", "1e-300", "1e39", "0", "-0", "", "1e5", "-1e5",
+    "99999", "−1", "1,5", "1_000", "012", "0x10", "1:30", "true", "null", "~", "x", "iso", "max",
+    "-7", "1.5", "[]", "{}", "[1, 2]", "&a", "*a", "!!x", "'", '"', "\x00", "\x1b[2J", "\ufeff",
+    "\u202e", "é", "|", "9" * 400, "- " * 30, "#", ": ", "\t", "\r", "orthoglide", "2025-13-45",
+    "true: true",
+)  # fmt: skip
+# Numbers more often than words and lines, and these more often than pieces of any length.
+PARTS = (*(r"[-+]?\d+(?:\.\d+)?",) * 3, *(r"\w+",) * 2, *(r".*\n",) * 2, *(r"(?s).{%d}",) * 2)
 CODES = {0, 2, 3, 4, 130}
 WITH_MACHINE = (
     "solve six.csv --machine {}", "diagnose six.csv --machine {} --json", "plan --machine {}",
@@ -67,17 +69,30 @@ READERS = (
     "apply {} --machine own.yaml", "apply {} --machine own.yaml --json",
 )  # fmt: skip
 
+Rng = np.random.Generator
+# What is wrong with how the program took a text; None if nothing is.
+Judge = Callable[[str], str | None]
 
-@dataclass(frozen=True)
-class Failure:
-    """A mutant on which the program failed."""
 
-    kind: str
-    """What was damaged."""
-    number: int
-    """Of the mutant; with the seed of the run it is the same again."""
-    what: str
-    text: str
+def mutant(text: str, rng: Rng) -> str:
+    """The text with one to four damages, each of a number, a word, a line or another piece."""
+    for _ in range(int(rng.integers(1, 5))):
+        part = PARTS[int(rng.integers(len(PARTS)))].replace("%d", str(rng.integers(1, 40)))
+        spans = [found.span() for found in re.finditer(part, text)] or [(len(text), len(text))]
+        (a, b), (c, d) = sorted(spans[int(k)] for k in rng.integers(0, len(spans), 2))
+        number = f"{rng.normal(scale=100.0):.4g}"
+        odd = str(rng.choice(HOSTILE)) if rng.random() < 0.6 else number
+        changed = (
+            text[:a] + text[b:],  # lost
+            text[:b] + text[a:],  # twice
+            text[:a] + text[c:d] + text[b:],  # another one in its place
+            text[:a] + text[c:d] + text[b:c] + text[a:b] + text[d:],  # two changed places
+            text[:a],  # cut off
+            text[:a] + odd + text[a:],
+            *(text[:a] + odd + text[b:],) * 3,
+        )
+        text = changed[int(rng.integers(len(changed)))]
+    return text
 
 
 class Fuzz:
@@ -85,122 +100,110 @@ class Fuzz:
 
     def __init__(self, folder: Path, seed: int, firmwares: bool = False) -> None:
         self.folder, self.seed = folder, seed
-        if firmwares:
-            self._kinds = tuple(self._of_firmwares())
-            return
-        run = CliRunner().invoke
         with contextlib.chdir(folder):
             Path("six.csv").write_text(DIFFERENCES, encoding="utf-8")
-            run(app, ["simulate", "--seed", "1", "--cycles", "1", "--output", "good.csv"])
-            run(app, ["simulate", "--seed", "1", "--cycles", "1", "--output", "good.yaml"])
-            run(app, ["machine", "new", "--yes", "-o", "own.yaml"])
-            answered(Path("good.journal"), ["-0.64", "0.41", "u", "0.42", "n a note", "s hidden"])
-        texts = {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
+            self.kinds = tuple(self._of_firmwares() if firmwares else self._own())
+
+    def _own(self) -> Iterator[tuple[str, Judge, str]]:
+        for name in ("good.csv", "good.yaml"):
+            done("simulate", "--seed", "1", "--cycles", "1", "--output", name)
+        done("machine", "new", "--yes", "-o", "own.yaml")
+        answered(Path("good.journal"), ["-0.64", "0.41", "u", "0.42", "n a note", "s hidden"])
         machine = text_with(*map(accepted, VALUES)).replace("\nhistory: []", HISTORY.rstrip())
-        table, session, journal = (texts[f"good.{end}"] for end in ("csv", "yaml", "journal"))
-        self._kinds: tuple[tuple[str, Callable[[str], str | None], str], ...] = (
-            *(("table", self._file("m.csv", READERS), table),) * 2,
-            ("differences", self._file("m.csv", READERS), DIFFERENCES),
-            *(("session", self._file("m.yaml", READERS), session),) * 2,
-            *(("machine", self._file("m.yaml", WITH_MACHINE), machine),) * 2,
-            ("journal", self._journal, journal),
-            # Damage that the checksums hide, as of a journal that another version wrote.
-            ("records", lambda text: self._journal(signed(text)), records(journal)),
-            ("options", lambda text: self._judge(json.loads(text)), ""),
+        table, session, journal = (
+            Path(f"good.{end}").read_text(encoding="utf-8") for end in ("csv", "yaml", "journal")
         )
+        yield from [("table", through("m.csv", READERS), table)] * 2
+        yield "differences", through("m.csv", READERS), DIFFERENCES
+        yield from [("session", through("m.yaml", READERS), session)] * 2
+        yield from [("machine", through("m.yaml", WITH_MACHINE), machine)] * 2
+        yield "journal", gone_on_with, journal
+        # Damage that the checksums hide, as of a journal that another version wrote.
+        yield "records", lambda text: gone_on_with(signed(text)), records(journal)
+        yield "options", lambda text: judged(json.loads(text)), ""
 
-    def _of_firmwares(self) -> Iterator[tuple[str, Callable[[str], str | None], str]]:
+    def _of_firmwares(self) -> Iterator[tuple[str, Judge, str]]:
         """Each file is judged with whole settings in its folder, and these with whole heights."""
-        map_, settings = FILES["heightmap.csv"], FILES["config.g"]
-        (self.folder / "six.csv").write_text(DIFFERENCES, encoding="utf-8")
         for folder in ("whole", "damaged"):
-            (self.folder / folder).mkdir()
-        (self.folder / "whole" / "config.g").write_text(settings, encoding="utf-8")
-        (self.folder / "whole" / "printer.cfg").write_text(CONFIGURATION, encoding="utf-8")
-        (self.folder / "damaged" / "heightmap.csv").write_text(map_, encoding="utf-8")
+            Path(folder).mkdir()
+        Path("whole/config.g").write_text(FILES["config.g"], encoding="utf-8")
+        Path("whole/printer.cfg").write_text(CONFIGURATION, encoding="utf-8")
+        Path("damaged/heightmap.csv").write_text(FILES["heightmap.csv"], encoding="utf-8")
+        settings = tuple(
+            f"{word} damaged/heightmap.csv --machine {{}}"
+            for word in ("validate", "validate", "solve", "diagnose", "plan", "export")
+        )
+        # Reading is what is damaged; judging takes longer.
+        reading = ("validate {} --json",) * 4 + READERS
         for name, text in FILES.items():
-            # Reading is what is damaged; judging takes longer.
-            commands = ("validate {} --json",) * 4 + READERS
-            damaged = f"whole/m-{name}"
-            if name == "config.g":
-                damaged = "damaged/config.g"
-                commands = tuple(
-                    f"{word} damaged/heightmap.csv --machine {{}}"
-                    for word in ("validate", "validate", "solve", "diagnose", "plan", "export")
-                )
-            yield name, self._file(damaged, commands), text
+            whole = f"whole/m-{name}"
+            given = ("damaged/config.g", settings) if name == "config.g" else (whole, reading)
+            yield name, through(*given), text
 
-    def run(self, count: int) -> Iterator[Failure]:
-        """The failures among that many mutants."""
+    def run(self, count: int) -> Iterator[str]:
+        """What is wrong with how the program took each of that many mutants, and its text."""
         before = signal.signal(signal.SIGALRM, _late)
         try:
             with contextlib.chdir(self.folder):
                 for number in range(count):
                     rng = np.random.default_rng([self.seed, number])
-                    kind, judge, whole = self._kinds[number % len(self._kinds)]
+                    kind, judge, whole = self.kinds[number % len(self.kinds)]
                     text = mutant(whole, rng) if whole else _options(rng)
                     if wrong := judge(text):
-                        yield Failure(kind, number, wrong, text)
+                        yield f"{number} {kind}: {wrong}\n{text}\n"
         finally:
             signal.signal(signal.SIGALRM, before)
 
-    def _file(self, name: str, commands: Sequence[str]) -> Callable[[str], str | None]:
-        """Judge of texts of that file: each text goes through one of the commands."""
 
-        def judge(text: str) -> str | None:
-            content = text.encode("utf-8", "surrogatepass")
-            Path(name).write_bytes(content)
-            words = commands[zlib.crc32(content) % len(commands)]
-            wrong = self._judge(words.replace("{}", name).split())
-            return wrong and f"{words}: {wrong}"
+def through(name: str, commands: Sequence[str]) -> Judge:
+    """Judge of texts of that file: each text goes through one of the commands."""
 
-        return judge
+    def judge(text: str) -> str | None:
+        content = text.encode("utf-8", "surrogatepass")
+        Path(name).write_bytes(content)
+        words = commands[zlib.crc32(content) % len(commands)]
+        wrong = judged(words.replace("{}", name).split())
+        return wrong and f"{words}: {wrong}"
 
-    def _journal(self, text: str) -> str | None:
-        """An unfinished session that is gone on with; it asks until nobody answers any more."""
-        for path in Path().glob("m.*"):
-            path.unlink()
-        Path("m.journal").write_bytes(text.encode("utf-8", "surrogatepass"))
-        request, screen = Request(Path("m.yaml"), resume=True), Screen()
-        signal.alarm(PATIENCE_S)
-        try:
-            session = open_session(request, Path(), Script(["0.1", "k", "q"]), screen)
-            with contextlib.closing(session) as dialogue:
-                dialogue.greet()
-                dialogue.run()
-                dialogue.publish()
-        except (OrthocalError, Quit, EOFError):
-            return None
-        except Exception as error:
-            return repr(error)
-        finally:
-            signal.alarm(0)
+    return judge
+
+
+def gone_on_with(text: str) -> str | None:
+    """Judge of the journal of an unfinished session, which asks until nobody answers any more."""
+    for path in Path().glob("m.*"):
+        path.unlink()
+    Path("m.journal").write_bytes(text.encode("utf-8", "surrogatepass"))
+    request, screen = Request(Path("m.yaml"), resume=True), Screen()
+    signal.alarm(PATIENCE_S)
+    try:
+        session = open_session(request, Path(), Script(["0.1", "k", "q"]), screen)
+        with contextlib.closing(session) as dialogue:
+            dialogue.greet()
+            dialogue.run()
+            dialogue.publish()
+    except (OrthocalError, Quit, EOFError):
         return None
+    except Exception as error:
+        return repr(error)
+    finally:
+        signal.alarm(0)
+    return None
 
-    def _judge(self, arguments: list[str]) -> str | None:
-        """What is wrong with how the program took it; None if nothing is."""
-        out, said, code = io.StringIO(), io.StringIO(), 0
-        sys.stdin = io.TextIOWrapper(io.BytesIO())
-        signal.alarm(PATIENCE_S)
-        try:
-            with contextlib.redirect_stdout(out), contextlib.redirect_stderr(said):
-                COMMAND(arguments, prog_name="orthocal")
-        except SystemExit as end:
-            code = int(end.code or 0)
-        except Exception as error:
-            return repr(error)
-        finally:
-            signal.alarm(0)
-            sys.stdin = sys.__stdin__
-        if code not in CODES:
-            return f"exit code {code}"
-        if code and not (out.getvalue() + said.getvalue()).strip():
-            return "not a word"
-        if code == 0 and arguments[0] == "solve" and "--json" in arguments:
-            found = [each["found"] for each in json.loads(out.getvalue())["parameters"]]
-            if not max(map(abs, found)) <= PLAUSIBLE_MM:
-                return f"offsets {found}"
-        return None
+
+def judged(arguments: list[str]) -> str | None:
+    """What is wrong with how the program took these arguments."""
+    signal.alarm(PATIENCE_S)
+    shown = run(*arguments)
+    signal.alarm(0)
+    if shown.exit_code not in CODES:
+        return f"exit code {shown.exit_code}, {shown.exception!r}"
+    if shown.exit_code and not shown.output.strip():
+        return "not a word"
+    if shown.exit_code == 0 and arguments[0] == "solve" and "--json" in arguments:
+        found = [each["found"] for each in lines(shown)[0]["parameters"]]
+        if not max(map(abs, found)) <= PLAUSIBLE_MM:
+            return f"offsets {found}"
+    return None
 
 
 def records(journal: str) -> str:

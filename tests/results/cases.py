@@ -53,7 +53,6 @@ HOSTILE = (
 
 
 def case_of(read: Input, method: str | None = None) -> Case:
-    """An input with its whole answer."""
     return Case(read, answer_to(read, method, details=True))
 
 

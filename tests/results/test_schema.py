@@ -23,7 +23,6 @@ TYPES = {"integer": "whole number", "string": "text", "boolean": "true or false"
 
 
 def type_words(schema: dict[str, Any]) -> str:
-    """A type in words."""
     if "$ref" in schema:
         name = schema["$ref"].rpartition("/")[2]
         part = WHOLE["$defs"][name]
@@ -43,7 +42,6 @@ def type_words(schema: dict[str, Any]) -> str:
 
 
 def lines(title: str, schema: dict[str, Any]) -> Iterator[str]:
-    """A heading, what the object is, and its keys."""
     yield f"\n## {title}\n"
     for paragraph in schema["description"].split("\n\nAttributes:")[0].split("\n\n"):
         yield textwrap.fill(paragraph, 78, break_on_hyphens=False) + "\n"

@@ -6,21 +6,19 @@ from pathlib import Path
 import pytest
 
 from .going_on import SIMULATED
-from .terminal import SerialLine, run_program
+from .terminal import SerialLine, finished
 
 
 @pytest.fixture(scope="session")
 def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated session of one cycle."""
     folder = tmp_path_factory.mktemp("first")
-    done = run_program(folder, "a.yaml", "--cycles", "1", *SIMULATED)
-    assert done.returncode == 0, done.stderr
+    finished(folder, "a.yaml", "--cycles", "1", *SIMULATED)
     return folder / "a.yaml"
 
 
 @pytest.fixture
 def line(tmp_path: Path) -> Iterator[SerialLine]:
-    """A serial gauge."""
     gauge = SerialLine(tmp_path / "ttyUSB0")
     yield gauge
     gauge.close()

@@ -53,7 +53,6 @@ def is_usual(option: Option) -> bool:
 
 
 def content(path: Path) -> dict[str, Any]:
-    """A session file as plain values."""
     values: dict[str, Any] = yaml.safe_load(path.read_text())
     return values
 

@@ -9,7 +9,6 @@ import traceback
 import tty
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import TracebackType
 
 import pexpect
 from typer.testing import CliRunner
@@ -19,7 +18,6 @@ import orthoglide_cal.planning
 import orthoglide_cal.results
 import orthoglide_cal.session  # noqa: F401  # forked programs have these already
 from orthoglide_cal.cli.app import app
-from tests.machines import ROOT
 
 from .virtual import answered
 
@@ -72,12 +70,7 @@ def forked(
     return run
 
 
-def environment() -> dict[str, str]:
-    """For a program that is to be the one of this checkout."""
-    return {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-
-
-class Terminal:
+class Terminal(contextlib.AbstractContextManager["Terminal"]):
     """One run of a command.
 
     Of `measure`, `agreed`: nothing is asked before the first reading. `anew`: by a new Python.
@@ -89,24 +82,21 @@ class Terminal:
         *arguments: str,
         command: tuple[str, ...] = ("measure",),
         colour: bool = False,
-        columns: int = 80,
         agreed: bool = True,
         program: str = AT_ONCE,
         anew: bool = False,
     ) -> None:
-        here = environment()
+        here = dict(os.environ)
         for name in ("COLUMNS", "LINES", "NO_COLOR"):
             here.pop(name, None)
-        here |= (
-            {"TERM": "xterm-256color"} if colour else {"TERM": "xterm-256color", "NO_COLOR": "1"}
-        )
+        here |= {"TERM": "xterm-256color", **({} if colour else {"NO_COLOR": "1"})}
         words = [*command, *arguments, *(("--yes",) if agreed else ())]
         self.child = pexpect.spawn(
             sys.executable,
             ["-c", program, *words],
             cwd=str(folder),
             env=here,
-            dimensions=(24, columns),
+            dimensions=(24, 80),
             encoding="utf-8",
             timeout=PATIENCE_S,
             preexec_fn=None if anew else forked(program, words, here, lambda: None),
@@ -114,15 +104,7 @@ class Terminal:
         self.child.delaybeforesend = None
         self.seen = ""
 
-    def __enter__(self) -> "Terminal":
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.child.close(force=True)
 
     def expect(self, pattern: re.Pattern[str] | str) -> re.Match[str]:
@@ -139,7 +121,6 @@ class Terminal:
         return int(self.expect(PROMPT).group(1))
 
     def type(self, text: str, end: str = "\r") -> None:
-        """Type something."""
         self.child.send(text + end)
 
     def finish(self) -> int:
@@ -161,20 +142,17 @@ class SerialLine:
         self.plug_in()
 
     def plug_in(self) -> None:
-        """Make the device appear."""
         self._master, self._slave = os.openpty()
         tty.setraw(self._master)
         self.path.symlink_to(os.ttyname(self._slave))
 
     def unplug(self) -> None:
-        """Make the device vanish."""
         self.path.unlink()
         os.close(self._master)
         os.close(self._slave)
         self._master = self._slave = -1
 
     def send(self, data: bytes) -> None:
-        """The gauge sends."""
         os.write(self._master, data)
 
     def received(self) -> bytes:
@@ -195,7 +173,7 @@ def run_program(
 ) -> subprocess.CompletedProcess[str]:
     """`orthocal measure` without a terminal; `before` runs in the new process."""
     # On a full disk Python would keep a module's code cut off, for all runs after this one.
-    here = {**environment(), "PYTHONDONTWRITEBYTECODE": "1"}
+    here = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.run(
         [sys.executable],
         cwd=folder,
@@ -209,15 +187,19 @@ def run_program(
     )
 
 
-def refused(folder: Path, *arguments: str) -> tuple[int, str]:
-    """`orthocal measure` in this process, for what ends before the first prompt.
-
-    Returns:
-        Exit code and everything it said, with single blanks.
-    """
+def refused(code: int, folder: Path, *arguments: str) -> str:
+    """What `orthocal measure` says, with single blanks, where it ends before the first prompt."""
     with contextlib.chdir(folder):
         done = CliRunner().invoke(app, ["measure", *arguments])
-    return done.exit_code, " ".join(done.output.split())
+    assert done.exit_code == code, done.output
+    return " ".join(done.output.split())
+
+
+def finished(folder: Path, *arguments: str, stdin: str = "") -> str:
+    """Standard output of a session that ends well."""
+    done = run_program(folder, *arguments, stdin=stdin)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 def begun(folder: Path) -> bytes:

@@ -53,23 +53,16 @@ def kept(folder: Path) -> dict[int, float]:
     return {number: item.take.value_mm for number, item in state_in(folder).accepted.items()}
 
 
-def by_both(quick: dict[str, object], slow: dict[str, object]) -> pytest.MarkDecorator:
-    """Each gauge with one value quickly, and with the other's where there is time."""
-    rest = [pytest.param(*each, marks=pytest.mark.slow) for each in slow.items()]
-    return pytest.mark.parametrize(
-        ("at_the_machine", "timing"), [*quick.items(), *rest], indirect=["at_the_machine"]
-    )
-
-
 # Of the next gauge of the same posture, or of the next posture.
-SOON, LATE = (0.12, 0), (1.0, 1)
-
-
-@by_both({"wedge": SOON, "serial": LATE}, {"wedge": LATE, "serial": SOON})
+@pytest.mark.parametrize(
+    ("at_the_machine", "apart", "before"),
+    [("wedge", 0.12, 0), ("serial", 1.0, 1)],
+    indirect=["at_the_machine"],
+)
 def test_a_second_press_is_no_reading(
-    tmp_path: Path, at_the_machine: tuple[Terminal, Press], timing: tuple[float, int]
+    tmp_path: Path, at_the_machine: tuple[Terminal, Press], apart: float, before: int
 ) -> None:
-    (terminal, press), (apart, before) = at_the_machine, timing
+    terminal, press = at_the_machine
     for number in range(before + 1):
         assert terminal.step() == number + 1
         time.sleep(AFTER_A_DRIVE_S + 0.3 if number else 0.3)
@@ -102,11 +95,13 @@ def test_a_second_press_answers_no_question(tmp_path: Path, apart: float, second
         terminal.expect("saved")
 
 
-@by_both({"wedge": 0.03, "serial": 0.9}, {"wedge": 0.9, "serial": 0.03})
+@pytest.mark.parametrize(
+    ("at_the_machine", "period"), [("wedge", 0.03), ("serial", 0.9)], indirect=["at_the_machine"]
+)
 def test_a_gauge_in_continuous_output_stores_nothing(
-    tmp_path: Path, at_the_machine: tuple[Terminal, Press], timing: float
+    tmp_path: Path, at_the_machine: tuple[Terminal, Press], period: float
 ) -> None:
-    (terminal, press), period = at_the_machine, timing
+    terminal, press = at_the_machine
     assert terminal.step() == 1
     until = time.monotonic() + max(2.5, 5.5 * period)
     while time.monotonic() < until:
@@ -137,10 +132,8 @@ def test_a_number_begun_before_its_prompt_is_not_taken_for_its_end(tmp_path: Pat
 
 
 def test_what_is_ignored_is_said_on_standard_error(tmp_path: Path) -> None:
-    shell = (
-        f"{PROGRAM.replace('main()', 'import sys; sys.stderr = open(chr(101), chr(119)); main()')}"
-    )
-    with Terminal(tmp_path, "s.yaml", program=shell) as terminal:
+    program = f"import sys; sys.stderr = open('e', 'w'); {PROGRAM}"
+    with Terminal(tmp_path, "s.yaml", program=program) as terminal:
         assert terminal.step() == 1
         terminal.type("-0.64\r-0.64")
         assert terminal.step() == 2

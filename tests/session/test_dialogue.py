@@ -36,7 +36,6 @@ from .virtual import (
 
 
 def content(dialogue: Dialogue) -> dict[str, Any]:
-    """The session file's content as it stands."""
     return session_json(dialogue.so_far.session)
 
 

@@ -30,7 +30,7 @@ from .going_on import (
     is_usual,
     read,
 )
-from .terminal import run_program
+from .terminal import finished
 
 HERE = Path(__file__).parent
 SAMPLES = HERE.parents[1] / "sample_data"
@@ -40,20 +40,19 @@ def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_pat
     before = first.read_bytes()
     given = read_input(str(first))
     best = ranked(diagnose(given.measured, given.model))[0].option
-    done = run_program(tmp_path, "b.yaml", "--then", str(first), "--yes")
-    assert done.returncode == 0, done.stderr
-    words = " ".join(done.stdout.split())
+    shown = finished(tmp_path, "b.yaml", "--then", str(first), "--yes")
+    words = " ".join(shown.split())
     assert f"Next, about {best.minutes:.0f} min: {best.what}" in words
     assert f"about {best.minutes:.0f} min. ? is help." in words
-    assert "The 24 earlier readings are in the same file." in done.stdout
+    assert "The 24 earlier readings are in the same file." in shown
     assert first.read_bytes() == before
     old, new = read(first), read(tmp_path / "b.yaml")
     n = len(old)
     assert len(new) == n + len(best.plan)
     assert new.value[:n].tolist() == old.value.tolist()
     assert new.value[n : n + 2].tolist() != old.value[:2].tolist()  # other noise, other zeros
-    assert "Offsets so far" not in done.stdout  # they wait for the end
-    assert "More: orthocal solve b.yaml --details" in done.stdout
+    assert "Offsets so far" not in shown  # they wait for the end
+    assert "More: orthocal solve b.yaml --details" in shown
     assert new.plan.hours[:n] == pytest.approx(old.plan.hours, abs=1e-7)
     for name in ("leg", "direction", "displacement", "gauge_at", "part", "turned", "entered"):
         wanted = getattr(best.plan, name)[best.plan.in_time]
@@ -72,19 +71,18 @@ def test_a_known_step_is_commanded_and_seen(first: Path, tmp_path: Path) -> None
 
     The true joint is the commanded one and the offset: nothing is entered, nothing put back.
     """
-    done = run_program(tmp_path, "s.yaml", *choice(first, is_step))
-    assert done.returncode == 0, done.stderr
-    words = " ".join(done.stdout.split())
+    shown = finished(tmp_path, "s.yaml", *choice(first, is_step))
+    words = " ".join(shown.split())
     assert "drive as before but with carriage x 0.3 mm short, as the screen shows" in words
     assert "leg Z, ISO, carriage X 0.3 mm short, cycle 1 of 1." in words
     # At the isotropic posture, and at the highest one, of the prototype.
     assert "joints X 309.950 Y 310.250 Z 310.250 mm tool X -0.300 Y 0.000 Z 0.000 mm" in words
     assert "joints X 304.093 Y 304.393 Z 370.250 mm tool" in words
-    guided = done.stdout.partition("Session complete")[0]
+    guided = shown.partition("Session complete")[0]
     assert "Enter" not in guided
-    assert "Put the old offset back" not in done.stdout
-    assert "block N" not in done.stdout.lower()
-    assert "Do not touch the stands: they must be where they were" in done.stdout
+    assert "Put the old offset back" not in shown
+    assert "block N" not in shown.lower()
+    assert "Do not touch the stands: they must be where they were" in shown
     new = read(tmp_path / "s.yaml")
     assert new.plan.parts == 1
     assert new.plan.entered[24:].tolist() == [[0.3, 0.0, 0.0]] * (len(new) - 24)
@@ -93,7 +91,7 @@ def test_a_known_step_is_commanded_and_seen(first: Path, tmp_path: Path) -> None
     stepped = new.plan.entered[:, 0] > 0.0
     seen = new.value[iso & stepped].mean() - new.value[iso & ~stepped].mean()
     assert seen == pytest.approx(-0.15, abs=0.03)
-    places = re.findall(r"Drive to  joints(.*)\n +tool (.*)", done.stdout)
+    places = re.findall(r"Drive to  joints(.*)\n +tool (.*)", shown)
     assert len(places) >= 4
     for joints, tool in places:  # by the spheres of the independent truth
         j, t = (np.array(re.findall(r"-?[0-9.]+", text), float) for text in (joints, tool))
@@ -103,13 +101,12 @@ def test_a_known_step_is_commanded_and_seen(first: Path, tmp_path: Path) -> None
 
 
 def test_a_bar_is_turned_by_words_of_its_leg(first: Path, tmp_path: Path) -> None:
-    done = run_program(tmp_path, "t.yaml", *choice(first, is_turn))
-    assert done.returncode == 0, done.stderr
-    words = " ".join(done.stdout.split())
+    shown = finished(tmp_path, "t.yaml", *choice(first, is_turn))
+    words = " ".join(shown.split())
     assert "Turn the bar of leg Y, unless it is turned already: loosen both ends" in words
     assert "(what faced +X and +Z then faces away)" in words
-    assert "Before the next session, turn the bar of leg Y back." in done.stdout
-    assert max(map(len, done.stdout.split("\n"))) <= 80
+    assert "Before the next session, turn the bar of leg Y back." in shown
+    assert max(map(len, shown.split("\n"))) <= 80
     new = read(tmp_path / "t.yaml")
     assert new.plan.turned.tolist() == [False] * 24 + [True] * (len(new) - 24)
     assert new.plan.part.tolist() == [0] * 24 + [1] * (len(new) - 24)
@@ -117,11 +114,9 @@ def test_a_bar_is_turned_by_words_of_its_leg(first: Path, tmp_path: Path) -> Non
 
 def test_a_joined_session_is_gone_on_with_as_part_three(first: Path, tmp_path: Path) -> None:
     """A bar turned in part 2 is turned back for part 3; every command takes all three parts."""
-    done = run_program(tmp_path, "b.yaml", *choice(first, is_turn))
-    assert done.returncode == 0, done.stderr
-    done = run_program(tmp_path, "c.yaml", *choice(tmp_path / "b.yaml", is_usual))
-    assert done.returncode == 0, done.stderr
-    assert "0. Turn the bar of leg Y back" in done.stdout
+    shown = finished(tmp_path, "b.yaml", *choice(first, is_turn))
+    shown = finished(tmp_path, "c.yaml", *choice(tmp_path / "b.yaml", is_usual))
+    assert "0. Turn the bar of leg Y back" in shown
     b, c = read(tmp_path / "b.yaml"), read(tmp_path / "c.yaml")
     assert c.plan.part.tolist() == [0] * 24 + [1] * (len(b) - 24) + [2] * (len(c) - len(b))
     assert c.value[: len(b)].tolist() == b.value.tolist()
@@ -131,7 +126,7 @@ def test_a_joined_session_is_gone_on_with_as_part_three(first: Path, tmp_path: P
     assert all(f"{name}.yaml (" in origins for name in "ab")
     entered = [f"{offset:.3f}" for offset in solve(c, default_machine()).offsets_mm]
     left = ("after.yaml", "--cycles", "1", *SIMULATED, "--offsets-active", *entered)
-    assert run_program(tmp_path, *left).returncode == 0
+    finished(tmp_path, *left)
     ways = [(name, "c.yaml") for name in ("solve", "diagnose", "report", "validate")]
     for command in (*ways, ("verify", "c.yaml", "after.yaml")):
         with contextlib.chdir(tmp_path):
@@ -143,9 +138,12 @@ def test_a_table_is_gone_on_with(tmp_path: Path) -> None:
     """Typed readings of another part behind those of a CSV; times only if the CSV has some."""
     sample = SAMPLES / "double_posture_session.csv"
     (tmp_path / "a.csv").write_bytes(sample.read_bytes())
-    done = run_program(tmp_path, "b.yaml", *choice(tmp_path / "a.csv", is_turn),
-                       stdin="0.1\nk\n0.2\nk\ns all enough\n")  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    finished(
+        tmp_path,
+        "b.yaml",
+        *choice(tmp_path / "a.csv", is_turn),
+        stdin="0.1\nk\n0.2\nk\ns all enough\n",
+    )
     old, new = read(tmp_path / "a.csv"), read(tmp_path / "b.yaml")
     n = len(old)
     assert new.value.tolist() == [*old.value.tolist(), 0.1, 0.2]
@@ -194,15 +192,14 @@ def test_readings_without_times_are_not_given_any(tmp_path: Path) -> None:
 
 
 def test_the_best_design_says_what_it_gives_up_and_keeps_its_steps(tmp_path: Path) -> None:
-    done = run_program(tmp_path, "b.yaml", "--design", "best", "--cycles", "2", *SIMULATED)
-    assert done.returncode == 0, done.stderr
-    assert GIVES_UP in " ".join(done.stdout.split())
+    shown = finished(tmp_path, "b.yaml", "--design", "best", "--cycles", "2", *SIMULATED)
+    assert GIVES_UP in " ".join(shown.split())
     new = read(tmp_path / "b.yaml")
     assert content(tmp_path / "b.yaml")["protocol"] == "best-design"
     at = set(new.plan.gauge_at.tolist())
     assert len(at) == 1
     place = at.pop() * 310.25
-    assert f"{place:.0f} mm from the carriage" in done.stdout
+    assert f"{place:.0f} mm from the carriage" in shown
     _, planned, *taken = events_of(tmp_path / "b.journal")
     assert isinstance(planned, Planned)
     assert planned.following is None
@@ -219,9 +216,8 @@ def test_offsets_that_were_applied_meanwhile_are_no_error(
     """Measure, enter something, go on: `solve` finds the offsets of before, from all readings."""
     active = ("--offsets-active", "0.5", "-0.3", "0.2")
     chosen = choice(first, wanted) if wanted else ("--then", str(first), "--yes")
-    done = run_program(tmp_path, "b.yaml", *chosen, *active)
-    assert done.returncode == 0, done.stderr
-    words = " ".join(done.stdout.split())
+    shown = finished(tmp_path, "b.yaml", *chosen, *active)
+    words = " ".join(shown.split())
     assert f"{' '.join(NEW.split())}: the new readings are written with that" in words
     assert "X +0.5 Y -0.3 Z +0.2 mm are in the controller now" in words
     new = read(tmp_path / "b.yaml")
@@ -229,17 +225,16 @@ def test_offsets_that_were_applied_meanwhile_are_no_error(
     assert new.plan.entered[24:].tolist() == [[0.5, -0.3, 0.2]] * (len(new) - 24)
     assert new.plan.parts == 2
     # Nothing is driven otherwise for it.
-    assert "joints   X 310.250   Y 310.250   Z 310.250" in done.stdout
+    assert "joints   X 310.250   Y 310.250   Z 310.250" in shown
     given = read_input(str(tmp_path / "b.yaml"))
     assert given.model.machine.offsets_mm == (0.0, 0.0, 0.0)
     found = solve(given.measured, given.model)
     hidden = np.random.default_rng([7, 0]).uniform(-1.5, 1.5, 3)
     assert np.all(np.abs(found.offsets_mm - hidden) < 5.0 * found.std_mm)
     # And what goes on from there takes it for what the controller still holds.
-    done = run_program(tmp_path, "c.yaml", *choice(tmp_path / "b.yaml", is_usual))
-    assert done.returncode == 0, done.stderr
-    assert "X +0.5  Y -0.3  Z +0.2 mm are in the controller now" in done.stdout
-    assert "were changed by" not in done.stdout
+    shown = finished(tmp_path, "c.yaml", *choice(tmp_path / "b.yaml", is_usual))
+    assert "X +0.5  Y -0.3  Z +0.2 mm are in the controller now" in shown
+    assert "were changed by" not in shown
     assert read(tmp_path / "c.yaml").plan.entered[-1].tolist() == [0.5, -0.3, 0.2]
 
 
@@ -248,21 +243,18 @@ def test_the_machine_file_says_what_was_applied_meanwhile(tmp_path: Path) -> Non
     (tmp_path / "machine.yaml").write_text(
         (SAMPLES.parent / "configs/orthoglide_prototype.yaml").read_text()
     )
-    assert run_program(tmp_path, "a.yaml", "--cycles", "1", *SIMULATED).returncode == 0
+    finished(tmp_path, "a.yaml", "--cycles", "1", *SIMULATED)
     with contextlib.chdir(tmp_path):
         assert CliRunner().invoke(app, ("apply", "a.yaml", "--yes")).exit_code == 0
         entered = read_machine(str(tmp_path / "machine.yaml")).machine.offsets_mm
         assert any(entered)
-    done = run_program(tmp_path, "b.yaml", *choice(tmp_path / "a.yaml", is_usual))
-    assert done.returncode == 0, done.stderr
-    assert "Since" in done.stdout
+    assert "Since" in finished(tmp_path, "b.yaml", *choice(tmp_path / "a.yaml", is_usual))
     assert read(tmp_path / "b.yaml").plan.entered[-1] == pytest.approx(entered)
     with contextlib.chdir(tmp_path):
         undone = CliRunner().invoke(app, ("apply", "--undo", "--yes"))
         assert undone.exit_code == 0, undone.output
-    done = run_program(tmp_path, "c.yaml", *choice(tmp_path / "b.yaml", is_usual))
-    assert done.returncode == 0, done.stderr
-    assert "changed by" in " ".join(done.stdout.split())
+    shown = finished(tmp_path, "c.yaml", *choice(tmp_path / "b.yaml", is_usual))
+    assert "changed by" in " ".join(shown.split())
     new = read(tmp_path / "c.yaml")
     assert new.plan.entered[-1].tolist() == [0.0, 0.0, 0.0]
     found = solve(new, default_machine())

@@ -9,7 +9,7 @@ import pytest
 from orthoglide_cal.session.events import RECORD, Opened, Planned, replay
 
 from .going_on import choice, content, events_of, is_step, is_turn, without_times
-from .terminal import Terminal, refused, run_program
+from .terminal import Terminal, finished, refused, run_program
 
 HERE = Path(__file__).parent
 
@@ -29,8 +29,7 @@ def test_a_killed_session_needs_nothing_but_its_journal(first: Path, tmp_path: P
             terminal.child.kill(signal.SIGKILL)
         copy.unlink(missing_ok=True)
         options = ("--resume",)
-    done = run_program(tmp_path, "k.yaml", "--resume")
-    assert done.returncode == 0, done.stderr
+    finished(tmp_path, "k.yaml", "--resume")
     expected = without_times((tmp_path / "whole.yaml").read_text())
     assert without_times((tmp_path / "k.yaml").read_text()) == expected
 
@@ -38,16 +37,14 @@ def test_a_killed_session_needs_nothing_but_its_journal(first: Path, tmp_path: P
 def test_without_the_record_that_says_what_is_read_nothing_is_read(
     first: Path, tmp_path: Path
 ) -> None:
-    assert run_program(tmp_path, "whole.yaml", *choice(first, is_turn)).returncode == 0
+    finished(tmp_path, "whole.yaml", *choice(first, is_turn))
     begun, *_ = (tmp_path / "whole.journal").read_bytes().splitlines(keepends=True)
     (tmp_path / "1.journal").write_bytes(begun)
-    code, said = refused(tmp_path, "1.yaml", "--resume")
-    assert code == 3
-    assert "or another reading for it" in said
+    assert "or another reading for it" in refused(3, tmp_path, "1.yaml", "--resume")
 
 
 def test_what_is_read_comes_back_as_it_was_written(first: Path, tmp_path: Path) -> None:
-    assert run_program(tmp_path, "s.yaml", *choice(first, is_step)).returncode == 0
+    finished(tmp_path, "s.yaml", *choice(first, is_step))
     begun, planned, *_ = events_of(tmp_path / "s.journal")
     assert isinstance(begun, Opened)
     assert begun.version == 2
@@ -67,16 +64,14 @@ def test_what_is_measured_is_said_once(first: Path, tmp_path: Path) -> None:
     """At the beginning, and again where it is gone on with."""
     what = "Without touching the stands"
     begun = run_program(tmp_path, "s.yaml", *choice(first, is_step), stdin="\nq\n")
-    again = run_program(tmp_path, "s.yaml", "--resume", stdin="\n" * 20)
-    for done in (begun, again):
-        assert " ".join(done.stdout.split()).count(what) == 1, done.stdout
-    assert again.returncode == 0
+    again = finished(tmp_path, "s.yaml", "--resume", stdin="\n" * 20)
+    for shown in (begun.stdout, again):
+        assert " ".join(shown.split()).count(what) == 1, shown
 
 
 def test_undo_retake_and_notes_are_those_of_any_session(first: Path, tmp_path: Path) -> None:
     lines = ["", "", "u", "", "r 1 dust", "", "n door", *[""] * 20]
-    done = run_program(tmp_path, "s.yaml", *choice(first, is_step), stdin="\n".join(lines) + "\n")
-    assert done.returncode == 0, done.stderr
+    finished(tmp_path, "s.yaml", *choice(first, is_step), stdin="\n".join(lines) + "\n")
     values = content(tmp_path / "s.yaml")
     assert [row["reason"] for row in values["retaken"]] == ["taken back", "dust"]
     assert {row["entered"] for row in values["retaken"]} == {"0.3 0 0"}
@@ -90,7 +85,7 @@ def test_journals_of_version_1_go_on_to_the_session_that_their_program_wrote(
     """Written, whole, by the last program that knew version 1 only; its simulated gauge, too."""
     lines = (HERE / "whole_version_1.journal").read_bytes().splitlines(keepends=True)
     (tmp_path / "s.journal").write_bytes(b"".join(lines[:cut]))
-    assert run_program(tmp_path, "s.yaml", "--resume").returncode == 0
+    finished(tmp_path, "s.yaml", "--resume")
     expected = without_times((HERE / "whole_version_1.yaml").read_text())
     assert without_times((tmp_path / "s.yaml").read_text()) == expected
     first = events_of(tmp_path / "s.journal")[0]

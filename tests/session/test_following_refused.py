@@ -34,9 +34,7 @@ def test_what_does_not_go_together_is_refused(
 ) -> None:
     large = str(HERE.parents[1] / "configs" / "orthoglide_large.yaml")
     given = tuple(large if option == "LARGE" else option for option in options)
-    found = refused(tmp_path, "n.yaml", "--then", str(first), *given, "--yes")
-    assert found[0] == code
-    assert said in found[1]
+    assert said in refused(code, tmp_path, "n.yaml", "--then", str(first), *given, "--yes")
     assert not list(tmp_path.iterdir())
 
 
@@ -47,35 +45,24 @@ def test_what_does_not_go_together_is_refused(
         ("experiment2.csv", 2, "Give the file of the raw readings, if you have it"),
         ("single_posture_session.csv", 2, "readings of both kinds cannot be joined"),
         ("none.csv", 3, "There is no such file"),
+        ("printer.cfg", 2, "A printer measures itself"),
         ("-", 2, "standard input is the keyboard"),
     ],
 )
 def test_files_that_cannot_be_gone_on_with(tmp_path: Path, name: str, code: int, said: str) -> None:
-    path = name if name == "-" else str(SAMPLES / name)
-    found = refused(tmp_path, "n.yaml", "--then", path, "--yes")
-    assert found[0] == code
-    assert said in found[1]
-    assert not list(tmp_path.iterdir())
-
-
-def test_a_printer_measures_itself(tmp_path: Path) -> None:
-    path = tmp_path / "printer.cfg"
-    path.write_text(printer_cfg(V400, OFF), encoding="utf-8")
-    found = refused(tmp_path, "n.yaml", "--then", str(path), "--yes")
-    assert found[0] == 2
-    assert "A printer measures itself" in found[1]
+    printer = tmp_path / "printer.cfg"
+    printer.write_text(printer_cfg(V400, OFF), encoding="utf-8")
+    path = name if name in ("-", printer.name) else str(SAMPLES / name)
+    assert said in refused(code, tmp_path, "n.yaml", "--then", path, "--yes")
+    assert list(tmp_path.iterdir()) == [printer]
 
 
 def test_the_first_file_is_never_the_new_one(first: Path, tmp_path: Path) -> None:
     before = first.read_bytes()
     for name in ("a.yaml", "a"):
-        code, said = refused(first.parent, name, "--then", "a.yaml", "--yes")
-        assert code == 2
-        assert "never changed" in said
+        assert "never changed" in refused(2, first.parent, name, "--then", "a.yaml", "--yes")
     assert first.read_bytes() == before
-    code, said = refused(tmp_path, "--choice", "2")
-    assert code == 2
-    assert "--then FILE" in said
+    assert "--then FILE" in refused(2, tmp_path, "--choice", "2")
 
 
 def test_in_a_terminal_it_is_confirmed(first: Path, tmp_path: Path) -> None:
@@ -102,8 +89,6 @@ def test_in_a_terminal_it_is_confirmed(first: Path, tmp_path: Path) -> None:
 
 def test_stands_that_were_pushed_are_not_gone_on_with(first: Path, tmp_path: Path) -> None:
     """New offsets act once the machine was homed."""
-    active = ("--offsets-active", "0.5", "0", "0")
-    code, said = refused(tmp_path, "n.yaml", *choice(first, is_step), *active)
-    assert code == 2
-    assert "changed since the last reading" in said
+    given = (*choice(first, is_step), "--offsets-active", "0.5", "0", "0")
+    assert "changed since the last reading" in refused(2, tmp_path, "n.yaml", *given)
     assert not list(tmp_path.iterdir())

@@ -201,20 +201,6 @@ def test_the_size_of_the_misfit_is_that_of_crooked_machines(part: str) -> None:
     assert 0.5 < float(np.sqrt(np.mean(change**2))) / misfit_mm(only) < 1.5
 
 
-def test_sizes_that_the_machine_file_does_not_give_are_those_of_its_kind() -> None:
-    """What the prototype's file states is what is assumed for its kind."""
-    plan = timed_plan()
-    silent = PROTOTYPE.changed(tolerances={})
-    stated, assumed = (
-        in_full(plan),
-        PlanForecast(Model(silent), plan).forecast(
-            np.arange(60), plan.setup, plan.order, plan.hours
-        ),
-    )
-    assert np.array_equal(assumed.common, stated.common)
-    assert np.array_equal(assumed.misfits, stated.misfits)
-
-
 def test_a_machine_that_can_have_nothing_leaves_offsets_zeros_and_noise() -> None:
     sound = Model(PROTOTYPE.changed(tolerances=dict.fromkeys(CAUSES, 0.0)))
     plan, values = timed_plan(30), np.array(readings_of(steps_of()[:30], 4))

@@ -3,9 +3,11 @@
 import os
 import signal
 import sys
+import traceback
 from collections.abc import Callable
 from itertools import repeat
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -53,29 +55,28 @@ def uninterrupted(path: Path, protocol: MeasuringProtocol, cycles: int) -> Dialo
     return answered(path, repeat(""), first=first, gauge=gauge)[0]
 
 
-class Bomb:
-    """Ends the process without warning in one phase of the second record that is written."""
+def deadly(phase: str) -> SimpleNamespace:
+    """`os` that ends the process without warning in one phase of the second record written."""
+    records = 0
 
-    def __init__(self, phase: str) -> None:
-        self.phase = phase
-        self.records = 0
-        self._write, self._fsync = os.write, os.fsync
+    def write(descriptor: int, data: memoryview) -> int:
+        nonlocal records
+        records += 1
+        if records == 2 and phase == "before writing":
+            die()
+        if records == 2 and phase == "half written":
+            os.write(descriptor, data[: len(data) // 2])
+            die()
+        return os.write(descriptor, data)
 
-    def write(self, descriptor: int, data: memoryview) -> int:
-        self.records += 1
-        if self.records == 2 and self.phase == "before writing":
+    def fsync(descriptor: int) -> None:
+        if records == 2 and phase == "not synchronised":
             die()
-        if self.records == 2 and self.phase == "half written":
-            self._write(descriptor, data[: len(data) // 2])
+        os.fsync(descriptor)
+        if records == 2 and phase == "synchronised":
             die()
-        return self._write(descriptor, data)
 
-    def fsync(self, descriptor: int) -> None:
-        if self.records == 2 and self.phase == "not synchronised":
-            die()
-        self._fsync(descriptor)
-        if self.records == 2 and self.phase == "synchronised":
-            die()
+    return SimpleNamespace(**{**vars(os), "write": write, "fsync": fsync})
 
 
 def killed_once(
@@ -87,36 +88,28 @@ def killed_once(
         Its exit status, and the steps that were acknowledged on the screen.
     """
     listen, tell = os.pipe()
-    child = os.fork()
-    if child == 0:
-        try:
-            os.close(listen)
-            gauge, first = simulated(protocol, cycles)
-            if not path.exists():
-                Journal.create(path, first).close()
-            bomb = Bomb(phase)
-            journal_module.os = type(
-                "Os", (), {**vars(os), "write": bomb.write, "fsync": bomb.fsync}
-            )  # type: ignore[attr-defined]
 
-            def shown(text: str, style: Style = Style.PLAIN, end: str = "\n") -> None:
-                if text.startswith("   saved"):
-                    os.write(tell, bytes([dialogue.so_far.steps[-1].number]))
-                    if bomb.records == 2 and phase == "acknowledged":
-                        die()
+    def run() -> None:
+        gauge, first = simulated(protocol, cycles)
+        if not path.exists():
+            Journal.create(path, first).close()
+        journal_module.os = deadly(phase)  # type: ignore[attr-defined]
+        steps: list[int] = []
 
-            dialogue, _, _ = a_dialogue(path, repeat(""), gauge=gauge, show=shown)
-            dialogue.run()
-            os._exit(0)
-        except BaseException:
-            import traceback
+        def shown(text: str, style: Style = Style.PLAIN, end: str = "\n") -> None:
+            if text.startswith("   saved"):
+                steps.append(dialogue.so_far.steps[-1].number)
+                os.write(tell, bytes(steps[-1:]))
+                if len(steps) == 2 and phase == "acknowledged":
+                    die()
 
-            traceback.print_exc(file=sys.__stderr__)
-            os._exit(1)
+        dialogue, _, _ = a_dialogue(path, repeat(""), gauge=gauge, show=shown)
+        dialogue.run()
+
+    status = in_a_child(run)
     os.close(tell)
     with os.fdopen(listen, "rb") as pipe:
-        acknowledged = list(pipe.read())
-    return os.waitpid(child, 0)[1], acknowledged
+        return status, list(pipe.read())
 
 
 def killed_all_along(path: Path, phase: str, protocol: MeasuringProtocol, cycles: int) -> int:
@@ -156,12 +149,17 @@ def test_killed_at_every_step(
 
 
 def in_a_child(action: Callable[[], None]) -> int:
+    """Exit status of a process of its own; 1 if the action fails."""
     child = os.fork()
     if child == 0:
+        code = 1
         try:
             action()
+            code = 0
+        except BaseException:
+            traceback.print_exc(file=sys.__stderr__)
         finally:
-            os._exit(0)
+            os._exit(code)
     return os.waitpid(child, 0)[1]
 
 

@@ -1,10 +1,12 @@
 """What `measure` refuses, and that it names the reason: files, other sessions, full disks."""
 
+import resource
 from pathlib import Path
 
 import pytest
 
 from orthoglide_cal.errors import UsageError
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
 from orthoglide_cal.session.events import Opened
 from orthoglide_cal.session.gauges import SimulatedGauge
@@ -12,7 +14,7 @@ from orthoglide_cal.session.journal import Journal, decode, encode
 from orthoglide_cal.session.opening import MOST_CYCLES, session_file, session_path
 from tests.machines import NOMINAL, PROTOTYPE
 
-from .terminal import Terminal, begun, refused, run_program
+from .terminal import Terminal, begun, finished, refused, run_program
 from .virtual import opened, setting_of, steps_of
 
 
@@ -30,34 +32,33 @@ def test_a_second_session_on_the_same_file_is_refused(tmp_path: Path) -> None:
         done = run_program(tmp_path, "s.yaml", "--resume")
         assert done.returncode == 2
         assert "s.journal is in use by another session" in done.stderr
+        assert "fg, if it was stopped with Ctrl-Z" in done.stderr
         first.type("-0.64")
         assert first.step() == 2
 
 
 def test_an_existing_session_is_never_overwritten(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text("precious")
-    code, said = refused(tmp_path, "s.yaml")
-    assert code == 2
-    assert "never overwritten" in said
+    assert "never overwritten" in refused(2, tmp_path, "s.yaml")
     assert (tmp_path / "s.yaml").read_text() == "precious"
     assert not (tmp_path / "s.journal").exists()
 
 
 def test_an_unfinished_session_is_not_begun_anew(tmp_path: Path) -> None:
     before = begun(tmp_path)
-    code, said = refused(tmp_path, "s.yaml")
-    assert code == 2
-    assert "orthocal measure s.yaml --resume" in said
+    assert "orthocal measure s.yaml --resume" in refused(2, tmp_path, "s.yaml")
     assert (tmp_path / "s.journal").read_bytes() == before
 
 
 def test_control_characters_in_names_are_shown_and_never_obeyed(tmp_path: Path) -> None:
-    """In the first lines, at an interruption, and in what to run after the last reading."""
+    """In the first lines, at an interruption, in what to run after the last reading; and they make
+    a session that can be read."""
     name, shown = "a \x1b[31m b.yaml", "a ⟨U+001B⟩[31m b.yaml"
     machine = machine_file(tmp_path, "name: Orthoglide prototype", 'name: "m\\u202e\\nFile none"')
     options = ("--gauge", "simulated", "--seed", "1", "--protocol", "single", "--cycles", "1")
+    given = ("--operator", "a\x07", "--gauge-id", "a\u202eb", "--certificate", name)
     left = run_program(tmp_path, name, "--machine", machine)
-    done = run_program(tmp_path, f"2 {name}", *options, "--machine", machine)
+    done = run_program(tmp_path, f"2 {name}", *options, "--machine", machine, *given)
     assert (left.returncode, done.returncode) == (130, 0)
     assert "\x1b" not in left.stdout + left.stderr + done.stdout + done.stderr
     assert f"File     {shown}\n" in left.stdout
@@ -65,6 +66,10 @@ def test_control_characters_in_names_are_shown_and_never_obeyed(tmp_path: Path) 
     assert "Machine  m⟨U+202E⟩ File none\n" in done.stdout
     assert f"Written to 2 {shown}\n" in done.stdout
     assert f"More: orthocal solve '2 {shown}' --details" in done.stdout
+    said = read_input(str(tmp_path / f"2 {name}")).conditions
+    gauge = said.gauges[0]
+    assert (said.operator, gauge.id) == ("a⟨U+0007⟩", "a⟨U+202E⟩b")
+    assert gauge.certificate == shown
 
 
 @pytest.mark.parametrize(
@@ -88,9 +93,7 @@ def test_resuming_another_session_is_refused(
     before = begun(tmp_path)
     if not options[0].startswith("--"):
         options = ("--machine", machine_file(tmp_path, *options))
-    code, said = refused(tmp_path, "s.yaml", "--resume", *options)
-    assert code == 2
-    assert difference in said
+    assert difference in refused(2, tmp_path, "s.yaml", "--resume", *options)
     assert (tmp_path / "s.journal").read_bytes() == before
 
 
@@ -117,16 +120,12 @@ def test_resume_finds_the_only_unfinished_session(tmp_path: Path) -> None:
     done = run_program(tmp_path, "--resume", stdin="-0.95\n")
     assert "Resumed: 2 readings" in done.stdout
     (tmp_path / "t.journal").write_bytes((tmp_path / "s.journal").read_bytes())
-    code, said = refused(tmp_path, "--resume")
-    assert code == 2
-    assert "s.journal, t.journal" in said
+    assert "s.journal, t.journal" in refused(2, tmp_path, "--resume")
 
 
 def test_nothing_to_resume(tmp_path: Path) -> None:
-    assert refused(tmp_path, "--resume")[0] == 2
-    code, said = refused(tmp_path, "s.yaml", "--resume")
-    assert code == 2
-    assert "no unfinished session" in said
+    refused(2, tmp_path, "--resume")
+    assert "no unfinished session" in refused(2, tmp_path, "s.yaml", "--resume")
 
 
 @pytest.mark.parametrize(
@@ -136,17 +135,15 @@ def test_a_session_that_cannot_be_is_refused(tmp_path: Path, wrong: dict[str, in
     """Its checksum is right: another program wrote it. No time is spent on its many steps."""
     line, _ = encode(opened().model_copy(update=wrong))
     (tmp_path / "s.journal").write_bytes(line)
-    code, said = refused(tmp_path, "s.yaml", "--resume")
-    assert code == 3
+    said = refused(3, tmp_path, "s.yaml", "--resume")
     assert f"s.journal, line 1: The journal is damaged here: opened.{next(iter(wrong))}" in said
     assert "Use the orthocal that wrote it" in said
 
 
 def test_the_most_cycles_are_those_that_the_command_takes(tmp_path: Path) -> None:
     Journal.create(tmp_path / "s.journal", opened(cycles=MOST_CYCLES)).close()
-    code, said = refused(tmp_path, "s.yaml", "--resume", "--cycles", str(MOST_CYCLES + 1))
-    assert code == 2
-    assert str(MOST_CYCLES) in said
+    more = ("--cycles", str(MOST_CYCLES + 1))
+    assert str(MOST_CYCLES) in refused(2, tmp_path, "s.yaml", "--resume", *more)
 
 
 def test_a_cut_journal_says_what_was_ignored(tmp_path: Path) -> None:
@@ -158,9 +155,7 @@ def test_a_cut_journal_says_what_was_ignored(tmp_path: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_written_to(tmp_path: Path) -> None:
-    code, said = refused(tmp_path, "missing/s.yaml")
-    assert code == 3
-    assert "No such file or directory" in said
+    assert "No such file or directory" in refused(3, tmp_path, "missing/s.yaml")
 
 
 def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
@@ -172,7 +167,7 @@ def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
     folder = tmp_path / "empty"
     folder.mkdir()
     other = machine_file(tmp_path, "identified: []", cause)
-    assert refused(folder, "s.yaml", "--machine", other)[0] == 3
+    refused(3, folder, "s.yaml", "--machine", other)
     assert list(folder.iterdir()) == []
 
 
@@ -186,7 +181,7 @@ def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_options_that_make_no_sense(tmp_path: Path, options: tuple[str, ...]) -> None:
-    assert refused(tmp_path, "s.yaml", *options)[0] == 2
+    refused(2, tmp_path, "s.yaml", *options)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -254,9 +249,8 @@ def test_the_offsets_of_the_file_or_of_the_option_are_the_session_s(tmp_path: Pa
     # The file still says something else: the session was asked.
     again = run_program(tmp_path, "s.yaml", "--resume", "--machine", machine)
     assert (again.returncode, "X +0.4  Y -0.3  Z +0.9" in again.stdout) == (130, True)
-    code, said = refused(tmp_path, "s.yaml", "--resume", "--offsets-active", "0.4", "-0.3", "0")
-    assert code == 2
-    assert "machine, offsets_mm: " in said
+    other = ("--offsets-active", "0.4", "-0.3", "0")
+    assert "machine, offsets_mm: " in refused(2, tmp_path, "s.yaml", "--resume", *other)
 
 
 @pytest.mark.parametrize(
@@ -269,9 +263,7 @@ def test_the_offsets_of_the_file_or_of_the_option_are_the_session_s(tmp_path: Pa
     ],
 )
 def test_impossible_offsets(tmp_path: Path, value: str, why: str) -> None:
-    code, said = refused(tmp_path, "s.yaml", "--offsets-active", value, "0", "0")
-    assert code == 2
-    assert why in said
+    assert why in refused(2, tmp_path, "s.yaml", "--offsets-active", value, "0", "0")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -289,9 +281,7 @@ def test_what_the_controller_holds_is_gone_from_a_simulated_machine() -> None:
 @pytest.mark.parametrize("name", [".", "", "..", "/", "a" * 300, "missing/.."])
 @pytest.mark.parametrize("option", [(), ("--resume",)])
 def test_what_is_no_file_is_no_session(tmp_path: Path, name: str, option: tuple[str]) -> None:
-    code, said = refused(tmp_path, name, *option)
-    assert code in (2, 3)
-    assert "file" in said
+    assert "file" in refused(2, tmp_path, name, *option)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -307,3 +297,29 @@ def test_names(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"session-2\.journal"):
         session_file(None, tmp_path, resume=False)
     assert session_file(None, tmp_path, resume=True) == tmp_path / "session-2.yaml"
+
+
+# ---- full disks
+
+
+def test_a_disk_that_is_full_from_the_beginning(tmp_path: Path) -> None:
+    done = run_program(tmp_path, "s.yaml", before=lambda: limit_files(100))
+    assert done.returncode == 3
+    assert "cannot be written" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_is_full_at_the_end(tmp_path: Path) -> None:
+    """Not even the session file fits: the journal stays, and --resume ends the session."""
+    options = ("--gauge", "simulated", "--seed", "1", "--protocol", "single", "--cycles", "1")
+    finished(tmp_path, "s.yaml", *options)
+    (tmp_path / "s.yaml").unlink()
+    done = run_program(tmp_path, "s.yaml", "--resume", before=lambda: limit_files(1000))
+    assert done.returncode == 3
+    assert not (tmp_path / "s.yaml").exists()
+    finished(tmp_path, "s.yaml", "--resume")
+    assert (tmp_path / "s.yaml").exists()
+
+
+def limit_files(size: int) -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))

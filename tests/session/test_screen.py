@@ -1,5 +1,6 @@
 """What the screen shows when it is narrow, resized or pushed away, and after Ctrl-Z."""
 
+import os
 import re
 import shlex
 import sys
@@ -11,7 +12,7 @@ import pytest
 from orthoglide_cal.session.wording import value_text
 from orthoglide_cal.words import Unit
 
-from .terminal import AT_ONCE, PATIENCE_S, PROMPT, environment
+from .terminal import AT_ONCE, PATIENCE_S, PROMPT
 from .virtual import answered, readings_of, steps_of, typed
 
 # As a shell must be given it: a clone may stand at a path with a blank.
@@ -65,7 +66,7 @@ def test_a_table_has_the_last_readings(tmp_path: Path) -> None:
 @pytest.mark.parametrize("end", ["\t", "\r"])
 def test_after_ctrl_z_and_fg_everything_is_as_before(tmp_path: Path, end: str) -> None:
     """In a shell with jobs: it has its own terminal modes, and gives the program's back or not."""
-    here = {**environment(), "PS1": "shell> ", "TERM": "dumb", "HISTFILE": ""}
+    here = {**os.environ, "PS1": "shell> ", "TERM": "dumb", "HISTFILE": ""}
     shell = pexpect.spawn(
         "bash", ["--norc", "--noediting", "-i"], cwd=str(tmp_path), env=here, encoding="utf-8",
         timeout=PATIENCE_S, dimensions=(24, 80),
@@ -94,7 +95,7 @@ def test_after_ctrl_z_and_fg_everything_is_as_before(tmp_path: Path, end: str) -
 def test_what_is_typed_after_the_end_does_not_reach_the_shell(tmp_path: Path) -> None:
     shell = pexpect.spawn(
         "sh", ["-c", f'{PYTHON} -c "{AT_ONCE}" measure s.yaml --yes; read x; echo "[$x]"'],
-        cwd=str(tmp_path), env=environment(), encoding="utf-8", timeout=PATIENCE_S,
+        cwd=str(tmp_path), encoding="utf-8", timeout=PATIENCE_S,
     )  # fmt: skip
     shell.expect(PROMPT)
     shell.send("q\rrm -rf everything\r")

@@ -15,6 +15,7 @@ from orthoglide_cal.session.events import (
     Shortened,
     Skipped,
     State,
+    Taken,
     Undone,
     advance,
     replay,
@@ -29,10 +30,6 @@ def after(*events: Event) -> State:
 
 def asked(step: int, value: float) -> Questioned:
     return questioned(taken(step, value), Doubt.STAND, "really?")
-
-
-def values(state: State) -> dict[int, float]:
-    return {number: item.take.value_mm for number, item in state.accepted.items()}
 
 
 def random_events(rng: np.random.Generator, count: int) -> list[Event]:
@@ -76,20 +73,25 @@ def test_no_reading_ever_vanishes(seed: int) -> None:
         assert sorted(held) == sorted(arrived)
 
 
-def test_undo_after_a_retaken_reading_goes_back_one_thing_at_a_time() -> None:
-    events = [taken(1, 0.1), taken(2, 0.2), Retake(at=AT, steps=(1,), reason="why"), taken(1, 0.15)]
-    once = after(*events, Undone(at=AT))
-    assert values(once) == {2: 0.2}
-    assert {old.take.value_mm for old in once.replaced} == {0.1, 0.15}
-    twice = after(*events, Undone(at=AT), Undone(at=AT))
-    assert values(twice) == {1: 0.1, 2: 0.2}
-    assert [old.take.value_mm for old in twice.replaced] == [0.15]
+@pytest.mark.parametrize("seed", range(20))
+def test_undo_goes_back_one_thing_at_a_time(seed: int) -> None:
+    """Before the last reading, retake or skip; what was dropped since comes back with it."""
+    state, before = replay([opened()]), []
+    for event in random_events(np.random.default_rng(seed), 80):
+        if isinstance(event, Arrived) and not state.is_open(event.step):
+            continue
+        kept = isinstance(event, Answered) and event.keep and state.pending
+        if kept or isinstance(event, Taken | Retake | Skipped):
+            before.append(what_counts(state))
+        moved, state = state.moved, advance(state, event)
+        if kept and event.moved:
+            assert [step for step, _ in state.moved[len(moved) :]] == [kept.step]
+        if isinstance(event, Undone) and before:
+            assert what_counts(state) == before.pop()
 
 
-def test_a_moved_stand_is_remembered_and_undone_with_its_reading() -> None:
-    state = after(taken(1, 0.1), asked(3, 0.9), Answered(at=AT, keep=True, moved=True))
-    assert [step for step, _ in state.moved] == [3]
-    assert advance(state, Undone(at=AT)).moved == ()
+def what_counts(state: State) -> tuple[object, ...]:
+    return state.accepted, state.skipped, state.dropped, state.moved, state.shortened
 
 
 def test_takes_counts_every_reading_of_a_step_once() -> None:
@@ -101,12 +103,3 @@ def test_takes_counts_every_reading_of_a_step_once() -> None:
     ]
     assert [after(*events[:count]).takes(1) for count in range(5)] == [0, 1, 1, 2, 2]
     assert after(*events, Undone(at=AT)).takes(1) == 2
-
-
-def test_undo_brings_dropped_steps_back() -> None:
-    state = after(taken(1, 0.1), Shortened(at=AT, drop=(2, 3), reason="known"))
-    assert not state.is_open(2)
-    back = advance(state, Undone(at=AT))
-    assert back.is_open(1)
-    assert back.is_open(2)
-    assert back.shortened is None

@@ -8,52 +8,27 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pexpect
 import pytest
-import yaml
 
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.session.gauges import SimulatedGauge
 
+from .going_on import content
 from .terminal import (
     PATIENCE_S,
     PROGRAM,
     PROMPT,
     QUESTION,
     Terminal,
-    environment,
     run_program,
 )
 from .virtual import SINGLE, readings_of, setting_of, steps_of
 
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
-
-
-def assert_fits(seen: str) -> None:
-    """No line is longer than the screen is wide, nothing but text and line ends."""
-    for shown in seen.replace("\r\n", "\n").split("\n"):
-        assert len(shown) <= 80, shown
-    assert not ESCAPE.search(seen)
-    assert all(c.isprintable() or c in "\r\n" for c in seen)
-
-
-def assert_found(folder: Path, protocol: MeasuringProtocol, seed: int, values: list[float]) -> None:
-    """The session file holds the readings, and they give the hidden offsets."""
-    read = read_input(str(folder / "s.yaml"))
-    assert read.measured.value.tolist() == values
-    hidden = SimulatedGauge(setting_of(steps_of(protocol)), seed).offsets_mm
-    assert np.abs(solve(read.measured, read.model).offsets_mm - hidden).max() < 0.08
-
-
-def file_of(folder: Path) -> dict[str, Any]:
-    """The session file as any other program reads it."""
-    content: dict[str, Any] = yaml.safe_load((folder / "s.yaml").read_text(encoding="utf-8"))
-    return content
 
 
 def test_colours_only_where_they_are_wanted(tmp_path: Path) -> None:
@@ -120,7 +95,7 @@ def test_the_terminal_is_left_as_it_was(tmp_path: Path) -> None:
         "print('same' if termios.tcgetattr(0) == before else 'changed')"
     )
     child = pexpect.spawn(
-        sys.executable, ["-c", script], cwd=str(tmp_path), env=environment(), encoding="utf-8",
+        sys.executable, ["-c", script], cwd=str(tmp_path), encoding="utf-8",
         timeout=PATIENCE_S,
     )  # fmt: skip
     child.expect(PROMPT)
@@ -134,16 +109,21 @@ def test_the_terminal_is_left_as_it_was(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_readings_from_a_pipe(tmp_path: Path, end: str) -> None:
+    """The file holds them, and they give the hidden offsets; the screen is plain and narrow."""
     steps = steps_of(SINGLE)
     values = readings_of(steps, 5)
     text = "".join(f"{value:.2f}{end}" for value in values)
     options = ("s.yaml", "--protocol", "single", "--operator", "Ada")
     done = run_program(tmp_path, *options, stdin=text)
     assert (done.returncode, done.stderr) == (0, "")
-    assert_fits(done.stdout)
-    assert_found(tmp_path, SINGLE, 5, values)
+    assert max(map(len, done.stdout.splitlines())) <= 80
+    assert all(c.isprintable() or c == "\n" for c in done.stdout)
+    read = read_input(str(tmp_path / "s.yaml"))
+    assert read.measured.value.tolist() == values
+    hidden = SimulatedGauge(setting_of(steps), 5).offsets_mm
+    assert np.abs(solve(read.measured, read.model).offsets_mm - hidden).max() < 0.08
     assert "More: orthocal solve s.yaml --details" in done.stdout
-    file = file_of(tmp_path)
+    file = content(tmp_path / "s.yaml")
     assert (file["protocol"], file["operator"]) == (SINGLE, "Ada")
     assert file["finished"] is not None
 
@@ -157,14 +137,17 @@ def test_a_simulated_session_without_anyone_at_the_keys(tmp_path: Path) -> None:
     assert np.abs(np.array(found) - hidden).max() < 0.05
     assert "Step 1 of 60" in done.stderr
     assert f"hidden were x {hidden[0]:+.3f}" in done.stderr
-    assert file_of(tmp_path)["environment"] == {"readings_from": "simulated", "seed": "9"}
+    assert content(tmp_path / "s.yaml")["environment"] == {
+        "readings_from": "simulated",
+        "seed": "9",
+    }
 
 
 def test_a_reader_that_goes_away(tmp_path: Path) -> None:
     """As after `| head`: no complaint, and what was shown as saved is saved."""
     with subprocess.Popen(
         [sys.executable, "-c", PROGRAM, "measure", "s.yaml"], cwd=tmp_path,
-        env=environment(),
+
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     ) as program:  # fmt: skip
         assert program.stdin is not None

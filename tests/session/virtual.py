@@ -45,7 +45,6 @@ def stands(protocol: MeasuringProtocol) -> int:
 
 
 def steps_of(protocol: MeasuringProtocol = DOUBLE, cycles: int = 3) -> tuple[SessionStep, ...]:
-    """The usual steps on the prototype."""
     return sequence(PROTOTYPE, protocol, cycles, Order.PAPER, stands(protocol))
 
 
@@ -55,7 +54,6 @@ def setting_of(steps: Sequence[SessionStep], machine: Machine | None = None) -> 
 
 
 def opened(protocol: MeasuringProtocol = DOUBLE, cycles: int = 3, **other: object) -> Opened:
-    """A first record."""
     values: dict[str, object] = {
         "at": AT,
         "version": 1,
@@ -91,7 +89,6 @@ def typed(values: Iterable[float]) -> list[str]:
 
 
 def taken(step: int, value: float, minutes: float = 0.0, source: str = "typed") -> Taken:
-    """An accepted reading."""
     return Taken(at=AT, step=step, minutes=minutes, value_mm=value, raw=f"{value}", source=source)
 
 
@@ -161,7 +158,6 @@ class Script:
             raise EOFError from None
 
     def disturbed(self) -> bool:
-        """There is no screen."""
         return False
 
 
