@@ -24,7 +24,6 @@ def main(arguments: list[str] | None = None) -> int:
         ("largest", "places of a printer's layout"),
     ):
         parser.add_argument(f"--{name}", type=int, help=about)
-    parser.add_argument("--times", type=float, help="sizes of single lasting causes, in tolerances")
     parser.add_argument("--holdouts", type=int, default=2, help="second sessions per cause, group")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--machine", choices=MACHINES, action="append")

@@ -25,7 +25,6 @@ from tests.truth.delta_separation import (
     clear_delta_outside,
     delta_separation,
 )
-from tests.truth.effects import USUAL, Times
 
 SLOW = ("gauge_drift", "thermal_drift")
 SLOW_PACE = 2.5
@@ -60,12 +59,6 @@ class Counts:
     """Per combination of a cause of the measurement and one of the machine."""
     largest: int = 400
     """No layout of a printer has more places."""
-    times: float = 0.0
-    """Size of single lasting causes, in tolerances; 0 for one to three."""
-
-    @property
-    def sizes(self) -> Times:
-        return (self.times, self.times) if self.times else USUAL
 
 
 FULL = Counts(single=20, healthy=125, outside=5, pair=2)
@@ -117,8 +110,7 @@ def draw_gauges(
         singles = product([(cause,) for cause in CAUSES], range(counts.single))
         for hidden, n in chain(singles, product(all_pairs(), range(counts.pair))):
             pace = SLOW_PACE if hidden[0] in SLOW and len(hidden) == 1 and n % 2 else 0.4
-            times = counts.sizes if len(hidden) == 1 else USUAL
-            session = make_session(base + n, machine, gauge, hidden, pace=pace, times=times)
+            session = make_session(base + n, machine, gauge, hidden, pace=pace)
             yield Case(f"{'-'.join(hidden)}-{n:03d}{end}", session, separation(session))
 
 
@@ -136,11 +128,11 @@ def draw_printers(counts: Counts, seed: int) -> Iterator[Case]:
     ]
     base = 100_000 * seed
 
-    def drawn(number: int, n: int, hidden: tuple[str, ...], times: Times = USUAL) -> DeltaSession:
+    def drawn(number: int, n: int, hidden: tuple[str, ...]) -> DeltaSession:
         # Every cause meets other settings first.
         machine, layout = settings[(7 * number + n) % len(settings)]
         bumps = machine.texture, GRAIN
-        return make_delta_session(base + n, machine, hidden, layout, bumps, times=times)
+        return make_delta_session(base + n, machine, hidden, layout, bumps)
 
     for n in range(counts.healthy):
         yield Case(f"healthy-{n:03d}", drawn(0, n, ()), None)
@@ -153,5 +145,5 @@ def draw_printers(counts: Counts, seed: int) -> Iterator[Case]:
     singles = product(enumerate((cause,) for cause in DELTA_CAUSES), range(counts.single))
     pairs = product(enumerate(DELTA_PAIRS), range(counts.pair))
     for (number, hidden), n in chain(singles, pairs):
-        session = drawn(number, n, hidden, counts.sizes if len(hidden) == 1 else USUAL)
+        session = drawn(number, n, hidden)
         yield Case(f"{'-'.join(hidden)}-{n:03d}", session, delta_separation(session))

@@ -1,15 +1,13 @@
 """Running `orthocal diagnose` inside this process."""
 
-import json
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from typer.testing import CliRunner
+from typer.testing import Result
 
-from orthoglide_cal.cli.app import app
 from tests import truth
+from tests.cli.program import answer, done, lines, run
 from tests.machines import SAMPLES
 from tests.truth.session import Session
 
@@ -18,38 +16,26 @@ GAP = SAMPLES / "session.yaml"
 SECOND, THIRD = SAMPLES / "experiment2.csv", SAMPLES / "experiment3.csv"
 
 
-@dataclass(frozen=True)
-class Ran:
-    code: int
-    out: str
-    err: str
-
-    def lines(self) -> list[dict[str, Any]]:
-        return [json.loads(line) for line in self.out.splitlines()]
+def diagnose(*arguments: object, text: str = "") -> Result:
+    return run("diagnose", *map(str, arguments), text=text)
 
 
-def diagnose(*arguments: object, text: str | None = None) -> Ran:
-    done = CliRunner().invoke(app, ["diagnose", *map(str, arguments)], input=text)
-    assert done.exception is None or isinstance(done.exception, SystemExit)
-    assert "Traceback" not in done.output
-    return Ran(done.exit_code, done.stdout, done.stderr)
+def told(*arguments: object) -> dict[str, Any]:
+    return answer("diagnose", *map(str, arguments))
 
 
 @cache
 def shown(path: Path, *options: str) -> str:
     """The text for one of the samples."""
-    ran = diagnose(path, *options)
-    assert ran.code == 0
-    return ran.out
+    return done("diagnose", str(path), *options)
 
 
 @cache
 def one(*arguments: object) -> dict[str, Any]:
     ran = diagnose(*arguments, "--json")
-    assert ran.code == 0
-    assert ran.err == ""
-    (answer,) = ran.lines()
-    return answer
+    assert (ran.exit_code, ran.stderr) == (0, "")
+    (found,) = lines(ran)
+    return found
 
 
 def written(folder: Path, session: Session, name: str = "readings.csv") -> tuple[Path, Path]:

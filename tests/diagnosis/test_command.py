@@ -20,6 +20,7 @@ from orthoglide_cal.report.markdown import markdown
 from orthoglide_cal.results import answer_to
 from tests import truth
 from tests.cli.program import answer as answered
+from tests.cli.program import lines, words
 from tests.diagnosis.command import GAP, HEALTHY, SECOND, THIRD, diagnose, one, shown, written
 from tests.diagnosis.sessions import known
 from tests.results.sessions import given
@@ -29,16 +30,16 @@ class TestJson:
     def test_what_it_separates_are_causes_and_two_of_them(self) -> None:
         first, second = one(THIRD)["next_measurement"]["separates"]
         assert {first, second} <= set(CAUSES)
-        assert f"distinguishes {first} from {second}" in " ".join(diagnose(THIRD).out.split())
+        assert f"distinguishes {first} from {second}" in words(diagnose(THIRD).stdout)
 
 
 class TestManyFiles:
     def test_standard_input_cannot_be_two_files(self) -> None:
         for extra in ([], ["--json"]):
             ran = diagnose("-", "--holdout", "-", *extra, text="")
-            assert ran.code == 2
-            assert "once" in ran.err + ran.out
-            assert (ran.out == "") == (not extra)
+            assert ran.exit_code == 2
+            assert "once" in ran.stderr + ran.stdout
+            assert (ran.stdout == "") == (not extra)
 
 
 class TestHeldOut:
@@ -92,15 +93,15 @@ class TestHeldOut:
     )
     def test_options_that_do_not_go_together(self, options: tuple[object, ...]) -> None:
         ran = diagnose(SECOND, *options)
-        assert ran.code == 2
-        assert ran.out == ""
-        assert ran.err
+        assert ran.exit_code == 2
+        assert ran.stdout == ""
+        assert ran.stderr
 
     def test_a_later_file_that_cannot_be_read(self, tmp_path: Path) -> None:
         missing = tmp_path / "missing.csv"
         ran = diagnose(SECOND, "--holdout", missing, "--json")
-        assert ran.code == 3
-        (line,) = ran.lines()
+        assert ran.exit_code == 3
+        (line,) = lines(ran)
         assert str(missing) in line["error"]
 
 
@@ -111,8 +112,8 @@ class TestAccept:
         before, extended = machine.read_bytes(), tmp_path / "extended.yaml"
         accept = ("--machine", machine, "--accept", "axis_gap", "--output", extended)
         ran = diagnose(readings, *accept)
-        assert ran.code == 0
-        assert str(extended) in ran.err
+        assert ran.exit_code == 0
+        assert str(extended) in ran.stderr
         assert machine.read_bytes() == before
         (found,) = read_machine(extended).accepted
         assert found.cause.id == "axis_gap"
@@ -137,23 +138,23 @@ class TestAccept:
         # Never overwritten.
         kept = extended.read_bytes()
         ran = diagnose(readings, *accept)
-        assert ran.code == 2
+        assert ran.exit_code == 2
         assert extended.read_bytes() == kept
 
     def test_the_default_name_says_what_was_accepted(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         monkeypatch.chdir(tmp_path)
-        assert diagnose(GAP, "--accept", "axis_gap").code == 0
+        assert diagnose(GAP, "--accept", "axis_gap").exit_code == 0
         assert [path.name for path in tmp_path.iterdir()] == ["machine-axis_gap.yaml"]
 
     @pytest.mark.parametrize("cause", ["misread", "stand_shift", "gauge_slip", "sign_flip"])
     def test_the_measurement_is_no_part_of_the_machine(self, tmp_path: Path, cause: str) -> None:
         target = tmp_path / "new.yaml"
         ran = diagnose(GAP, "--accept", cause, "--output", target)
-        assert ran.code == 4
-        assert "measurement" in ran.err
-        assert "Cause found" in ran.out
+        assert ran.exit_code == 4
+        assert "measurement" in ran.stderr
+        assert "Cause found" in ran.stdout
         assert not target.exists()
 
     @pytest.mark.parametrize(
@@ -166,18 +167,18 @@ class TestAccept:
     ) -> None:
         target = tmp_path / "new.yaml"
         ran = diagnose(data, "--accept", cause, "--output", target)
-        assert ran.code == 4
-        assert ran.err
+        assert ran.exit_code == 4
+        assert ran.stderr
         assert not target.exists()
 
     def test_a_refusal_does_not_spoil_the_line_of_json(self, tmp_path: Path) -> None:
         target = tmp_path / "new.yaml"
         ran = diagnose(HEALTHY, "--json", "--accept", "axis_gap", "--output", target)
-        assert ran.code == 4
-        assert [line["verdict"] for line in ran.lines()] == ["consistent"]
+        assert ran.exit_code == 4
+        assert [line["verdict"] for line in lines(ran)] == ["consistent"]
 
     def test_one_file_only(self) -> None:
-        assert diagnose(GAP, HEALTHY, "--accept", "axis_gap").code == 2
+        assert diagnose(GAP, HEALTHY, "--accept", "axis_gap").exit_code == 2
 
 
 def sound_with(diagnosis: Diagnosis, share: float) -> Diagnosis:
@@ -197,18 +198,18 @@ class TestText:
         assert lines[start + 1][column] != " "
 
     def test_it_says_what_to_do(self) -> None:
-        text = " ".join(shown(GAP).split())
+        text = words(shown(GAP))
         assert "Cause found: the actuator axes do not meet in one point (axis_gap, 91.1 %)" in text
         assert "xy +0.3" in text
         assert f"orthocal diagnose {shlex.quote(str(GAP))} --accept axis_gap" in text
         assert "left out of the fit" in text
         assert "tolerances" not in text
-        assert "Stable when tolerances are halved" in " ".join(shown(GAP, "--details").split())
+        assert "Stable when tolerances are halved" in words(shown(GAP, "--details"))
         assert "type in" not in text
         assert "−0.189" in text
 
     def test_an_open_answer_offers_no_compensation(self) -> None:
-        text = " ".join(shown(SECOND).split())
+        text = words(shown(SECOND))
         assert "? Undecided: " in text
         assert "orthocal measure" in text
         assert "--accept" not in text
@@ -217,7 +218,7 @@ class TestText:
         session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("misread",))
         readings, machine = written(tmp_path, session)
         ran = diagnose(readings, "--machine", machine)
-        text = " ".join(ran.out.split())
+        text = words(ran.stdout)
         assert "Cause found: one reading is wrong (misread," in text
         assert "Take this reading again" in text
         assert "--accept" not in text

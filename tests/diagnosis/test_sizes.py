@@ -10,7 +10,8 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import diagnose as judge
 from orthoglide_cal.model.orthoglide import Orthoglide
 from tests import truth
-from tests.diagnosis.command import SECOND, Ran, diagnose, written
+from tests.cli.program import words
+from tests.diagnosis.command import SECOND, diagnose, told, written
 from tests.diagnosis.sessions import known
 
 # Faults of the record, each with a seed whose truth stands clear of every rival.
@@ -44,18 +45,14 @@ def assumed(answer: dict[str, Any]) -> dict[str, float]:
     return {each["id"]: each["size"] for each in answer["assumed_sizes"]}
 
 
-def words(ran: Ran) -> str:
-    return " ".join(ran.out.split())
-
-
 @pytest.mark.parametrize("cause", RECORD)
 def test_what_the_machine_file_does_not_mention_is_named_all_the_same(
     cause: str, tmp_path: Path
 ) -> None:
     readings, machine = written(tmp_path, hidden(cause))
     silent = resized(machine, dict.fromkeys(RECORD))
-    (full,) = diagnose(readings, "--machine", machine, "--json").lines()
-    (found,) = diagnose(readings, "--machine", silent, "--json").lines()
+    full = told(readings, "--machine", machine)
+    found = told(readings, "--machine", silent)
     assert (found["verdict"], [one["id"] for one in found["causes"]]) == ("named", [cause])
     assert assumed(full) == {}
     assert assumed(found) == {id: truth.machines.TOLERANCES[id] for id in RECORD}
@@ -68,7 +65,7 @@ def test_zero_rules_a_cause_out(tmp_path: Path) -> None:
     session = hidden("misread")
     readings, machine = written(tmp_path, session)
     assert any("misread" in each.ids for each in judge(*known(session)).explanations)
-    (found,) = diagnose(readings, "--machine", resized(machine, {"misread": 0.0}), "--json").lines()
+    found = told(readings, "--machine", resized(machine, {"misread": 0.0}))
     named = {one["id"] for one in found["causes"]}
     assert "misread" not in named | set(found["ambiguous_with"])
     assert assumed(found) == {}
@@ -78,9 +75,7 @@ def test_a_machine_that_can_have_nothing_is_judged_all_the_same(tmp_path: Path) 
     for cause, verdict in (("misread", "unexplained"), (None, "consistent")):
         session = hidden(cause) if cause else truth.make_session(21, truth.PROTOTYPE, truth.MICRON)
         readings, machine = written(tmp_path, session)
-        (found,) = diagnose(
-            readings, "--machine", resized(machine, dict.fromkeys(OWN, 0.0)), "--json"
-        ).lines()
+        found = told(readings, "--machine", resized(machine, dict.fromkeys(OWN, 0.0)))
         assert (found["verdict"], found["causes"], found["ambiguous_with"]) == (verdict, [], [])
 
 
@@ -92,16 +87,18 @@ def test_what_is_ruled_out_is_not_accepted(tmp_path: Path) -> None:
         readings, "--machine", resized(machine, {"axis_gap": 0.0}),
         "--accept", "axis_gap", "--output", target,
     )  # fmt: skip
-    assert ran.code == 4
-    assert "rules axis_gap out" in " ".join(ran.err.split())
+    assert ran.exit_code == 4
+    assert "rules axis_gap out" in words(ran.stderr)
     assert not target.exists()
 
 
 def test_sizes_that_were_assumed_are_said(tmp_path: Path) -> None:
     readings, machine = written(tmp_path, hidden("misread"))
     silent = resized(machine, {"misread": None, "sign_flip": None, "encoder_scale": None})
-    assert "Assumed sizes" not in words(diagnose(readings, "--machine", machine, "--details"))
-    said = words(diagnose(readings, "--machine", silent, "--details"))
+    assert "Assumed sizes" not in words(
+        diagnose(readings, "--machine", machine, "--details").stdout
+    )
+    said = words(diagnose(readings, "--machine", silent, "--details").stdout)
     note = (
         "Assumed sizes (not in the machine file): encoder_scale 1 mm/m, misread 0.1 mm, sign_flip."
     )
@@ -112,7 +109,7 @@ def test_only_what_was_tried_was_assumed(tmp_path: Path) -> None:
     """Differences have no order in time: what is seen in it alone plays no part."""
     _, machine = written(tmp_path, hidden("misread"))
     silent = resized(machine, dict.fromkeys(OWN))
-    (found,) = diagnose(SECOND, "--machine", silent, "--json").lines()
+    found = told(SECOND, "--machine", silent)
     ids = set(assumed(found))
     assert {"axis_gap", "bar_skew", "misread"} <= ids
     assert not ids & {id for id, cause in CAUSES.items() if cause.timed}
@@ -128,9 +125,9 @@ def test_it_is_the_answer_with_those_sizes(how: str, factor: float, tmp_path: Pa
     session = truth.make_session(28, truth.PROTOTYPE, truth.DIAL, ("axis_gap",))
     readings, machine = written(tmp_path, session)
     sizes = {id: factor * size for id, size in truth.machines.TOLERANCES.items()}
-    (other,) = diagnose(readings, "--machine", resized(machine, sizes), "--json").lines()
+    other = told(readings, "--machine", resized(machine, sizes))
     silent = resized(machine, dict.fromkeys(RECORD))
-    (found,) = diagnose(readings, "--machine", silent, "--json").lines()
+    found = told(readings, "--machine", silent)
     assert found["sensitivity"][how] == {
         "verdict": other["verdict"],
         "ids": sorted(one["id"] for one in other["causes"]),

@@ -17,6 +17,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.results.release import release
 from tests import truth
 from tests.diagnosis.command import diagnose as run
+from tests.diagnosis.command import told as answered
 from tests.diagnosis.command import written
 from tests.diagnosis.sessions import known
 from tests.diagnosis.test_certainty import ids, measured
@@ -112,13 +113,13 @@ def test_it_holds_the_offsets_back_until_it_is_ruled_out(tmp_path: Path) -> None
     checked = replace(model, ruled_out=("exchanged_columns",))
     assert diagnose(readings, checked).unshown == ()
     table, machine = written(tmp_path, session)
-    (answer,) = run(table, "--machine", machine, "--json").lines()
+    answer = answered(table, "--machine", machine)
     assert answer["unshown"][0]["id"] == "exchanged_columns"
     options = ("--machine", machine, "--rule-out", "exchanged_columns")
-    (answer,) = run(table, *options, "--json").lines()
+    answer = answered(table, *options)
     assert (answer["ruled_out"], answer["unshown"]) == (["exchanged_columns"], [])
-    assert "Ruled out by hand: exchanged_columns" in run(table, *options).out
-    assert run(table, "--machine", machine, "--rule-out", "nothing").code == 2
+    assert "Ruled out by hand: exchanged_columns" in run(table, *options).stdout
+    assert run(table, "--machine", machine, "--rule-out", "nothing").exit_code == 2
 
 
 def test_below_a_bayes_factor_of_three_a_fault_is_not_open() -> None:

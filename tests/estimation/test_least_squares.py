@@ -10,12 +10,12 @@ from orthoglide_cal.estimation import Problem, fit_offsets, solve
 from orthoglide_cal.estimation.accuracy import unit_covariance
 from orthoglide_cal.estimation.least_squares import OPTIMAL
 from orthoglide_cal.model.measured import DataKind
-from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
+from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, zero_free
 from orthoglide_cal.paper.tables import experiment
-from tests.estimation.sessions import BENT, READINGS, SIX, TWELVE, of_values, problem_of
-from tests.machines import NOMINAL, both_models, extended
+from tests.estimation.sessions import READINGS, SIX, TWELVE, of_values, problem_of
+from tests.machines import NOMINAL, both_models
 
 EXPERIMENT_1 = experiment(1).value
 
@@ -128,19 +128,3 @@ def test_data_out_of_all_reach_never_look_converged() -> None:
     with pytest.raises(NotConvergedError, match="No offsets fit these data") as caught:
         solve(of_values(SIX, lost), NOMINAL)
     assert caught.value.exit_code == 4
-
-
-@pytest.mark.parametrize(
-    "model",
-    [NOMINAL, BENT, extended(thermal_drift=(0.1, -0.2, 0.15))],
-    ids=["nominal", "gap", "drift"],
-)
-def test_repeated_readings_are_predicted_as_each_of_them(model: Model) -> None:
-    """Once where they are equal, apart where a cause tells them apart."""
-    problem = problem_for(READINGS, model)
-    offsets = np.array([[0.7, -0.2, 1.9], [-1.1, 0.4, 0.3]])
-    readings, jacobians = simulate_with_jacobian(problem.model, offsets, problem.plan)
-    predicted, jacobian = problem.predict_with_jacobian(offsets)
-    assert predicted == pytest.approx(readings @ problem.matrix.T, abs=1e-12)
-    assert jacobian == pytest.approx(problem.matrix @ jacobians, abs=1e-12)
-    assert problem.predict(offsets) == pytest.approx(predicted, abs=1e-12)

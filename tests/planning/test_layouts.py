@@ -104,22 +104,6 @@ def test_predicted_standard_deviations_are_what_monte_carlo_finds(name: str) -> 
     assert error.max() < 0.05
 
 
-@pytest.mark.parametrize("name", ["bed-7", "blocks-13", "print-13"])
-def test_what_the_arms_add_is_what_wrong_arms_do(name: str) -> None:
-    """Arms that the controller has wrongly by one tolerance each, alone and in turn."""
-    laid = LAYOUTS[name]
-    plan = laid.plan
-    problem = weighted(plan, np.zeros(6), np.zeros(len(plan)))
-    size = TOLERANCES["leg_length"]
-    shifted = []
-    for arm in range(3):
-        truth = Truth(arms=frozen(0.1 * size * np.eye(3)[arm]))
-        _, value = true_readings(V400, truth, plan)
-        shifted.append(10.0 * fit_offsets(problem, problem.matrix @ value[None].T[:, 0]).offsets_mm)
-    (arms,) = (each for each in laid.budget.contributions if each.source == "leg_length")
-    assert arms.std_mm == pytest.approx(np.linalg.norm(shifted, axis=0), rel=0.02)
-
-
 def test_the_expected_uncertainty_is_what_solve_gives() -> None:
     """The mean of 40 sessions of 69 degrees of freedom: U scatters by 9 % at most, it by 1.4 %."""
     laid = LAYOUTS["blocks-25"]

@@ -89,25 +89,11 @@ def test_fewest_moves_moves_the_gauge_less() -> None:
     assert gauge_moves(usual(DOUBLE, 3, stands=1)) == 5
 
 
-def test_one_gauge_has_six_set_ups() -> None:
-    steps = usual(DOUBLE, 2, stands=1)
-    assert {s.setup for s in steps} == set(range(1, 7))
-    for setup in range(1, 7):
-        assert len({s.series for s in steps if s.setup == setup}) == 1
-
-
 def test_time_left_counts_postures_and_moves_of_the_stand() -> None:
     steps = usual(DOUBLE, 3)
     assert minutes_left(steps) == pytest.approx(30 * 0.4 + 2 * 4.0)
     assert minutes_left(steps[-2:]) == pytest.approx(0.4)
     assert minutes_left([]) == 0.0
-
-
-def test_a_stand_that_slides_along_the_leg_takes_its_time() -> None:
-    """Seven postures of each of two legs, at both ends of it, and one move between the legs."""
-    paper, fewest = (usual(SINGLE, 2, order, stands=1) for order in Order)
-    assert minutes_left(paper) == pytest.approx(2 * (7 * 0.4 + 13 * 0.5) + 4.0)
-    assert minutes_left(fewest) == pytest.approx(2 * (14 * 0.4 + 1 * 0.5) + 4.0)
 
 
 def of_readings(

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .effects import USUAL, Times, sizes
+from .effects import USUAL, sizes
 from .forward import tool_from_carriages
 from .plan import Floats, Ints, frozen
 
@@ -308,13 +308,11 @@ def changes(radius: float) -> dict[str, tuple[int, Change]]:
     }
 
 
-def draw_truth(
-    hidden: tuple[str, ...], bed: float, rng: np.random.Generator, times: Times = USUAL
-) -> Truth:
+def draw_truth(hidden: tuple[str, ...], bed: float, rng: np.random.Generator) -> Truth:
     """A machine before its calibration, with so many tolerances of each hidden cause."""
 
     def sized(cause: str, count: int) -> Floats:
-        return sizes(rng, count, TOLERANCES[cause], times)
+        return sizes(rng, count, TOLERANCES[cause], USUAL)
 
     angles = np.append(rng.normal(scale=CALIBRATED["angles"], size=2), 0.0)
     truth = Truth(
@@ -348,7 +346,6 @@ def make_delta_session(
     layout: Layout | None = None,
     bumps: tuple[float, float] = (0.0, 30.0),
     outside: tuple[str, Disturb] | None = None,
-    times: Times = USUAL,
 ) -> DeltaSession:
     """Draw one session. The same arguments give the same session.
 
@@ -358,12 +355,11 @@ def make_delta_session(
         layout: 121 places on the flat bed if None.
         bumps: standard deviation [mm] and correlation length [mm] of the bed's local shape.
         outside: an effect outside the list.
-        times: how large its hidden causes are, in tolerances.
     """
     layout = layout or Layout()
     words = "|".join((machine.name, *hidden, *(outside or ())[:1], str(layout)))
     rng = np.random.default_rng([seed, zlib.crc32(words.encode())])
-    truth = draw_truth(hidden, machine.bed, rng, times)
+    truth = draw_truth(hidden, machine.bed, rng)
     if bumps[0]:
         terms = truth.bed.terms if truth.bed else {}
         truth = replace(truth, bed=Surface(machine.bed, terms, grain(rng, *bumps)))
