@@ -44,7 +44,7 @@ from orthoglide_cal.model.machine import (
     empty,
 )
 from orthoglide_cal.model.measured import DataKind, Difference, Readings, Source
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan, known_plan, read_only
+from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
 from orthoglide_cal.model.readings import (
     AXES,
     Contact,
@@ -328,8 +328,12 @@ class Orthoglide(Machine):
         try:
             points = Points.of(real.geometry, joints, strict)
         except PostureError as error:
-            inside = Points.of(real.geometry, joints, strict=False)
-            named = _which(inside, plan, moments[0])
+            failed = np.isnan(Points.of(real.geometry, joints, strict=False).tool[0])
+            bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moments[0]])
+            named = "Isotropic posture"
+            if bad.size:
+                moved = plan.displacement[bad[0]]
+                named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
             raise type(error)(f"{named}: {error.what}", error.remedy) from error
         return _touched(points, plan, moments, derivative and real.still)
 
@@ -410,15 +414,6 @@ def _joints(
         moment = np.arange(len(plan))
     set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
     return np.concatenate((joints, set_up), axis=-2), (moment, joints.shape[-2] + which)
-
-
-def _which(points: Points, plan: GaugePlan, moment: Ints) -> str:
-    """The first posture that the machine cannot take, in words."""
-    failed = np.isnan(points.tool[0])
-    bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moment])
-    if not bad.size:
-        return "Isotropic posture"
-    return f"Leg {AXES[plan.leg[bad[0]]]} displaced by {plan.displacement[bad[0]]:g} mm"
 
 
 def _touched(points: Points, plan: GaugePlan, moments: _Moments, derivative: bool) -> GaugeResponse:
@@ -549,41 +544,31 @@ def single_posture(machine: Orthoglide, cycles: int = 1, closing: bool = False) 
     return plan_of(readings)
 
 
-def _subtracted(
-    kind: DataKind, difference: Difference, machine: Orthoglide, plan: GaugePlan
-) -> list[Bools]:
-    """Which readings a difference takes and which it subtracts, of the machine as it was found.
-
-    Max − min; that posture − iso (eq. 24); tool end − joint end at one posture (eq. 10).
-    """
-    series, posture = difference
-    if kind is DataKind.SINGLE:
-        at = posture or Posture.ISO
-        both = (at, Contact.TOOL), (at, Contact.JOINT)
-    else:
-        ends = (posture, Posture.ISO) if posture else (Posture.MAX, Posture.MIN)
-        both = (ends[0], Contact.FIXED), (ends[1], Contact.FIXED)
-    return [
-        plan.of(series)
-        & plan.as_found
-        & (plan.contact == contact)
-        & (np.abs(plan.displacement - machine.displacement_mm(at)) < 1e-9)
-        for at, contact in both
-    ]
-
-
 def reduction(
     kind: DataKind, differences: Sequence[Difference], machine: Orthoglide, plan: Plan
 ) -> Floats:
-    """R, shape (k, n), so that R·readings are these differences.
+    """R, shape (k, n), so that R·readings are these differences, of the machine as it was found.
 
-    Repeats are averaged within a gauge set-up, then over the set-ups that hold both cells.
-    A row is all zero where the plan lacks one of the cells.
+    Max − min; that posture − iso (eq. 24); tool end − joint end at one posture (eq. 10). Repeats
+    are averaged within a gauge set-up, then over the set-ups that hold both cells. A row is all
+    zero where the plan lacks one of the cells.
     """
     plan = GaugePlan.require(plan)
     matrix = np.zeros((len(differences), len(plan)))
-    for row, difference in zip(matrix, differences, strict=True):
-        minuend, subtrahend = _subtracted(kind, difference, machine, plan)
+    for row, (series, posture) in zip(matrix, differences, strict=True):
+        if kind is DataKind.SINGLE:
+            at = posture or Posture.ISO
+            cells = (at, Contact.TOOL), (at, Contact.JOINT)
+        else:
+            ends = (posture, Posture.ISO) if posture else (Posture.MAX, Posture.MIN)
+            cells = (ends[0], Contact.FIXED), (ends[1], Contact.FIXED)
+        minuend, subtrahend = (
+            plan.of(series)
+            & plan.as_found
+            & (plan.contact == contact)
+            & (np.abs(plan.displacement - machine.displacement_mm(at)) < 1e-9)
+            for at, contact in cells
+        )
         both = np.intersect1d(plan.setup[minuend], plan.setup[subtrahend])
         for setup in both:
             for mask, sign in ((minuend, 1.0), (subtrahend, -1.0)):
