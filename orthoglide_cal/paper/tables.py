@@ -1,4 +1,7 @@
-"""The paper's tables computed again, next to what was printed.
+"""The paper's tables computed again, next to what was printed, from which nothing is derived.
+
+A. Pashkevich, D. Chablat, P. Wenger, "Kinematic calibration of Orthoglide-type mechanisms from
+observation of parallel leg motions". Where the print is wrong, the correction is stated.
 
 What offsets do to a leg (Table 1), what noise does to the offsets (Table 3; eqs. 29, 32, 33), and
 the three experiments (Tables 4 and 5).
@@ -7,7 +10,9 @@ the three experiments (Tables 4 and 5).
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -19,7 +24,71 @@ from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan, plan_of, reduction
 from orthoglide_cal.model.plan import Floats, zero_free
 from orthoglide_cal.model.readings import AXES, Contact, Posture, other_axes
-from orthoglide_cal.paper import published
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One experiment of Tables 4 and 5; lengths in mm."""
+
+    measured: tuple[float, ...]  # Δx_y, Δx_z, Δy_x, Δy_z, Δz_x, Δz_y (max − min)
+    expected: tuple[float, ...]  # expected improvement: measured minus modelled
+    rms_before: float
+    rms_after: float
+    six_offsets: tuple[float, ...]  # Δρ by the six-equation method (Table 5)
+    twelve_offsets: tuple[float, ...]
+    twelve_rms: float
+
+
+EXPERIMENTS: Mapping[int, Experiment] = MappingProxyType(
+    {
+        1: Experiment(  # Initial settings
+            # Printed Δx_z = +1.58: only +1.48 gives the printed r.m.s., residuals and offsets.
+            (0.52, 1.48, 2.37, -0.25, -0.57, -0.04),
+            (-0.94, 0.63, 1.07, -0.84, -0.27, 0.35),
+            1.19,
+            0.74,
+            (2.17, 1.69, -1.42),
+            (2.07, 1.66, -1.30),
+            0.75,
+        ),
+        2: Experiment(  # After mechanical tuning
+            (-0.43, -0.37, 0.42, -0.18, -1.14, -0.70),
+            (-0.28, 0.25, 0.21, -0.14, -0.13, 0.09),
+            0.62,
+            0.20,
+            (-0.53, 0.59, -1.76),
+            (-0.52, 0.55, -1.69),
+            0.21,
+        ),
+        3: Experiment(  # After calibration
+            (-0.23, 0.27, 0.34, -0.10, -0.09, 0.11),
+            (-0.29, 0.23, 0.25, -0.17, -0.10, 0.08),
+            0.21,
+            0.20,
+            (0.07, 0.14, 0.00),
+            (0.12, 0.00, 0.10),
+            0.21,
+        ),
+    }
+)
+
+# Table 3: (method, offset in mm) → std(Δρ) and its spread over 20 replications [mm].
+TABLE_3: Mapping[tuple[DataKind, float], tuple[float, float]] = MappingProxyType(
+    {
+        (DataKind.SIX, 0.1): (0.0198, 0.0003),
+        (DataKind.SIX, 1.0): (0.0199, 0.0002),
+        (DataKind.TWELVE, 0.1): (0.0207, 0.0003),
+        (DataKind.TWELVE, 1.0): (0.0207, 0.0004),
+    }
+)
+
+# Sec. 3.5: σ_ρ/σ.
+ACCURACY: Mapping[DataKind, float] = MappingProxyType({DataKind.SIX: 1.98, DataKind.TWELVE: 2.06})
+
+TWELVE_NOT_REPRODUCIBLE = (
+    "The twelve-equation rows of Table 5 cannot be recomputed: the twelve differences behind them"
+    " were not published, only the six of Table 4."
+)
 
 # Half a unit of the last printed digit, twice over: once for the readings, once for the result.
 PRINTED_MM = 0.01
@@ -70,7 +139,7 @@ class Reproduction:
 
 def experiment(number: int) -> Differences:
     """The six differences of experiment 1, 2 or 3 (Table 4, with its erratum)."""
-    values = np.array(published.EXPERIMENTS[number].measured)
+    values = np.array(EXPERIMENTS[number].measured)
     kind = DataKind.SIX
     return Differences(kind, DIFFERENCES[kind], values, Source(f"experiment {number}", ""))
 
@@ -171,7 +240,7 @@ def _problem(model: Model, kind: DataKind) -> Problem:
 def table_3(model: Model, rng: np.random.Generator) -> Reproduction:
     """std(Δρ) by Monte Carlo, 20 × 10,000 nonlinear solves per cell: mean and largest departure."""
     rows = []
-    for (kind, offset), printed in published.TABLE_3.items():
+    for (kind, offset), printed in TABLE_3.items():
         stds = monte_carlo(model, kind, offset, rng)
         mean = float(stds.mean())
         rows.append(
@@ -195,7 +264,7 @@ def table_3(model: Model, rng: np.random.Generator) -> Reproduction:
 def table_4(model: Model) -> Reproduction:
     """Expected improvement of the three experiments."""
     rows = []
-    for number, printed in published.EXPERIMENTS.items():
+    for number, printed in EXPERIMENTS.items():
         table = solve(experiment(number), model).promised()
         for name, values, size, computed in (
             ("measured", printed.measured, printed.rms_before, [r.measured_mm for r in table]),
@@ -219,7 +288,7 @@ def table_4(model: Model) -> Reproduction:
 def table_5(model: Model) -> Reproduction:
     """Joint offsets of the three experiments."""
     rows = []
-    for number, printed in published.EXPERIMENTS.items():
+    for number, printed in EXPERIMENTS.items():
         found = solve(experiment(number), model)
         six = (*found.offsets_mm.tolist(), found.rms_after_mm)
         rows.append(
@@ -238,7 +307,7 @@ def table_5(model: Model) -> Reproduction:
         ("Δρ_x", "Δρ_y", "Δρ_z", "r.m.s."),
         2,
         tuple(rows),
-        (published.TWELVE_NOT_REPRODUCIBLE,),
+        (TWELVE_NOT_REPRODUCIBLE,),
     )
 
 
@@ -261,9 +330,7 @@ def accuracy_factor(model: Model, kind: DataKind) -> float:
 def accuracy(model: Model) -> Reproduction:
     """σ_ρ/σ of the methods (eqs. 29, 32, 33)."""
     rows = tuple(
-        ReproducedRow(
-            name, (published.ACCURACY.get(method),), (accuracy_factor(model, method),), 0.006
-        )
+        ReproducedRow(name, (ACCURACY.get(method),), (accuracy_factor(model, method),), 0.006)
         for method, name in (*METHODS_IN_WORDS.items(), (DataKind.READINGS, "all readings"))
     )
     return Reproduction(

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from orthoglide_cal.paper import published, tables
+from orthoglide_cal.paper import tables
 from tests.cli.program import answer, done, lines, process, run
 
 
@@ -28,13 +28,13 @@ def test_rows_that_cannot_be_reproduced_say_so() -> None:
     twelve = [row for row in found["rows"] if "twelve" in row["name"]]
     assert [row["computed"] for row in twelve] == [None] * 3
     assert [row["reproduced"] for row in twelve] == [None] * 3
-    assert published.TWELVE_NOT_REPRODUCIBLE in found["notes"]
+    assert tables.TWELVE_NOT_REPRODUCIBLE in found["notes"]
     assert "cannot be recomputed" in run("paper", "--table", "5").stdout
 
 
 def test_a_table_that_is_not_reproduced_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
-    wrong = replace(published.EXPERIMENTS[2], six_offsets=(-0.53, 0.59, -1.70))
-    monkeypatch.setattr(published, "EXPERIMENTS", {2: wrong})
+    wrong = replace(tables.EXPERIMENTS[2], six_offsets=(-0.53, 0.59, -1.70))
+    monkeypatch.setattr(tables, "EXPERIMENTS", {2: wrong})
     shown = run("paper", "--table", "5")
     assert shown.exit_code == 4
     assert "NOT reproduced" in shown.stdout

@@ -17,7 +17,7 @@ from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, So
 from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import without_zeros
-from orthoglide_cal.paper.published import EXPERIMENTS
+from orthoglide_cal.paper.tables import EXPERIMENTS
 from tests import truth
 from tests.diagnosis.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, sure

@@ -11,7 +11,7 @@ from orthoglide_cal.estimation.accuracy import sigma_rho, unit_covariance
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.paper import published, tables
+from orthoglide_cal.paper import tables
 from orthoglide_cal.paper.tables import (
     ReproducedRow,
     Reproduction,
@@ -56,7 +56,7 @@ def test_accuracy_of_the_methods() -> None:
     assert accuracy_factor(NOMINAL, SIX) == pytest.approx(1.984, abs=5e-4)
     assert accuracy_factor(NOMINAL, TWELVE) == pytest.approx(2.066, abs=5e-4)
     assert accuracy_factor(NOMINAL, READINGS) == pytest.approx(1.942, abs=5e-4)
-    for kind, printed in published.ACCURACY.items():
+    for kind, printed in tables.ACCURACY.items():
         assert int(100.0 * accuracy_factor(NOMINAL, kind)) == round(100.0 * printed)
 
 
@@ -93,7 +93,7 @@ def test_table_3_shows_mean_and_spread_beside_the_print(monkeypatch: pytest.Monk
 
     def table(shift: float) -> Reproduction:
         def study(_: Model, kind: DataKind, offset: float, *rest: object) -> Floats:
-            mean = published.TABLE_3[kind, offset][0] + shift
+            mean = tables.TABLE_3[kind, offset][0] + shift
             return mean + np.array([-0.0001, 0.00005, 0.00005])
 
         monkeypatch.setattr(tables, "monte_carlo", study)
