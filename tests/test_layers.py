@@ -136,7 +136,7 @@ def test_nobody_asks_for_the_kind_of_machine() -> None:
     Outside `model` no `isinstance`, `match` or comparison names a class of one kind, or its `kind`,
     and only the files above import one.
     """
-    faults = []
+    faults, idle = [], {*NEEDS_ONE, *NEEDS_BOTH}
     every = set.union(*KINDS, {"'orthoglide'", "'linear_delta'"})
     for name in (name for name in FILES if room_of(name) != "model"):
         needed = set()
@@ -152,12 +152,13 @@ def test_nobody_asks_for_the_kind_of_machine() -> None:
                 asked = [node.left, *node.comparators]
             if every & {ast.unparse(each).rpartition(".")[2] for each in asked}:
                 faults.append(f"{name}:{node.lineno}: {ast.unparse(node)}")
-        own = name.removeprefix(f"{PACKAGE}.")
-        both = any(own.startswith(place) for place in NEEDS_BOTH)
-        one = both or any(own.startswith(place) for place in NEEDS_ONE)
-        if sum(bool(kind & needed) for kind in KINDS) > one + both:
-            faults.append(f"{name} needs {', '.join(sorted(every & needed))}")
-    none(faults)
+        for kind in KINDS:
+            listed = [place for place in (*NEEDS_ONE, *NEEDS_BOTH) if f".{place}" in name]
+            idle -= {*listed} if kind & needed else set()
+            alone = not (every - kind) & needed or {*listed} & {*NEEDS_BOTH}
+            if kind & needed and not (listed and alone):
+                faults.append(f"{name} needs {', '.join(sorted(every & needed))}")
+    none([*faults, *(f"nobody needs one in {place}" for place in sorted(idle))])
 
 
 def test_imports_are_absolute() -> None:
