@@ -110,7 +110,8 @@ def plan(
         write_program(posture_program(model, steps, told, length, travel), program, template)
         return
     diagnosis = diagnose(given.measured, model) if given else None
-    found = measurement_plan(model, wanted, ranked(diagnosis) if diagnosis else ())
+    full = details or json or html is not None
+    found = measurement_plan(model, wanted, ranked(diagnosis) if diagnosis else (), full)
     begun = answer_to(given, diagnosed=diagnosis) if given else None
     source = given.measured.source if given else None
     document = plan_document(found, machine, begun, source)

@@ -120,7 +120,10 @@ class Posterior:
 
     def _share(self, ids: Ids) -> float:
         """Probability of the answer that a set belongs to."""
-        return sum(self.listed[one] for one in (ids, *self.same_answer(ids)))
+        return self._sum((ids, *self.same_answer(ids)))
+
+    def _sum(self, sets: Iterable[Ids]) -> float:
+        return sum(map(self.listed.__getitem__, sets))
 
     def same_answer(self, ids: Ids) -> tuple[Ids, ...]:
         """Other sets, not dismissed, that ask the same of a technician, most probable first."""
@@ -135,7 +138,10 @@ class Posterior:
         Of the most probable answer the set that `_name`s it; but a second cause is added only
         where that is as many times likelier as something must be than nothing.
         """
-        most = max(map(self._name, self._answers.values()), key=self._share, default=())
+        # No answer is less probable than the most probable set of causes, a part of one.
+        least = max((value for ids, value in self.listed.items() if ids), default=0.0)
+        likely = [sets for sets in self._answers.values() if self._sum(sets) >= least]
+        most = max(map(self._name, likely), key=self._share, default=())
         parts = [ids for ids in self.listed if ids and set(ids) < set(most)]
         enough = [ids for ids in parts if self._adds_little(most, ids)]
         best = max(enough, key=self.listed.__getitem__, default=most)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -66,7 +67,7 @@ class NoiseGrid(ReadOnly):
         weight = -0.5 * (_LOG_RATIO / STATEMENT_SPREAD) ** 2
         return cls(stated_mm * np.exp(_LOG_RATIO), weight - log_sum(weight))
 
-    @property
+    @cached_property
     def stated(self) -> float:
         """The likeliest of them: what the gauge's maker states [mm]."""
         return float(self.sigma[np.argmax(self.log_weight)])

@@ -287,8 +287,10 @@ class Linearised:
     jacobian: Floats  # derivative of the data by the offsets at the fit to version 0, shape (k, 3)
     # Id of a broad cause → derivative by its parameters there, where it is absent, shape (k, p).
     jacobians: Mapping[str, Floats]
-    # What is uncertain of each version of the data in addition to noise and causes.
-    uncertain: tuple[tuple[Influence, ...], ...]
+    # What is uncertain of the data in addition to noise and causes, as recorded; and of each
+    # version, with columns of shape (v, k, p).
+    uncertain: tuple[Influence, ...]
+    by_version: tuple[Influence, ...]
 
     @classmethod
     def of(cls, white: Whitened, candidates: Candidates) -> Linearised:
@@ -342,10 +344,9 @@ class Linearised:
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
         weighed = {cause.id for cause in broad}
         every = fit.offsets_mm[fit.converged]
-        found = white.uncertain(every)
-        recorded, *others = (tuple(one.at(number) for one in found) for number in range(len(every)))
+        by_version = white.uncertain(every)
         uncertain: list[Influence] = []
-        for each in recorded:
+        for each in (one.at(0) for one in by_version):
             if each.source in weighed:
                 shown = unexplained(jacobian, each.columns)
                 if np.linalg.norm(shown) > machine.instrument.noise_mm:
@@ -363,13 +364,14 @@ class Linearised:
             patterns=patterns,
             jacobian=jacobian,
             jacobians={cause.id: own for cause, own in zip(broad, jacobians, strict=True)},
-            uncertain=(tuple(uncertain), *others),
+            uncertain=tuple(uncertain),
+            by_version=by_version,
         )
 
     @property
     def local(self) -> bool:
         """Whether a local shape is uncertain."""
-        return any(each.local for each in self.uncertain[0])
+        return any(each.local for each in self.uncertain)
 
     @property
     def scales(self) -> Mapping[float, float]:
@@ -388,7 +390,11 @@ class Linearised:
     @cached_property
     def seen(self) -> Floats:
         """`shown` where the offsets-only model fits best, shape (k, b) [mm]."""
-        return self.shown(self.uncertain[0], self.jacobian)
+        return self.shown(self.uncertain, self.jacobian)
+
+    def uncertain_of(self, version: int) -> tuple[Influence, ...]:
+        """`uncertain` of a version of the data."""
+        return tuple(one.at(version) for one in self.by_version) if version else self.uncertain
 
     def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:
         """What is uncertain of the data and shows, with as few columns as tell it, (k, b) [mm].
@@ -406,11 +412,19 @@ class Linearised:
         """Derivatives by the offsets and the parameters of a base, shape (k, 3 + p)."""
         return np.hstack([self.jacobian, *(self.jacobians[cause.id] for cause in base)])
 
+    @cached_property
+    def _stds(self) -> Mapping[str, Sequence[Floats]]:
+        """Plausible sizes of the parameters of each broad cause, by choice of its shares."""
+        machine, broad = self.white.machine, self.candidates.broad
+        return {
+            cause.id: [cause.prior_std(machine, k) for k in range(len(cause.shares) or 1)]
+            for cause in broad
+        }
+
     def sizes(self, base: Sequence[Cause], scale: float = 1.0, choice: int = 0) -> Floats:
         """Plausible sizes of the same unknowns, shape (3 + p,), internal units.
 
         Those of the parameters are `scale` times the tolerances; `choice` is among their shares.
         """
-        machine = self.white.machine
-        own = [scale * cause.prior_std(machine, choice if cause.shares else 0) for cause in base]
+        own = [scale * self._stds[cause.id][choice if cause.shares else 0] for cause in base]
         return np.concatenate([np.full(self.jacobian.shape[1], OFFSETS_MM), *own])

@@ -255,7 +255,7 @@ class _Search:
         self.at, self.score, self.own = at, score, at.columns(self.base)
         # A cause of this explanation is not counted as uncertain again.
         ids = ids_of(*self.base)
-        uncertain = at.uncertain[self.version]
+        uncertain = at.uncertain_of(self.version)
         self.uncertain = tuple(each for each in uncertain if each.source not in ids)
         nothing = np.zeros((len(at.white), 0))
         self.carried = np.hstack([nothing, *(each.columns for each in self.uncertain)])
@@ -274,8 +274,8 @@ class _Search:
         # Few touches cannot tell a local shape from a fault.
         many = self.local.size >= ENOUGH * width
         if scale_factor is None and many:
-            stated = at.noise.stated
-            scale_factor = fit_size(self.columns, self.linear, self.sizes, stated, self.local)
+            columns, stated = np.hstack([self.own, self.free, self.carried]), at.noise.stated
+            scale_factor = fit_size(columns, self.linear, self.sizes, stated, self.local)
         self.scale_factor = 1.0 if scale_factor is None else scale_factor
         self.sizes[self.local] = self.scale_factor
         self._solve()
@@ -300,11 +300,6 @@ class _Search:
         return np.asarray(sizes[likeliest])
 
     @property
-    def columns(self) -> Floats:
-        """Derivatives of the data by all unknowns, shape (k, q)."""
-        return np.hstack([self.own, self.free, self.carried])
-
-    @property
     def effects(self) -> list[Effect]:
         """The causes of the base as found so far."""
         pairs = zip(self.base, self.slots, strict=False)
@@ -320,6 +315,8 @@ class _Search:
         return True
 
     def _solve(self) -> None:
+        # Derivatives of the data by all unknowns, shape (k, q).
+        self.columns = np.hstack([self.own, self.free, self.carried])
         self.found, _ = condition(self.columns, self.linear, self.sizes, self.at.noise.stated)
         self.offsets = self.offsets + self.found[: self.width]
 

@@ -133,11 +133,13 @@ def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
     needed = ("leg", "posture", "direction", "reading_mm")
     remarks = table.check_header(needed, READING_COLUMNS, "reading_in")
     table.check_split_numbers(CODED_COLUMNS)
-    # What only a session may have is no part of a table.
-    records = [
-        replace(each, cells={k: v for k, v in each.cells.items() if k not in _SESSION_COLUMNS})
-        for each in table.rows
-    ]
+    records: Sequence[Record] = table.rows
+    if not set(_SESSION_COLUMNS).isdisjoint(table.columns):
+        # What only a session may have is no part of a table.
+        records = [
+            replace(each, cells={k: v for k, v in each.cells.items() if k not in _SESSION_COLUMNS})
+            for each in table.rows
+        ]
     return readings_from_records(
         records, machine, table.file.source, table.faults, table.number, remarks=remarks
     )

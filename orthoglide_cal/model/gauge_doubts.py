@@ -79,7 +79,8 @@ def gauge_doubts(measured: Measured, gauge: Instrument) -> tuple[GaugeDoubt, ...
 def _of_readings(readings: Readings, gauge: Instrument) -> Iterator[GaugeDoubt]:
     """Repeats that differ too little, decimals that it does not show, travel that it has not."""
     plan, value, step = GaugePlan.require(readings.plan), readings.value, gauge.resolution_mm
-    found = too_steady(value, plan.setup, plan.cells, gauge)
+    ordinary = _ordinary(readings, 1.0, gauge)
+    found = None if ordinary else too_steady(value, plan.setup, plan.cells, gauge)
     if found is not None:
         setup, scatter = found
         repeats = "Repeated readings"
@@ -106,7 +107,7 @@ def _of_readings(readings: Readings, gauge: Instrument) -> Iterator[GaugeDoubt]:
             f" {value[first]:g} mm).",
             "Check the unit, and resolution_mm in the machine file.",
         )
-    for setup in range(plan.setups):
+    for setup in () if ordinary else range(plan.setups):
         own = np.flatnonzero(plan.setup == setup)
         span = float(np.ptp(value[own]))
         if span > gauge.travel_mm * (1.0 + 1e-9):
@@ -253,23 +254,24 @@ def other_unit(measured: Measured, gauge: Instrument) -> MistakenUnit | None:
     """
     if not isinstance(measured, Readings) or measured.of_bed:
         return None
-    if _ordinary(measured, measured.value, gauge):
+    if _ordinary(measured, 1.0, gauge):
         return None
     for unit in UNITS:
         scaled = measured.value * unit.mm
         # The divisions of an inch gauge are not those of the machine file.
         on_scale = unit.mm == MM_PER_INCH or not np.any(off_scale(scaled, gauge.resolution_mm))
-        if on_scale and _ordinary(measured, scaled, gauge):
+        if on_scale and _ordinary(measured, unit.mm, gauge):
             return unit
     return None
 
 
-def _ordinary(readings: Readings, value: Floats, gauge: Instrument) -> bool:
-    """Whether values [mm] in place of the readings repeat and range as this gauge does.
+@lru_cache(maxsize=4)
+def _ordinary(readings: Readings, unit_mm: float, gauge: Instrument) -> bool:
+    """Whether the readings repeat and range as this gauge does if they are in a unit [mm].
 
     Not where none repeat.
     """
-    plan = GaugePlan.require(readings.plan)
+    plan, value = GaugePlan.require(readings.plan), readings.value * unit_mm
     left, repeat = _about_means(value, plan.setup, plan.cells)
     again = np.bincount(repeat)[repeat] > 1
     if not again.any():

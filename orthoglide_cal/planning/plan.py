@@ -8,7 +8,7 @@ numbers of cycles, protocols and methods, and the best design takes the fewest r
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, Self
@@ -202,11 +202,15 @@ class MeasurementPlan(Schema):
 
 
 def measurement_plan(
-    model: Model, wanted: Wanted, following: tuple[RankedMeasurement, ...] = ()
+    model: Model,
+    wanted: Wanted,
+    following: tuple[RankedMeasurement, ...] = (),
+    details: bool = True,
 ) -> MeasurementPlan:
     """What the session that is wanted will give, and what other ways there are.
 
-    `following` is what to measure in addition to existing data, best first.
+    `following` is what to measure in addition to existing data, best first. Without `details` only
+    the best design is compared with the session.
 
     Raises:
         UsageError: the machine has no such session.
@@ -218,7 +222,8 @@ def measurement_plan(
     stands, cycles = wanted.stands, chosen.cycles
     protocol = MeasuringProtocol(chosen.name)
     numbers = sorted({*SHOWN_CYCLES, cycles})
-    compare = tuple(_compared(model, chosen, stands))
+    best = MeasuringProtocol.BEST
+    compare = tuple(_compared(model, chosen, stands, METHODS if details else {best: METHODS[best]}))
     target = wanted.target_mm
     reached = target is None or max(chosen.expanded_mm.values()) <= target
     return MeasurementPlan.of(
@@ -229,7 +234,7 @@ def measurement_plan(
         gauges=stands,
         target=None if target is None else Target(target, reached, cycles if reached else None),
         by_cycles=tuple(forecast(model, protocol, n, Method.READINGS, stands) for n in numbers),
-        compare=compare,
+        compare=compare if details else (),
         design=_fewest_readings(model, cycles, compare[-1]),
         next=following,
     )
@@ -252,8 +257,13 @@ def chosen_session(model: Model, wanted: Wanted) -> SessionForecast:
     return forecast(model, protocol, wanted.cycles or CYCLES, method, wanted.stands)
 
 
-def _compared(model: Model, chosen: SessionForecast, stands: int) -> Iterator[Alternative]:
-    """Every way, with as many cycles and for the same U; the best design comes last."""
+def _compared(
+    model: Model,
+    chosen: SessionForecast,
+    stands: int,
+    ways: Mapping[MeasuringProtocol, Sequence[Method]],
+) -> Iterator[Alternative]:
+    """Each way, with as many cycles and for the same U; the best design comes last."""
     wanted = max(chosen.expanded_mm.values()) * (1.0 + ROUNDING)
 
     def fewest_moves(found: SessionForecast, protocol: MeasuringProtocol) -> SessionForecast:
@@ -261,7 +271,7 @@ def _compared(model: Model, chosen: SessionForecast, stands: int) -> Iterator[Al
         session = session_of(model, protocol, found.cycles, stands, Order.FEWEST_MOVES)
         return found.model_copy(update=session._asdict())
 
-    for protocol, methods in METHODS.items():
+    for protocol, methods in ways.items():
         for method in methods:
             same = forecast(model, protocol, chosen.cycles, method, stands)
             as_sure = fewest_cycles(model, protocol, method, stands, wanted, chosen.cycles)

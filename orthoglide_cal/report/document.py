@@ -167,7 +167,7 @@ def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:
     return Section("Next", Instructions(tuple(steps)), *more)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Page:
     """All that people are shown of one result."""
 

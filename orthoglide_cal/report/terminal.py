@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from itertools import zip_longest
 
 from rich.console import Console, ConsoleOptions
@@ -27,6 +28,7 @@ _LONGEST_NAME = 30
 # A number keeps its sign and unit on its line: their blank is none while lines are broken.
 _HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
 _NARROWEST = 12  # columns of words are not squeezed below this
+_ANY = Console()  # to wrap text by: what it asks is the same of all
 
 
 class TerminalPage:
@@ -36,7 +38,7 @@ class TerminalPage:
         self._page = page
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
-        for line in self.lines(console, options.max_width):
+        for line in _lines(self._page, options.max_width):
             line.plain = line.plain.replace(_BLANK_HELD, " ")
             line.rstrip()
             if line.style:
@@ -44,9 +46,24 @@ class TerminalPage:
             # They are as wide as they may be: rich need not wrap them again.
             yield from line.render(console, end="\n")
 
-    def lines(self, console: Console, width: int) -> Iterator[Text]:
-        """Those of a console so many columns wide, not yet in its colours."""
-        self._console, self._width, page = console, width, self._page
+
+def height(page: doc.Page) -> int:
+    """How many lines it has on a terminal 80 columns wide."""
+    return len(_lines(page, 80))
+
+
+@lru_cache(maxsize=1)  # a page is measured, then printed
+def _lines(page: doc.Page, width: int) -> tuple[Text, ...]:
+    return tuple(_Lines(width).of(page))
+
+
+class _Lines:
+    """Lines so many columns wide."""
+
+    def __init__(self, width: int) -> None:
+        self._width = width
+
+    def of(self, page: doc.Page) -> Iterator[Text]:
         headed, begun = page.title is not None, page.notice is not None
         if headed:
             yield from self._flow(doc.Strong(f"{page.kind}: {page.title}"))
@@ -131,7 +148,7 @@ class TerminalPage:
     def _wrapped(self, text: Text, width: int) -> list[Text]:
         lines = [text.copy()]  # most fit, and wrapping takes its time
         if text.cell_len > width or "\n" in text.plain or "\t" in text.plain:
-            lines = list(text.wrap(self._console, max(width, 1), overflow="fold")) or [Text()]
+            lines = list(text.wrap(_ANY, max(width, 1), overflow="fold")) or [Text()]
         for line in lines:
             line.rstrip()
         return lines
@@ -195,11 +212,6 @@ class TerminalPage:
             widths[k] -= given
             over -= given
         return widths, over
-
-
-def height(page: doc.Page) -> int:
-    """How many lines it has on a terminal 80 columns wide."""
-    return len([*TerminalPage(page).lines(Console(), 80)])
 
 
 def _text(parts: Iterable[doc.Inline | None], style: str = "") -> Text:
