@@ -41,9 +41,9 @@ def done(*arguments: str, text: str = "") -> str:
     return result.stdout
 
 
-def refused(code: int, *arguments: str, text: str = "") -> str:
+def refused(code: int, *arguments: str) -> str:
     """What is said by a command that gives nothing but an exit code; without breaks of lines."""
-    result = run(*arguments, text=text)
+    result = run(*arguments)
     assert (result.exit_code, result.stdout) == (code, ""), result.output
     return words(result.stderr)
 

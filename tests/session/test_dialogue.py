@@ -248,10 +248,10 @@ def test_hostile_lines_at_every_kind_of_prompt(tmp_path: Path) -> None:
 # ---- questions
 
 
-def with_slip(at: int = 9) -> list[str]:
-    """Typed readings up to step `at`, whose dial was read one revolution off."""
+def with_slip() -> list[str]:
+    """Typed readings up to step 9, whose dial was read one revolution off."""
     right = readings_of(steps_of(), 1)
-    return [*typed(right)[: at - 1], f"{right[at - 1] + 1.0:.2f}"]
+    return [*typed(right)[:8], f"{right[8] + 1.0:.2f}"]
 
 
 def test_a_slip_is_questioned_and_can_be_read_again(tmp_path: Path) -> None:

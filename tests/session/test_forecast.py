@@ -16,7 +16,6 @@ from orthoglide_cal.estimation.forecast import (
     PlanForecast,
     misfit_mm,
 )
-from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import plan_of
@@ -27,11 +26,9 @@ from tests.model.geometries import on_rails
 from .virtual import readings_of, steps_of
 
 
-def in_full(
-    plan: GaugePlan, effects: tuple[Effect, ...] = (), fresh: np.ndarray | None = None
-) -> Forecast:
+def in_full(plan: GaugePlan, fresh: np.ndarray | None = None) -> Forecast:
     """The forecast of a whole plan."""
-    outlook = PlanForecast(NOMINAL.extended(effects), plan)
+    outlook = PlanForecast(NOMINAL, plan)
     return outlook.forecast(np.arange(len(plan)), plan.setup, plan.order, plan.hours, fresh=fresh)
 
 

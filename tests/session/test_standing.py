@@ -21,14 +21,14 @@ from .virtual import Screen, a_dialogue
 class Rsh(threading.Thread):
     """Answers as linuxcncrsh does; `joints` in inches, so that a unit that is lost shows."""
 
-    def __init__(self, unit: str = "INCH", kinematics: int = 3) -> None:
+    def __init__(self, unit: str = "INCH") -> None:
         super().__init__(daemon=True)
         self.server = socket.create_server(("127.0.0.1", 0))
         self.joints, self.asked = list[tuple[float, ...] | None](), list[str]()
         self.said = {
             "hello": "HELLO ACK EMCNETSVR 1.1",
             "get user_linear_units": f"USER_LINEAR_UNITS {unit}",
-            "get kinematics_type": f"KINEMATICS_TYPE {kinematics}",
+            "get kinematics_type": "KINEMATICS_TYPE 3",
         }
         self.start()
 

@@ -173,13 +173,13 @@ class Screen:
         self.shown.append((text, style))
 
 
-def a_clock(step_s: float = 10.0) -> Callable[[], str]:
-    """A clock that goes on by `step_s` at each look."""
+def a_clock() -> Callable[[], str]:
+    """A clock that goes on by ten seconds at each look."""
     now = datetime.fromisoformat(AT)
 
     def look() -> str:
         nonlocal now
-        now += timedelta(seconds=step_s)
+        now += timedelta(seconds=10.0)
         return now.isoformat(timespec="milliseconds")
 
     return look
