@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,16 +28,14 @@ KEYS = {
 }  # fmt: skip
 
 
-def written(folder: Path, story: str, count: int) -> Path:
-    """A folder with the sessions of a drawn history, a file for each day."""
-    folder.mkdir()
+def written(story: str, count: int) -> None:
+    """The sessions of a drawn history in the present folder, a file for each day."""
     for given in draw(story, 5, count).inputs:
         assert isinstance(given.measured, Readings)
         day = given.conditions.started
         session = session_of_readings(given.measured, given.model, {})
         text = session_text(session.model_copy(update={"started": day}))
-        (folder / f"{day[:10]}.yaml").write_text(text, encoding="utf-8")
-    return folder
+        Path(f"{day[:10]}.yaml").write_text(text, encoding="utf-8")
 
 
 @pytest.mark.parametrize(
@@ -51,49 +48,48 @@ def written(folder: Path, story: str, count: int) -> Path:
         ("cause", 4, "axis_", True),
     ],
 )
-def test_one_screen_says_what_happened(tmp_path, story, count, says, changed):
-    with chdir(written(tmp_path / "mill", story, count)):
-        shown = done("history", ".")
-        lines = shown.splitlines()
-        assert len(lines) <= 24, shown
-        assert max(map(cell_len, lines)) <= 80
-        assert says in words(shown)
-        assert "best now" in shown
-        assert ("----------" in shown) == changed
-        # What it prints to type works.
-        (typed,) = [line.partition("orthocal ")[2] for line in lines if "orthocal solve" in line]
-        assert run(*typed.split()).exit_code in (0, 4)
+def test_one_screen_says_what_happened(story, count, says, changed):
+    written(story, count)
+    shown = done("history", ".")
+    lines = shown.splitlines()
+    assert len(lines) <= 24, shown
+    assert max(map(cell_len, lines)) <= 80
+    assert says in words(shown)
+    assert "best now" in shown
+    assert ("----------" in shown) == changed
+    # What it prints to type works.
+    (typed,) = [line.partition("orthocal ")[2] for line in lines if "orthocal solve" in line]
+    assert run(*typed.split()).exit_code in (0, 4)
 
 
 @pytest.mark.parametrize(("story", "count"), [("drift", 10), ("steps", 12), ("scatter", 25)])
-def test_a_screen_is_full_before_a_session_is_left_out(tmp_path, story, count):
-    folder = written(tmp_path / "mill", story, count)
-    with chdir(folder):
-        lines = done("history", ".").splitlines()
-    shown = [path.stem for path in folder.iterdir() if f"  {path.stem}  " in "\n".join(lines)]
+def test_a_screen_is_full_before_a_session_is_left_out(story, count):
+    written(story, count)
+    lines = done("history", ".").splitlines()
+    shown = [path.stem for path in Path().iterdir() if f"  {path.stem}  " in "\n".join(lines)]
     left_out = [int(line.split()[1]) for line in lines if line.strip().startswith("…")]
     assert len(shown) + sum(left_out) == count
     assert min(left_out, default=2) >= 2
     assert not left_out or 23 <= len(lines) <= 24
 
 
-def test_json_and_page_say_the_same(tmp_path):
-    with chdir(written(tmp_path / "mill", "step", 4)):
-        found = answer("history", ".", "--limit", "0.5")
-        assert set(found) >= KEYS
-        (change,) = found["changes"]
-        files = [each["path"] for each in found["sessions"]]
-        assert files.index(change["after"]) == files.index(change["before"]) + 1
-        assert found["limit"]["limit_mm"] == 0.5
-        run("history", *reversed(files), "--html", "page.html", "--limit", "0.5")
-        page = Path("page.html").read_text(encoding="utf-8")
-        assert page.count('id="course-') == 2 * 3  # title and description of each plot
-        assert change["parameters"][0]["name"] + " by" in page
-        for path in files:
-            assert path.removesuffix(".yaml") in page
-        every = done("history", ".", "--details")
-        assert "With 5 further sessions" in every
-        assert found["changes"] == answer("history", *files)["changes"]
+def test_json_and_page_say_the_same():
+    written("step", 4)
+    found = answer("history", ".", "--limit", "0.5")
+    assert set(found) >= KEYS
+    (change,) = found["changes"]
+    files = [each["path"] for each in found["sessions"]]
+    assert files.index(change["after"]) == files.index(change["before"]) + 1
+    assert found["limit"]["limit_mm"] == 0.5
+    run("history", *reversed(files), "--html", "page.html", "--limit", "0.5")
+    page = Path("page.html").read_text(encoding="utf-8")
+    assert page.count('id="course-') == 2 * 3  # title and description of each plot
+    assert change["parameters"][0]["name"] + " by" in page
+    for path in files:
+        assert path.removesuffix(".yaml") in page
+    every = done("history", ".", "--details")
+    assert "With 5 further sessions" in every
+    assert found["changes"] == answer("history", *files)["changes"]
 
 
 def test_a_printer_is_compared_too():
