@@ -1,7 +1,6 @@
 """Sessions that go on from others: what is chosen, and what is then in the files."""
 
 import functools
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -55,10 +54,6 @@ def is_usual(option: Option) -> bool:
 def content(path: Path) -> dict[str, Any]:
     values: dict[str, Any] = yaml.safe_load(path.read_text())
     return values
-
-
-def without_times(text: str) -> str:
-    return re.sub(r"(minutes|timestamp|finished|started): [^,}\n]+", r"\1: -", text)
 
 
 def events_of(path: Path) -> tuple[object, ...]:

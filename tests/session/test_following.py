@@ -7,9 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from orthoglide_cal.cli.app import app
 from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
@@ -18,6 +16,8 @@ from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.session.events import Planned, Taken
 from orthoglide_cal.session.readings import PriorReadings
+from tests.cli.program import done
+from tests.machines import ROOT, SAMPLES
 
 from .going_on import (
     SIMULATED,
@@ -31,9 +31,6 @@ from .going_on import (
     read,
 )
 from .terminal import finished
-
-HERE = Path(__file__).parent
-SAMPLES = HERE.parents[1] / "sample_data"
 
 
 def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_path: Path) -> None:
@@ -128,10 +125,9 @@ def test_a_joined_session_is_gone_on_with_as_part_three(first: Path, tmp_path: P
     left = ("after.yaml", "--cycles", "1", *SIMULATED, "--offsets-active", *entered)
     finished(tmp_path, *left)
     ways = [(name, "c.yaml") for name in ("solve", "diagnose", "report", "validate")]
-    for command in (*ways, ("verify", "c.yaml", "after.yaml")):
-        with contextlib.chdir(tmp_path):
-            said = CliRunner().invoke(app, command)
-        assert said.exit_code == 0, said.output
+    with contextlib.chdir(tmp_path):
+        for command in (*ways, ("verify", "c.yaml", "after.yaml")):
+            done(*command)
 
 
 def test_a_table_is_gone_on_with(tmp_path: Path) -> None:
@@ -240,19 +236,16 @@ def test_offsets_that_were_applied_meanwhile_are_no_error(
 
 def test_the_machine_file_says_what_was_applied_meanwhile(tmp_path: Path) -> None:
     """And, once that is taken back, the other way round."""
-    (tmp_path / "machine.yaml").write_text(
-        (SAMPLES.parent / "configs/orthoglide_prototype.yaml").read_text()
-    )
+    (tmp_path / "machine.yaml").write_text((ROOT / "configs/orthoglide_prototype.yaml").read_text())
     finished(tmp_path, "a.yaml", "--cycles", "1", *SIMULATED)
     with contextlib.chdir(tmp_path):
-        assert CliRunner().invoke(app, ("apply", "a.yaml", "--yes")).exit_code == 0
+        done("apply", "a.yaml", "--yes")
         entered = read_machine(str(tmp_path / "machine.yaml")).machine.offsets_mm
         assert any(entered)
     assert "Since" in finished(tmp_path, "b.yaml", *choice(tmp_path / "a.yaml", is_usual))
     assert read(tmp_path / "b.yaml").plan.entered[-1] == pytest.approx(entered)
     with contextlib.chdir(tmp_path):
-        undone = CliRunner().invoke(app, ("apply", "--undo", "--yes"))
-        assert undone.exit_code == 0, undone.output
+        done("apply", "--undo", "--yes")
     shown = finished(tmp_path, "c.yaml", *choice(tmp_path / "b.yaml", is_usual))
     assert "changed by" in " ".join(shown.split())
     new = read(tmp_path / "c.yaml")

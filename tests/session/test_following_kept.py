@@ -8,8 +8,9 @@ import pytest
 
 from orthoglide_cal.session.events import RECORD, Opened, Planned, replay
 
-from .going_on import choice, content, events_of, is_step, is_turn, without_times
+from .going_on import choice, content, events_of, is_step, is_turn
 from .terminal import Terminal, finished, refused, run_program
+from .virtual import without_times
 
 HERE = Path(__file__).parent
 

@@ -4,14 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from tests.machines import ROOT, SAMPLES
 from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import V400
 
 from .going_on import choice, is_step, read
 from .terminal import Terminal, refused
-
-HERE = Path(__file__).parent
-SAMPLES = HERE.parents[1] / "sample_data"
 
 
 @pytest.mark.parametrize(
@@ -32,7 +30,7 @@ SAMPLES = HERE.parents[1] / "sample_data"
 def test_what_does_not_go_together_is_refused(
     first: Path, tmp_path: Path, options: tuple[str, ...], code: int, said: str
 ) -> None:
-    large = str(HERE.parents[1] / "configs" / "orthoglide_large.yaml")
+    large = str(ROOT / "configs" / "orthoglide_large.yaml")
     given = tuple(large if option == "LARGE" else option for option in options)
     assert said in refused(code, tmp_path, "n.yaml", "--then", str(first), *given, "--yes")
     assert not list(tmp_path.iterdir())

@@ -4,9 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from orthoglide_cal.cli.app import app
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.session.gauges import (
     PATIENCE_S,
@@ -20,6 +18,7 @@ from orthoglide_cal.session.gauges import (
     parse_typed,
 )
 from orthoglide_cal.words import Unit
+from tests.cli.program import done
 
 from .virtual import setting_of, steps_of
 
@@ -193,7 +192,7 @@ def test_the_simulated_gauge_reads_the_same_after_a_restart() -> None:
 
 def test_the_help_names_every_format() -> None:
     """The command's text is fixed, so that --help need not load the formats."""
-    help_text = CliRunner().invoke(app, ["measure", "--help"]).output
+    help_text = done("measure", "--help")
     for name in SERIAL_FORMATS:
         assert f" {name}" in help_text
 

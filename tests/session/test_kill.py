@@ -25,11 +25,11 @@ from .virtual import (
     SINGLE,
     a_dialogue,
     answered,
-    content_without_times,
     offsets,
     opened,
     setting_of,
     steps_of,
+    without_times,
 )
 
 SEED = 21
@@ -47,7 +47,8 @@ def simulated(protocol: MeasuringProtocol, cycles: int) -> tuple[SimulatedGauge,
 
 def result(dialogue: Dialogue) -> tuple[list[float], str]:
     """Offsets to the last digit, and the session file without its times."""
-    return offsets(dialogue).tolist(), content_without_times(dialogue)
+    text = session_text(dialogue.so_far.session)
+    return offsets(dialogue).tolist(), without_times(text)
 
 
 def uninterrupted(path: Path, protocol: MeasuringProtocol, cycles: int) -> Dialogue:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.files.machine_file import machine_text
-from orthoglide_cal.files.session_file import session_text
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep, sequence
@@ -227,9 +226,8 @@ def offsets(dialogue: Dialogue) -> np.ndarray:
     return solution.offsets_mm
 
 
-def content_without_times(dialogue: Dialogue) -> str:
-    """The session file's text but for its times of day."""
-    text = session_text(dialogue.so_far.session)
+def without_times(text: str) -> str:
+    """The text of a session file but for its times of day."""
     return re.sub(r"(minutes|timestamp|finished|started): [^,}\n]+", r"\1: -", text)
 
 
