@@ -8,7 +8,7 @@ from tests.moonraker import MISSING, Moonraker, StandIn
 from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import Delta
 
-from .program import answer, done, run, words
+from .program import answer, done, refused, run, words
 
 GOOD = printer_cfg(Delta(), OFF).encode()
 INFO = {"result": {"klippy_state": "ready"}}
@@ -47,16 +47,13 @@ def test_a_server_is_read_like_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_servers_that_are_of_no_use(answers: dict, said: str) -> None:
-    result = run("solve", StandIn(**answers).address)
-    assert result.exit_code == 3
-    assert said in words(result.stderr)
+    assert said in refused(3, "solve", StandIn(**answers).address)
 
 
 def test_a_server_that_sends_more_than_any_printer_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orthoglide_cal.files.moonraker._LARGEST", 10)
-    result = run("solve", StandIn(info=INFO, printer=GOOD).address)
-    assert result.exit_code == 3
-    assert "The server there is not Moonraker." in words(result.stderr)
+    server = StandIn(info=INFO, printer=GOOD)
+    assert "The server there is not Moonraker." in refused(3, "solve", server.address)
 
 
 @pytest.mark.parametrize(
