@@ -1,4 +1,4 @@
-"""What read_input gives beside the readings, and the sessions of a folder."""
+"""What read_input gives beside the readings, the sessions of a folder, and `orthocal validate`."""
 
 import json
 import os
