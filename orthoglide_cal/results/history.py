@@ -170,9 +170,8 @@ class _Read:
     def __init__(self, given: Input, last: Model) -> None:
         self.given = given
         self.last = last.machine
-        white = Whitened.of(given.measured, last.judging(given.model))
+        self.white = white = Whitened.of(given.measured, last.judging(given.model))
         noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
-        self.white = white
         (self.alone,) = _fits(white, ())
         explained = dof > 0 and chance_of_residual(self.alone.square, dof, noise) > PLAIN
         if not explained:
@@ -374,9 +373,7 @@ class _FittedTrends:
     """These parts and a scatter (p,): unknowns `found` (m,), what is `left`, `log` evidence."""
 
     def __init__(self, table: _Table, parts: Sequence[_Move], scatter: Floats) -> None:
-        self.table = table
-        self.parts = parts
-        self.scatter = scatter
+        self.table, self.parts, self.scatter = table, parts, scatter
         columns = self.columns()
         sizes = [np.full(len(part.subset), part.size**-2.0) for part in parts]
         prior = np.concatenate([np.arange(table.base.shape[2]) >= len(scatter), *sizes])
@@ -589,10 +586,9 @@ def compare(
 
 def _one_machine(models: Sequence[Model]) -> list[str]:
     """What differs between the machines of the sessions; raises UsageError if they are several."""
-    last, other = models[-1], set[str]()
-    for model in models:
-        own, by = machine_values(model), machine_values(last.judging(model))
-        other |= {key for key in own if own[key] != by.get(key)}
+    last = models[-1]
+    pairs = ((machine_values(each), machine_values(last.judging(each))) for each in models)
+    other = {key for own, by in pairs for key in own if own[key] != by.get(key)}
     if other & {"kind", "name", "leg_length_mm", "joint_limits_mm"}:
         names = listed([*dict.fromkeys(model.machine.name for model in models)])
         raise UsageError(
@@ -629,6 +625,6 @@ def _circumstances(sessions: Sequence[DatedSession], reads: Sequence[_Read]) -> 
 
 
 def _shape(read: _Read) -> _Shape:
-    plan, machine = ProbePlan.require(read.white.plan), LinearDelta.require(read.white.machine)
-    touched = plan.touches
-    return plan.place[touched, :2], read.white.plain(read.alone.left)[touched], machine
+    plan, left = ProbePlan.require(read.white.plan), read.white.plain(read.alone.left)
+    machine, touched = LinearDelta.require(read.white.machine), plan.touches
+    return plan.place[touched, :2], left[touched], machine
