@@ -46,12 +46,6 @@ def test_nothing_of_it_can_be_written_to(named: Diagnosis) -> None:
         named.verdict = Verdict.CONSISTENT  # type: ignore[misc]
 
 
-def test_the_uncertainty_is_that_of_the_covariance(named: Diagnosis) -> None:
-    assert named.std_mm == pytest.approx(np.sqrt(np.diag(named.covariance_mm2)))
-    apart = named.covariance_mm2 / np.outer(named.std_mm, named.std_mm) - np.eye(3)
-    assert np.abs(apart).max() > 0.02
-
-
 def test_its_budget_is_where_the_uncertainty_comes_from(named: Diagnosis) -> None:
     """The gap leaves its own part open, beside what is uncertain without it."""
     parts = {each.source: each for each in named.budget.contributions}

@@ -278,15 +278,6 @@ def test_patterns_beyond_the_list_are_brute_force_by_another_way() -> None:
     assert sum(np.exp(pattern.log_prior) for pattern in general) == pytest.approx(UNLISTED)
 
 
-def test_the_places_found_are_those_of_the_truth() -> None:
-    session = truth.make_session(5, truth.PROTOTYPE, truth.DIAL, ("axis_gap", "stand_shift"))
-    found = assessed(("axis_gap", "stand_shift"), 5)
-    extra = found.scores["axis_gap", "stand_shift"].extra
-    assert extra is not None
-    hidden = next(effect for effect in session.effects if effect.id == "stand_shift")
-    assert extra.place == (hidden.row,)
-
-
 @pytest.mark.parametrize("cause", ["axis_gap", "axis_squareness", "bar_skew", "backlash"])
 def test_refined_evidence_against_weighted_samples_of_the_full_model(cause: str) -> None:
     """∫ likelihood · prior over offsets and parameters, by importance sampling.

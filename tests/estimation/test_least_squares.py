@@ -1,7 +1,5 @@
 """Eq. (25): optimality, convergence, and agreement with another solver."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -73,18 +71,6 @@ def test_the_remaining_step_is_how_far_the_optimum_is() -> None:
     assert remaining == pytest.approx(sigmas, rel=0.01)
     unit = unit_covariance(problem, problem.at_zero[1])
     assert remaining >= 1e-6 / (NOMINAL.machine.gauge.noise_mm * np.sqrt(unit[1, 1]))
-
-
-def test_a_fit_says_what_it_left() -> None:
-    problem = problem_of(SIX, NOMINAL)
-    data = np.stack((EXPERIMENT_1, experiment(2).value))
-    fit = fit_offsets(problem, data)
-    assert fit.residuals_mm == pytest.approx(data - problem.predict(fit.offsets_mm), abs=1e-12)
-    assert np.sqrt(np.mean(fit.residuals_mm**2, axis=1)) == pytest.approx([0.74, 0.20], abs=0.01)
-    remaining = problem.remaining(data, fit.offsets_mm)
-    assert fit.remaining == pytest.approx(remaining, abs=1e-9)
-    moved = replace(fit, remaining=np.array([2.0 * OPTIMAL, np.nan]))
-    assert not np.any(moved.converged)
 
 
 def test_a_batch_may_have_any_shape() -> None:
