@@ -63,22 +63,6 @@ def test_no_spare_difference_means_no_sigma() -> None:
     assert solution.expanded_mm == pytest.approx(stats.norm.ppf(0.975) * solution.std_mm, rel=1e-6)
 
 
-def test_sigma_from_repeats_is_the_pooled_scatter() -> None:
-    session = readings(NOMINAL, double_posture(PROTOTYPE))
-    plan = session.plan
-    sums, dof = 0.0, 0
-    for setup in range(6):
-        for displacement in (0.0, 60.0, -100.0):
-            cell = session.value[(plan.setup == setup) & (plan.displacement == displacement)]
-            sums += float(((cell - cell.mean()) ** 2).sum())
-            dof += len(cell) - 1
-    found = scatter_of_repeats(plan, session.value)
-    assert found is not None
-    assert found.dof == dof == 42
-    assert found.sigma_mm == pytest.approx(np.sqrt(sums / dof), rel=1e-12)
-    assert solve(session, NOMINAL).sigma_repeats_mm == pytest.approx(found.sigma_mm, rel=1e-12)
-
-
 def test_what_does_not_repeat_has_no_sigma_of_repeats() -> None:
     """Joint end and tool end do not repeat each other, nor does a single cycle itself."""
     ends = single_posture(PROTOTYPE, 2)
