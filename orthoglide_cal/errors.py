@@ -98,8 +98,6 @@ class InputError(OrthocalError, ValueError):
     It is a ValueError for pydantic, which adds the path of what a validator refuses.
 
     Args:
-        what: what is wrong.
-        remedy: how to fix it.
         file: path as the user gave it.
         line: line in the file, from 1.
         column: column header (CSV) or dotted path (YAML).
@@ -182,10 +180,7 @@ class UnusableResultError(OrthocalError):
 class RankDeficientError(UnusableResultError):
     """The readings do not determine every unknown.
 
-    Args:
-        what: what is wrong.
-        remedy: the reading that would fix it.
-        undetermined: names of the unknowns that stay free, e.g. ("x", "z").
+    `undetermined` are the names of the unknowns that stay free, e.g. ("x", "z").
     """
 
     def __init__(self, what: str, remedy: str, undetermined: Sequence[str]) -> None:

@@ -18,13 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TextIO
 import typer
 from typer.core import TyperCommand
 
-from orthoglide_cal.errors import (
-    InputError,
-    OrthocalError,
-    UsageError,
-    file_words,
-    visible_lines,
-)
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError, file_words, visible_lines
 
 if TYPE_CHECKING:
     from rich.console import Console

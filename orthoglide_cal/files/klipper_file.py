@@ -35,11 +35,10 @@ from orthoglide_cal.files.printer_file import (
     PrinterFile,
     Stored,
     delta_of,
-    touching,
     within,
 )
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise
+from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise, touching
 from orthoglide_cal.model.plan import Bools, Floats
 from orthoglide_cal.schema import parse_count, shortened
 

@@ -17,13 +17,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, cast
 
 import numpy as np
-from pydantic import (
-    BeforeValidator,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-)
+from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, field_validator
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
@@ -213,11 +207,6 @@ def machine_file_in(tree: Tree) -> StoredMachine:
     return StoredMachine(model, file, () if "identified" in value else (remark,))
 
 
-def read_machine(path: Path | str | None = None) -> Model:
-    """The machine in a file, with its accepted causes; the prototype for None."""
-    return default_machine() if path is None else read_machine_file(path).model
-
-
 def machine_from_text(content: str, path: str) -> Model:
     """The machine that a text describes; `path` is its name. Raises as `read_machine_file`."""
     return machine_file_in(load_tree(document_from_bytes(content.encode(), path))).model
@@ -226,7 +215,7 @@ def machine_from_text(content: str, path: str) -> Model:
 @functools.cache
 def default_machine() -> Model:
     """The paper's prototype, from the file that comes with the package."""
-    return read_machine(shipped_folder() / DEFAULT_NAME)
+    return read_machine_file(shipped_folder() / DEFAULT_NAME).model
 
 
 def shipped_machine(kind: str) -> Path:
@@ -377,7 +366,7 @@ def differing(one: Model, other: Model) -> list[str]:
 
 
 def machine_text(model: Model) -> str:
-    """The machine file's text; `read_machine` gives back the same machine and causes.
+    """The machine file's text; `read_machine_file` gives back the same machine and causes.
 
     Its last line shows that nothing was cut off.
     """

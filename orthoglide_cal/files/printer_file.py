@@ -10,13 +10,7 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.model.linear_delta import (
-    MINUTES_PER_TOUCH,
-    Endstops,
-    LinearDelta,
-    Probe,
-    ProbePlan,
-)
+from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, ProbePlan, touching
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
 from orthoglide_cal.schema import parse_number
@@ -83,30 +77,6 @@ class Stored(ReadOnly):
         place = np.column_stack((at - offset[0], along - offset[1], height[probed] + offset[2]))
         plan = touching(place, np.full(len(place), offset[2]), order)
         return cls(plan, height[probed], lines, mesh)
-
-
-def touching(
-    place: Floats,
-    surface: Floats,
-    order: Ints,
-    minutes: Floats | None = None,
-    other: Floats | None = None,
-) -> ProbePlan:
-    """Touches of surfaces, (t,) [mm], and behind them the distances to other places (n, 3).
-
-    All are as precise as each other.
-    """
-    n, touches = len(place), len(surface)
-    clock = np.asarray(MINUTES_PER_TOUCH * order if minutes is None else minutes, np.float64)
-    return ProbePlan(
-        order=order,
-        hours=clock / 60.0,
-        place=place,
-        other=place if other is None else other,
-        surface=np.concatenate((surface, np.zeros(n - touches))),
-        distance=np.arange(n) >= touches,
-        weight=np.ones(n),
-    )
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.printer_file import PrinterFile, Stored, touching
+from orthoglide_cal.files.printer_file import PrinterFile, Stored
 from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
 from orthoglide_cal.files.table import Table
-from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
+from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan, touching
 from orthoglide_cal.model.measured import Excerpt, Readings
 
 PLACE_COLUMNS = ("x_mm", "y_mm")

@@ -660,6 +660,32 @@ def mixed(places: Floats) -> Floats:
     return np.asarray(at[np.argsort(np.arange(len(at)) * GOLDEN % 1.0, kind="stable")])
 
 
+def touching(
+    place: Floats,
+    surface: Floats,
+    order: Ints,
+    minutes: Floats | None = None,
+    other: Floats | None = None,
+    calliper: float = 1.0,
+) -> ProbePlan:
+    """Touches of surfaces, (t,) [mm], and behind them the distances to other places (n, 3).
+
+    `calliper` is how precise a distance is compared to a touch: ratio of the standard deviations.
+    """
+    n, touches = len(place), len(surface)
+    clock = np.asarray(MINUTES_PER_TOUCH * order if minutes is None else minutes, np.float64)
+    distance = np.arange(n) >= touches
+    return ProbePlan(
+        order=order,
+        hours=clock / 60.0,
+        place=place,
+        other=place if other is None else other,
+        surface=np.concatenate((surface, np.zeros(n - touches))),
+        distance=distance,
+        weight=np.where(distance, calliper, 1.0),
+    )
+
+
 def layout_of(
     name: str,
     what: str,
@@ -678,14 +704,6 @@ def layout_of(
         other[:touches] = first[:touches]
         pace = np.append(pace, np.full(len(first) - touches, MINUTES_PER_DISTANCE))
         pace[touches] += MINUTES_PER_PRINT
-    distance = np.arange(len(first)) >= touches
-    plan = ProbePlan(
-        order=np.arange(len(first)),
-        hours=(np.cumsum(pace) - pace[0]) / 60.0,
-        place=first,
-        other=other,
-        surface=np.where(distance, 0.0, first[:, 2]),
-        distance=distance,
-        weight=np.where(distance, calliper, 1.0),
-    )
+    order, minutes = np.arange(len(first)), np.cumsum(pace) - pace[0]
+    plan = touching(first, first[:touches, 2], order, minutes, other, calliper)
     return Layout(name, what, plan, float(pace.sum()))

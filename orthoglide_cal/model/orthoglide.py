@@ -45,14 +45,7 @@ from orthoglide_cal.model.machine import (
 )
 from orthoglide_cal.model.measured import DataKind, Difference, Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
-from orthoglide_cal.model.readings import (
-    AXES,
-    Contact,
-    GaugePlan,
-    Posture,
-    other_axes,
-    part_words,
-)
+from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, other_axes, part_words
 from orthoglide_cal.schema import Number, told
 
 # Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].

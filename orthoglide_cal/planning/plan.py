@@ -33,12 +33,7 @@ from orthoglide_cal.planning.forecast import (
     session_of,
 )
 from orthoglide_cal.planning.next_measurement import RankedMeasurement
-from orthoglide_cal.planning.separation import (
-    TRACE_SIGMA,
-    SeparatedPair,
-    Separations,
-    separations,
-)
+from orthoglide_cal.planning.separation import TRACE_SIGMA, SeparatedPair, Separations, separations
 from orthoglide_cal.planning.steps import CYCLES, MOST_CYCLES, MeasuringProtocol, Order
 from orthoglide_cal.schema import Schema
 

@@ -30,14 +30,7 @@ from scipy.special import fdtrc
 
 from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation import (
-    Posed,
-    Problem,
-    PromisedDifference,
-    Solution,
-    pose,
-    solve,
-)
+from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
 from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind

@@ -13,14 +13,7 @@ from enum import StrEnum
 from functools import reduce
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    PlainSerializer,
-    TypeAdapter,
-)
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, TypeAdapter
 
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.model import Model

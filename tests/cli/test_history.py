@@ -13,14 +13,7 @@ from orthoglide_cal.files.session_file import session_of_readings, session_text
 from orthoglide_cal.model.measured import Readings
 from tests.cli.program import DOUBLE, SESSION, answer, done, refused, run, words
 from tests.results.histories import draw
-from tests.truth.delta import (
-    KOSSEL,
-    Layout,
-    delta_csv,
-    delta_yaml,
-    make_delta_session,
-    probe_bed,
-)
+from tests.truth.delta import KOSSEL, Layout, delta_csv, delta_yaml, make_delta_session, probe_bed
 
 KEYS = {
     "schema_version", "machine", "sessions", "verdict", "probability", "ambiguous_with", "changes",

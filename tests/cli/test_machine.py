@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.files.machine_file import default_machine, read_machine
+from orthoglide_cal.files.machine_file import default_machine, read_machine_file
 from orthoglide_cal.model.orthoglide import Orthoglide
 from tests.session.terminal import Terminal
 
@@ -21,7 +21,7 @@ ANSWERS = (
 
 def test_options_make_the_machine() -> None:
     made = done("machine", "new", *ANSWERS, "--yes", "--output", "mine.yaml")
-    machine = read_machine("mine.yaml").machine
+    machine = read_machine_file("mine.yaml").model.machine
     assert (machine.name, machine.leg_length_mm, machine.parallelogram_width_mm) == (
         "Mill 3", 400.0, 90.0,
     )  # fmt: skip
@@ -42,7 +42,7 @@ def test_tolerances_are_options_too() -> None:
     given = ("--tolerance", "axis_gap=0.3", "--tolerance", "wrong_unit=0", "--yes")
     done("machine", "new", *given)
     known = dict(default_machine().machine.tolerances)
-    tolerances = dict(read_machine("machine.yaml").machine.tolerances)
+    tolerances = dict(read_machine_file("machine.yaml").model.machine.tolerances)
     assert tolerances == {**known, "axis_gap": 0.3, "wrong_unit": 0.0}
     # Every other line is as in the file that it was made from.
     text = Path("machine.yaml").read_text(encoding="utf-8")
@@ -73,13 +73,13 @@ def test_tolerances_are_asked_for_with_their_reasons(tmp_path: Path) -> None:
     # Of what only another kind of machine has nothing is asked.
     assert not any(cause.title in seen for cause in CAUSES.values() if cause not in own)
     known = dict(default_machine().machine.tolerances)
-    tolerances = dict(read_machine(tmp_path / "machine.yaml").machine.tolerances)
+    tolerances = dict(read_machine_file(tmp_path / "machine.yaml").model.machine.tolerances)
     assert tolerances == {**known, "backlash": 0.01, "axis_squareness": 0.4}
 
 
 def test_travel_and_workspace_follow_the_leg() -> None:
     run("machine", "new", "--leg-length", "620.5", "--yes")
-    machine = read_machine("machine.yaml").machine
+    machine = read_machine_file("machine.yaml").model.machine
     assert (machine.joint_limits_mm, machine.workspace_mm) == ((-200.0, 120.0), 400.0)
 
 
@@ -160,7 +160,7 @@ def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
             terminal.expect(r"\]: $")
             terminal.type(answer)
         assert terminal.finish() == 0, terminal.seen
-    machine = read_machine(tmp_path / "machine.yaml").machine
+    machine = read_machine_file(tmp_path / "machine.yaml").model.machine
     assert (machine.name, machine.leg_length_mm) == ("Mill 3", 620.5)
     assert machine.joint_limits_mm == (-150.0, 90.0)
     for words in ("This is not a number.", "greater than zero", "beyond the leg's length"):

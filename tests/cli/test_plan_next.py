@@ -5,18 +5,7 @@ import re
 import pytest
 
 from tests import truth
-from tests.cli.program import (
-    DOUBLE,
-    SINGLE,
-    SIX,
-    answer,
-    lines,
-    once,
-    process,
-    run,
-    words,
-    written,
-)
+from tests.cli.program import DOUBLE, SINGLE, SIX, answer, lines, once, process, run, words, written
 
 OF_DIAGNOSIS = {"session", "what", "minutes", "separates", "between", "separation_sigma"}
 KEYS = OF_DIAGNOSIS | {"expanded_mm", "chance"}

@@ -19,7 +19,7 @@ import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.files.machine_file import read_machine
+from orthoglide_cal.files.machine_file import read_machine_file
 from tests.cli.program import SIX, answer, done, once, parameters, refused, run, words
 from tests.machines import ROOT
 from tests.printer_files import OFF, exact, printer_cfg
@@ -336,7 +336,7 @@ def test_no_page_of_a_printer_speaks_of_gauges_and_postures() -> None:
     foreign = re.compile(
         r"\b(postures?|nut|stands?|(?<!feeler )gauges?|legs?|cycles?)\b", re.IGNORECASE
     )
-    machine = read_machine("v400.yaml").machine
+    machine = read_machine_file("v400.yaml").model.machine
     for cause in CAUSES.values():
         if type(machine) in cause.sizes:
             text = " ".join(cause.words(machine))

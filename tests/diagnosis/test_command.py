@@ -12,7 +12,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis
 from orthoglide_cal.diagnosis import diagnose as analysed
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.machine_file import read_machine
+from orthoglide_cal.files.machine_file import read_machine_file
 from orthoglide_cal.files.session_file import session_of_readings, session_text
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.diagnosis import diagnosis_document, headline
@@ -115,7 +115,7 @@ class TestAccept:
         assert ran.exit_code == 0
         assert str(extended) in ran.stderr
         assert machine.read_bytes() == before
-        (found,) = read_machine(extended).accepted
+        (found,) = read_machine_file(extended).model.accepted
         assert found.cause.id == "axis_gap"
         assert found.data_sha256 == one(readings, "--machine", machine)["input"]["sha256"]
         assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", found.date or "")

@@ -9,7 +9,7 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import printer_settings, read_input
-from orthoglide_cal.files.machine_file import default_machine, machine_text, read_machine
+from orthoglide_cal.files.machine_file import default_machine, machine_text, read_machine_file
 from orthoglide_cal.model.model import Model
 from tests import firmware_files as made
 from tests.printer_files import OFF, printer_cfg
@@ -69,7 +69,7 @@ def own(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("name", EVERY)
 def test_each_format_tells_what_the_machine_is(own: Path, name: str) -> None:
     """The files state settings and heights; what the truth is neither states."""
-    known = read_machine(made_machine(own)) if name == "grid.txt" else None
+    known = read_machine_file(made_machine(own)).model if name == "grid.txt" else None
     given = read_input(put(own, name, texts(made.UNEVEN, OFF)[name]), known)
     assert np.abs(found(given) - true_parameters()).max() < 3e-4
 
@@ -127,7 +127,7 @@ def test_the_settings_may_be_named(tmp_path: Path) -> None:
         assert fault.what == "The file does not say which printer it is from."
         assert f"--machine {settings}" in fault.remedy
     # A machine file does not tell where the probe is.
-    known = read_machine(made_machine(tmp_path))
+    known = read_machine_file(made_machine(tmp_path)).model
     given = read_input(path, known)
     assert "z offset is not known" in " ".join(given.measured.remarks)
     assert abs(np.median(given.measured.value)) < 1e-9
@@ -204,7 +204,7 @@ def test_what_is_recognised_and_holds_nothing_is_told_so(
 
 def test_a_grid_without_a_place_in_reach_holds_no_heights(own: Path) -> None:
     path = put(own, "grid.txt", "Bilinear Leveling Grid:\n  0 1\n0 +1.0 +2.0\n1 ===== +4.0\n")
-    [fault] = problems(read_input, path, read_machine(made_machine(own)))
+    [fault] = problems(read_input, path, read_machine_file(made_machine(own)).model)
     assert "holds no probed heights with their places" in fault.what
 
 

@@ -18,7 +18,7 @@ from orthoglide_cal.files.machine_file import (
     machine_in,
     machine_text,
     machine_values,
-    read_machine,
+    read_machine_file,
 )
 from orthoglide_cal.files.session_file import Session, session_text
 from orthoglide_cal.files.yaml_tree import load_tree
@@ -48,7 +48,7 @@ def test_the_prototype_is_the_default():
     assert machine.gauge == Gauge(
         resolution_mm=0.01, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.006
     )
-    for model in (read_machine(PROTOTYPE), read_machine(None)):
+    for model in (read_machine_file(PROTOTYPE).model, default_machine()):
         assert (model.machine, model.accepted) == (machine, ())
 
 
@@ -504,7 +504,7 @@ report:
 def test_history_and_details_are_kept_when_the_file_is_written_again(tmp_path):
     path = tmp_path / "m.yaml"
     path.write_text(TEXT + HISTORY)
-    model = read_machine(path)
+    model = read_machine_file(path).model
     (entry,) = model.machine.history
     assert entry.model_dump(exclude={"before", "written"}) == {
         "date": "2025-01-31",

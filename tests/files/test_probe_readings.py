@@ -15,13 +15,7 @@ from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
 from tests.printer_files import printer_cfg
 from tests.printers import CONFIG, UNEVEN, printer, true_values
-from tests.truth.delta import (
-    Layout,
-    Truth,
-    delta_csv,
-    delta_yaml,
-    make_delta_session,
-)
+from tests.truth.delta import Layout, Truth, delta_csv, delta_yaml, make_delta_session
 from tests.truth.plan import frozen
 
 from .helpers import places, problems, saved

@@ -13,7 +13,7 @@ from orthoglide_cal.files.machine_file import (
     machine_from_text,
     machine_text,
     machine_values,
-    read_machine,
+    read_machine_file,
 )
 from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.files.session_file import Session, session_json, session_text
@@ -22,7 +22,7 @@ from tests.machines import extended
 
 from .helpers import MODEL, PROTOTYPE, places, problems, saved
 
-LARGE = read_machine(PROTOTYPE.with_name("orthoglide_large.yaml"))
+LARGE = read_machine_file(PROTOTYPE.with_name("orthoglide_large.yaml")).model
 
 
 def values(model=MODEL, **changes) -> Session:

@@ -8,12 +8,7 @@ import pytest
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan_of, single_posture
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.model.readings import (
-    Contact,
-    GaugePlan,
-    Posture,
-    number_setups,
-)
+from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, number_setups
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 
 

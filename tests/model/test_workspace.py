@@ -9,12 +9,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.model.workspace import (
-    SAMPLES,
-    WorkspaceMaps,
-    compensation,
-    workspace_error,
-)
+from orthoglide_cal.model.workspace import SAMPLES, WorkspaceMaps, compensation, workspace_error
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, extended
 from tests.model.geometries import bent_rails, on_rails
 from tests.model.paper_kinematics import direct, inverse, nominal_rails, tool_near

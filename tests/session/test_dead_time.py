@@ -11,12 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.session.asking import (
-    AFTER_A_DRIVE_S,
-    BETWEEN_GAUGES_S,
-    BY_HAND_S,
-    DeadTime,
-)
+from orthoglide_cal.session.asking import AFTER_A_DRIVE_S, BETWEEN_GAUGES_S, BY_HAND_S, DeadTime
 from orthoglide_cal.session.events import State, replay
 from orthoglide_cal.session.journal import decode
 

@@ -11,7 +11,7 @@ import pytest
 from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.machine_file import default_machine, read_machine
+from orthoglide_cal.files.machine_file import default_machine, read_machine_file
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.session.events import Planned, Taken
@@ -19,17 +19,7 @@ from orthoglide_cal.session.readings import PriorReadings
 from tests.cli.program import done
 from tests.machines import ROOT, SAMPLES
 
-from .going_on import (
-    SIMULATED,
-    alone,
-    choice,
-    content,
-    events_of,
-    is_step,
-    is_turn,
-    is_usual,
-    read,
-)
+from .going_on import SIMULATED, alone, choice, content, events_of, is_step, is_turn, is_usual, read
 from .terminal import finished
 
 
@@ -240,7 +230,7 @@ def test_the_machine_file_says_what_was_applied_meanwhile(tmp_path: Path) -> Non
     finished(tmp_path, "a.yaml", "--cycles", "1", *SIMULATED)
     with contextlib.chdir(tmp_path):
         done("apply", "a.yaml", "--yes")
-        entered = read_machine(str(tmp_path / "machine.yaml")).machine.offsets_mm
+        entered = read_machine_file(str(tmp_path / "machine.yaml")).model.machine.offsets_mm
         assert any(entered)
     assert "Since" in finished(tmp_path, "b.yaml", *choice(tmp_path / "a.yaml", is_usual))
     assert read(tmp_path / "b.yaml").plan.entered[-1] == pytest.approx(entered)

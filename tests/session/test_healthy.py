@@ -16,15 +16,7 @@ from tests.truth.machines import Gauge as TrueGauge
 from tests.truth.machines import Machine as TrueMachine
 from tests.truth.session import make_session
 
-from .virtual import (
-    both_protocols,
-    play,
-    readings_of,
-    setting_of,
-    state_of,
-    steps_of,
-    taken,
-)
+from .virtual import both_protocols, play, readings_of, setting_of, state_of, steps_of, taken
 
 
 def truth_machine(machine: TrueMachine, gauge: TrueGauge) -> Machine:

@@ -18,14 +18,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.session.gauges import SimulatedGauge
 
 from .going_on import content
-from .terminal import (
-    PATIENCE_S,
-    PROGRAM,
-    PROMPT,
-    QUESTION,
-    Terminal,
-    run_program,
-)
+from .terminal import PATIENCE_S, PROGRAM, PROMPT, QUESTION, Terminal, run_program
 from .virtual import SINGLE, readings_of, setting_of, steps_of
 
 ESCAPE = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
