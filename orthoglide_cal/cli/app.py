@@ -42,7 +42,6 @@ from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 _ASCII = {"−": "-", "–": "-", "±": "+/-", "→": "->", "µ": "u", "σ": "s", "·": ".", "✔": "+"}
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
-
 _COMMANDS: dict[str, typer.Typer] = {}  # by name, each a program of its own
 for command in (
     measure, solve, diagnose, plan, apply, verify, history, report, export, simulate, validate,
@@ -129,7 +128,7 @@ def main() -> None:
     """Entry point of the `orthocal` program."""
     # All matrices here are small: threads of the linear algebra only get in each other's way.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # What a command loads is no garbage: to look through it, at the end again, takes a tenth of it.
+    # What a command loads is no garbage: looking for some takes a tenth of its time.
     gc.set_threshold(100_000)
     atexit.register(gc.freeze)
     codecs.register_error(_in_ascii.__name__, _in_ascii)
