@@ -169,7 +169,9 @@ def edited(text: str, values: Mapping[str, object]) -> str:
     missing = {key: value for key, value in values.items() if _entry(root, key)[1] is None}
     for start, end, new in sorted(_changes(root, values, text), reverse=True):
         before, rest = text[:start], text[end:]
-        if before.endswith(":") and not new.startswith("\n"):
+        if new.startswith("\n"):
+            before = before.rstrip(" ")
+        elif new and before.endswith(":"):
             new = f" {new}"
         blanks = len(rest) - len(rest.lstrip(" "))
         if rest[blanks : blanks + 1] == "#" and "\n" not in new:
