@@ -106,7 +106,7 @@ def test_a_file_that_cannot_be_written_leaves_everything(content: str, said: str
     assert history() == []
 
 
-@pytest.mark.parametrize("on", ["again", "undo"])
+@pytest.mark.parametrize("on", ["again", "undo", "changed by hand"])
 def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def killed(target: str, before: str, data: bytes) -> None:
         if target.endswith(".ini"):
@@ -119,6 +119,18 @@ def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.Mo
     assert Path("mill.ini").read_text(encoding="utf-8") == INI
     assert len(history()) == 1
     assert "was not written" in " ".join(done().split())
+    if on == "changed by hand":
+        # What is active is neither what was entered nor what was before: nobody knows more.
+        record, (entry,) = Path("machine.yaml"), history()
+        entered = f"offsets_mm: {{x: {entry['after']['x']}"
+        text = record.read_text(encoding="utf-8")
+        assert entered in text
+        changed = text.replace(entered, "offsets_mm: {x: 0.111")
+        record.write_text(changed, encoding="utf-8")
+        said = refused(2, "apply", "before.csv", "--to", "mill.ini", "--yes")
+        assert "changed by hand" in said
+        assert record.read_text(encoding="utf-8") == changed
+        return
     if on == "again":
         told: list[str] = []
 
