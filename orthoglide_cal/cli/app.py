@@ -53,7 +53,7 @@ _COMMANDS["machine"] = machine
 
 
 class _Commands(TyperGroup):
-    """Makes the command that is asked for: all of them take longer than most have to work.
+    """Makes only the command that is asked for: to make all takes longer than most of them run.
 
     Errors of the package end a command with their own exit code.
     """

@@ -212,9 +212,9 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
         if each.base:
             width = each.width
             mine = each.own[:, width:] * at.sizes(each.base)[width:]
-            others_too = offsets_and_seen(at, each.own[:, :width])
+            rest = offsets_and_seen(at, each.own[:, :width])
             log_all = float(log_sum(found[each]))
-            acting[each] = Acting(each.base[0], mine, others_too, each.linear, log_all)
+            acting[each] = Acting(each.base[0], mine, rest, each.linear, log_all)
     for each in others:
         extra = each.score.extra
         if extra is None:

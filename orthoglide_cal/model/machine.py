@@ -50,8 +50,8 @@ class JointOffsets(NamedTuple):
     z: Offset
 
 
-# A named tuple is a group of keys in the file.
 Predicted = Callable[[Plan], Floats]  # gives the readings of any plan, (..., n) [mm]
+# A named tuple is a group of keys in the file.
 Named = Annotated[T, PlainSerializer(lambda values: values._asdict())]
 
 
