@@ -107,7 +107,7 @@ def synthetic_session(
 
     Args:
         model: the machine and whatever is wrong with it or with the measurement.
-        offsets: what each real value exceeds the controller's by, shape (p,).
+        offsets: what each real value exceeds the controller's by, shape (p,) [mm, deg].
         rng: source of noise, of gauge zeros and of a bed's local shape.
         gauge: the machine's own if None; its repeatability is the noise, a resolution of 0 means
             no rounding.
