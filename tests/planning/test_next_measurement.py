@@ -10,11 +10,12 @@ from orthoglide_cal.diagnosis import Diagnosis, diagnose
 from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Whitened
+from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.model import Model, synthetic_session
+from orthoglide_cal.model.model import Model, differentiate, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, joined
 from orthoglide_cal.model.readings import GaugePlan, Posture
@@ -215,27 +216,53 @@ def test_readings_are_expected_as_the_truth_has_them() -> None:
     """After a lost motion the carriages come from where they stood: so far the readings differ.
 
     How far the expectations of two explanations are apart does not depend on the combinations in
-    which they are looked at; the truth reads both machines.
+    which they are looked at; the truth reads both machines. New
+    stands begin from the session's last place.
     """
     session = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("backlash",), exact=True)
     readings, model = known(session)
     found = assess(Whitened.of(readings, model))
     fits = [found.fit(("backlash",)), found.fit(())]
-    going_on = [each for each in options(readings.plan, model.machine) if each.continues]
-    for option, seen in zip(
-        going_on, predictions(model, readings.plan, going_on, fits), strict=True
-    ):
+    theta = fits[0].effects[0].theta
+    motion = replace(session.effects[0], parameters=(*theta[:3], *-theta[3:]))
+    lost, none = state_with(fits[0].offsets, [motion]), state_with(fits[1].offsets, ())
+    every = options(readings.plan, model.machine)
+    for option, seen in zip(every, predictions(model, readings.plan, every, fits), strict=True):
         plan = continued(session, option, 1).plan
-        lost, none = state_with(fits[0].offsets, session.effects), state_with(fits[1].offsets, ())
         read = signals(plan, session.machine, np.stack((lost, none)))
         gap, n = read[0] - read[1], len(readings)
-        same = (option.plan.setup[:, None] == readings.plan.setup).astype(float)
+        before = readings.plan if option.continues else option.plan
+        same = (option.plan.setup[:, None] == before.setup).astype(float)
         mean = same / same.sum(axis=1, keepdims=True)
-        root = np.linalg.cholesky(np.eye(len(mean)) + mean @ mean.T)
-        apart = np.linalg.solve(root, gap[n:] - mean @ gap[:n])
-        # The fit knows the lost motion, and the gauge its noise, to some per cent.
+        apart = gap[n:] - mean @ (gap[:n] if option.continues else gap[n:])
+        if option.continues:
+            root = np.linalg.cholesky(np.eye(len(mean)) + mean @ mean.T)
+            apart = np.linalg.solve(root, apart)
+        # What nobody would see is left out of the expectations.
         expected = np.linalg.norm(seen.mean[0] - seen.mean[1])
-        assert expected == pytest.approx(np.linalg.norm(apart), rel=0.1, abs=truth.MICRON.noise)
+        assert expected == pytest.approx(np.linalg.norm(apart), rel=1e-3)
+
+
+def test_u_is_that_of_one_fit_to_all_readings() -> None:
+    """Least squares with plausible sizes: stands that stay keep their places, and a knock."""
+    model = Model(MACHINE.changed(gauge=MACHINE.gauge.changed(placement_mm=10.0)))
+    plan = double_posture(MACHINE, cycles=1)
+    session = synthetic_session(model, plan, 4.0 * OFFSETS, np.random.default_rng(2))
+    knocked = 0.2 * ((plan.setup == plan.setup[-1]) & (plan.order > plan.order[-5]))
+    found = diagnose(replace(session, value=session.value + knocked), model)
+    ((_, fit),) = found.by_place
+    (knock,) = fit.effects
+    for following in (each for each in ranked(found) if each.option.continues):
+        both = joined(plan, following.option.plan)
+        _, slopes = differentiate(model, fit.offsets, both, [knock])
+        others = [each.columns for each in influences(model, fit.offsets, both)]
+        columns = np.hstack([slopes, *others, both.zeros])
+        sizes = np.ones(columns.shape[1])
+        sizes[:4] = *np.full(3, 10.0), knock.cause.size(model.machine)
+        sizes[-both.setups :] = np.inf
+        covariance = np.linalg.inv(columns.T @ columns / fit.sigma**2 + np.diag(sizes**-2.0))
+        reach = 1.96 * np.sqrt(np.diag(covariance)[:3])
+        assert following.expanded == pytest.approx(reach, rel=0.02)
 
 
 def test_a_part_of_the_answer_is_no_rival_that_the_next_measurement_is_for() -> None:
