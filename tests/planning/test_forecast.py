@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
 from orthoglide_cal.estimation.budget import influences
@@ -86,14 +87,24 @@ def test_the_expected_uncertainty_is_what_solve_gives(
     """The mean of 60 sessions. With 35 degrees of freedom or more U scatters by 12 % at most, its
     mean by 1.6 %: a quarter of what is allowed where noise is all.
     """
-    for machine, within in ((model, 0.02), (sure(model), 0.06)):
+    known = sure(model).machine
+    loose = Model(known.changed(gauge=known.gauge.changed(placement_mm=6.0)))
+    for machine, within in ((model, 0.02), (sure(model), 0.06), (loose, 0.06)):
         found = forecast(machine, protocol, 3, Method(name))
         rng, reach = np.random.default_rng(7), []
         for _ in range(60):
-            offsets = rng.normal(0.0, OFFSET_MM, 3)
+            offsets = OFFSET_MM * rng.choice([-1.0, 1.0], 3)
             session = synthetic_session(machine, found.plan, offsets, rng)
             reach.append(solve(session, machine, name).expanded_mm)
         assert found.budget.expanded_mm == pytest.approx(np.mean(reach, axis=0), rel=within)
+
+
+@pytest.mark.parametrize("protocol", MeasuringProtocol)
+def test_spare_readings_are_the_degrees_of_freedom(protocol: MeasuringProtocol) -> None:
+    """Each zero and each offset takes one reading away; where noise is all, k is Student's t."""
+    found = forecast(sure(NOMINAL), protocol, 1)
+    spare = len(found.plan) - found.plan.setups - 3
+    assert found.budget.k == pytest.approx(stats.t.ppf(0.975, spare))
 
 
 @pytest.mark.parametrize("target", [0.03, 0.024, 0.022])
