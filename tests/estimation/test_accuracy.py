@@ -1,5 +1,7 @@
 """Covariance (26)–(33), the three sigmas, and intervals that cover what they say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -9,9 +11,9 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import scatter_of_repeats, sum_of_squares
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
-from orthoglide_cal.model.model import Model, simulate_with_jacobian
+from orthoglide_cal.model.model import Model, simulate_with_jacobian, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
-from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.plan import Floats, joined
 from tests.estimation.sessions import (
     OFFSETS,
     SINGLE,
@@ -23,6 +25,8 @@ from tests.estimation.sessions import (
     readings,
 )
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, sure
+from tests.printers import NOMINAL_PRINTER, PRINTER, UNEVEN, printed, touched
+from tests.truth.delta import Layout, places_of
 
 
 @pytest.mark.parametrize("influenced", [False, True], ids=["noise", "influences"])
@@ -73,6 +77,32 @@ def test_what_does_not_repeat_has_no_sigma_of_repeats() -> None:
     assert scatter_of_repeats(plan, np.zeros(len(plan))) is None
     for data in (readings(NOMINAL, plan), differences(SIX, NOMINAL)):
         assert solve(data, NOMINAL).sigma_repeats_mm is None
+
+
+def test_a_distance_scatters_by_as_much_more_as_it_is_less_precise() -> None:
+    """Six distances twice, each pair 2 d apart, at a weight w: its σ is √2·w·d with w·d known."""
+    weights, first = np.linspace(0.2, 0.7, 6), np.column_stack((np.arange(6), np.zeros((6, 2))))
+    once = printed(first, first + 50.0)
+    plan = replace(joined(once, once), weight=np.tile(weights, 2))
+    apart = 0.03 / weights
+    found = scatter_of_repeats(plan, 50.0 + np.concatenate((apart, -apart)))
+    assert found is not None
+    assert (found.sigma_mm, found.dof) == (pytest.approx(0.03 * 2.0**0.5), 6)
+
+
+def test_lost_motion_that_a_scanning_probe_cannot_show_is_misfit_all_the_same() -> None:
+    """By plain least squares: the residuals do not excuse what U takes in."""
+    model = Model(PRINTER.changed(probe=PRINTER.probe.changed(scanning=True)))
+    plan = touched(np.column_stack((places_of(Layout(25), UNEVEN.bed), np.zeros(25))))
+    lost = CAUSES["backlash"].at(np.array([0.1, -0.2, 0.15, 0.05, -0.1, 0.1]))
+    moving, rng = NOMINAL_PRINTER.extended([lost]), np.random.default_rng(3)
+    session = synthetic_session(moving, plan, np.zeros(6), rng)
+    solution = solve(session, model)
+    h, jacobian = simulate_with_jacobian(model, solution.offsets_mm, plan)
+    left = session.value - h
+    left = left - jacobian @ np.linalg.lstsq(jacobian, left, rcond=None)[0]
+    assert solution.sigma_residuals_mm == pytest.approx(np.sqrt(left @ left / (25 - 6)))
+    assert solution.suspicious
 
 
 @pytest.mark.parametrize("method", ["readings", "six", "twelve-linear"])
