@@ -116,13 +116,18 @@ def test_only_what_was_tried_was_assumed(tmp_path: Path) -> None:
     assert ids <= set(OWN)
 
 
-@pytest.mark.parametrize(("how", "factor"), [("halved", 0.5), ("doubled", 2.0)])
-def test_it_is_the_answer_with_those_sizes(how: str, factor: float, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("how", "factor", "cause", "seed"),
+    [("halved", 0.5, "axis_squareness", 8), ("doubled", 2.0, "bar_skew", 5)],
+)
+def test_it_is_the_answer_with_those_sizes(
+    how: str, factor: float, cause: str, seed: int, tmp_path: Path
+) -> None:
     """Also for defaults: as if the machine file stated each of them, halved or doubled.
 
-    The first answer has a cause more than the second.
+    It is another answer than with the sizes as they are.
     """
-    session = truth.make_session(28, truth.PROTOTYPE, truth.DIAL, ("axis_gap",))
+    session = truth.make_session(seed, truth.PROTOTYPE, truth.DIAL, (cause,))
     readings, machine = written(tmp_path, session)
     sizes = {id: factor * size for id, size in truth.machines.TOLERANCES.items()}
     other = told(readings, "--machine", resized(machine, sizes))
@@ -132,3 +137,4 @@ def test_it_is_the_answer_with_those_sizes(how: str, factor: float, tmp_path: Pa
         "verdict": other["verdict"],
         "ids": sorted(one["id"] for one in other["causes"]),
     }
+    assert other["verdict"] != found["verdict"]
