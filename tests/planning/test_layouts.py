@@ -152,13 +152,13 @@ def true_separation(machine: Delta, layout: SessionForecast) -> float:
 def test_the_separation_of_frame_and_bed_is_that_of_the_truth(machine: Delta) -> None:
     plan = measurement_plan(model_of(machine), Wanted())
     names = {each.name: each for each in plan.by_cycles}
-    for name in ("bed-49", "blocks-13", "telling"):
-        laid = names[name]
-        assert laid.rivals_sigma is not None
-        true = true_separation(machine, laid)
-        # What costs less than the truth itself is no distance: a single one counts as none here,
-        # only their sum does in the truth. It matters where hardly anything can be told.
-        assert laid.rivals_sigma == pytest.approx(true, rel=0.05, abs=0.4), name
+    true = {
+        name: true_separation(machine, names[name]) for name in ("bed-49", "blocks-13", "telling")
+    }
+    found = {name: names[name].rivals_sigma or 0.0 for name in true}
+    # On one height a lean resembles finer terms of the bed, which the truth does not have.
+    assert found.pop("bed-49") <= true.pop("bed-49") + 1e-6
+    assert found == pytest.approx(true, rel=0.01)
 
 
 def test_a_flat_bed_does_not_tell_and_the_telling_layout_does() -> None:
