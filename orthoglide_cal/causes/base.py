@@ -7,6 +7,7 @@ signs or their unit. All others act on the whole machine at once and are `Cause`
 from __future__ import annotations
 
 import functools
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
@@ -19,7 +20,7 @@ from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
 
 
-class PatternCause(Cause):
+class PatternCause(Cause, ABC):
     """A cause of one parameter that adds a known pattern of readings, at one of many places."""
 
     names = ("size",)
@@ -35,9 +36,9 @@ class PatternCause(Cause):
         """One unit of its size in what the patterns are multiplied by."""
         return 1.0
 
+    @abstractmethod
     def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
         """Readings added by one internal unit at each place, shape (n, places)."""
-        raise NotImplementedError
 
     def spoiled(self, place: Place, plan: Plan) -> Ints:
         return np.flatnonzero(self.patterns(plan, (place,))[:, 0])
@@ -104,7 +105,7 @@ class RelabelCause(Cause):
         return np.asarray(sign * readings[index] * self.unit_mm(effect.place))
 
 
-class ExchangeCause(RelabelCause):
+class ExchangeCause(RelabelCause, ABC):
     """Readings of one leg and direction were written under another, and the other way round.
 
     Each reading is exchanged with the one of the same step of the other leg and direction, in the
@@ -115,9 +116,9 @@ class ExchangeCause(RelabelCause):
         """In which readings labels were exchanged, shape (n,)."""
         return np.full(len(plan), True)
 
+    @abstractmethod
     def really(self, series: Series, place: Place) -> Series:
         """What was read where this was written down; twice is not at all."""
-        raise NotImplementedError
 
     def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
         own, signs = super().relabel(plan, place)

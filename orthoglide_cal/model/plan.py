@@ -7,6 +7,7 @@ are; what is estimated from them is estimated from combinations that no zero ent
 from __future__ import annotations
 
 import functools
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
@@ -45,7 +46,7 @@ _DTYPES = MappingProxyType({"Floats": np.float64, "Ints": np.intp, "Bools": np.b
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Plan:
+class Plan(ABC):
     """Readings to be taken, of whatever kind; every array is read-only, of shape (n, ...).
 
     What is given once for all readings is repeated for each. A kind of machine adds where each
@@ -139,9 +140,9 @@ class Plan:
         return np.ones(len(self))
 
     @property
+    @abstractmethod
     def same(self) -> np.ndarray:
         """Whether two readings share what creeps or is knocked, shape (n, n)."""
-        raise NotImplementedError
 
     @cached_property
     def onwards(self) -> Floats:
@@ -149,14 +150,14 @@ class Plan:
         return np.asarray(self.same & (self.order[:, None] >= self.order), dtype=np.float64)
 
     @property
+    @abstractmethod
     def cells(self) -> Ints:
         """Number of each reading's cell, shape (n,): those that are left out together."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def repeats(self) -> Ints:
         """Number of the readings that each one repeats exactly, zero and all, shape (n,)."""
-        raise NotImplementedError
 
     @property
     def distinct(self) -> tuple[Ints, Ints]:
@@ -167,9 +168,9 @@ class Plan:
         alone = read_only(np.arange(len(self)), np.intp)
         return alone, alone
 
+    @abstractmethod
     def entry(self, index: int) -> Mapping[str, object]:
         """What one reading is of: name → value, in the unit of the name."""
-        raise NotImplementedError
 
     @property
     def last_travel(self) -> Ints:
@@ -181,12 +182,12 @@ class Plan:
         parts = {item.name: getattr(self, item.name)[chosen] for item in fields(self)}
         return type(self)(**parts)
 
+    @abstractmethod
     def patterns(self, ordered: bool) -> Iterator[tuple[str, Floats]]:
         """What readings may hold that no cause describes: in words, columns of unit size (n, q).
 
         With what changes in time only where that order is known: `ordered`.
         """
-        raise NotImplementedError
 
 
 def joined(*plans: PlanT) -> PlanT:
