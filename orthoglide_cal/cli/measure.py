@@ -113,7 +113,6 @@ def measure(
     json: common.AsJson = False,
 ) -> None:
     """Measure, guided step by step. Every reading is checked and saved at once."""
-    from orthoglide_cal.cli.keyboard import StandardInput
     from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.files.linuxcnc import Standing
     from orthoglide_cal.planning.steps import Order
@@ -121,6 +120,7 @@ def measure(
     from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.results import answer_to
     from orthoglide_cal.session.events import GaugeLabel
+    from orthoglide_cal.session.keyboard import Keyboard
     from orthoglide_cal.session.opening import Request, open_session
 
     if until is not None and until <= 0.0:
@@ -162,7 +162,7 @@ def measure(
     aside = common.console(stderr=True)
     show = _show_on(aside if json else common.console(), aside)
     with ExitStack() as left, _saved_when_interrupted() as running:
-        with closing(StandardInput()) as keyboard:
+        with closing(Keyboard()) as keyboard:
             dialogue = open_session(request, Path(), keyboard, show)
             left.callback(dialogue.close)
             running.append(dialogue)

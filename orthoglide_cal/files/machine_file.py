@@ -17,7 +17,7 @@ from types import MappingProxyType
 from typing import Annotated, Any, cast
 
 import numpy as np
-from pydantic import BeforeValidator, Field, ValidationError, ValidationInfo, field_validator
+from pydantic import BeforeValidator, ValidationError, ValidationInfo, field_validator
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
@@ -60,27 +60,19 @@ def kind_of(keys: Mapping[str, object]) -> str:
     return max(own, key=lambda kind: len(own[kind]))
 
 
-class IdentifiedParameter(Schema):
-    """A parameter of an accepted cause, in the cause's unit."""
-
-    value: Annotated[Number, Field(ge=-1e6, le=1e6)]
-    std: Annotated[Number, Field(ge=0.0, le=1e6)]
-    unit: str
-
-
 class Identified(Schema):
     """An accepted cause as the file holds it; the context is the class of the machine.
 
     Attributes:
         where: always the whole machine.
-        parameters: by their names on this kind of machine.
+        parameters: by their names on this kind of machine, in the cause's unit.
         date, data_sha256: of its acceptance, and of the readings that it was accepted from.
         correlation: of the parameters, in their order; none for independent ones.
     """
 
     cause: str
     where: Annotated[str, _NOWHERE] | None = ""
-    parameters: Mapping[Word, IdentifiedParameter]
+    parameters: Mapping[Word, Estimate]
     date: Day
     data_sha256: Digest
     correlation: tuple[tuple[Number, ...], ...] = ()
@@ -99,8 +91,8 @@ class Identified(Schema):
     @field_validator("parameters")
     @classmethod
     def _of_the_cause(
-        cls, given: Mapping[str, IdentifiedParameter], info: ValidationInfo
-    ) -> Mapping[str, IdentifiedParameter]:
+        cls, given: Mapping[str, Estimate], info: ValidationInfo
+    ) -> Mapping[str, Estimate]:
         id = info.data.get("cause")
         if id is None:
             return given
@@ -146,7 +138,7 @@ class Identified(Schema):
         """The cause with these parameters, as part of a machine of this kind."""
         cause = CAUSES[self.cause]
         own = {called: name for name, called in machine.named(cause.names).items()}
-        estimates = {own[name]: Estimate(**dict(each)) for name, each in self.parameters.items()}
+        estimates = {own[name]: each for name, each in self.parameters.items()}
         matrix = np.array(self.correlation) if self.correlation else np.eye(len(estimates))
         return cause.estimated(estimates, matrix).accepted(self.date, self.data_sha256)
 

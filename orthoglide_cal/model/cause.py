@@ -13,13 +13,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from orthoglide_cal.model.kinematics import Command, Geometry
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, ReadOnly
+from orthoglide_cal.schema import Number
 
 
 class Stage(StrEnum):
@@ -47,8 +49,8 @@ EVERYWHERE: Place = ()
 class Estimate(NamedTuple):
     """A value with its standard deviation, in `unit` (the unit of the files)."""
 
-    value: float
-    std: float
+    value: Annotated[Number, Field(ge=-1e6, le=1e6)]
+    std: Annotated[Number, Field(ge=0.0, le=1e6)]
     unit: str
 
 

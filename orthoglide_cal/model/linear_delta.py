@@ -330,7 +330,6 @@ class LinearDelta(Machine):
         positions="places",
         instruments="probe",
         repeat="Probe more places",
-        finer="a probe with finer steps",
         compare="Probe again, and compare",
         further="more places, and on blocks of two known heights",
         axes={"a": "tower a", "b": "tower b", "c": "tower c"},

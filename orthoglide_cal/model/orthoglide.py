@@ -136,7 +136,6 @@ class Orthoglide(Machine):
         positions="postures",
         instruments="gauges",
         repeat="Take more cycles",
-        finer="a gauge with finer divisions",
         compare="Compare",
         measure="measure",
         further="two more postures of each leg between the isotropic one and its limits",

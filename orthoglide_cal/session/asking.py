@@ -14,6 +14,7 @@ from typing import NamedTuple, Protocol
 from orthoglide_cal.errors import visible
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.gauges import GaugeLost, LiveGauge, Token
+from orthoglide_cal.session.keyboard import Keyboard, Line
 from orthoglide_cal.session.wording import wrapped
 from orthoglide_cal.words import counted
 
@@ -30,39 +31,6 @@ STREAM = 4  # messages in a row that were not asked for come from a gauge that s
 EVEN_S = 0.15  # so many at intervals equal to within this [s] are not pressed by anybody
 BY_HAND_S = 0.06  # a gauge, or one that acts as a keyboard, is faster [s per character]
 BACK_AT_THE_KEYS_S = 0.3  # and a hand needs so long to come back to the keys [s]
-
-
-class Line(NamedTuple):
-    """A line from the keyboard, without its end; when it began and ended, monotonic [s]."""
-
-    text: str
-    begun: float = 0.0
-    ended: float = 0.0
-
-
-class Keyboard(Protocol):
-    """Lines of text from whoever answers."""
-
-    @property
-    def live(self) -> bool:
-        """True for a terminal: what is typed before a prompt appears does not belong to it."""
-
-    @property
-    def columns(self) -> int:
-        """Width of the screen, in characters."""
-
-    @property
-    def partial(self) -> str:
-        """What was typed of a line that has not ended."""
-
-    def read(self, timeout_s: float | None) -> Line | None:
-        """A line; None after the time-out. Raises EOFError at the end.
-
-        Without time it takes in what was typed up to now, and a terminal does not show it.
-        """
-
-    def disturbed(self) -> bool:
-        """True once after the program was stopped and continued."""
 
 
 class Style(StrEnum):

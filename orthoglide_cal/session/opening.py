@@ -45,10 +45,11 @@ from orthoglide_cal.planning.steps import (
 )
 from orthoglide_cal.schema import parse_number
 from orthoglide_cal.session import events, wording
-from orthoglide_cal.session.asking import Asker, Keyboard, Show, Style
+from orthoglide_cal.session.asking import Asker, Show, Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.gauges import LiveGauge, SerialGauge, SimulatedGauge
 from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.session.keyboard import Keyboard
 from orthoglide_cal.session.readings import PriorReadings, Setting
 from orthoglide_cal.words import Unit
 

@@ -184,42 +184,42 @@ class ReadingsSoFar:
         self.value: Floats = np.array([item.take.value_mm for item in items])
         self.minutes: Floats = np.array([item.take.file_minutes for item in items])
         self.left = [step for step in steps if state.is_open(step.number)]
-        self.moved: list[int | None] = []
-        self.doubted: list[bool] = []
+        ranks = [(step, item.rank) for step, item in zip(self.steps, items, strict=True)]
+        self.moved = [self.moved_before(step, rank) for step, rank in ranks]
+        self.doubted = [False] * len(self.steps)
         self.settled: set[tuple[Doubt, int]] = set()
-        for step, (take, rank) in zip(self.steps, items, strict=True):
-            self.moved.append(self.moved_before(step, rank))
-            doubted = False
+        for index, (take, rank) in enumerate(items):
             if isinstance(take, Questioned):
                 self.settled.add((take.doubt, take.about))
                 # One that showed that its stand was moved is right: only the zero before is not.
                 # A doubt about an earlier set-up says nothing of this one.
-                here = steps[(take.about or take.step) - 1].setup == step.setup
-                doubted = take.doubt.compares and (take.step, rank) not in state.moved and here
-            self.doubted.append(doubted)
+                here = steps[(take.about or take.step) - 1].setup == self.steps[index].setup
+                moved = (take.step, rank) in state.moved
+                self.doubted[index] = take.doubt.compares and here and not moved
 
     def moved_before(self, step: SessionStep, rank: int) -> int | None:
         """The step at which the stand of this gauge was moved last up to record `rank`."""
-        steps, at = self.setting.steps, None
-        for number, moment in self.state.moved:
-            if moment <= rank and steps[number - 1].zero == step.zero:
-                at = number
-        return at
+        steps, so_far = self.setting.steps, self.state.moved
+        own = [at for at, then in so_far if then <= rank and steps[at - 1].zero == step.zero]
+        return own[-1] if own else None
 
     def row(self, number: int, take: Arrived | None = None, **further: object) -> ReadingRow:
         """A step as a row of the session file: what it reads, a reading, and what is said of it."""
         setting, opened, step = self.setting, self.state.opened, self.setting.steps[number - 1]
         first = setting.first
-        said: dict[str, object] = {}
-        said["cycle"] = step.cycle + (first.repeats[step.cell] if first else 0)
+        said = {"cycle": step.cycle + (first.repeats[step.cell] if first else 0), **further}
         if take is not None:
             own = take.file_minutes
-            gauge = opened.gauge_id(step.stand)
-            said |= {"reading_mm": take.value_mm, "gauge": gauge, "timestamp": take.at}
-            said["minutes"] = first.minutes(opened.at, own) if first else own
-            said["temperature_c"] = opened.temperature_c
+            said = {
+                "reading_mm": take.value_mm,
+                "gauge": opened.gauge_id(step.stand),
+                "timestamp": take.at,
+                "minutes": first.minutes(opened.at, own) if first else own,
+                "temperature_c": opened.temperature_c,
+                **said,
+            }
         row = row_at(setting.plan, number - 1, str(step.posture))
-        return row.model_copy(update={**said, **further})
+        return row.model_copy(update=said)
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
@@ -230,7 +230,7 @@ class ReadingsSoFar:
             self.state.accepted.values(), self.steps, self.moved, strict=True
         ):
             label = self.state.opened.gauge_id(step.stand)
-            seq = seq + 1
+            seq += 1
             if first and first.following.continues:
                 names = AXES[step.leg], AXES[step.direction]
                 mine = (row.gauge for row in first.rows if (row.leg, row.direction) == names)
@@ -312,12 +312,11 @@ class ReadingsSoFar:
         Not one while some leg, gauge and posture was not measured: a model that was not compared
         with all of them may be wrong. The closing isotropic posture of the leg in hand stays.
         """
-        state, steps = self.state, self.setting.steps
+        state, steps, left = self.state, self.setting.steps, self.left
         done = {step.cell for step in steps if step.number in {*state.accepted, *state.skipped}}
         if not self.steps or {step.cell for step in steps} - done:
             return []
         last = self.steps[-1]
-        left = self.left
         if left and left[0].visit == last.visit:
             return []  # the other gauge of this posture is still to be read
         closing = [s for s in left if s.setup == last.setup and s.posture is Posture.ISO]

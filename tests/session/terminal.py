@@ -13,10 +13,6 @@ from pathlib import Path
 import pexpect
 from typer.testing import CliRunner
 
-import orthoglide_cal.cli.keyboard
-import orthoglide_cal.planning
-import orthoglide_cal.results
-import orthoglide_cal.session  # noqa: F401  # forked programs have these already
 from orthoglide_cal.cli.app import app
 
 from .virtual import answered

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.cli.keyboard import StandardInput
 from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.session.keyboard import Keyboard
 from orthoglide_cal.system import chosen
 from orthoglide_cal.system.interface import END_OF_INPUT
 from orthoglide_cal.system.windows import Windows
@@ -41,11 +41,11 @@ class Msvcrt:
         self.locked.add(place)
 
 
-def keyboard_of(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> closing[StandardInput]:
-    monkeypatch.setattr("orthoglide_cal.cli.keyboard.SYSTEM", Windows(msvcrt))
+def keyboard_of(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> closing[Keyboard]:
+    monkeypatch.setattr("orthoglide_cal.session.keyboard.SYSTEM", Windows(msvcrt))
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("sys.stdin.fileno", lambda: 0, raising=False)
-    return closing(StandardInput())
+    return closing(Keyboard())
 
 
 @pytest.mark.parametrize(

@@ -9,9 +9,9 @@ import threading
 import time
 from collections import deque
 from queue import Empty, SimpleQueue
+from typing import NamedTuple
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.session.asking import Keyboard, Line
 from orthoglide_cal.system import SYSTEM, Terminal
 from orthoglide_cal.system.interface import COLUMNS, END_OF_INPUT
 
@@ -22,7 +22,15 @@ _LONGEST = 4096  # no one types more
 _FOREVER_S = 3600.0
 
 
-class StandardInput(Keyboard):
+class Line(NamedTuple):
+    """A line from the keyboard, without its end; when it began and ended, monotonic [s]."""
+
+    text: str
+    begun: float = 0.0
+    ended: float = 0.0
+
+
+class Keyboard:
     """Standard input, opened when it is first needed. In a terminal the line can be corrected."""
 
     def __init__(self) -> None:
@@ -41,7 +49,7 @@ class StandardInput(Keyboard):
 
     @property
     def live(self) -> bool:
-        """Whether it is a terminal."""
+        """Whether it is a terminal: what is typed before a prompt does not belong to it."""
         return sys.stdin is not None and sys.stdin.isatty()
 
     @property
@@ -51,13 +59,18 @@ class StandardInput(Keyboard):
 
     @property
     def partial(self) -> str:
+        """What was typed of a line that has not ended."""
         return visible(self._typed)
 
     def disturbed(self) -> bool:
+        """True once after the program was stopped and continued."""
         return self.live and self._screen().disturbed()
 
     def read(self, timeout_s: float | None) -> Line | None:
-        """See `Keyboard`."""
+        """A line; None after the time-out. Raises EOFError at the end.
+
+        Without time it takes in what was typed up to now, and a terminal does not show it.
+        """
         until = time.monotonic() + (_FOREVER_S if timeout_s is None else timeout_s)
         while not self._lines:
             left = max(until - time.monotonic(), 0.0)
