@@ -18,6 +18,15 @@ from pydantic import ConfigDict, Field
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.differences import DIFFERENCE_COLUMNS, differences_from_table
+from orthoglide_cal.files.gcode_firmware import (
+    HEIGHT_MAP,
+    MARLIN_OUTPUT,
+    SETTINGS,
+    read_codes,
+    read_codes_in,
+    read_height_map,
+    read_marlin,
+)
 from orthoglide_cal.files.klipper_file import (
     KLIPPY_LOG,
     PROBED,
@@ -32,7 +41,6 @@ from orthoglide_cal.files.machine_file import (
     is_machine_file,
     machine_file_in,
 )
-from orthoglide_cal.files.marlin_output import MARLIN_OUTPUT, read_marlin
 from orthoglide_cal.files.printer_file import PrinterFile
 from orthoglide_cal.files.probe_readings import (
     PLACE_COLUMNS,
@@ -45,13 +53,6 @@ from orthoglide_cal.files.readings import (
     Conditions,
     conditions_in,
     readings_from_table,
-)
-from orthoglide_cal.files.reprapfirmware import (
-    HEIGHT_MAP,
-    SETTINGS,
-    read_codes,
-    read_codes_in,
-    read_height_map,
 )
 from orthoglide_cal.files.session_file import session_from_tree
 from orthoglide_cal.files.table import read_table
