@@ -179,13 +179,10 @@ def measuring_protocol(protocol: str | None, design: str | None) -> MeasuringPro
 def for_each(
     files: Sequence[str], judge: Callable[[str], int | None], *, as_json: bool = False
 ) -> NoReturn:
-    """Judge each file alone, in order; the worst exit code wins.
+    """Judge each file alone, in order; the worst exit code wins (None is 0).
 
-    Args:
-        files: paths as the user gave them; "-" is standard input.
-        judge: shows the result for one path; returns its exit code (None: 0).
-        as_json: a file that fails gives {"input": …, "error": …} on standard output in its
-            place; otherwise a message on standard error.
+    One that fails gives a message on standard error, or {"input": …, "error": …} on standard
+    output in its place.
     """
     worst = 0
     for path in files:

@@ -237,25 +237,19 @@ _ROUNDED = 0.0051  # mm, deg, to which G33 prints its settings
 
 
 class _Reader:
-    """Takes the lines in turn.
-
-    Attributes:
-        now: the machine with the settings in force.
-        probed: G33 or G29 → the machine at that time, and line, x, y and height of each touch;
-            places of G33 are on a circle of radius 1.
-        grid: the machine at that time, and line → heights.
-        radius: of G33's circle [mm]; None where it was not printed.
-        changed: line at which the settings changed; 0 if they did not.
-    """
+    """Takes the lines in turn."""
 
     def __init__(self, settings: PrinterFile) -> None:
-        self.now = settings.machine
+        self.now = settings.machine  # with the settings in force
         self.offset = np.nan_to_num(settings.probe)
         self.reach = self.now.bed_radius_mm - _MARGIN_MM
+        # G33 or G29 → the machine at that time, and line, x, y and height of each touch; places of
+        # G33 are on a circle of radius 1.
         self.probed: dict[str, tuple[LinearDelta, list[Sequence[float]]]] = {}
+        # The machine at that time, and line → heights.
         self.grid: tuple[LinearDelta, dict[int, list[str]]] = self.now, {}
-        self.radius: float | None = None
-        self.changed = 0
+        self.radius: float | None = None  # of G33's circle [mm]; None where it was not printed
+        self.changed = 0  # line at which the settings changed; 0 if they did not
         self._calibrating = self._in_grid = False
 
     def take(self, number: int, line: str) -> None:

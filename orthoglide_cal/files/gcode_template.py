@@ -53,24 +53,16 @@ def _axes(value: object) -> tuple[str, ...]:
 
 
 class Template(Schema):
-    """A template as read.
+    """A template as read."""
 
-    Attributes:
-        before, after: lines around the blocks.
-        semicolon: comments are written "; …" instead of "(…)", as the marker is.
-        axes, values: axis words, and what the numbers behind them are.
-        pause: code that waits at each posture.
-        feed, slow: speed between postures, and on arrival [mm/min].
-    """
-
-    before: tuple[str, ...]
+    before: tuple[str, ...]  # lines around the blocks
     after: tuple[str, ...]
-    semicolon: bool
-    axes: Annotated[tuple[str, ...], BeforeValidator(_axes)] = ("X", "Y", "Z")
+    semicolon: bool  # comments are written "; …" instead of "(…)", as the marker is
+    axes: Annotated[tuple[str, ...], BeforeValidator(_axes)] = ("X", "Y", "Z")  # axis words
     values: Annotated[PostureValues, BeforeValidator(str.lower)] = PostureValues.JOINTS
-    pause: Annotated[str, AfterValidator(str.upper), _WAITS] = "M0"
-    feed: Positive = 1000.0
-    slow: Positive = 100.0
+    pause: Annotated[str, AfterValidator(str.upper), _WAITS] = "M0"  # waits at each posture
+    feed: Positive = 1000.0  # between postures [mm/min]
+    slow: Positive = 100.0  # on arrival [mm/min]
 
 
 def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:

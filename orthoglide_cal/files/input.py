@@ -80,19 +80,13 @@ _DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECAS
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """What was measured, on which machine and under which conditions.
-
-    Attributes:
-        model: the machine to judge it by, with its accepted causes.
-        recorded: the machine as a session itself holds it; None of a table and a printer's file.
-        keeper: the machine file in which it is recorded what was entered in the controller.
-    """
+    """What was measured, on which machine and under which conditions."""
 
     measured: Measured
-    model: Model
+    model: Model  # the machine to judge it by, with its accepted causes
     conditions: Conditions
-    recorded: Model | None = None
-    keeper: StoredMachine | None = None
+    recorded: Model | None = None  # the machine as a session itself holds it; None for no session
+    keeper: StoredMachine | None = None  # where it is recorded what was entered in the controller
 
     @property
     def is_session(self) -> bool:
@@ -168,11 +162,8 @@ def check_file(
 ) -> tuple[Check, Input | None]:
     """Check a file of any kind, also of a machine; arguments as of `read_input`.
 
-    Returns:
-        What was found, and what was measured; None for a machine, or if the file is not valid.
-
-    Raises:
-        UnreadableError: there is nothing to check.
+    With what was found, what was measured: None for a machine, or if the file is not valid. Raises
+    UnreadableError: there is nothing to check.
     """
     input = CheckedFile(path=path)
     try:

@@ -94,14 +94,7 @@ class _Value:
 
 
 class _Settings:
-    """The options in force; what is wrong with one is noted, never raised.
-
-    Attributes:
-        sections: name → line.
-        options: (section, option) → value.
-        included: whether it includes other files, which are not read.
-        remarks: options that SAVE_CONFIG wrote in vain.
-    """
+    """The options in force; what is wrong with one is noted, never raised."""
 
     def __init__(self, document: FileText) -> None:
         self.faults = Faults(document.path)
@@ -110,11 +103,12 @@ class _Settings:
         typed = [(line, text) for line, text in lines if not text.startswith(SAVED)]
         own_sections, own = self._parsed(typed)
         saved_sections, saved = self._parsed(written)
-        self.sections: Mapping[str, int] = {**saved_sections, **own_sections}
-        self.options: Mapping[tuple[str, str], _Value] = {**saved, **own}
+        self.sections = {**saved_sections, **own_sections}  # name → line
+        self.options = {**saved, **own}  # (section, option) → value
+        # Whether it includes other files, which are not read.
         self.included = any(name.startswith("include ") for name in own_sections)
         self._cut_off = not saved_sections
-        self.remarks = [
+        self.remarks = [  # on what SAVE_CONFIG wrote in vain
             f"Line {value.line}, {key[1]} of [{key[0]}], which SAVE_CONFIG wrote, is not in"
             f" force: line {own[key].line} says otherwise, and Klipper obeys that one."
             " Delete one of the two."
@@ -189,12 +183,9 @@ class _Settings:
         fault: T,
         default: T | None = None,
     ) -> T:
-        """What a rule makes of an option.
+        """What a rule makes of an option; `fault` where that raises InputError.
 
-        Args:
-            rule: text to value; raises InputError.
-            fault: for an option that breaks the rule.
-            default: for one that is not there; None if it must be.
+        The default is for one that is not there; None if it must be.
         """
         value = self.options.get((section, option))
         if value is None:

@@ -61,21 +61,14 @@ def kind_of(keys: Mapping[str, object]) -> str:
 
 
 class Identified(Schema):
-    """An accepted cause as the file holds it; the context is the class of the machine.
-
-    Attributes:
-        where: always the whole machine.
-        parameters: by their names on this kind of machine, in the cause's unit.
-        date, data_sha256: of its acceptance, and of the readings that it was accepted from.
-        correlation: of the parameters, in their order; none for independent ones.
-    """
+    """An accepted cause as the file holds it; the context is the class of the machine."""
 
     cause: str
-    where: Annotated[str, _NOWHERE] | None = ""
-    parameters: Mapping[Word, Estimate]
-    date: Day
-    data_sha256: Digest
-    correlation: tuple[tuple[Number, ...], ...] = ()
+    where: Annotated[str, _NOWHERE] | None = ""  # always the whole machine
+    parameters: Mapping[Word, Estimate]  # by their names on this kind of machine
+    date: Day  # of its acceptance
+    data_sha256: Digest  # of the readings that it was accepted from
+    correlation: tuple[tuple[Number, ...], ...] = ()  # of the parameters; () for independent ones
 
     @field_validator("cause")
     @classmethod

@@ -28,21 +28,13 @@ LARGEST_MM = 10_000.0
 
 @dataclass(frozen=True)
 class Stored(ReadOnly):
-    """Touches, and distances on a printed object, that a file stores; n readings.
+    """Touches, and distances on a printed object, that a file stores; n readings."""
 
-    Attributes:
-        plan: with the places where the controller believes the nozzle to be.
-        value: as of `Readings`, shape (n,) [mm]; NaN where no arms reach.
-        line: in the file, shape (n,).
-        mesh: its name; None for heights that are stored with the positions of the carriages.
-        remarks: what to know about it.
-    """
-
-    plan: ProbePlan
-    value: Floats
-    line: Ints
-    mesh: str | None = None
-    remarks: tuple[str, ...] = ()
+    plan: ProbePlan  # with the places where the controller believes the nozzle to be
+    value: Floats  # as of `Readings`, shape (n,) [mm]; NaN where no arms reach
+    line: Ints  # in the file, shape (n,)
+    mesh: str | None = None  # its name; None for heights stored with positions of the carriages
+    remarks: tuple[str, ...] = ()  # what to know about it
 
     @classmethod
     def of_touches(cls, mesh: str, touches: Floats, trigger: float) -> Stored:
@@ -81,25 +73,17 @@ class Stored(ReadOnly):
 
 @dataclass(frozen=True)
 class PrinterFile(ReadOnly):
-    """What files of a firmware state and store of a linear delta.
+    """What files of a firmware state and store of a linear delta."""
 
-    Attributes:
-        machine: with the parameters in force, and what is usual else.
-        probe: what is added to the nozzle's place to have the probe's, shape (3,) [mm]; x, y, and
-            the nozzle's height when the probe triggers. NaN where it is not known.
-        heights, mesh: what is stored; None where there is nothing. Heights have the distances
-            behind them.
-        remarks: what to know about it, but for its mesh.
-        firmware: as an export names it.
-    """
-
-    machine: LinearDelta
+    machine: LinearDelta  # with the parameters in force, and what is usual else
+    # What is added to the nozzle's place to have the probe's, shape (3,) [mm]; x, y, and the
+    # nozzle's height when the probe triggers. NaN where it is not known.
     probe: Floats
     source: Source
-    heights: Stored | None = None
+    heights: Stored | None = None  # with the distances behind them; None where nothing is stored
     mesh: Stored | None = None
-    remarks: tuple[str, ...] = ()
-    firmware: str = "klipper"
+    remarks: tuple[str, ...] = ()  # what to know about it, but for its mesh
+    firmware: str = "klipper"  # as an export names it
 
 
 def delta_of(

@@ -44,19 +44,13 @@ _MINUTES_PER_READING = 0.4  # assumed where no times are given: 60 readings in 2
 
 
 class GaugeIdentity(Schema):
-    """A gauge as given; None where not given.
-
-    Attributes:
-        id: its label.
-        certificate, due: of its last calibration, and the day of the next.
-        resolution_mm: smallest step that it shows.
-    """
+    """A gauge as given; None where not given."""
 
     model_config = ConfigDict(extra="ignore", populate_by_name=True)
 
-    id: Word
-    certificate: str | None = None
-    due: Day | None = None
+    id: Word  # its label
+    certificate: str | None = None  # of its last calibration
+    due: Day | None = None  # of the next
     resolution_mm: Positive | None = Field(
         default=None,
         validation_alias=AliasChoices("resolution_mm", "resolution"),
@@ -75,22 +69,14 @@ class Circumstances(Schema):
 
 
 class Conditions(Circumstances):
-    """Circumstances as recorded; the gauges are those of the session, or labels in the readings.
+    """Circumstances as recorded; the gauges are those of the session, or labels in the readings."""
 
-    Attributes:
-        environment: name, and what is said of it.
-        temperature_c: lowest and highest reading of the thermometer.
-        first_and_last_c: its first and last reading in time.
-        retaken, skipped: number of readings that were replaced, and of steps left out.
-        notes: (line of the file, remark).
-    """
-
-    environment: tuple[tuple[str, str], ...] = ()
-    temperature_c: tuple[float, float] | None = None
-    first_and_last_c: tuple[float, float] | None = None
-    retaken: int = 0
-    skipped: int = 0
-    notes: tuple[tuple[int, str], ...] = ()
+    environment: tuple[tuple[str, str], ...] = ()  # name, and what is said of it
+    temperature_c: tuple[float, float] | None = None  # lowest and highest of the thermometer
+    first_and_last_c: tuple[float, float] | None = None  # its first and last reading in time
+    retaken: int = 0  # number of readings that were replaced
+    skipped: int = 0  # number of steps that were left out
+    notes: tuple[tuple[int, str], ...] = ()  # (line of the file, remark)
 
     @property
     def questioned(self) -> tuple[tuple[str, str], ...]:

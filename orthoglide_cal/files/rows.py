@@ -40,19 +40,12 @@ _POSTURE = "Write iso, max, min or a displacement in mm."
 
 @dataclass(frozen=True)
 class Record:
-    """One record of a file, as text.
+    """One record of a file, as text."""
 
-    Attributes:
-        line: its first line, from 1.
-        cells: column → text without blanks around it; empty cells are left out.
-        lines: column → line, where a cell has its own.
-        prefix: what precedes a column's name in messages, e.g. "readings[3].".
-    """
-
-    line: int
-    cells: Mapping[str, str]
-    lines: Mapping[str, int] = field(default_factory=dict)
-    prefix: str = ""
+    line: int  # its first, from 1
+    cells: Mapping[str, str]  # column → text without blanks around it, of cells that are not empty
+    lines: Mapping[str, int] = field(default_factory=dict)  # of columns whose cell has its own
+    prefix: str = ""  # of a column's name in messages, e.g. "readings[3]."
 
     def place(self, path: Steps) -> FaultPlace:
         """Where the cell of a column stands, which `path` begins with."""
@@ -66,19 +59,13 @@ class Record:
 
 @dataclass(frozen=True)
 class Reading:
-    """How the cells of one file are read.
+    """How the cells of one file are read."""
 
-    Attributes:
-        number: what a text is as a number; raises InputError.
-        longest: column → the longest length [mm], what it is, and than what it must not be larger.
-        travel: lowest and highest displacement of a carriage [mm].
-        wanted: whether each row has its reading; one that was skipped has none.
-    """
-
-    number: Callable[[str], float] = yaml_number
+    number: Callable[[str], float] = yaml_number  # that a text writes; raises InputError
+    # Column → the longest length [mm], what it is, and than what it must not be larger.
     longest: Mapping[str, tuple[float, str, str]] = field(default_factory=dict)
-    travel: tuple[float, float] = (-math.inf, math.inf)
-    wanted: bool = True
+    travel: tuple[float, float] = (-math.inf, math.inf)  # of a carriage, lowest and highest [mm]
+    wanted: bool = True  # each row has its reading; one that was skipped has none
 
 
 class _Inches(str):
@@ -153,18 +140,12 @@ Minutes = Annotated[Cell, Field(ge=0.0, le=LATEST_MINUTES)]
 
 
 class Row(Schema):
-    """Base of all rows; what else stands in a record is kept by its file, and reported.
-
-    Attributes:
-        noun: what a row is.
-        inches: column that may give the reading in inches.
-        empty: column → what to write into an empty cell of one that is needed.
-    """
+    """Base of all rows; what else stands in a record is kept by its file, and reported."""
 
     model_config = ConfigDict(extra="ignore")
-    noun: ClassVar[str] = "reading"
-    inches: ClassVar[str] = ""
-    empty: ClassVar[Mapping[str, str]] = {}
+    noun: ClassVar[str] = "reading"  # what a row is
+    inches: ClassVar[str] = ""  # column that may give the reading in inches
+    empty: ClassVar[Mapping[str, str]] = {}  # column that is needed → what to write where it is not
 
     def cells(self) -> dict[str, object]:
         """Column → what a file holds, in the order of files; blank ones are left out."""
@@ -172,40 +153,29 @@ class Row(Schema):
 
 
 class ReadingRow(Row):
-    """A gauge reading; None where nothing is said.
+    """A gauge reading; None where nothing is said."""
 
-    Attributes:
-        leg, direction: whose carriage is displaced, and along which the gauge measures.
-        posture: iso, max, min of that leg, or its displacement from the isotropic posture [mm].
-        end: of the leg, that is touched in the single-posture protocol.
-        cycle, seq: repeat, from 1, and order in time.
-        reading_mm: None for a step that was left out.
-        minutes: since the session began.
-        temperature_c, gauge: of the thermometer, and the gauge's label.
-        gauge_at: where it stood along the leg, from the carriage joint (0) to the tool (1).
-        part: of the measurement, from 1.
-        bar: "turned" where the touched bar was turned half round.
-        entered: in the controller since the first reading, x, y, z [mm].
-        reason: why it was replaced or left out.
-    """
-
-    leg: Axis
+    leg: Axis  # whose carriage is displaced
+    # iso, max, min of that leg, or its displacement from the isotropic posture [mm].
     posture: Annotated[str, AfterValidator(_posture)]
-    direction: Axis
-    end: End | None = None
-    cycle: Count | None = None
+    direction: Axis  # along which the gauge measures
+    end: End | None = None  # of the leg, that is touched in the single-posture protocol
+    cycle: Count | None = None  # repeat, from 1
+    # None for a step that was left out.
     reading_mm: Length | None = Field(default=None, validate_default=True)
-    seq: Order | None = None
-    minutes: Minutes | None = None
+    seq: Order | None = None  # order in time
+    minutes: Minutes | None = None  # since the session began
     temperature_c: Annotated[Cell, Field(ge=-100.0, le=200.0)] | None = None
-    gauge: str | None = None
+    gauge: str | None = None  # its label
+    # Where it stood along the leg, from the carriage joint (0) to the tool (1).
     gauge_at: Annotated[Cell, Field(ge=0.0, le=1.0)] | None = None
-    part: Count | None = None
-    bar: Bar | None = None
+    part: Count | None = None  # of the measurement, from 1
+    bar: Bar | None = None  # "turned" where the touched bar was turned half round
+    # In the controller since the first reading, x, y, z [mm].
     entered: Annotated[tuple[float, float, float], BeforeValidator(_entered)] | None = None
     note: str | None = None
     timestamp: Moment | None = None
-    reason: str | None = None
+    reason: str | None = None  # why it was replaced or left out
 
     inches = "reading_in"
     empty: ClassVar[Mapping[str, str]] = {"leg": _AXIS, "direction": _AXIS, "posture": _POSTURE}
@@ -234,18 +204,12 @@ class ReadingRow(Row):
 
 
 class ProbeRow(Row):
-    """A touch of a bed by the probe.
+    """A touch of a bed by the probe."""
 
-    Attributes:
-        x_mm, y_mm: commanded place.
-        reading_mm, z_mm: height at which the probe triggers, and of the surface that it touches.
-        seq, cycle, minutes, note: as of a `ReadingRow`.
-    """
-
-    x_mm: Length
+    x_mm: Length  # commanded place
     y_mm: Length
-    reading_mm: Length
-    z_mm: Length | None = None
+    reading_mm: Length  # height at which the probe triggers
+    z_mm: Length | None = None  # of the surface that it touches
     seq: Order | None = None
     cycle: Count | None = None
     minutes: Minutes | None = None

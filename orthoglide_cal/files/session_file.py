@@ -36,23 +36,17 @@ _ROWS = ("readings", "retaken", "skipped")
 
 
 class Session(Circumstances):
-    """A session as its file holds it; keys that it does not know are kept out of it, and reported.
-
-    Attributes:
-        machine: that was measured, with its accepted causes.
-        environment: name → what is said of it.
-        readings, retaken, skipped: that count; that were replaced; steps that were left out.
-    """
+    """A session as its file holds it; keys that are unknown are kept out of it, and reported."""
 
     model_config = ConfigDict(extra="ignore", arbitrary_types_allowed=True)
 
     schema_version: Version = 1
-    machine: Annotated[InstanceOf[Model], PlainSerializer(machine_values)]
+    machine: Annotated[InstanceOf[Model], PlainSerializer(machine_values)]  # that was measured
     protocol: str | None = ""
-    environment: Mapping[str, str | None] | None = None
-    readings: tuple[ReadingRow, ...] = ()
-    retaken: tuple[ReadingRow, ...] = ()
-    skipped: tuple[ReadingRow, ...] = ()
+    environment: Mapping[str, str | None] | None = None  # name → what is said of it
+    readings: tuple[ReadingRow, ...] = ()  # that count
+    retaken: tuple[ReadingRow, ...] = ()  # that were replaced
+    skipped: tuple[ReadingRow, ...] = ()  # steps that were left out
 
 
 def session_from_tree(

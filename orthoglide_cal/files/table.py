@@ -30,21 +30,14 @@ _BLANK_CELL = _BLANKS + "\n\r\v\f"
 
 @dataclass(frozen=True)
 class Table:
-    """A CSV file.
+    """A CSV file."""
 
-    Attributes:
-        columns: header names in lower case, in order; "" where there is none.
-        rows: records that are not blank.
-        decimal_comma: True if the delimiter leaves the comma free.
-        faults: wrong quotes and row lengths found so far.
-    """
-
-    columns: tuple[str, ...]
+    columns: tuple[str, ...]  # header names in lower case, in order; "" where there is none
     header_line: int
-    rows: tuple[Record, ...]
-    decimal_comma: bool
+    rows: tuple[Record, ...]  # that are not blank
+    decimal_comma: bool  # the delimiter leaves the comma free
     file: FileText
-    faults: Faults
+    faults: Faults  # wrong quotes and row lengths found so far
 
     def number(self, text: str) -> float:
         """The number that a cell writes. Raises InputError without a place."""
@@ -53,15 +46,10 @@ class Table:
     def check_header(
         self, columns: Sequence[str], known: Sequence[str], inches: str = ""
     ) -> list[str]:
-        """Raise what is found so far if the header lacks a column or gives lengths twice.
+        """A remark on the columns without a meaning (all `known` have one), if there are any.
 
-        Args:
-            columns: that are needed.
-            known: all that have a meaning.
-            inches: that may stand instead of the last one needed.
-
-        Returns:
-            A remark on the columns without a meaning, if there are any.
+        Raises what is found so far if the header lacks one of the columns that are needed
+        (`inches` may stand instead of the last of them) or gives lengths twice.
         """
         before, present = len(self.faults.problems), [name for name in self.columns if name]
         others = [name for name in present if name not in known]

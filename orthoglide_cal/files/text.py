@@ -37,17 +37,12 @@ class UnreadableError(InputError):
 
 @dataclass(frozen=True)
 class FileText:
-    """A text file as read; line ends are "\\n", and there is no byte order mark.
+    """A text file as read; line ends are "\\n", and there is no byte order mark."""
 
-    Attributes:
-        path: as the user gave it; "-" for standard input.
-        sha256, size: hex digest and number of the bytes.
-    """
-
-    path: str
+    path: str  # as the user gave it; "-" for standard input
     text: str
-    sha256: str
-    size: int
+    sha256: str  # hex digest of the bytes
+    size: int  # their number
 
     @property
     def source(self) -> Source:

@@ -29,18 +29,12 @@ _Change = tuple[int, int, str]
 
 @dataclass
 class Tree:
-    """One YAML file.
-
-    Attributes:
-        faults: duplicate keys found so far.
-        value: dict, list, str or None, nested.
-        lines: path of each node → its line, from 1.
-    """
+    """One YAML file."""
 
     file: FileText
-    faults: Faults
-    value: Any = None
-    lines: dict[Steps, int] = field(default_factory=dict, repr=False)
+    faults: Faults  # duplicate keys found so far
+    value: Any = None  # dict, list, str or None, nested
+    lines: dict[Steps, int] = field(default_factory=dict, repr=False)  # of each node, from 1
 
     def place(self, path: Steps) -> FaultPlace:
         """Where the node at `path` stands; of one that is missing, where its parent does."""

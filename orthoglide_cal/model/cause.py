@@ -167,11 +167,9 @@ class Cause:
         return Effect(self, np.asarray(theta), place)
 
     def estimated(self, estimates: Mapping[str, Estimate], correlation: Floats) -> Effect:
-        """The effect of estimated parameters; the others are zero and sure.
+        """The effect of estimated parameters by name, in the unit; the others are zero and sure.
 
-        Args:
-            estimates: each parameter by its name, in the contract's unit.
-            correlation: of the parameters in the order of `estimates`, shape (p, p).
+        `correlation` is that of the parameters in the order of `estimates`, shape (p, p).
         """
         own = [self.names.index(name) for name in estimates]
         theta, covariance = np.zeros(self.unknowns), np.zeros((self.unknowns,) * 2)

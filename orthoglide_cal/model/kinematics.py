@@ -32,17 +32,11 @@ SINGULAR = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Geometry(ReadOnly):
-    """Where the rails are and how long the legs are.
+    """Where the rails are and how long the legs are."""
 
-    Attributes:
-        points: a_i, one point of each rail, shape (..., 3, 3), row i for rail i [mm].
-        directions: u_i, unit vectors, shape (..., 3, 3), row i for rail i.
-        lengths: L_i, shape (..., 3) [mm].
-    """
-
-    points: Numbers
-    directions: Numbers
-    lengths: Numbers
+    points: Numbers  # a_i, one point of each rail, shape (..., 3, 3), row i for rail i [mm]
+    directions: Numbers  # u_i, unit vectors, shape (..., 3, 3), row i for rail i
+    lengths: Numbers  # L_i, shape (..., 3) [mm]
 
     def carriages(self, joints: Numbers) -> Numbers:
         """Carriage centres b_i for true joint positions (..., 3) → (..., 3, 3), row per leg."""
@@ -57,19 +51,10 @@ class Geometry(ReadOnly):
         return behind_batch(trilaterate(centres, components(self.lengths, 1), strict), 1)
 
     def joints_for(self, tool: Numbers) -> Numbers:
-        """Inverse kinematics: true joint positions that put the tool centre point at `tool`.
+        """Inverse kinematics: true joint positions q (..., 3) that put the tool at p (..., 3) [mm].
 
         The carriages stand ahead of the tool: all signs of eq. (3) are +, the prototype's
-        (errata).
-
-        Args:
-            tool: p, shape (..., 3) [mm].
-
-        Returns:
-            q, shape (..., 3) [mm].
-
-        Raises:
-            UnreachableError: a leg is too short to reach the point from its rail.
+        (errata). Raises UnreachableError: a leg is too short to reach the point from its rail.
         """
         from_rail = tool[..., None, :] - self.points
         along = (from_rail * self.directions).sum(axis=-1)
@@ -87,12 +72,8 @@ class Geometry(ReadOnly):
     def tool_derivative(self, joints: Numbers, tool: Numbers) -> Numbers:
         """Jacobian ∂p/∂q of the general machine (eq. 5 inverted), shape (..., 3, 3).
 
-        Args:
-            joints: true joint positions q, shape (..., 3) [mm].
-            tool: p at these joints, shape (..., 3) [mm].
-
-        Raises:
-            SingularError: the three legs lie in one plane.
+        At true joint positions q and the tool p at these, shapes (..., 3) [mm]. Raises
+        SingularError: the three legs lie in one plane.
         """
         matrix = tool_derivative(
             components(self.carriages(joints), 2),
@@ -140,41 +121,29 @@ class Command(ReadOnly):
 
 
 class GaugeResponse(NamedTuple):
-    """What n gauges or probes are pushed to, on a machine of any kind.
+    """What n gauges or probes are pushed to, on a machine of any kind."""
 
-    Attributes:
-        readings: shape (..., n) [mm].
-        where: what they touch then, as the kind of machine has it: the place along the leg, from
-            carriage joint (0) to tool (1), shape (..., n); or the tool, shape (..., n, 3) [mm].
-        jacobian: derivative by the parameters, shape (..., n, p); None where it was not computed.
-    """
-
-    readings: Numbers
+    readings: Numbers  # shape (..., n) [mm]
+    # What they touch then, as the kind of machine has it: the place along the leg, from carriage
+    # joint (0) to tool (1), shape (..., n); or the tool, shape (..., n, 3) [mm].
     where: Numbers
-    jacobian: Floats | None
+    jacobian: Floats | None  # by the parameters, shape (..., n, p); None where it was not computed
 
 
 @dataclass(frozen=True, eq=False)
 class RealMachine:
-    """A machine with its accepted causes, as rails and joints.
+    """A machine with its accepted causes, as rails and joints."""
 
-    Attributes:
-        geometry: rails and legs as they really are.
-        motions: what moves the carriages away from where the offsets alone put them, in order:
-            (joints (..., n, 3), command) → joints [mm].
-        still: True if only rails and legs are wrong: the offsets alone then move the carriages.
-    """
-
-    geometry: Geometry
+    geometry: Geometry  # rails and legs as they really are
+    # What moves the carriages away from where the offsets alone put them, in order: (joints
+    # (..., n, 3), command) → joints [mm].
     motions: tuple[Callable[[Numbers, Command], Numbers], ...]
-    still: bool
+    still: bool  # only rails and legs are wrong: the offsets alone move the carriages
 
     def joints(self, command: Command, offsets: Numbers) -> Numbers:
         """Where the carriages really stand, shape (..., n, 3) [mm].
 
-        Args:
-            command: where the controller sends them.
-            offsets: Δρ, shape (..., 3) [mm]; true joint position = indicated + Δρ − entered.
+        True joint position = indicated + Δρ − entered, with `offsets` Δρ, shape (..., 3) [mm].
         """
         joints: Numbers = command.sent + offsets[..., None, :]
         for motion in self.motions:
@@ -183,17 +152,11 @@ class RealMachine:
 
 
 class Points(NamedTuple):
-    """The machine's points at m moments; components first, then moments, then the batch.
+    """The machine's points at m moments; components first, then moments, then the batch."""
 
-    Attributes:
-        directions: u_i, shape (3, 3, 1, ...).
-        centres: b_i, shape (3, 3, m, ...) [mm].
-        tool: p, shape (3, m, ...) [mm].
-    """
-
-    directions: Numbers
-    centres: Numbers
-    tool: Numbers
+    directions: Numbers  # u_i, shape (3, 3, 1, ...)
+    centres: Numbers  # b_i, shape (3, 3, m, ...) [mm]
+    tool: Numbers  # p, shape (3, m, ...) [mm]
 
     @classmethod
     def of(cls, geometry: Geometry, joints: Numbers, strict: bool) -> Points:
@@ -242,18 +205,15 @@ def _dot(a: Numbers, b: Numbers) -> Numbers:
 
 
 def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numbers:
-    """The point at distance `lengths` from three centres, on the side of the prototype's assembly.
+    """The point p, shape (3, ...) [mm], at distance `lengths` from three centres.
 
-    That is p = 0 at the isotropic posture, m = −1 in eq. (4) (errata, sec. 2.4): the three centres
-    run clockwise as seen from p.
+    On the side of the prototype's assembly, p = 0 at the isotropic posture, m = −1 in eq. (4)
+    (errata, sec. 2.4): the three centres run clockwise as seen from p.
 
     Args:
         centres: shape (3, 3, ...), row i is b_i [mm].
         lengths: shape (3, ...) [mm].
         strict: raise if any of the batch has no solution; otherwise its entry is NaN.
-
-    Returns:
-        p, shape (3, ...) [mm].
 
     Raises:
         UnreachableError: the three spheres have no common point.
@@ -295,11 +255,7 @@ def tool_derivative(centres: Numbers, directions: Numbers, tool: Numbers) -> Num
     From the differentiated sphere equations (p − b_i)·(dp − u_i dq_i) = 0.
     """
     legs = tool - centres
-    columns = (
-        _cross(legs[1], legs[2]),
-        _cross(legs[2], legs[0]),
-        _cross(legs[0], legs[1]),
-    )
+    columns = [_cross(legs[k - 2], legs[k - 1]) for k in range(3)]
     volume = _dot(legs[0], columns[0])
     size2 = _dot(columns[0], columns[0]) * _dot(legs[0], legs[0])
     flat = np.abs(volume) <= SINGULAR * np.sqrt(np.abs(size2))

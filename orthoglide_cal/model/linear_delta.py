@@ -330,6 +330,7 @@ class LinearDelta(Machine):
         positions="places",
         instruments="probe",
         repeat="Probe more places",
+        finer="a probe with finer steps",
         compare="Probe again, and compare",
         further="more places, and on blocks of two known heights",
         axes={"a": "tower a", "b": "tower b", "c": "tower c"},
@@ -444,9 +445,7 @@ class LinearDelta(Machine):
     def calibrated_as(self, geometry: Geometry, parameters: Numbers) -> tuple[Geometry, Numbers]:
         """Rails, and offsets of the carriages, with other values of what is calibrated.
 
-        Args:
-            geometry: rails and arms as they really are at these.
-            parameters: what each real value exceeds them by, (..., 6) [mm, deg].
+        From those at the values in force, which the real ones exceed by (..., 6) [mm, deg].
         """
         radius = self.delta_radius_mm + parameters[..., 3, None]
         turned = np.concatenate((parameters[..., 4:], 0.0 * parameters[..., :1]), axis=-1)

@@ -220,6 +220,7 @@ class Vocabulary:
     positions: str  # at what readings are taken: "postures"
     instruments: str  # what reads, as a page names it: "gauges"
     repeat: str  # how to reduce noise
+    finer: str  # what shows smaller steps
     compare: str  # what to do once the new values are used
     further: str  # what besides the usual readings would distinguish causes
     measure: str = ""  # the command that guides through a measurement; empty for none

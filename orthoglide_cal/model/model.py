@@ -79,16 +79,10 @@ STEP = 1e-30
 
 
 def simulate(model: Model, offsets: Numbers, plan: Plan) -> Numbers:
-    """Predicted readings for joint offsets on a machine (Table 2 with the errata).
+    """Predicted readings, (..., n) [mm], for joint offsets Δρ, (..., 3) [mm] (Table 2, errata).
 
-    Args:
-        model: the machine and what is known to be wrong with it. Leading axes of its causes'
-            parameters broadcast with those of the offsets: many machines in one call.
-        offsets: Δρ, shape (..., 3) [mm].
-        plan: n readings to predict.
-
-    Returns:
-        Readings, shape (..., n) [mm], with the gauge zeros at the origin of the frame.
+    The gauge zeros are at the origin of the frame. Leading axes of the parameters of the model's
+    causes broadcast with those of the offsets: many machines in one call.
 
     Raises:
         UnreachableError, SingularError: a posture that this machine cannot take.
@@ -106,7 +100,6 @@ def synthetic_session(
     """What would be written down, or stored, of this plan on a machine that is known.
 
     Args:
-        model: the machine and whatever is wrong with it or with the measurement.
         offsets: what each real value exceeds the controller's by, shape (p,) [mm, deg].
         rng: source of noise, of gauge zeros and of a bed's local shape.
         gauge: the machine's own if None; its repeatability is the noise, a resolution of 0 means
@@ -122,15 +115,10 @@ def synthetic_session(
 def simulate_with_jacobian(
     model: Model, offsets: Floats, plan: Plan, strict: bool = True
 ) -> tuple[Floats, Floats]:
-    """`simulate`, and its exact derivative by the offsets.
+    """`simulate`, and its exact derivative by the offsets: (..., n) [mm] and (..., n, 3).
 
-    In closed form where the offsets alone move the carriages, otherwise by complex steps.
-
-    Args:
-        strict: raise if any of the batch is unreachable; otherwise its readings are NaN.
-
-    Returns:
-        Readings (..., n) [mm] and ∂readings/∂Δρ (..., n, 3).
+    In closed form where the offsets alone move the carriages, otherwise by complex steps. Unless
+    it is `strict`, the readings of what is unreachable are NaN.
     """
     point = np.asarray(offsets, dtype=np.float64)
     readings, jacobian = _simulate(model, point, plan, strict, derivative=True)
@@ -150,9 +138,7 @@ def differentiate(
 ) -> tuple[Floats, Floats]:
     """Readings (n,) [mm] and their derivatives by offsets and parameters of `effects`, (n, q).
 
-    Args:
-        offsets: Δρ, shape (3,) [mm].
-        effects: further causes than those of the model, whose parameters vary.
+    At offsets Δρ (3,) [mm]; the effects are further ones than those of the model.
     """
     return differentiate_each(model, plan, [(offsets, effects)])[0]
 

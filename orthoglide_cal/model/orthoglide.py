@@ -136,6 +136,7 @@ class Orthoglide(Machine):
         positions="postures",
         instruments="gauges",
         repeat="Take more cycles",
+        finer="a gauge with finer divisions",
         compare="Compare",
         measure="measure",
         further="two more postures of each leg between the isotropic one and its limits",
@@ -263,15 +264,8 @@ class Orthoglide(Machine):
     def joints_at(self, leg: Ints | int, displacement: Floats | float) -> Floats:
         """Indicated joints with one leg displaced by d: ρ_i = L + d, ρ_j = √(L² − d²) (sec. 2.5).
 
-        Args:
-            leg: 0, 1, 2, shape (...).
-            displacement: d, shape (...) [mm].
-
-        Returns:
-            Shape (..., 3) [mm].
-
-        Raises:
-            UnreachableError: a displacement is not shorter than the legs.
+        Shape (..., 3) [mm] for legs 0, 1, 2 and displacements [mm] of shape (...). Raises
+        UnreachableError: a displacement is not shorter than the legs.
         """
         length = self.leg_length_mm
         moved = np.asarray(displacement, dtype=np.float64)
@@ -389,12 +383,9 @@ def _joints(
 ) -> tuple[Numbers, _Moments]:
     """Where the carriages stand at each moment and, last, where they did for each set-up.
 
-    A cause of the motion may depend on time: then every reading is its own moment; otherwise
-    readings at one posture share theirs. Gauges are set up at the isotropic posture, with what
-    was entered then.
-
-    Returns:
-        Shape (..., m + s, 3) [mm]; the moments of each reading.
+    Shape (..., m + s, 3) [mm]; with them the moments of each reading. A cause of the motion may
+    depend on time: then every reading is its own moment; otherwise readings at one posture share
+    theirs. Gauges are set up at the isotropic posture, with what was entered then.
     """
     stood, which = plan.set_up_moments
     set_up = command.home - stood + offsets[..., None, :]

@@ -227,10 +227,7 @@ def cell_contrasts(plan: Plan) -> Floats:
 
     Where the model says the same of all repeats of one reading, only their mean matters: least
     squares on the weighted means, with the zeros removed, is least squares on all readings, with m
-    cells instead of n readings.
-
-    Returns:
-        Shape (m − setups, n).
+    cells instead of n readings; shape (m − setups, n).
     """
     cell = plan.repeats
     _, first, count = np.unique(cell, return_index=True, return_counts=True)

@@ -149,9 +149,7 @@ class Compensation(ReadOnly):
 
 
 def compensation(model: Model, points: int) -> Compensation:
-    """The table for the causes accepted for this machine.
-
-    It has `points` along each edge of the cube inside the joint limits.
+    """The table for the causes accepted for this machine, with `points` along each edge.
 
     Raises:
         UsageError: no accepted cause can be compensated, or the grid has a useless size.

@@ -162,13 +162,9 @@ class Asker:
     ) -> str | Token | Unasked:
         """Show a prompt and wait for the answer: a typed line, or what a gauge says.
 
-        Args:
-            prompt: its last line is shown. Those above it are on the screen already, and are shown
-                again where something has come between.
-            step: the reading wanted, the first or after `takes` others; None if words are.
-
-        Raises:
-            EOFError: nobody will ever answer.
+        Its last line is shown; those above it are on the screen already, and are shown again where
+        something has come between. What is wanted is the reading of a step, after `takes` others,
+        or words. Raises EOFError: nobody will ever answer.
         """
         self._prompt, self._shown, self._asked, self._held = prompt, math.inf, None, None
         before = self._keys.unasked, self._gauges.unasked

@@ -112,9 +112,8 @@ class Dialogue:
     def run(self) -> State:
         """Lead through what is left, to the state at the end.
 
-        Raises:
-            Quit, EOFError, KeyboardInterrupt: left or interrupted; everything is saved.
-            InputError: the journal cannot be written any more.
+        Raises Quit, EOFError, KeyboardInterrupt: left or interrupted; everything is saved.
+        InputError: the journal cannot be written any more.
         """
         while self.state.ended is None:
             if self.state.pending is not None:

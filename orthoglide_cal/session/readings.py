@@ -46,13 +46,8 @@ _ENOUGH = 9
 class PriorReadings:
     """The n readings that were there before a session began; part of it in every result.
 
-    Args:
-        following: holds their text.
-        model: the machine, as it was for the first of them.
-
-    Raises:
-        InputError: they cannot be read.
-        UsageError: these are no readings.
+    On the machine as it was for the first of them. Raises InputError: they cannot be read;
+    UsageError: these are no readings.
     """
 
     def __init__(self, following: Following, model: Model) -> None:
@@ -164,29 +159,23 @@ class Setting:
 
 
 class ReadingsSoFar:
-    """The n readings that count in a state of the session, from first to last.
-
-    Attributes:
-        steps: what each is of.
-        value: shape (n,) [mm].
-        minutes: since the session began, shape (n,).
-        moved: for each the step at which its stand was moved last; None if it never was.
-        doubted: for each whether it was kept although it does not fit: it proves nothing.
-        settled: doubts of readings that were kept, with the step that they were about.
-        left: steps that still have to be measured.
-    """
+    """The n readings that count in a state of the session, from first to last."""
 
     def __init__(self, state: State, setting: Setting) -> None:
         self.state = state
         self.setting = setting
         steps, items = setting.steps, state.accepted.values()
-        self.steps = [steps[number - 1] for number in state.accepted]
-        self.value: Floats = np.array([item.take.value_mm for item in items])
+        self.steps = [steps[number - 1] for number in state.accepted]  # what each is of
+        self.value: Floats = np.array([item.take.value_mm for item in items])  # shape (n,) [mm]
+        # Since the session began, shape (n,).
         self.minutes: Floats = np.array([item.take.file_minutes for item in items])
-        self.left = [step for step in steps if state.is_open(step.number)]
+        self.left = [step for step in steps if state.is_open(step.number)]  # to be measured
+        # The step at which the stand of each was moved last; None if it never was.
         ranks = [(step, item.rank) for step, item in zip(self.steps, items, strict=True)]
         self.moved = [self.moved_before(step, rank) for step, rank in ranks]
+        # Whether each was kept although it does not fit: it proves nothing.
         self.doubted = [False] * len(self.steps)
+        # Doubts of readings that were kept, with the step that they were about.
         self.settled: set[tuple[Doubt, int]] = set()
         for index, (take, rank) in enumerate(items):
             if isinstance(take, Questioned):
@@ -328,20 +317,7 @@ class ReadingsSoFar:
 class NextReading:
     """A reading to come, after the n readings so far.
 
-    Args:
-        step: what is read.
-        minutes: when it is taken, since the session began.
-        unit: in which it is given, and spoken of.
-
-    Attributes:
-        steps: of the readings in time order, then of the one to come, n + 1.
-        past: indices of the readings to compare with: not those that were kept in doubt, (k,).
-        rows: indices of those and of the one to come, (k + 1,).
-        fresh: not 0 where a reading that was kept in doubt began a new zero, (n + 1,).
-        setup: readings of one set-up share a zero, (n + 1,).
-        partner: set-up of the other gauge of the same leg, (n + 1,); −1 without one.
-        series: indices of earlier readings by the same gauge in the same set-up.
-        repeats: of those, indices of the ones of the same cell.
+    It is of a step, taken so many minutes after the session began, given and spoken of in a unit.
     """
 
     def __init__(
@@ -350,23 +326,27 @@ class NextReading:
         self.so_far = so_far
         self.minutes = minutes
         self.unit = unit
-        self.steps = steps = [*so_far.steps, step]
+        self.steps = steps = [*so_far.steps, step]  # in time order, n + 1
+        # Indices of the readings to compare with: not those that were kept in doubt, (k,).
         self.past: Ints = np.flatnonzero(~np.array(so_far.doubted, dtype=bool))
-        self.rows: Ints = np.append(self.past, len(so_far.steps))
+        self.rows: Ints = np.append(self.past, len(so_far.steps))  # with the one to come, (k + 1,)
         begun: dict[object, int] = {}
         fresh: list[int] = []
         for each, doubted in zip(steps, [*so_far.doubted, False], strict=True):
             fresh.append(begun.get(each.zero, 0))
             if doubted:
                 begun[each.zero] = len(fresh)
+        # Not 0 where a reading that was kept in doubt began a new zero, (n + 1,).
         self.fresh: Ints = np.array(fresh)
         moved = [*so_far.moved, so_far.moved_before(step, so_far.state.count)]
         known: dict[object, int] = {}
         keys = zip((each.zero for each in steps), moved, fresh, strict=True)
         setup = [known.setdefault(key, len(known)) for key in keys]
         last = {(s.setup, s.leg, s.stand): own for s, own in zip(steps, setup, strict=True)}
-        self.setup: Ints = np.array(setup)
+        self.setup: Ints = np.array(setup)  # readings of one share a zero, (n + 1,)
+        # Set-up of the other gauge of the same leg, (n + 1,); −1 without one.
         self.partner: Ints = np.array([last.get((s.setup, s.leg, 1 - s.stand), -1) for s in steps])
+        # Indices of earlier readings by the same gauge in the same set-up; and in the same cell.
         self.series = [i for i in self.past.tolist() if setup[i] == setup[-1]]
         self.repeats = [i for i in self.series if steps[i].cell == step.cell]
 
