@@ -64,7 +64,7 @@ def plan(
     """Predict readings, minutes and U; rank what to measure next."""
     from orthoglide_cal.diagnosis import diagnose
     from orthoglide_cal.planning import ranked
-    from orthoglide_cal.planning.bar import require_on_bar
+    from orthoglide_cal.planning.design import require_on_bar
     from orthoglide_cal.planning.plan import Wanted, chosen_session, measurement_plan
     from orthoglide_cal.planning.program import APPROACH_MM, posture_program
     from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence, sequence_options

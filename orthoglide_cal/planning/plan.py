@@ -21,8 +21,13 @@ from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget, BudgetLine, BudgetTotal, budget_lines
 from orthoglide_cal.model.linear_delta import ProbePlan
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.planning.bar import MARGIN, BarWarning, bar_warning
-from orthoglide_cal.planning.design import design_of, readings_needed
+from orthoglide_cal.planning.design import (
+    MARGIN,
+    BarWarning,
+    bar_warning,
+    design_of,
+    readings_needed,
+)
 from orthoglide_cal.planning.forecast import (
     ARRAYS,
     SessionForecast,

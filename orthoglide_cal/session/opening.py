@@ -32,7 +32,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning import Option, ranked
-from orthoglide_cal.planning.bar import require_on_bar
+from orthoglide_cal.planning.design import require_on_bar
 from orthoglide_cal.planning.steps import (
     CYCLES,
     MOST_CYCLES,

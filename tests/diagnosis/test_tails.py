@@ -14,7 +14,7 @@ from orthoglide_cal.diagnosis.assess import SPEAKS, WITHOUT_SIZE, Posterior, jud
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.results.release import release
+from orthoglide_cal.results.making import release
 from tests import truth
 from tests.diagnosis.command import diagnose as run
 from tests.diagnosis.command import told as answered

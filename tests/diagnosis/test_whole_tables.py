@@ -14,7 +14,7 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.model.cause import Place
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings
-from orthoglide_cal.results.release import release
+from orthoglide_cal.results.making import release
 from tests import truth
 from tests.diagnosis.sessions import known, model_of, read
 

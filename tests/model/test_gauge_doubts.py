@@ -15,7 +15,7 @@ from orthoglide_cal.model.gauge_doubts import chance_of_less_scatter, gauge_doub
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.orthoglide import Gauge
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.results.release import release
+from orthoglide_cal.results.making import release
 from tests import truth
 from tests.cli.program import lines, run
 from tests.diagnosis.sessions import known, model_of, read, readings_of

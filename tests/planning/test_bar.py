@@ -13,8 +13,8 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import Contact
-from orthoglide_cal.planning.bar import MARGIN, bar_warning, places, reach_mm, require_on_bar
-from orthoglide_cal.planning.options import options
+from orthoglide_cal.planning.design import MARGIN, bar_warning, places, reach_mm, require_on_bar
+from orthoglide_cal.planning.next_measurement import options
 from tests.cli.program import run
 from tests.cli.test_plan import machine
 from tests.machines import LARGE, PROTOTYPE, both_machines

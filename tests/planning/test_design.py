@@ -18,8 +18,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import GaugePlan
-from orthoglide_cal.planning.bar import MARGIN
-from orthoglide_cal.planning.design import design_of, readings_needed
+from orthoglide_cal.planning.design import MARGIN, design_of, readings_needed
 from orthoglide_cal.planning.forecast import session_of
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.planning.separation import Separations, separations

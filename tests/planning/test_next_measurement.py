@@ -20,8 +20,7 @@ from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, joined
 from orthoglide_cal.model.readings import GaugePlan, Posture
 from orthoglide_cal.planning import RankedMeasurement, best_next, ranked
-from orthoglide_cal.planning.next_measurement import _pair, predictions
-from orthoglide_cal.planning.options import options
+from orthoglide_cal.planning.next_measurement import _pair, options, predictions
 from orthoglide_cal.results import answer_to
 from tests import truth
 from tests.bench.ambiguous import continued

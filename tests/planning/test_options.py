@@ -9,7 +9,7 @@ from orthoglide_cal.model.orthoglide import MINUTES_PER_SETUP, double_posture, s
 from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.planning.design import design_of
-from orthoglide_cal.planning.options import WAIT_MIN, Option, options
+from orthoglide_cal.planning.next_measurement import WAIT_MIN, Option, options
 from orthoglide_cal.planning.steps import Order, minutes_left, steps_of
 from tests import truth
 from tests.diagnosis.sessions import model_of

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal import errors, words
-from orthoglide_cal.report import facts, figures
+from orthoglide_cal.report import case, figures
 from orthoglide_cal.report.documents.pictures import _sign, _signs
 from orthoglide_cal.report.figures import Scale, mark, tick_text
 from orthoglide_cal.results.answer import Residual
@@ -200,7 +200,7 @@ def test_the_machine_shows_every_gauge_and_what_is_faulty():
     assert "axis y" in marked
 
 
-@pytest.mark.parametrize("module", [errors, facts, figures, words])
+@pytest.mark.parametrize("module", [errors, case, figures, words])
 def test_the_examples_in_docstrings_are_true(module):
     result = doctest.testmod(module)
     assert result.attempted > 0

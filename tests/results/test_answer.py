@@ -27,7 +27,7 @@ from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.results import Answer, Parameter, answer_to, identify, making
-from orthoglide_cal.results.release import release
+from orthoglide_cal.results.making import release
 from tests.machines import NOMINAL, PROTOTYPE, sure
 from tests.printers import plan_of_session, printer, readings_of_touches
 from tests.results import cases

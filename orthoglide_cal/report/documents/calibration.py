@@ -17,7 +17,18 @@ from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.case import Case, decision_notice, position_words, to_do
+from orthoglide_cal.report.case import (
+    MEANS,
+    Case,
+    data_words,
+    decision_notice,
+    moment,
+    position_words,
+    reserved,
+    signed_page,
+    stated,
+    to_do,
+)
 from orthoglide_cal.report.documents.diagnosis import diagnosis_section, headline
 from orthoglide_cal.report.documents.pictures import differences_figure, residual_blocks
 from orthoglide_cal.report.documents.solution import (
@@ -38,7 +49,6 @@ from orthoglide_cal.report.documents.verification import (
     verification_notice,
     verification_steps,
 )
-from orthoglide_cal.report.facts import MEANS, data_words, moment, reserved, signed_page, stated
 from orthoglide_cal.results import Answer, Identity
 from orthoglide_cal.results.verification import Verification
 from orthoglide_cal.words import plain, short, two_figures, unit_words, with_uncertainty

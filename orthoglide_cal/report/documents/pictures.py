@@ -11,8 +11,7 @@ from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.facts import comparison_words
+from orthoglide_cal.report.case import Case, comparison_words
 from orthoglide_cal.results.answer import Answer, Residual
 from orthoglide_cal.words import plain, signed
 

@@ -13,8 +13,7 @@ from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import measure_again
-from orthoglide_cal.report.facts import MEANS, OWNER, data_words, stated
+from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, stated
 from orthoglide_cal.results import Application
 from orthoglide_cal.words import counted, plain, short, signed
 

@@ -14,8 +14,7 @@ from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.measured import DataKind, weighing
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import Case, decision_notice, to_do
-from orthoglide_cal.report.facts import comparison_words
+from orthoglide_cal.report.case import Case, comparison_words, decision_notice, to_do
 from orthoglide_cal.results import Answer, Parameter
 from orthoglide_cal.words import (
     counted,

@@ -13,9 +13,9 @@ from pathlib import Path
 from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.case import data_words, reserved, signed_page
 from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.documents.solution import common_unit, sizes, sizes_grid
-from orthoglide_cal.report.facts import data_words, reserved, signed_page
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import (
     Behaviour,
