@@ -121,14 +121,6 @@ class Residue(Schema):
 
     before_mm: float
     after_mm: float
-    before_mm2: float = Field(description="mean square, whose shares are `variance`")
-
-
-class VarianceShare(Schema):
-    """What a source adds to the mean square of the data; all of them add up to it."""
-
-    source: Literal["parameters", "causes", "noise", "unexplained"]
-    mean_square_mm2: float
 
 
 class Noise(Schema):
@@ -241,7 +233,6 @@ class Answer(Schema):
     sigma_rho_mm: float | None = Field(None, description="√(trace/3) of joint offsets")
     alone: Alone | None = Field(None, description="null unless a named cause changes parameters")
     rms: Residue | None = None
-    variance: tuple[VarianceShare, ...] = Field((), description="shares of rms.before_mm squared")
     noise: Noise | None = None
     deviations: tuple[PromisedDifference, ...] = ()
     as_found: Spread | None = Field(None, description="of the deviations as measured")

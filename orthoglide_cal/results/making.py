@@ -187,12 +187,7 @@ def answer_to(
         )
         if named and found is not None
         else None,
-        rms=schema.Residue(
-            before_mm=solution.rms_before_mm,
-            after_mm=after,
-            before_mm2=solution.rms_before_mm**2,
-        ),
-        variance=tuple(_variance(solution, after, diagnosis)),
+        rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=after),
         noise=schema.Noise(
             used_mm=chosen.noise.sigma_mm,
             repeats_mm=solution.sigma_repeats_mm,
@@ -220,20 +215,15 @@ def answer_to(
     )
     if diagnosis is None:
         return found_alone
-    parts = _of_diagnosis(diagnosis, solution, alone, following)
-    return found_alone.changed(**parts, notes=(*decision.cautions, *diagnosis.notes))
-
-
-def _variance(
-    solution: Solution, after_mm: float, diagnosis: Diagnosis | None
-) -> Iterator[schema.VarianceShare]:
-    """Shares of the mean square of the data [mm²]: r.m.s. values do not add, their squares do."""
-    before, alone, after = solution.rms_before_mm**2, solution.rms_after_mm**2, after_mm**2
-    noise = after if diagnosis is None else min(after, diagnosis.lack_of_fit.expected_mm**2)
-    shares = (before - alone, alone - after, noise, after - noise)
-    for source, share in zip(("parameters", "causes", "noise", "unexplained"), shares, strict=True):
-        if source != "causes" or share:
-            yield schema.VarianceShare.model_validate({"source": source, "mean_square_mm2": share})
+    return found_alone.changed(
+        **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
+        explanations=tuple(_explanations(diagnosis, solution, alone)),
+        shims=tuple(_shims(diagnosis.causes)) if named else (),
+        assumed=tuple(each.id for each in diagnosis.assumed_sizes),
+        next_measurement=following,
+        sensitivity=dict(diagnosis.sensitivity) or None,
+        notes=(*decision.cautions, *diagnosis.notes),
+    )
 
 
 def with_dates(
@@ -436,20 +426,6 @@ def _workspace(found: _Found, model: Model) -> Workspace | None:
         return workspace_error(found.real.model, found.values, budget.covariance_mm2, budget.k)
     except PostureError:
         return None
-
-
-def _of_diagnosis(
-    diagnosis: Diagnosis, solution: Solution, alone: _Found, following: NextMeasurement | None
-) -> dict[str, object]:
-    """The parts of the answer that a diagnosis gives."""
-    return {
-        **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
-        "explanations": tuple(_explanations(diagnosis, solution, alone)),
-        "shims": tuple(_shims(diagnosis.causes)) if diagnosis.verdict is Verdict.NAMED else (),
-        "assumed": tuple(each.id for each in diagnosis.assumed_sizes),
-        "next_measurement": following,
-        "sensitivity": dict(diagnosis.sensitivity) or None,
-    }
 
 
 def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:

@@ -104,7 +104,12 @@ class VerifiedParameter(Schema):
     found: float = Field(description="change that the first measurement asked for")
     expanded: float
     entered: float | None = Field(description="change in the controller; null: nobody knows")
-    as_found: bool | None = Field(description="entered is what was found")
+    as_found: bool | None = Field(
+        default_factory=lambda known: (
+            None if known["entered"] is None else abs(known["entered"] - known["found"]) <= AS_FOUND
+        ),
+        description="entered is what was found",
+    )
     left: float = Field(description="change that the second measurement asks for")
     left_expanded: float
 
@@ -367,38 +372,19 @@ def _common(
         )
         for each in inputs
     )
-    first, second = solutions
-    machine = first.model.machine
-    columns = (
-        machine.parameter_names,
-        machine.parameter_units,
-        machine.active,
-        entered,
-        first.offsets_mm.tolist(),
-        first.expanded_mm.tolist(),
-        second.offsets_mm.tolist(),
-        second.expanded_mm.tolist(),
-    )
-    parameters = {
-        name: VerifiedParameter(
-            unit=unit,
-            before=active,
-            found=found,
-            expanded=reach,
-            entered=change,
-            as_found=None if change is None else abs(change - found) <= AS_FOUND,
-            left=left,
-            left_expanded=left_reach,
-        )
-        for name, unit, active, change, found, reach, left, left_reach in zip(*columns, strict=True)
-    }
+    machine = solutions[0].model.machine
+    found, left = ((each.offsets_mm.tolist(), each.expanded_mm.tolist()) for each in solutions)
+    columns = machine.parameter_units, machine.active, *found, entered, *left
+    fields = ("unit", "before", "found", "expanded", "entered", "left", "left_expanded")
+    rows = (dict(zip(fields, row, strict=True)) for row in zip(*columns, strict=True))
+    parameters = map(VerifiedParameter.model_validate, rows)
     return {
         "inputs": tuple((each.measured.source, each.model) for each in solutions),
         "before": before,
         "after": after,
         "machine": machine.name,
         "reservations": compared_reservations(before.validity, after.validity),
-        "parameters": parameters,
+        "parameters": dict(zip(machine.parameter_names, parameters, strict=True)),
     }
 
 

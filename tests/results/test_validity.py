@@ -1,7 +1,6 @@
 """Under which conditions a result holds, and what is said of them beside the verdict."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -149,17 +148,3 @@ def test_the_shims_make_the_rails_meet() -> None:
     assert page.notice.title == f"The rails miss each other by {max(abs(values)):.2f} mm"
     assert "Adjusted by" not in page.signatures
     assert "Adjusted by" in report_of(cases.healthy()).page().signatures
-
-
-@pytest.mark.parametrize("name", ["healthy", "named_in_machine", "ambiguous", "unexplained"])
-def test_shares_of_the_mean_square_add_up(name: str) -> None:
-    answer = cases.CASES[name]().answer
-    shares = {each.source: each.mean_square_mm2 for each in answer.variance}
-    assert sum(shares.values()) == pytest.approx(answer.rms.before_mm**2)
-    assert sum(shares.values()) == pytest.approx(answer.rms.before_mm2)
-    assert all(share >= 0.0 for share in shares.values())
-    assert shares["noise"] + shares["unexplained"] == pytest.approx(answer.rms.after_mm**2)
-    assert ("causes" in shares) == (name == "named_in_machine")
-    stated = answer.lack_of_fit.expected_mm**2
-    assert shares["noise"] == pytest.approx(min(stated, answer.rms.after_mm**2))
-    assert all(a >= b for a, b in pairwise((answer.rms.before_mm, answer.rms.after_mm)))
