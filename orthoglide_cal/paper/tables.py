@@ -163,15 +163,10 @@ def table_1(model: Model) -> Reproduction:
         plane = "".join(axis for axis in AXES if axis != AXES[direction]).upper()
         # α = asin(d/L), negative at the min posture (errata, Table 1).
         tangent = math.tan(math.asin(machine.displacement_mm(posture) / machine.leg_length_mm))
+        published = (tangent, 1.0, 0.0, None)
         computed = [by_axis[axis] for axis in (leg, direction, 3 - leg - direction)]
-        rows.append(
-            ReproducedRow(
-                f"{posture} {AXES[leg]}-leg {plane}",
-                (tangent, 1.0, 0.0, None),
-                (*computed, sum(computed)),
-                1e-6,
-            )
-        )
+        name = f"{posture} {AXES[leg]}-leg {plane}"
+        rows.append(ReproducedRow(name, published, (*computed, sum(computed)), 1e-6))
     return Reproduction(
         "1",
         "Sensitivity of a leg's deviation to the joint offsets",
@@ -243,14 +238,9 @@ def table_3(model: Model, rng: np.random.Generator) -> Reproduction:
     for (kind, offset), printed in TABLE_3.items():
         stds = monte_carlo(model, kind, offset, rng)
         mean = float(stds.mean())
-        rows.append(
-            ReproducedRow(
-                f"{METHODS_IN_WORDS[kind]}, offset {offset:.1f} mm",
-                printed,
-                (mean, float(np.abs(stds - mean).max())),
-                printed[1],
-            )
-        )
+        computed = mean, float(np.abs(stds - mean).max())
+        name = f"{METHODS_IN_WORDS[kind]}, offset {offset:.1f} mm"
+        rows.append(ReproducedRow(name, printed, computed, printed[1]))
     return Reproduction(
         "3",
         "Impact of the measurement errors, σ = 0.01 mm (20 × 10,000 solves per cell)",
@@ -290,15 +280,9 @@ def table_5(model: Model) -> Reproduction:
     rows = []
     for number, printed in EXPERIMENTS.items():
         found = solve(experiment(number), model)
-        six = (*found.offsets_mm.tolist(), found.rms_after_mm)
-        rows.append(
-            ReproducedRow(
-                f"#{number} six-equation",
-                (*printed.six_offsets, printed.rms_after),
-                six,
-                PRINTED_MM,
-            )
-        )
+        computed = (*found.offsets_mm.tolist(), found.rms_after_mm)
+        six = (*printed.six_offsets, printed.rms_after)
+        rows.append(ReproducedRow(f"#{number} six-equation", six, computed, PRINTED_MM))
         twelve = (*printed.twelve_offsets, printed.twelve_rms)
         rows.append(ReproducedRow(f"#{number} twelve-equation", twelve, None, PRINTED_MM))
     return Reproduction(

@@ -50,7 +50,7 @@ class SessionStep:
     """One reading to take; leg and direction are 0, 1, 2 for x, y, z."""
 
     number: int  # from 1, in the order of the session
-    planned: PlannedReading  # what is read, at no time at all
+    cell: PlannedReading  # what is read, at no time at all; readings of one cell repeat each other
     posture: str  # iso, max, min, or the displacement [mm] as text
     cycle: int  # repeat of this posture, from 1
     stand: int  # which of the gauges read side by side takes it, from 0
@@ -60,17 +60,17 @@ class SessionStep:
     @property
     def leg(self) -> int:
         """The leg that is touched, and whose carriage is displaced."""
-        return self.planned.leg
+        return self.cell.leg
 
     @property
     def direction(self) -> int:
         """The axis along which the gauge measures."""
-        return self.planned.direction
+        return self.cell.direction
 
     @property
     def displacement_mm(self) -> float:
         """Of the leg's carriage from the isotropic posture."""
-        return self.planned.displacement
+        return self.cell.displacement
 
     @cached_property
     def series(self) -> Series:
@@ -83,19 +83,14 @@ class SessionStep:
         return self.setup, self.series
 
     @property
-    def cell(self) -> PlannedReading:
-        """Readings of one cell repeat each other."""
-        return self.planned
-
-    @property
     def visit(self) -> tuple[object, ...]:
         """Readings of one visit are taken without moving the machine or a stand in between."""
-        return self.setup, self.leg, self.posture, self.cycle, self.planned.entered
+        return self.setup, self.leg, self.posture, self.cycle, self.cell.entered
 
     @property
     def end(self) -> str | None:
         """The end of the leg that is touched; None for a gauge fixed in space."""
-        return self.planned.contact.end
+        return self.cell.contact.end
 
 
 def sequence(
@@ -212,7 +207,7 @@ def gauge_moves(steps: Sequence[SessionStep]) -> int:
     places: dict[int, object] = {}
     moves = 0
     for step in steps:
-        here = (step.zero, step.planned.contact)
+        here = (step.zero, step.cell.contact)
         moves += places.get(step.stand, here) != here
         places[step.stand] = here
     return moves
@@ -230,10 +225,10 @@ def clock(steps: Sequence[SessionStep]) -> list[float]:
             now += MINUTES_PER_POSTURE * (before.visit != step.visit)
             if before.setup != step.setup:
                 now += MINUTES_PER_SETUP
-            elif before.planned.contact is not step.planned.contact:
+            elif before.cell.contact is not step.cell.contact:
                 now += MINUTES_PER_SLIDE
-        bar = (step.planned.part, step.leg)
-        if step.planned.turned and bar not in turned:
+        bar = (step.cell.part, step.leg)
+        if step.cell.turned and bar not in turned:
             turned.add(bar)
             now += MINUTES_PER_TURN
         times.append(now)
@@ -244,12 +239,7 @@ def timed_plan(steps: Sequence[SessionStep], begin_min: float = 0.0) -> tuple[Ga
     """Readings of steps, the first after `begin_min`, and when all are taken [min]."""
     *times, minutes = (begin_min + at for at in clock(steps))
     timed = zip(steps, times, strict=True)
-    return plan_of([step.planned._replace(minutes=at) for step, at in timed]), minutes
-
-
-def minutes_left(steps: Sequence[SessionStep]) -> float:
-    """Time that these steps will take [min]."""
-    return clock(steps)[-1]
+    return plan_of([step.cell._replace(minutes=at) for step, at in timed]), minutes
 
 
 def step_name(step: SessionStep) -> str:

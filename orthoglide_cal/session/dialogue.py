@@ -20,8 +20,8 @@ from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.steps import (
     MeasuringProtocol,
     SessionStep,
+    clock,
     gauge_moves,
-    minutes_left,
     step_name,
     with_set_ups,
 )
@@ -86,7 +86,7 @@ class Dialogue:
                 f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is"
                 " wrong with a machine, leave out --design."
             )
-        minutes = minutes_left(steps)
+        minutes = clock(steps)[-1]
         if first:
             from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
             lines = [f"{from_here} both are solved together at the end."]
@@ -170,7 +170,7 @@ class Dialogue:
         lines = ["", f"Session {reason}: {counts}. Written to {visible(str(self.path))}"]
         if first:
             lines.append(f"The {len(first.readings)} earlier readings are in the same file.")
-        for leg in sorted({step.leg for step in self.setting.steps if step.planned.turned}):
+        for leg in sorted({step.leg for step in self.setting.steps if step.cell.turned}):
             lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
         self.asker.show("\n".join(lines), Style.GOOD)
 
@@ -210,7 +210,7 @@ class Dialogue:
                 asker.say(f"\n{rule}", Style.TITLE)
                 asker.say(text)
                 gap = ""
-            left = minutes_left(self.so_far.left)
+            left = clock(self.so_far.left)[-1]
             asker.say(f"{gap}{wording.step_line(step, setting, left)}", Style.TITLE)
         if new or asker.pushed:
             asker.say(place)
@@ -418,7 +418,7 @@ class Dialogue:
         self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
         self.asker.say(
             f"Every offset is known within {until:g} mm ({UNLESS}). Saved: {len(dropped)} readings,"
-            f" {wording.duration(minutes_left(dropped)).lower()}.",
+            f" {wording.duration(clock(dropped)[-1]).lower()}.",
             Style.GOOD,
         )
         if self.so_far.left:

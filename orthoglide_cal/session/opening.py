@@ -184,7 +184,7 @@ def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | 
     else:  # one cycle of what would be measured
         protocol = request.protocol or MeasuringProtocol.DOUBLE
         steps = sequence(given.orthoglide, protocol, 1, Order.PAPER, 1)
-        plan = plan_of([step.planned for step in steps])
+        plan = plan_of([step.cell for step in steps])
     careful = require_on_bar(plan, given.orthoglide)
     model = _holding(given, request.offsets_mm)
     while True:
@@ -362,7 +362,7 @@ def _first_records(
         source=source, seed=seed if simulated else None, operator=request.operator,
         temperature_c=request.temperature_c, gauges=request.gauges,
     )  # fmt: skip
-    readings, following = (step.planned for step in steps), found.first.following if found else None
+    readings, following = (step.cell for step in steps), found.first.following if found else None
     planned = events.Planned(at=at, readings=tuple(readings), following=following)
     return [opened, planned] if steps else [opened]
 

@@ -140,13 +140,13 @@ class Setting:
         For the machine that is the same as if it had been entered in the controller.
         """
         active = self.first.following.entered if self.first else NOTHING_ENTERED
-        short = np.subtract(step.planned.entered, active, dtype=np.float64)
+        short = np.subtract(step.cell.entered, active, dtype=np.float64)
         return np.asarray(short.round(9))
 
     @cached_property
     def plan(self) -> GaugePlan:
         """The readings of all N steps."""
-        return plan_of([step.planned for step in self.steps])
+        return plan_of([step.cell for step in self.steps])
 
     @cached_property
     def outlook(self) -> PlanForecast:

@@ -57,7 +57,7 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
     Once it is `begun`, readings were taken in it: the stands must stay where they are.
     """
     here = [step for step in setting.steps if step.setup == setup]
-    planned, first = here[0].planned, setting.first
+    planned, first = here[0].cell, setting.first
     leg, contact = AXES[planned.leg].upper(), planned.contact
     directions = sorted({step.direction for step in here})
     names = [AXES[direction].upper() for direction in directions]

@@ -15,8 +15,8 @@ from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
     MeasuringProtocol,
     Order,
+    clock,
     gauge_moves,
-    minutes_left,
     sequence,
 )
 from tests.machines import NOMINAL, both_models, sure
@@ -147,7 +147,7 @@ def test_minutes_and_moves_are_those_of_measure(model: Model) -> None:
         session = session_of(model, protocol, 3)
         stands = 1 if protocol is SINGLE else 2
         steps = sequence(model.machine, protocol, 3, Order.PAPER, stands)
-        assert session.minutes == minutes_left(steps)
+        assert session.minutes == clock(steps)[-1]
         assert session.gauge_moves == gauge_moves(steps)
         assert len(steps) == len(session.plan)
         # The last reading is taken one posture before the end.

@@ -10,7 +10,7 @@ from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.planning.design import design_of
 from orthoglide_cal.planning.next_measurement import WAIT_MIN, Option, options
-from orthoglide_cal.planning.steps import Order, minutes_left, steps_of
+from orthoglide_cal.planning.steps import Order, clock, steps_of
 from tests import truth
 from tests.diagnosis.sessions import model_of
 from tests.machines import PROTOTYPE
@@ -33,7 +33,7 @@ def test_it_can_be_done(option: Option) -> None:
     assert np.all(np.diff(whole.order) > 0)
     assert np.all(np.diff(whole.hours) >= 0.0)
     assert option.what.endswith(".")
-    minutes = minutes_left(steps_of(option.plan, MACHINE, Order.PAPER, stands=2))
+    minutes = clock(steps_of(option.plan, MACHINE, Order.PAPER, stands=2))[-1]
     if not option.continues:
         minutes += MINUTES_PER_SETUP  # the first, which those of a session do not count
     if "quarter of an hour" in option.what:

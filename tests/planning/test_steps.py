@@ -14,8 +14,8 @@ from orthoglide_cal.planning.steps import (
     MeasuringProtocol,
     Order,
     SessionStep,
+    clock,
     gauge_moves,
-    minutes_left,
     sequence,
     step_name,
     steps_of,
@@ -44,7 +44,7 @@ def test_the_double_posture_session_is_that_of_section_4_1() -> None:
     assert {s.setup for s in steps} == {1, 2, 3}
     assert [s.stand for s in steps[:4]] == [0, 1, 0, 1]
     assert [s.cycle for s in steps[18:20]] == [4, 4]
-    assert all(s.planned.contact is Contact.FIXED for s in steps)
+    assert all(s.cell.contact is Contact.FIXED for s in steps)
 
 
 def test_the_single_posture_session_touches_both_ends_of_two_legs() -> None:
@@ -70,7 +70,7 @@ def test_orders_hold_the_same_readings(
         repeats = [s.cycle for s in steps if s.cell == cell]
         assert repeats == sorted(repeats)
     # What a journal holds of a plan gives the same steps again.
-    plan = plan_of([s.planned for s in steps])
+    plan = plan_of([s.cell for s in steps])
     assert plan.in_time.tolist() == list(range(len(steps)))
     assert steps_of(plan, PROTOTYPE, order, stands) == steps
     # Every drive has its block, in the order of the steps.
@@ -91,9 +91,9 @@ def test_fewest_moves_moves_the_gauge_less() -> None:
 
 def test_time_left_counts_postures_and_moves_of_the_stand() -> None:
     steps = usual(DOUBLE, 3)
-    assert minutes_left(steps) == pytest.approx(30 * 0.4 + 2 * 4.0)
-    assert minutes_left(steps[-2:]) == pytest.approx(0.4)
-    assert minutes_left([]) == 0.0
+    assert clock(steps)[-1] == pytest.approx(30 * 0.4 + 2 * 4.0)
+    assert clock(steps[-2:])[-1] == pytest.approx(0.4)
+    assert clock([])[-1] == 0.0
 
 
 def of_readings(
@@ -121,7 +121,7 @@ def test_steps_of_any_plan_carry_what_is_read() -> None:
         *both(0, 30.0, gauge_at=0.3, part=1),
     ]
     steps = of_readings(*readings)
-    assert [s.planned for s in steps] == readings
+    assert [s.cell for s in steps] == readings
     assert [s.posture for s in steps[::2]] == ["30", "min", "30", "30", "iso", "30"]
     # Another place along the leg, and another part, are new set-ups; what is entered is not.
     assert [s.setup for s in steps[::2]] == [1, 1, 1, 2, 3, 4]
@@ -129,7 +129,7 @@ def test_steps_of_any_plan_carry_what_is_read() -> None:
     assert [s.block for s in steps] == [10, 10, 20, 20, 30, 30, 40, 40, 50, 50, 60, 60]
     assert step_name(steps[0]) == "leg X, +30 mm, cycle 1, gauge Y"
     # Turn one bar; three moves to another set-up. What is commanded short takes no time.
-    assert minutes_left(steps) == pytest.approx(6 * 0.4 + 3 * 4.0 + MINUTES_PER_TURN)
+    assert clock(steps)[-1] == pytest.approx(6 * 0.4 + 3 * 4.0 + MINUTES_PER_TURN)
 
 
 def test_repeats_are_counted_among_what_is_alike() -> None:
@@ -142,7 +142,7 @@ def test_repeats_are_counted_among_what_is_alike() -> None:
 def test_one_gauge_takes_each_set_up_of_any_plan_alone() -> None:
     readings = [*both(0, 30.0), *both(0, 0.0), *both(0, 30.0, part=1), *both(0, 0.0, part=1)]
     steps = of_readings(*readings, stands=1)
-    assert [(s.planned.part, s.direction) for s in steps[::2]] == [(0, 1), (0, 2), (1, 1), (1, 2)]
+    assert [(s.cell.part, s.direction) for s in steps[::2]] == [(0, 1), (0, 2), (1, 1), (1, 2)]
     assert [s.setup for s in steps] == [1, 1, 2, 2, 3, 3, 4, 4]
-    again = of_readings(*(s.planned for s in steps), stands=1)
+    again = of_readings(*(s.cell for s in steps), stands=1)
     assert again == steps

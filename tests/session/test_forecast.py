@@ -36,7 +36,7 @@ def timed_plan(count: int = 60) -> GaugePlan:
     """The first steps of a session at an uneven pace."""
     steps = steps_of()[:count]
     hours = np.array([0.3 * k + 5.0 * s.setup for k, s in enumerate(steps)]) / 60.0
-    return replace(plan_of([s.planned for s in steps]), hours=hours)
+    return replace(plan_of([s.cell for s in steps]), hours=hours)
 
 
 def an_example() -> tuple[Forecast, np.ndarray]:
@@ -158,7 +158,7 @@ def test_the_tail_is_that_of_a_mixture() -> None:
 def test_readings_teach_how_large_the_misfit_is() -> None:
     """Ideal readings make the small sizes likely, readings with random cells the large ones."""
     steps = steps_of()
-    plan = plan_of([s.planned for s in steps])
+    plan = plan_of([s.cell for s in steps])
     model = in_full(plan)
     rng = np.random.default_rng(2)
     ideal = simulate(NOMINAL, np.array([0.4, -0.7, 0.2]), plan)
@@ -188,7 +188,7 @@ def test_the_size_of_the_misfit_is_that_of_crooked_machines(part: str) -> None:
     lean /= np.linalg.norm(lean, axis=-1, keepdims=True)
     geometry = Geometry(points, lean, np.full((400, 3), PROTOTYPE.leg_length_mm))
     steps = steps_of(cycles=1)
-    plan = plan_of([s.planned for s in steps])
+    plan = plan_of([s.cell for s in steps])
     heights = simulate(on_rails(PROTOTYPE, geometry), np.zeros((400, 3)), plan)
     iso = {step.series: step.number - 1 for step in reversed(steps) if step.posture == "iso"}
     moved = [step for step in steps if step.posture != "iso"]

@@ -38,7 +38,7 @@ def healthy_values(
 ) -> np.ndarray:
     """Readings of healthy sessions at the gauge's stated repeatability, (sessions, steps)."""
     rng = np.random.default_rng(seed)
-    plan = plan_of([s.planned for s in steps])
+    plan = plan_of([s.cell for s in steps])
     offsets = rng.normal(0.0, 1.0, (sessions, 3))
     zeros = rng.uniform(-2.5, 2.5, (sessions, 3, 3))
     exact = simulate(Model(machine), offsets, plan) + zeros[:, plan.leg, plan.direction]
