@@ -13,22 +13,19 @@ import pytest
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.session_file import session_json
 from orthoglide_cal.model.machine import Origin
-from orthoglide_cal.planning.steps import MeasuringProtocol, Posture
+from orthoglide_cal.planning.steps import Posture
 from orthoglide_cal.results import answer_to
-from orthoglide_cal.session.asking import Style
+from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import Doubt, Questioned
-from orthoglide_cal.session.gauges import SimulatedGauge
 
 from .virtual import (
     DOUBLE,
     a_dialogue,
     answered,
-    both_protocols,
     offsets,
     opened,
     readings_of,
-    setting_of,
     steps_of,
     typed,
     values,
@@ -44,19 +41,13 @@ def replaced(dialogue: Dialogue) -> list[float]:
     return [old.take.value_mm for old in dialogue.state.replaced]
 
 
-@both_protocols
-def test_a_whole_session_typed(tmp_path: Path, protocol: MeasuringProtocol) -> None:
-    steps = steps_of(protocol)
-    right = readings_of(steps, 4)
-    dialogue, screen = answered(tmp_path / "s.journal", typed(right), first=opened(protocol))
-    assert dialogue.state.ended is not None
-    assert dialogue.state.shortened is None
-    assert list(values(dialogue).items()) == list(enumerate(right, start=1))
-    hidden = SimulatedGauge(setting_of(steps), 4).offsets_mm
-    assert np.abs(offsets(dialogue) - hidden).max() < 0.08
-    asked = [text for text, style in screen.shown if style is Style.PROMPT]
-    assert [int(text.split(".")[0]) for text in asked] == [step.number for step in steps]
-    assert max(len(line) for line in screen.text.splitlines()) < 80
+def test_a_drive_takes_longer_than_turning_to_the_other_gauge(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drives: list[bool] = []
+    monkeypatch.setattr(Asker, "rest", lambda _, driving: drives.append(driving))
+    answered(tmp_path / "s.journal", typed(readings_of(steps_of()))[:4])
+    assert drives == [False, True, False, True]
 
 
 def test_every_screenful_fits_24_lines(tmp_path: Path) -> None:
@@ -72,6 +63,7 @@ def test_every_screenful_fits_24_lines(tmp_path: Path) -> None:
     table, help_text = plain[-2:]
     assert 18 < len(table.splitlines()) <= 23
     assert 10 < len(help_text.splitlines()) <= 23
+    assert all(f"\n  {key} " in help_text for key in "unstq?km")
 
 
 def test_one_uncertainty_from_the_first_posture_to_the_end(tmp_path: Path) -> None:
@@ -134,15 +126,6 @@ def test_until_never_leaves_a_leg_out(tmp_path: Path) -> None:
 # ---- keys
 
 
-def test_undo_goes_back_and_keeps_the_old_value(tmp_path: Path) -> None:
-    lines = ["-0.64", "0.40", "u", "0.41"]
-    dialogue, _ = answered(tmp_path / "s.journal", lines)
-    assert values(dialogue) == {1: -0.64, 2: 0.41}
-    assert [(row["reading_mm"], row["reason"]) for row in content(dialogue)["retaken"]] == [
-        (0.4, "taken back")
-    ]
-
-
 def test_retake_asks_for_that_step_then_returns(tmp_path: Path) -> None:
     right = typed(readings_of(steps_of()))
     lines = [*right[:8], "r 7 dial not read straight", right[6], right[8]]
@@ -193,16 +176,6 @@ def test_skip_needs_a_reason(tmp_path: Path) -> None:
     ]
 
 
-def test_table_and_help(tmp_path: Path) -> None:
-    dialogue, screen = answered(tmp_path / "s.journal", ["-0.64", "0.41", "t", "?"])
-    texts = [text for text, _ in screen.shown]
-    (table,) = (text for text in texts if text.startswith("The last"))
-    (help_text,) = (text for text in texts if text.startswith("Type the reading,"))
-    assert {"-0.640", "+0.410", "cycle"} <= set(table.split())
-    assert all(f"\n  {key} " in help_text for key in "unstq?km")
-    assert dialogue.state.count == 3
-
-
 def test_resuming_says_that_the_stands_are_in_place(tmp_path: Path) -> None:
     path = tmp_path / "s.journal"
     _, screen = answered(path, ["-0.64", "q"])
@@ -214,7 +187,7 @@ def test_resuming_says_that_the_stands_are_in_place(tmp_path: Path) -> None:
     assert screen.text.count("do not touch") == 1  # nothing counts any more: set it up again
 
 
-@pytest.mark.parametrize("line", ["", "911", "\x1b[A", "urr", "u1", "k", "y", "m", "u", "ß0.64"])
+@pytest.mark.parametrize("line", ["", "911", "\x1b[A", "urr", "k", "m", "u", "t", "?", "ß0.64"])
 def test_nothing_but_a_reading_is_a_reading(tmp_path: Path, line: str) -> None:
     dialogue, screen = answered(tmp_path / "s.journal", [line, line])
     assert dialogue.state.count == 1

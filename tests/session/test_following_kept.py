@@ -8,7 +8,7 @@ import pytest
 
 from orthoglide_cal.session.events import RECORD, Opened, Planned, replay
 
-from .going_on import choice, content, events_of, is_step, is_turn
+from .going_on import choice, content, events_of, is_step
 from .terminal import Terminal, finished, refused, run_program
 from .virtual import without_times
 
@@ -35,15 +35,6 @@ def test_a_killed_session_needs_nothing_but_its_journal(first: Path, tmp_path: P
     assert without_times((tmp_path / "k.yaml").read_text()) == expected
 
 
-def test_without_the_record_that_says_what_is_read_nothing_is_read(
-    first: Path, tmp_path: Path
-) -> None:
-    finished(tmp_path, "whole.yaml", *choice(first, is_turn))
-    begun, *_ = (tmp_path / "whole.journal").read_bytes().splitlines(keepends=True)
-    (tmp_path / "1.journal").write_bytes(begun)
-    assert "or another reading for it" in refused(3, tmp_path, "1.yaml", "--resume")
-
-
 def test_what_is_read_comes_back_as_it_was_written(first: Path, tmp_path: Path) -> None:
     finished(tmp_path, "s.yaml", *choice(first, is_step))
     begun, planned, *_ = events_of(tmp_path / "s.journal")
@@ -59,6 +50,10 @@ def test_what_is_read_comes_back_as_it_was_written(first: Path, tmp_path: Path) 
         readings = [{**record["readings"][0], **spoilt}]
         with pytest.raises(ValueError, match=r"\w"):
             RECORD.validate_json(json.dumps({**record, "readings": readings}))
+    # Without it nothing is read.
+    alone, *_ = (tmp_path / "s.journal").read_bytes().splitlines(keepends=True)
+    (tmp_path / "1.journal").write_bytes(alone)
+    assert "or another reading for it" in refused(3, tmp_path, "1.yaml", "--resume")
 
 
 def test_what_is_measured_is_said_once(first: Path, tmp_path: Path) -> None:

@@ -11,47 +11,41 @@ from tests.truth.delta import V400
 from .going_on import choice, is_step, read
 from .terminal import Terminal, refused
 
+LARGE = str(ROOT / "configs" / "orthoglide_large.yaml")
+
+
+TOGETHER = "--then and {} do not go together"
+
 
 @pytest.mark.parametrize(
-    ("options", "code", "said"),
+    ("options", "said"),
     [
-        (("--protocol", "single"), 2, "--then and --protocol or --design do not go together"),
-        (("--design", "best"), 2, "--then and --protocol or --design do not go together"),
-        (("--cycles", "2"), 2, "--then and --cycles do not go together"),
-        (("--order", "paper"), 2, "--then and --order do not go together"),
-        (("--until", "0.1"), 2, "--then and --until do not go together"),
-        (("--resume",), 2, "--then and --resume do not go together"),
-        (("--choice", "999"), 2, "There is no recommendation 999"),
-        (("--seed", "8"), 2, "was not measured on this simulated machine"),
-        (("--offsets-active", "1000", "0", "0"), 2, "These are not three joint offsets"),
-        (("--machine", "LARGE"), 2, "was measured on another machine than that of --machine"),
+        (("--protocol", "single"), TOGETHER.format("--protocol or --design")),
+        (("--design", "best"), TOGETHER.format("--protocol or --design")),
+        (("--cycles", "2"), TOGETHER.format("--cycles")),
+        (("--order", "paper"), TOGETHER.format("--order")),
+        (("--until", "0.1"), TOGETHER.format("--until")),
+        (("--resume",), TOGETHER.format("--resume")),
+        (("--choice", "999"), "There is no recommendation 999"),
+        (("--seed", "8"), "was not measured on this simulated machine"),
+        (("--offsets-active", "1000", "0", "0"), "These are not three joint offsets"),
+        (("--machine", LARGE), "was measured on another machine than that of --machine"),
+        # Other files to go on with; the last one counts.
+        (("--then", f"{SAMPLES}/experiment1.csv"), "holds differences; new readings cannot be"),
+        (("--then", f"{SAMPLES}/experiment2.csv"), "Give the file of the raw readings"),
+        (("--then", f"{SAMPLES}/single_posture_session.csv"), "readings of both kinds cannot be"),
+        (("--then", "none.csv"), "There is no such file"),
+        (("--then", "printer.cfg"), "A printer measures itself"),
+        (("--then", "-"), "standard input is the keyboard"),
     ],
 )
-def test_what_does_not_go_together_is_refused(
-    first: Path, tmp_path: Path, options: tuple[str, ...], code: int, said: str
+def test_what_cannot_be_gone_on_with_is_refused(
+    first: Path, tmp_path: Path, options: tuple[str, ...], said: str
 ) -> None:
-    large = str(ROOT / "configs" / "orthoglide_large.yaml")
-    given = tuple(large if option == "LARGE" else option for option in options)
-    assert said in refused(code, tmp_path, "n.yaml", "--then", str(first), *given, "--yes")
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("name", "code", "said"),
-    [
-        ("experiment1.csv", 2, "holds differences; new readings cannot be joined"),
-        ("experiment2.csv", 2, "Give the file of the raw readings, if you have it"),
-        ("single_posture_session.csv", 2, "readings of both kinds cannot be joined"),
-        ("none.csv", 3, "There is no such file"),
-        ("printer.cfg", 2, "A printer measures itself"),
-        ("-", 2, "standard input is the keyboard"),
-    ],
-)
-def test_files_that_cannot_be_gone_on_with(tmp_path: Path, name: str, code: int, said: str) -> None:
     printer = tmp_path / "printer.cfg"
     printer.write_text(printer_cfg(V400, OFF), encoding="utf-8")
-    path = name if name in ("-", printer.name) else str(SAMPLES / name)
-    assert said in refused(code, tmp_path, "n.yaml", "--then", path, "--yes")
+    code = 3 if "none.csv" in options else 2
+    assert said in refused(code, tmp_path, "n.yaml", "--then", str(first), *options, "--yes")
     assert list(tmp_path.iterdir()) == [printer]
 
 

@@ -5,32 +5,19 @@ import pytest
 
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model, simulate
-from orthoglide_cal.model.orthoglide import Gauge, plan_of
+from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, gather
 from orthoglide_cal.session.events import advance
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
 from tests import machines
+from tests.diagnosis.sessions import model_of
 from tests.truth.machines import DIAL, LARGE, MICRON, PROTOTYPE
 from tests.truth.machines import Gauge as TrueGauge
 from tests.truth.machines import Machine as TrueMachine
 from tests.truth.session import make_session
 
 from .virtual import both_protocols, play, readings_of, setting_of, state_of, steps_of, taken
-
-
-def truth_machine(machine: TrueMachine, gauge: TrueGauge) -> Machine:
-    """The machine file that the independent truth stands for."""
-    return machines.PROTOTYPE.changed(
-        leg_length_mm=machine.leg,
-        joint_limits_mm=(machine.lower, machine.upper),
-        gauge=Gauge(
-            resolution_mm=gauge.resolution,
-            range_mm=gauge.range,
-            revolution_mm=gauge.revolution,
-            repeatability_mm=gauge.noise,
-        ),
-    )
 
 
 def healthy_values(
@@ -57,7 +44,7 @@ def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
     By construction about one session in a thousand has a false question; if it were one in 400,
     this test would fail by chance once in 40,000 runs.
     """
-    machine = truth_machine(PROTOTYPE, gauge)
+    machine = model_of(PROTOTYPE, gauge).orthoglide
     steps = steps_of(protocol)
     values = healthy_values(steps, 1000, machine, seed=11)
     setting = setting_of(steps, machine)
@@ -75,20 +62,19 @@ def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
     assert false.sum() < 10
 
 
-@pytest.mark.parametrize("seed", [0])
 @pytest.mark.parametrize("gauge", [DIAL, MICRON], ids=["dial", "micron"])
 @pytest.mark.parametrize("machine", [PROTOTYPE, LARGE], ids=["prototype", "large"])
 @pytest.mark.parametrize("imperfection", ["none", "axis_gap", "bar_skew", "backlash"])
 def test_sessions_of_an_independent_truth_are_left_alone(
-    seed: int, gauge: TrueGauge, machine: TrueMachine, imperfection: str
+    gauge: TrueGauge, machine: TrueMachine, imperfection: str
 ) -> None:
     """Also on machines that are imperfect within their tolerances, with times of a real pace."""
     hidden = () if imperfection == "none" else (imperfection,)
-    session = make_session(seed, machine, gauge, hidden, offset_sd=1.0)
+    session = make_session(0, machine, gauge, hidden, offset_sd=1.0)
     asked = play(
         session.readings.tolist(),
         steps_of(),
-        truth_machine(machine, gauge),
+        model_of(machine, gauge).orthoglide,
         session.plan.minutes.tolist(),
     )
     assert asked == []

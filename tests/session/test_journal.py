@@ -164,19 +164,6 @@ def test_other_files_are_refused(data: bytes) -> None:
         decode(data, "other.txt")
 
 
-def test_append_and_resume(tmp_path: Path) -> None:
-    path = tmp_path / "s.journal"
-    events = eventful()
-    first = events[0]
-    with closing(Journal.create(path, first)) as journal:  # type: ignore[arg-type]
-        journal.append(events[1])
-        assert list(decode(path.read_bytes(), "j").events) == events[:2]
-    for event in events[2:]:
-        with closing(Journal.resume(path)) as journal:
-            journal.append(event)
-    assert list(decode(path.read_bytes(), "j").events) == events
-
-
 def test_resuming_after_a_cut_goes_on_behind_the_last_whole_record(tmp_path: Path) -> None:
     data, ends = written(eventful()[:4])
     path = tmp_path / "s.journal"

@@ -9,13 +9,12 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
 from orthoglide_cal.session.events import Opened
-from orthoglide_cal.session.gauges import SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode, encode
 from orthoglide_cal.session.opening import MOST_CYCLES, session_file, session_path
-from tests.machines import NOMINAL, PROTOTYPE
+from tests.machines import NOMINAL
 
 from .terminal import Terminal, begun, finished, refused, run_program
-from .virtual import opened, setting_of, steps_of
+from .virtual import opened
 
 
 def machine_file(folder: Path, old: str, new: str) -> str:
@@ -35,13 +34,6 @@ def test_a_second_session_on_the_same_file_is_refused(tmp_path: Path) -> None:
         assert "fg, if it was stopped with Ctrl-Z" in done.stderr
         first.type("-0.64")
         assert first.step() == 2
-
-
-def test_an_existing_session_is_never_overwritten(tmp_path: Path) -> None:
-    (tmp_path / "s.yaml").write_text("precious")
-    assert "never overwritten" in refused(2, tmp_path, "s.yaml")
-    assert (tmp_path / "s.yaml").read_text() == "precious"
-    assert not (tmp_path / "s.journal").exists()
 
 
 def test_an_unfinished_session_is_not_begun_anew(tmp_path: Path) -> None:
@@ -123,11 +115,6 @@ def test_resume_finds_the_only_unfinished_session(tmp_path: Path) -> None:
     assert "s.journal, t.journal" in refused(2, tmp_path, "--resume")
 
 
-def test_nothing_to_resume(tmp_path: Path) -> None:
-    refused(2, tmp_path, "--resume")
-    assert "no unfinished session" in refused(2, tmp_path, "s.yaml", "--resume")
-
-
 @pytest.mark.parametrize(
     "wrong", [{"cycles": MOST_CYCLES + 1}, {"cycles": 0}, {"stands": 3}, {"version": 3}]
 )
@@ -154,10 +141,6 @@ def test_a_cut_journal_says_what_was_ignored(tmp_path: Path) -> None:
     assert "saved +0.420" in done.stdout
 
 
-def test_a_folder_that_cannot_be_written_to(tmp_path: Path) -> None:
-    assert "No such file or directory" in refused(3, tmp_path, "missing/s.yaml")
-
-
 def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
     cause = (
         "identified: [{cause: axis_gap, where: '', date: 2025-01-01, data_sha256: "
@@ -172,16 +155,31 @@ def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "options",
+    ("arguments", "said"),
     [
-        ("--until", "0"), ("--until", "-1"), ("--until", "nan"), ("--cycles", "0"),
-        ("--temperature", "inf"), ("--protocol", "triple"), ("--gauge", "nothing:/dev/x"),
-        ("--gauge", "sylvac"), ("--seed", "3"), ("--certificate", "7"), ("--unit", "cm"),
-        ("--gauge", "typed", "--gauge", "simulated"), ("--gauges", "3"), ("--seed", "-1"),
+        *((("s.yaml", *options), options[0]) for options in (
+            ("--until", "0"), ("--until", "-1"), ("--until", "nan"), ("--cycles", "0"),
+            ("--temperature", "inf"), ("--protocol", "triple"), ("--unit", "cm"),
+            ("--certificate", "7"), ("--gauges", "3"), ("--seed", "-1"),
+        )),
+        (("s.yaml", "--seed", "3"), "Add --gauge simulated"),
+        (("s.yaml", "--gauge", "sylvac"), "FORMAT:PORT"),
+        (("s.yaml", "--gauge", "nothing:/dev/x"), "sylvac"),
+        (("s.yaml", "--gauge", "typed", "--gauge", "simulated"), "do not go together"),
+        *((("s.yaml", "--offsets-active", value, "0", "0"), f"--offsets-active cannot be {shown}")
+          for value, shown in (("nan", "nan"), ("inf", "inf"), ("1e300", "1e+300"))),
+        (("s.yaml", "--offsets-active", "310.25", "0", "0"), "not three joint offsets"),
+        (("missing/s.yaml",), "No such file or directory"),
+        *(((name, *resume), "file") for resume in ((), ("--resume",))
+          for name in (".", "", "..", "/", "a" * 300, "missing/..")),
+        (("--resume",), "no unfinished session"),
+        (("s.yaml", "--resume"), "no unfinished session"),
     ],
 )  # fmt: skip
-def test_options_that_make_no_sense(tmp_path: Path, options: tuple[str, ...]) -> None:
-    refused(2, tmp_path, "s.yaml", *options)
+def test_what_makes_no_session_is_refused_and_leaves_no_file(
+    tmp_path: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    assert said in refused(3 if "missing/s.yaml" in arguments else 2, tmp_path, *arguments)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -253,36 +251,7 @@ def test_the_offsets_of_the_file_or_of_the_option_are_the_session_s(tmp_path: Pa
     assert "machine, offsets_mm: " in refused(2, tmp_path, "s.yaml", "--resume", *other)
 
 
-@pytest.mark.parametrize(
-    ("value", "why"),
-    [
-        ("nan", "--offsets-active cannot be nan"),
-        ("inf", "--offsets-active cannot be inf"),
-        ("1e300", "--offsets-active cannot be 1e+300"),
-        ("310.25", "not three joint offsets"),
-    ],
-)
-def test_impossible_offsets(tmp_path: Path, value: str, why: str) -> None:
-    assert why in refused(2, tmp_path, "s.yaml", "--offsets-active", value, "0", "0")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_what_the_controller_holds_is_gone_from_a_simulated_machine() -> None:
-    steps = steps_of()
-    bare = SimulatedGauge(setting_of(steps), 3).offsets_mm
-    machine = PROTOTYPE.changed(offsets_mm=(0.4, -0.3, 0.9))
-    corrected = SimulatedGauge(setting_of(steps, machine), 3).offsets_mm
-    assert corrected == pytest.approx(bare - [0.4, -0.3, 0.9])
-
-
 # ---- names
-
-
-@pytest.mark.parametrize("name", [".", "", "..", "/", "a" * 300, "missing/.."])
-@pytest.mark.parametrize("option", [(), ("--resume",)])
-def test_what_is_no_file_is_no_session(tmp_path: Path, name: str, option: tuple[str]) -> None:
-    assert "file" in refused(2, tmp_path, name, *option)
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_names(tmp_path: Path) -> None:
@@ -297,6 +266,8 @@ def test_names(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"session-2\.journal"):
         session_file(None, tmp_path, resume=False)
     assert session_file(None, tmp_path, resume=True) == tmp_path / "session-2.yaml"
+    assert "never overwritten" in refused(2, tmp_path, "session.yaml")
+    assert not (tmp_path / "session.yaml").read_text()
 
 
 # ---- full disks
