@@ -205,13 +205,6 @@ def test_an_unknown_kind_is_the_only_fault():
         assert wanted in fault.remedy
 
 
-def test_exponents_and_quotes_are_numbers():
-    text = changed(TEXT, ("misread: 0.1", "misread: 1e-1"), (L, 'leg_length_mm: "300"'))
-    machine = read(text).machine
-    assert machine.tolerances["misread"] == 0.1
-    assert machine.leg_length_mm == 300.0
-
-
 def test_optional_parts():
     model = read(
         "schema_version: 1\nname: bare\nleg_length_mm: 300\nparallelogram_width_mm: 80\n"

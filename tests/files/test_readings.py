@@ -189,12 +189,6 @@ def test_remarks(tmp_path, text, words):
     assert not any("repeats" in each for each in readings(tmp_path, f"{GOOD}x,max,y,-0.25").remarks)
 
 
-def test_postures_follow_the_machine(tmp_path):
-    assert MACHINE.joint_limits_mm == (-100.0, 60.0)
-    read = readings(tmp_path, f"{HEAD}\nx,-100,y,1\nx,60.000,y,1\nx,min,y,1\n")
-    assert read.plan.displacement.tolist() == [-100.0, 60.0, -100.0]
-
-
 @pytest.mark.parametrize(
     ("text", "what"),
     [

@@ -123,12 +123,6 @@ def test_a_list_is_emptied(text: str) -> None:
     assert yaml.safe_load(edited(text, {"history": []})) == {**yaml.safe_load(text), "history": []}
 
 
-def test_a_value_is_put_back_exactly() -> None:
-    changed = edited(TEXT, {"offsets_mm": OTHER})
-    assert changed != TEXT
-    assert edited(changed, {"offsets_mm": {"x": 0, "y": 0, "z": 0}}) == TEXT
-
-
 def test_a_list_that_is_filled_and_emptied_leaves_no_blanks() -> None:
     text = "history: []\nname: a\n"
     assert edited(edited(text, {"history": HISTORY}), {"history": []}) == text

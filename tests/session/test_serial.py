@@ -5,29 +5,15 @@ from pathlib import Path
 from .terminal import SerialLine, Terminal
 
 
-def test_errors_are_shown_and_nothing_is_recorded(tmp_path: Path, line: SerialLine) -> None:
-    with Terminal(tmp_path, "s.yaml", "--gauge", f"sylvac:{line.path}") as terminal:
-        assert terminal.step() == 1
-        for error in (
-            b"ERR6\r",
-            b"911\r",
-            b"3 TO 999999.99 mm\r\n",
-            b"+999999.99\r",
-            b"\xff\xfe\r",
-        ):
-            line.send(error)
-            terminal.expect("nothing is recorded")
-            assert terminal.step() == 1
-        line.send(b"-0.64\r")
-        terminal.expect("saved -0.640")
-        assert terminal.step() == 2
-
-
-def test_return_asks_a_gauge_that_can_be_asked(tmp_path: Path, line: SerialLine) -> None:
+def test_return_asks_a_gauge_and_an_error_is_no_reading(tmp_path: Path, line: SerialLine) -> None:
     with Terminal(tmp_path, "s.yaml", "--gauge", f"sylvac:{line.path}") as terminal:
         assert terminal.step() == 1
         terminal.type("")
         assert line.received() == b"?\r"
+        for error in (b"ERR6\r", b"\xff\xfe\r"):
+            line.send(error)
+            terminal.expect("nothing is recorded")
+            assert terminal.step() == 1
         line.send(b"-0.64\r")
         terminal.expect("saved -0.640")
 
