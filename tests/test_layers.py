@@ -51,8 +51,15 @@ FILES = {name_of(path): path for path in sorted((ROOT / PACKAGE).rglob("*.py"))}
 
 
 @functools.cache
-def trees() -> dict[str, ast.Module]:
-    return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in FILES.items()}
+def tree(name: str) -> ast.Module:
+    return ast.parse(FILES[name].read_text(encoding="utf-8"))
+
+
+@functools.cache
+def nodes_of(name: str, *kinds: type[ast.AST]) -> list[ast.AST]:
+    """Every such node of a file; all of them without `kinds`."""
+    every = nodes_of(name) if kinds else ast.walk(tree(name))
+    return [node for node in every if not kinds or isinstance(node, kinds)]
 
 
 def room_of(module: str) -> str:
@@ -65,24 +72,18 @@ def imported(name: str) -> Iterator[tuple[str, str]]:
 
     `from a import b` is the module a.b if there is one, else the module a.
     """
-    for node in ast.walk(trees()[name]):
-        if isinstance(node, ast.Import):
-            modules = [entry.name for entry in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            inner = [f"{node.module}.{entry.name}" for entry in node.names]
+    for node in nodes_of(name, ast.Import, ast.ImportFrom):
+        modules = [entry.name for entry in node.names]
+        if isinstance(node, ast.ImportFrom):
+            inner = [f"{node.module}.{entry}" for entry in modules]
             modules = [module if module in FILES else str(node.module) for module in inner]
-            if node.level:
-                modules = [f"{PACKAGE}.(relative)"]
-        else:
-            continue
         place = f"{name}:{node.lineno}"
         yield from ((place, module) for module in modules if module.split(".")[0] == PACKAGE)
 
 
 def nodes(*kinds: type[ast.AST]) -> Iterator[tuple[str, ast.AST]]:
     """(dotted name of its file, node) of every such node of the package."""
-    for name, tree in trees().items():
-        yield from ((name, node) for node in ast.walk(tree) if isinstance(node, kinds))
+    yield from ((name, node) for name in FILES for node in nodes_of(name, *kinds))
 
 
 def none(faults: Iterable[str]) -> None:
@@ -113,7 +114,7 @@ def test_no_imports_run_in_a_circle() -> None:
     """Inside a room neither, nor where only types are imported."""
     knows = {name: {m for _, m in imported(name) if m in FILES} - {name} for name in FILES}
     # What knows nobody, or is known by nobody, is in none.
-    while free := {n for n in knows if not knows[n] or n not in set().union(*knows.values())}:
+    while free := {n for n in knows if not knows[n]} or {*knows}.difference(*knows.values()):
         knows = {name: others - free for name, others in knows.items() if name not in free}
     none(f"{name} knows {', '.join(sorted(others))}" for name, others in knows.items())
 
@@ -140,7 +141,7 @@ def test_nobody_asks_for_the_kind_of_machine() -> None:
     every = set.union(*KINDS, {"'orthoglide'", "'linear_delta'"})
     for name in (name for name in FILES if room_of(name) != "model"):
         needed = set()
-        for node in ast.walk(trees()[name]):
+        for node in nodes_of(name):
             asked: list[ast.AST] = []
             if isinstance(node, ast.ImportFrom) and str(node.module).startswith(PACKAGE):
                 needed |= {entry.name for entry in node.names}
@@ -161,10 +162,6 @@ def test_nobody_asks_for_the_kind_of_machine() -> None:
     none([*faults, *(f"nobody needs one in {place}" for place in sorted(idle))])
 
 
-def test_imports_are_absolute() -> None:
-    none(place for name in FILES for place, m in imported(name) if m.endswith("(relative)"))
-
-
 def test_every_file_is_reached_from_the_program() -> None:
     """A file that searches its folder for modules (`pkgutil`) reaches all that lie in it."""
     reached: set[str] = set()
@@ -176,9 +173,8 @@ def test_every_file_is_reached_from_the_program() -> None:
         reached.add(name)
         waiting += [module for _, module in imported(name)]
         waiting.append(name.rpartition(".")[0])
-        words = {alias.name for node in ast.walk(trees()[name]) if isinstance(node, ast.Import)
-                 for alias in node.names}  # fmt: skip
-        if "pkgutil" in words:
+        every = nodes_of(name, ast.Import)
+        if any(alias.name == "pkgutil" for node in every for alias in node.names):
             folder = FILES[name].parent
             waiting += [inner for inner, path in FILES.items() if path.is_relative_to(folder)]
     none(sorted(set(FILES) - reached))
@@ -188,8 +184,8 @@ def test_nothing_is_shipped_that_only_tests_use() -> None:
     """Every name that a file defines is read somewhere in the package; re-exports do not count."""
     defined: dict[str, str] = {}
     read = {"__all__", "__version__"}
-    for name, tree in trees().items():
-        for node in tree.body:
+    for name in FILES:
+        for node in tree(name).body:
             if isinstance(node, ast.FunctionDef | ast.ClassDef):
                 registered = any(ast.unparse(d).startswith("app.") for d in node.decorator_list)
                 words = [] if registered else [node.name]
@@ -199,18 +195,16 @@ def test_nothing_is_shipped_that_only_tests_use() -> None:
             else:
                 words = []
             defined |= {word: f"{name}:{node.lineno}: {word}" for word in words}
-        for inner in ast.walk(tree):
-            if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Load):
-                read.add(inner.id)
-            elif isinstance(inner, ast.Attribute):
-                read.add(inner.attr)
+        names, attributes = nodes_of(name, ast.Name), nodes_of(name, ast.Attribute)
+        read |= {each.id for each in names if isinstance(each.ctx, ast.Load)}
+        read |= {each.attr for each in attributes}
     none(place for word, place in defined.items() if word not in read)
 
 
 def test_init_files_only_re_export() -> None:
     faults = []
     for name, path in FILES.items():
-        for node in trees()[name].body if path.name == "__init__.py" else ():
+        for node in tree(name).body if path.name == "__init__.py" else ():
             text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
             names = [getattr(target, "id", "") for target in getattr(node, "targets", ())]
             stated = names in (["__all__"], ["__version__"])
