@@ -49,11 +49,14 @@ OFFSETS = np.array([0.4, -0.7, 0.2])
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
-    """A folder with a copy of the package that has one more cause."""
+    """A folder with the package, compiled as it is, and one more cause in it."""
     source = Path(orthoglide_cal.__file__).parent
-    shutil.copytree(source, tmp_path / source.name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copytree(ROOT / "configs", tmp_path / "configs")
-    (tmp_path / source.name / "causes" / "leg_sag.py").write_text(SAG, encoding="utf-8")
+    causes = tmp_path / source.name / "causes"
+    shutil.copytree(source / "causes", causes, ignore=shutil.ignore_patterns("__pycache__"))
+    for other in (path for path in source.iterdir() if path.name != "causes"):
+        (causes.parent / other.name).symlink_to(other)
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    (causes / "leg_sag.py").write_text(SAG, encoding="utf-8")
     return tmp_path
 
 
