@@ -111,7 +111,7 @@ def test_repeats_are_joined_where_nothing_tells_them_apart() -> None:
     session = readings(NOMINAL, double_posture(PROTOTYPE))
     assert len(solve(session, NOMINAL).posed.data) == 3 * 6 - 6
     assert len(solve(session, BENT).posed.data) == 3 * 6 - 6
-    drifting = extended(thermal_drift=(0.1, -0.2, 0.15))
+    drifting = extended(axis_gap=(0.3, -0.4, 0.25), thermal_drift=(0.1, -0.2, 0.15))
     assert len(solve(session, drifting).posed.data) == 60 - 6
     assert len(pose(session, NOMINAL, Method.READINGS.uses).data) == 60 - 6
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
+from orthoglide_cal.model.cause import Effect, Estimate, Place
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import simulate, synthetic_session
@@ -14,9 +14,7 @@ from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.workspace import compensation, workspace_error
 from tests.machines import NOMINAL, PROTOTYPE, extended
-from tests.model.geometries import bent_rails, on_rails
 from tests.printers import PRINTER
-from tests.subjects import Subject, every_cause
 
 OFFSETS = np.array([0.7, -1.1, 0.4])
 PLAN = double_posture(PROTOTYPE, 1)
@@ -31,36 +29,6 @@ def covariance(size: int, scale: float, seed: int = 3) -> Floats:
 # --- models -----------------------------------------------------------------------------------
 
 
-def test_causes_of_the_geometry_act_one_on_the_other() -> None:
-    """Rails that are given take the place of what was before, and bear what comes after."""
-    rails = bent_rails(PROTOTYPE)
-    longer = CAUSES["leg_length"].at(np.array([0.1, -0.2, 0.3]))
-    given = on_rails(PROTOTYPE, rails).accepted
-    before, after = (NOMINAL.extended(order) for order in ((longer, *given), (*given, longer)))
-    assert before.real.geometry.lengths == pytest.approx(rails.lengths, abs=0.0)
-    assert after.real.geometry.lengths == pytest.approx(rails.lengths + longer.theta, abs=1e-12)
-    assert after.real.geometry.points == pytest.approx(rails.points, abs=0.0)
-    nominal = NOMINAL.real.geometry
-    assert np.array_equal(nominal.directions, np.eye(3))
-    assert not nominal.points.any()
-    assert np.array_equal(nominal.lengths, [PROTOTYPE.leg_length_mm] * 3)
-
-
-def test_gaps_and_angles_add_to_rails_that_are_bent_already() -> None:
-    """Each rail of a pair is shifted, or leans towards the other, by half."""
-    rails = bent_rails(PROTOTYPE)
-    xy, yz, zx = 0.5 * np.array([0.41, -0.27, 0.63])
-    apart = CAUSES["axis_gap"].geometry(rails, 2.0 * np.array([xy, yz, zx]))
-    shift = np.array([[0.0, -zx, xy], [yz, 0.0, -xy], [-yz, zx, 0.0]])
-    assert apart.points == pytest.approx(rails.points + shift, abs=1e-12)
-    assert np.array_equal(apart.directions, rails.directions)
-    leaning = CAUSES["axis_squareness"].geometry(rails, 2e-3 * np.array([xy, yz, zx]))
-    ways = rails.directions + 1e-3 * np.array([[0.0, xy, zx], [xy, 0.0, yz], [zx, yz, 0.0]])
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-    assert leaning.directions == pytest.approx(ways, abs=1e-12)
-    assert np.array_equal(leaning.points, rails.points)
-
-
 def test_contact_comes_before_the_record_whatever_the_order_of_the_causes() -> None:
     """A knocked stand under a gauge with the wrong sign: the step is written down with it."""
     knocked = CAUSES["stand_shift"].at(np.array([0.2]), Place((4,)))
@@ -72,25 +40,6 @@ def test_contact_comes_before_the_record_whatever_the_order_of_the_causes() -> N
     for order in ((knocked, flipped), (flipped, knocked)):
         found = simulate(NOMINAL.extended(order), OFFSETS, PLAN)
         assert found == pytest.approx(sign * (clean + step), abs=1e-12)
-
-
-REPEATING = (
-    "axis_gap", "axis_squareness", "leg_length", "encoder_scale", "bar_skew",
-    "tower_lean", "tower_radius", "bed_shape", "probe_tilt",
-)  # fmt: skip
-
-
-@every_cause
-def test_what_a_cause_takes_from_the_model(cause: Cause, subject: Subject) -> None:
-    """Closed forms need a machine that stands still, shared readings one that repeats."""
-    nominal = subject.model
-    place = cause.places(subject.plan, subject.machine)[0]
-    longer = CAUSES["leg_length"].at(np.array([0.1, 0.2, 0.3]))
-    model = nominal.extended([longer, cause.at(np.zeros(cause.unknowns), place)])
-    assert model.real.still == (cause.stage is Stage.GEOMETRY)
-    assert model.repeats == (cause.id in REPEATING)
-    assert nominal.real.still
-    assert nominal.repeats
 
 
 def test_the_size_of_a_cause_is_the_machine_file_s_else_its_kind_s() -> None:
