@@ -9,11 +9,10 @@ from scipy import stats
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import scatter_of_repeats, sum_of_squares
-from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import Model, simulate_with_jacobian, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
-from orthoglide_cal.model.plan import Floats, joined
+from orthoglide_cal.model.plan import joined
 from tests.estimation.sessions import (
     OFFSETS,
     SINGLE,
@@ -132,41 +131,3 @@ def test_the_gauges_resolution_is_the_floor() -> None:
     assert solution.sigma_residuals_mm < 1e-9
     assert solution.sigma_mm == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-14)
     assert any("resolution" in warning for warning in solution.warnings)
-
-
-def test_standard_and_expanded_uncertainty() -> None:
-    solution = solve(readings(NOMINAL_LARGE, double_posture(LARGE)), sure(NOMINAL_LARGE))
-    assert solution.std_mm**2 == pytest.approx(np.diag(solution.covariance_mm2), rel=1e-12)
-    assert solution.expanded_mm == pytest.approx(stats.t.ppf(0.975, 51) * solution.std_mm, rel=1e-9)
-
-
-def test_what_is_known_of_the_machine_with_doubt_makes_the_offsets_doubtful() -> None:
-    """By fits that believe other gaps; these are known with correlations, which must not be lost.
-
-    The program's derivative is a step of one standard deviation: right within 2e-3 of itself. All
-    readings at once are weighted again by that doubt; the paper's methods stay as they are.
-    """
-    gaps = np.array([0.3, -0.4, 0.25])
-    root = 0.01 * np.array([[2.0, 0.0, 0.0], [1.5, 1.0, 0.0], [-0.7, 0.8, 0.5]])
-    session = readings(
-        NOMINAL.extended([CAUSES["axis_gap"].at(gaps)]), double_posture(PROTOTYPE), seed=None
-    )
-
-    def believing(values: Floats, covariance: Floats | None = None) -> Model:
-        return sure(NOMINAL).extended([Effect(CAUSES["axis_gap"], values, covariance=covariance)])
-
-    for method in ("six", "twelve"):
-        certain = solve(session, believing(gaps), method)
-        doubtful = solve(session, believing(gaps, root @ root.T), method)
-        by_gap = [
-            solve(session, believing(gaps + step), method).offsets_mm
-            - solve(session, believing(gaps - step), method).offsets_mm
-            for step in 1e-3 * np.eye(3)
-        ]
-        columns = np.stack(by_gap, axis=1) / 2e-3 @ root
-        carried = doubtful.covariance_mm2 - certain.covariance_mm2
-        assert carried == pytest.approx(columns @ columns.T, rel=2e-3, abs=1e-9)
-        assert doubtful.offsets_mm == pytest.approx(certain.offsets_mm, abs=1e-12)
-        # Of exact readings only the rounding is uncertain, and of that nothing is counted.
-        assert doubtful.budget.k == pytest.approx(stats.norm.ppf(0.975), rel=1e-6)
-        assert np.all(np.diag(carried) > 1e-6)

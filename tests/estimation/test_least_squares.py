@@ -73,19 +73,6 @@ def test_the_remaining_step_is_how_far_the_optimum_is() -> None:
     assert remaining >= 1e-6 / (NOMINAL.machine.gauge.noise_mm * np.sqrt(unit[1, 1]))
 
 
-def test_a_batch_may_have_any_shape() -> None:
-    problem = problem_of(SIX, NOMINAL)
-    offsets = np.random.default_rng(5).uniform(-2.0, 2.0, (2, 3, 3))
-    data = noisy(problem, offsets, 0.01, 4)
-    fit = fit_offsets(problem, data)
-    assert fit.offsets_mm.shape == (2, 3, 3)
-    assert fit.residuals_mm.shape == (2, 3, 6)
-    assert fit.converged.shape == fit.iterations.shape == (2, 3)
-    alone = fit_offsets(problem, data[1, 2])
-    assert fit.offsets_mm[1, 2] == pytest.approx(alone.offsets_mm, abs=1e-10)
-    assert fit_offsets(problem, np.zeros((0, 6))).offsets_mm.shape == (0, 3)
-
-
 def test_blocks_in_parallel_give_the_same_answers() -> None:
     problem = problem_of(SIX, NOMINAL)
     data = np.random.default_rng(8).normal(0.0, 0.5, (9000, 6))

@@ -12,11 +12,11 @@ from orthoglide_cal.model.plan import Floats
 NONE = np.zeros(3)
 
 
-def inverse(tool: Floats, leg_length: float, offsets: Floats = NONE) -> Floats:
-    """ρ_i = p_i + √(L² − p_j² − p_k²) − Δρ_i (eq. 3; errata, rows y and z), shape (..., 3)."""
+def inverse(tool: Floats, leg_length: float) -> Floats:
+    """ρ_i = p_i + √(L² − p_j² − p_k²), no offsets (eq. 3; errata, rows y and z), (..., 3)."""
     squares = tool**2
     others = squares.sum(axis=-1, keepdims=True) - squares
-    return np.asarray(tool + np.sqrt(leg_length**2 - others) - offsets)
+    return np.asarray(tool + np.sqrt(leg_length**2 - others))
 
 
 def direct(joints: Floats, leg_length: float, offsets: Floats = NONE) -> Floats:

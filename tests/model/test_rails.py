@@ -10,7 +10,6 @@ from orthoglide_cal.model.kinematics import trilaterate
 from orthoglide_cal.model.machine import Machine
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model.geometries import bent_rails, tool_positions
-from tests.model.paper_kinematics import inverse
 
 POINT = np.array([31.0, -47.0, 12.0])
 L = PROTOTYPE.leg_length_mm
@@ -89,17 +88,6 @@ def test_legs_in_one_plane_are_singular() -> None:
         assert np.isfinite(rails.tool_derivative(np.full((1, 3), 150.0), tool[:1])).all()
         with pytest.raises(SingularError, match="three legs lie in one plane"):
             rails.tool_derivative(np.full((2, 3), 150.0), tool)
-
-
-@pytest.mark.parametrize("leg", [0, 1, 2])
-def test_a_displaced_leg_moves_the_tool_along_its_own_axis(leg: int) -> None:
-    """Sec. 2.5: ρ_leg = L + d, the others √(L² − d²)."""
-    moved = np.array([-100.0, 0.0, 37.0])
-    joints = NOMINAL.orthoglide.joints_at(leg, moved)
-    tool = moved[:, None] * np.eye(3)[leg]
-    assert joints == pytest.approx(inverse(tool, L), abs=1e-12)
-    assert joints[1].tolist() == [L, L, L]
-    assert NOMINAL.orthoglide.joints_at(leg, -100.0) == pytest.approx(joints[0], abs=0.0)
 
 
 @pytest.mark.parametrize("moved", [L, -L, 400.0])
