@@ -20,7 +20,7 @@ from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.gaussian import root_of
 from orthoglide_cal.model.machine import Influence, Instrument, Origin
 from orthoglide_cal.model.model import Model, carried_uncertainty, differentiate_absent, simulate
-from orthoglide_cal.model.plan import Floats, Plan, ReadOnly
+from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Schema
 
@@ -70,7 +70,7 @@ class Budget:
     @cached_property
     def covariance_mm2(self) -> Floats:
         """Of the offsets, from all sources, shape (3, 3)."""
-        return np.asarray(sum(each.covariance_mm2 for each in self.contributions))
+        return read_only(sum(each.covariance_mm2 for each in self.contributions))
 
     @property
     def std_mm(self) -> Floats:

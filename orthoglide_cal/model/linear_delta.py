@@ -195,7 +195,7 @@ class ProbePlan(Plan):
     def same(self) -> np.ndarray:
         """Whether two readings are touches of one part, shape (n, n)."""
         own = np.where(self.distance, -1 - np.arange(len(self)), self.part)
-        return np.asarray(own[:, None] == own)
+        return read_only(own[:, None] == own, np.bool_)
 
     @property
     def flat(self) -> bool:

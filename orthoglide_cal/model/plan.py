@@ -147,7 +147,7 @@ class Plan(ABC):
     @cached_property
     def onwards(self) -> Floats:
         """Column i is 1 at reading i and all later ones that share what it shares, (n, n)."""
-        return np.asarray(self.same & (self.order[:, None] >= self.order), dtype=np.float64)
+        return read_only(self.same & (self.order[:, None] >= self.order))
 
     @property
     @abstractmethod

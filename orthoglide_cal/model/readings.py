@@ -87,7 +87,7 @@ class GaugePlan(Plan):
 
     @cached_property
     def same(self) -> np.ndarray:
-        return np.asarray(self.setup[:, None] == self.setup)
+        return read_only(self.setup[:, None] == self.setup, np.bool_)
 
     @cached_property
     def standing(self) -> Bools:
@@ -97,7 +97,7 @@ class GaugePlan(Plan):
         """
         last = self.in_time[-1:]
         here = (self.leg == self.leg[last]) & (self.part == self.part[last])
-        return np.asarray(here & (self.contact == Contact.FIXED))
+        return read_only(here & (self.contact == Contact.FIXED), np.bool_)
 
     @cached_property
     def stood(self) -> Floats:
@@ -172,7 +172,7 @@ class GaugePlan(Plan):
         for index in self.in_time.tolist():
             seen[alike[index]] += 1
             cycles[index] = seen[alike[index]]
-        return cycles
+        return read_only(cycles, np.intp)
 
     @cached_property
     def repeats(self) -> Ints:

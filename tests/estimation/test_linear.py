@@ -26,7 +26,7 @@ from tests.estimation.sessions import (
     problem_of,
     readings,
 )
-from tests.machines import NOMINAL, NOMINAL_LARGE, both_models, extended, sure
+from tests.machines import NOMINAL, NOMINAL_LARGE, both_models, extended
 
 UNEQUAL = [0.31, 0.27, 0.55, -0.12, 0.08, 0.49]
 
@@ -104,19 +104,6 @@ def test_single_sequential_is_eq_11(model: Model) -> None:
     y = (k["a1"] * (0.08 - z) + k["a2"] * (0.49 - z)) / squares
     solution = solve(of_values(SINGLE, UNEQUAL), model, "single-sequential")
     assert solution.offsets_mm == pytest.approx([x, y, z], abs=1e-12)
-
-
-@both_models
-def test_uncertainty_of_single_sequential_is_that_of_its_own_formula(model: Model) -> None:
-    """Eq. (11) as a function of the six differences, each of two readings: V = 2 σ² M Mᵀ."""
-    model = sure(model)
-    rows = [
-        solve(of_values(SINGLE, row), model, "single-sequential").offsets_mm for row in np.eye(6)
-    ]
-    solution = solve(of_values(SINGLE, UNEQUAL), model, "single-sequential")
-    estimator = np.stack(rows, axis=1)
-    expected = 2.0 * solution.sigma_mm**2 * estimator @ estimator.T
-    assert solution.covariance_mm2 == pytest.approx(expected, rel=1e-9, abs=1e-15)
 
 
 @pytest.mark.parametrize("method", ["six-linear", "twelve-linear", "single", "single-sequential"])

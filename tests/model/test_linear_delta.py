@@ -199,19 +199,6 @@ def test_a_misread_touch_is_one_touch() -> None:
 # --- derivatives and batches ------------------------------------------------------------------
 
 
-def test_leans_and_radii_go_together_in_either_order() -> None:
-    """Also where many machines are tried at once, each with its own leans."""
-    plan, rng = standard_plan(), np.random.default_rng(6)
-    lean, radius = CAUSES["tower_lean"], CAUSES["tower_radius"].at(RADII)
-    leans = 1e-3 * rng.normal(0.0, 4.0, (3, 6))
-    found = simulate(Model(PRINTER, (lean.at(leans), radius)), VALUES, plan)
-    for one, expected in zip(leans, found, strict=True):
-        for order in ((lean.at(one), radius), (radius, lean.at(one))):
-            alone = simulate(Model(PRINTER, order), VALUES, plan)
-            # After the radius a rail leans about another height: 0.3 mm lower, by 4 mrad.
-            assert alone == pytest.approx(expected, abs=2e-3 if order[0] is radius else 1e-9)
-
-
 def test_a_machine_of_a_batch_that_cannot_reach_is_not_a_number() -> None:
     plan = standard_plan()
     many = np.stack((VALUES, np.array([0.0, 0.0, 0.0, 500.0, 0.0, 0.0])))

@@ -1,11 +1,15 @@
 """A model and its causes: order of stages, parameters from fit to file, values that stay as is."""
 
-from dataclasses import FrozenInstanceError, fields, replace
+from collections.abc import Iterator
+from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
+from functools import cached_property
+from inspect import getmembers
 
 import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.estimation import fit_offsets, solve
 from orthoglide_cal.model.cause import Effect, Estimate, Place
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
@@ -14,7 +18,7 @@ from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.workspace import compensation, workspace_error
 from tests.machines import NOMINAL, PROTOTYPE, extended
-from tests.printers import PRINTER
+from tests.printers import PRINTER, standard_plan
 
 OFFSETS = np.array([0.7, -1.1, 0.4])
 PLAN = double_posture(PROTOTYPE, 1)
@@ -119,12 +123,27 @@ def test_moved_effects_span_the_uncertainty() -> None:
 # --- values that nobody can change ------------------------------------------------------------
 
 
+def arrays_in(value: object) -> Iterator[Floats]:
+    """All arrays that a value holds, also those that it works out once, however deep."""
+    if isinstance(value, np.ndarray):
+        yield value
+    elif isinstance(value, tuple):
+        for part in value:
+            yield from arrays_in(part)
+    elif is_dataclass(value) and not isinstance(value, type):
+        once = getmembers(type(value), lambda member: isinstance(member, cached_property))
+        for name in (*(field.name for field in fields(value)), *dict(once)):
+            yield from arrays_in(getattr(value, name))
+
+
 def test_values_are_frozen_to_the_last_array() -> None:
     session = synthetic_session(NOMINAL, PLAN, OFFSETS, np.random.default_rng(1))
     wanted = DIFFERENCES[DataKind.SIX]
     known = extended(axis_gap=(0.1, 0.2, -0.1))
+    solution = solve(session, known)
     values = (
         PLAN,
+        standard_plan(),
         session,
         Differences(DataKind.SIX, wanted, np.zeros(6), Source("six.csv", "")),
         known.accepted[0],
@@ -133,30 +152,30 @@ def test_values_are_frozen_to_the_last_array() -> None:
         compensation(known, 2),
         known.real.geometry,
         NOMINAL.machine.command(PLAN),
+        solution,
+        fit_offsets(solution.posed.problem, np.stack((solution.posed.data,) * 2)),
     )
     for value in values:
-        arrays = 0
-        for field in fields(value):
-            found = getattr(value, field.name)
-            if isinstance(found, np.ndarray):
-                arrays += 1
-                assert not found.flags.writeable, f"{type(value).__name__}.{field.name}"
+        arrays = list(arrays_in(value))
         assert arrays
+        assert not any(array.flags.writeable for array in arrays), type(value).__name__
         with pytest.raises(FrozenInstanceError):
             setattr(value, fields(value)[0].name, None)
 
 
 def test_values_hold_copies_of_what_they_are_given() -> None:
     theta, spread, given = np.array([0.1, 0.2, 0.3]), covariance(3, 0.1), np.arange(6.0)
+    hours = np.zeros(len(PLAN))
+    plan = replace(PLAN, hours=hours)
     effect = Effect(CAUSES["axis_gap"], theta, covariance=spread)
     data = Differences(DataKind.SIX, DIFFERENCES[DataKind.SIX], given, Source("six.csv", ""))
     tolerances = {"axis_gap": 0.5}
     machine = type(PROTOTYPE)(**{**dict(PROTOTYPE), "tolerances": tolerances})
-    theta[0] = spread[0, 0] = given[0] = tolerances["axis_gap"] = 99.0
+    theta[0] = spread[0, 0] = given[0] = hours[0] = tolerances["axis_gap"] = 99.0
     assert effect.theta[0] == 0.1
     assert effect.covariance is not None
     assert effect.covariance[0, 0] != 99.0
-    assert data.value[0] == 0.0
+    assert data.value[0] == plan.hours[0] == 0.0
     assert machine.tolerances["axis_gap"] == 0.5
     with pytest.raises(TypeError):
         machine.tolerances["axis_gap"] = 1.0  # type: ignore[index]

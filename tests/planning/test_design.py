@@ -21,7 +21,7 @@ from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.planning.separation import Separations, separations
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from tests.machines import LARGE, NOMINAL, PROTOTYPE, both_machines, both_models, sure
-from tests.planning.truth import machine_of, standing
+from tests.planning.truth import like, standing
 from tests.truth.effects import state_with
 from tests.truth.forward import signals
 from tests.truth.plan import SETUPS, joints_at
@@ -37,7 +37,7 @@ def places(machine: Machine, gauge_at: float, along: Floats) -> tuple[Floats, Fl
     plan = standing(gauge, own, np.array(joints), np.full(len(own), gauge_at))
     step = 1e-3
     states = np.stack([state_with(s * step * e, ()) for s in (1.0, -1.0) for e in np.eye(3)])
-    read = signals(plan, machine_of(machine), states)
+    read = signals(plan, like(machine), states)
     return own, np.hstack(((read[:3] - read[3:]).T / (2.0 * step), np.eye(6)[gauge]))
 
 

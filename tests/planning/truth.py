@@ -1,5 +1,7 @@
 """Readings of any plan by the independent truth, also with postures that it does not know."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from orthoglide_cal.model.machine import Machine
@@ -11,16 +13,9 @@ from tests.truth.forward import carriages_and_tool, signals
 from tests.truth.plan import SETUPS, joints_at
 
 
-def machine_of(machine: Machine) -> truth.Machine:
-    """The truth's form of a machine."""
-    return truth.Machine(
-        machine.name,
-        machine.leg_length_mm,
-        machine.parallelogram_width_mm,
-        machine.tool_offset_mm,
-        *machine.joint_limits_mm,
-        machine.workspace_mm,
-    )
+def like(machine: Machine) -> truth.Machine:
+    """A machine of the truth with legs as long; nothing else of it shows in readings."""
+    return replace(truth.PROTOTYPE, leg=machine.leg_length_mm)
 
 
 def standing(
@@ -53,7 +48,7 @@ def true_readings(
     joints = np.array([joints_at(machine.leg_length_mm, leg, moved) for leg, moved in pairs])
     gauge = np.array([SETUPS.index(tuple(series)) for series in plan.series])
     there = standing(gauge, plan.displacement, joints, plan.gauge_at, plan.hours)
-    real, state = machine_of(machine), state_with(offsets, effects)[None]
+    real, state = like(machine), state_with(offsets, effects)[None]
     if plan.fixed:
         return np.asarray(signals(there, real, state)[0])
     carriages, tool = carriages_and_tool(there, real, state, np.zeros((len(plan), 3)))
