@@ -18,7 +18,6 @@ from tests.printers import (
     PRINTER,
     UNEVEN,
     both,
-    plan_of_session,
     printed,
     printer,
     standard_plan,
@@ -35,7 +34,6 @@ from tests.truth.delta import (
     Truth,
     distances,
     places_of,
-    probe_bed,
     touches,
 )
 from tests.truth.plan import frozen
@@ -181,19 +179,6 @@ def test_from_which_side_a_place_is_come_to_does_not_hang_on_what_is_read_there(
         for z in (still, rough)
     )
     np.testing.assert_array_equal(read, level)
-
-
-def test_a_misread_touch_is_one_touch() -> None:
-    layout, rng = Layout(places=41), np.random.default_rng(5)
-    truth = truth_with(UNEVEN, VALUES)
-    session = probe_bed(replace(UNEVEN, noise=0.0), truth, ("misread",), layout, rng)
-    (row,) = np.flatnonzero(session.contact)
-    size = session.contact[row]
-    cause, plan = CAUSES["misread"], plan_of_session(session)
-    effect = cause.at(np.array([size]), cause.places(plan, PRINTER)[row])
-    found = simulate(Model(PRINTER, (effect,)), VALUES, plan)
-    # The file has six decimals.
-    assert found == pytest.approx(session.readings - session.block, abs=6e-7)
 
 
 # --- derivatives and batches ------------------------------------------------------------------
