@@ -72,17 +72,14 @@ class _Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except OrthocalError as error:
-            if as_json:
-                given = ctx.obj or {}
-                path = given.get("file") or given.get("session") or getattr(error, "file", None)
-                common.print_error(str(error), None if path is None else str(path))
-            else:
-                common.tell_error(error)
+            given = ctx.obj or {} if as_json else {}
+            path = given.get("file") or given.get("session") or getattr(error, "file", None)
+            common.tell_error(error, None if path is None else str(path), as_json)
             raise typer.Exit(error.exit_code) from error
         except TyperException as error:
             if not as_json or not hasattr(error, "format_message"):
                 raise
-            common.print_error(error.format_message(), None)
+            common.tell_error(UsageError(error.format_message()), None, as_json)
             raise typer.Exit(UsageError.exit_code) from error
         except BrokenPipeError:
             leave_closed(sys.stdout)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from orthoglide_cal.files.input import Input
     from orthoglide_cal.files.machine_file import StoredMachine
-    from orthoglide_cal.files.printer_file import PrinterFile
+    from orthoglide_cal.files.probe_readings import PrinterFile
     from orthoglide_cal.model.measured import Source
     from orthoglide_cal.model.model import Model
     from orthoglide_cal.planning.steps import MeasuringProtocol
@@ -190,10 +190,7 @@ def for_each(
             code = judge(path) or 0
         except OrthocalError as error:
             code = error.exit_code
-            if as_json:
-                print_error(str(error), path)
-            else:
-                tell_error(error, path)
+            tell_error(error, path, as_json)
         worst = max(worst, code)
     raise typer.Exit(worst)
 
@@ -392,11 +389,6 @@ def print_json(value: Mapping[str, object]) -> None:
     print(json.dumps(value, allow_nan=False, ensure_ascii=False), flush=True)
 
 
-def print_error(message: str, path: str | None) -> None:
-    """An error as the JSON object that takes the place of a result; None: of no input."""
-    print_json({"input": None if path is None else {"path": path}, "error": message})
-
-
 def console(*, stderr: bool = False) -> Console:
     """For results, on standard output; or for messages and progress, on standard error."""
     from rich.console import Console
@@ -436,8 +428,14 @@ def _fitted(line: str) -> str:
     return "\n".join(broken + command)
 
 
-def tell_error(error: OrthocalError, path: str = "") -> None:
-    """An error on standard error, with the input's name in front unless the error has it."""
+def tell_error(error: Exception, path: str | None = None, as_json: bool = False) -> None:
+    """An error of an input: as the JSON object that takes the place of a result.
+
+    Or on standard error, with the input's name in front unless the error has it.
+    """
+    if as_json:
+        print_json({"input": None if path is None else {"path": path}, "error": str(error)})
+        return
     named = isinstance(error, InputError) and error.file
     tell(f"{file_words(path)}: {error}" if path and not named else str(error))
 

@@ -52,7 +52,7 @@ def diagnose(
     from orthoglide_cal.files.input import read_input
     from orthoglide_cal.files.input import together as as_one
     from orthoglide_cal.files.machine_file import machine_text
-    from orthoglide_cal.files.printer_file import PrinterFile
+    from orthoglide_cal.files.probe_readings import PrinterFile
     from orthoglide_cal.files.text import write_text
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document

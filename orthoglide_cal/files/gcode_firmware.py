@@ -35,7 +35,7 @@ import numpy as np
 
 from orthoglide_cal.errors import InputError, UnreachableError
 from orthoglide_cal.files.faults import Faults
-from orthoglide_cal.files.printer_file import (
+from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
     ZERO_UNKNOWN,

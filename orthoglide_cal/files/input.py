@@ -17,7 +17,6 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files.differences import DIFFERENCE_COLUMNS, differences_from_table
 from orthoglide_cal.files.gcode_firmware import (
     HEIGHT_MAP,
     MARLIN_OUTPUT,
@@ -41,17 +40,19 @@ from orthoglide_cal.files.machine_file import (
     is_machine_file,
     machine_file_in,
 )
-from orthoglide_cal.files.printer_file import PrinterFile
 from orthoglide_cal.files.probe_readings import (
     PLACE_COLUMNS,
+    PrinterFile,
     known_printer,
     printer_readings,
     probe_readings_from_table,
 )
 from orthoglide_cal.files.readings import (
     CODED_COLUMNS,
+    DIFFERENCE_COLUMNS,
     Conditions,
     conditions_in,
+    differences_from_table,
     readings_from_table,
 )
 from orthoglide_cal.files.session_file import session_from_tree
@@ -169,15 +170,11 @@ def check_file(
     try:
         file = read_document(path)
         input = input.changed(sha256=file.sha256)
-        if _is_yaml(file):
-            tree = load_tree(file)
-            if is_machine_file(tree):
-                held = machine_file_in(tree)
-                input, name = input.changed(kind="machine"), held.model.machine.name
-                return Check(input=input, machine=name, remarks=held.remarks), None
-            given = Input(*session_from_tree(tree, _as_model(model)))
-        else:
-            given = read_input(file, model, otherwise, stored)
+        if _is_yaml(file) and is_machine_file(tree := load_tree(file)):
+            held = machine_file_in(tree)
+            input, name = input.changed(kind="machine"), held.model.machine.name
+            return Check(input=input, machine=name, remarks=held.remarks), None
+        given = read_input(file, model, otherwise, stored)
     except UnreadableError:
         raise
     except InputError as error:

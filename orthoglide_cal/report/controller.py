@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.errors import file_words, visible
-from orthoglide_cal.files.printer_file import USUAL_ANGLES_DEG
+from orthoglide_cal.files.probe_readings import USUAL_ANGLES_DEG
 from orthoglide_cal.files.table import csv_text
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.readings import AXES
