@@ -9,7 +9,9 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
+from typing import ClassVar
 
 # Control characters, halves of pairs, private ones, and those that change the direction of what
 # follows: U+202E turns "exe.csv" around.
@@ -67,20 +69,14 @@ def system_words(error: object) -> str:
     return getattr(error, "strerror", None) or str(error)
 
 
+@dataclass(eq=False, repr=False)
 class OrthocalError(Exception):
-    """Base of all errors; `exit_code` is the process's exit status for it.
+    """Base of all errors."""
 
-    Args:
-        what: what is wrong, one sentence.
-        remedy: how to fix it, one sentence; empty when there is nothing to add.
-    """
+    what: str  # is wrong, one sentence
+    remedy: str = ""  # how to fix it, one sentence; empty when there is nothing to add
 
-    exit_code = 1
-
-    def __init__(self, what: str, remedy: str = "") -> None:
-        super().__init__(what)
-        self.what = what
-        self.remedy = remedy
+    exit_code: ClassVar[int] = 1  # the process's exit status for it
 
     def __str__(self) -> str:
         return f"{self.what} {self.remedy}".strip()
@@ -92,35 +88,22 @@ class UsageError(OrthocalError):
     exit_code = 2
 
 
+@dataclass(eq=False, repr=False)
 class InputError(OrthocalError, ValueError):
     """A file, or a value in it, cannot be used.
 
     It is a ValueError for pydantic, which adds the path of what a validator refuses.
-
-    Args:
-        file: path as the user gave it.
-        line: line in the file, from 1.
-        column: column header (CSV) or dotted path (YAML).
-        value: the offending text.
     """
+
+    _: KW_ONLY
+    file: str | None = None  # path as the user gave it
+    line: int | None = None  # in the file, from 1
+    column: str | None = None  # header (CSV) or dotted path (YAML)
+    value: str | None = None  # the offending text
 
     exit_code = 3
 
-    def __init__(
-        self,
-        what: str,
-        remedy: str = "",
-        *,
-        file: str | None = None,
-        line: int | None = None,
-        column: str | None = None,
-        value: str | None = None,
-    ) -> None:
-        super().__init__(what, remedy)
-        self.file = file
-        self.line = line
-        self.column = column
-        self.value = value
+    def __post_init__(self) -> None:
         # What is wrong; of a file with several faults each of them.
         self.problems: tuple[InputError, ...] = (self,)
 
@@ -177,15 +160,11 @@ class UnusableResultError(OrthocalError):
     exit_code = 4
 
 
+@dataclass(eq=False, repr=False)
 class RankDeficientError(UnusableResultError):
-    """The readings do not determine every unknown.
+    """The readings do not determine every unknown."""
 
-    `undetermined` are the names of the unknowns that stay free, e.g. ("x", "z").
-    """
-
-    def __init__(self, what: str, remedy: str, undetermined: Sequence[str]) -> None:
-        super().__init__(what, remedy)
-        self.undetermined = tuple(undetermined)
+    undetermined: Sequence[str] = ()  # names of those that stay free, e.g. ("x", "z")
 
 
 class NotConvergedError(UnusableResultError):
