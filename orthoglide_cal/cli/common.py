@@ -225,10 +225,8 @@ def read_input(
 def require_printer(source: Source, data: Stored | None) -> None:
     """Refuse --data for a file that stores one measurement only. Raises UsageError."""
     if data is not None and source.excerpt is None:
-        raise UsageError(
-            f"--data is for a printer's file; {file_words(source.path)} is not one.",
-            "Leave it out.",
-        )
+        what = f"--data is for a printer's file; {file_words(source.path)} is not one."
+        raise UsageError(what, "Leave it out.")
 
 
 def own_machine_file(machine_file: Path | None) -> StoredMachine:
@@ -240,17 +238,13 @@ def own_machine_file(machine_file: Path | None) -> StoredMachine:
 
     path = machine_file or _file_in_folder()
     if path is None:
-        raise UsageError(
-            "There is no machine file in this folder to record the offsets in.",
-            "Name it with --machine, or make one: orthocal machine new",
-        )
+        what = "There is no machine file in this folder to record the offsets in."
+        raise UsageError(what, "Name it with --machine, or make one: orthocal machine new")
     if str(path) == "-":
         raise UsageError("Nothing can be recorded in standard input.", "Name a machine file.")
     if path.resolve().parent == shipped_folder().resolve():
-        raise UsageError(
-            f"{path} comes with the program and is never changed.",
-            "Make one for your machine: orthocal machine new",
-        )
+        what = f"{path} comes with the program and is never changed."
+        raise UsageError(what, "Make one for your machine: orthocal machine new")
     return read_machine_file(path)
 
 

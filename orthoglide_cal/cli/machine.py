@@ -102,10 +102,8 @@ def new(
     for typed, (value, *keys) in given.items():
         own = [key for key in keys if key in asked]
         if value is not None and not own:
-            raise UsageError(
-                f"{typed} is not for a machine of kind {kind}.",
-                "Leave it out; --help lists what there is.",
-            )
+            what = f"{typed} is not for a machine of kind {kind}."
+            raise UsageError(what, "Leave it out; --help lists what there is.")
         answers |= {} if value is None else {own[0]: value}
     answers |= dict(map(_tolerance, tolerance or ()))
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -143,10 +141,8 @@ def show(
 
     path = file or machine_in_folder(Path())
     if path is None:
-        raise UsageError(
-            "There is no machine file in this folder.",
-            "Name one, or make one: orthocal machine new",
-        )
+        what = "There is no machine file in this folder."
+        raise UsageError(what, "Name one, or make one: orthocal machine new")
     common.deliver(machine_document(common.read_machine_file(path).model), as_json=json)
 
 

@@ -87,10 +87,8 @@ def plan(
     model = given.model if given else common.given_machine(machine) or common.folder_machine()
     if program is not None:
         if json or html or overwrite or (given and not model.machine.layouts()):
-            raise UsageError(
-                "--program writes nothing but the posture program.",
-                "Leave out --json, --html, --overwrite and FILE.",
-            )
+            what = "--program writes nothing but the posture program."
+            raise UsageError(what, "Leave out --json, --html, --overwrite and FILE.")
         chosen = chosen_session(model, wanted)
         if model.machine.layouts():
             if moves != (None,) * 4:

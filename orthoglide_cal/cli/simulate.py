@@ -165,10 +165,8 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
     if len(values) != len(names) and not (cause.shares and 0 < len(values) < len(names)):
         unit = f" in {cause.unit}" if cause.unit else ""
         wanted = f"={','.join(names)}" if names else ""
-        raise UsageError(
-            f"--cause {cause.id} takes {len(names)} values{unit}, not {len(values)}.",
-            f"Write {cause.id}{wanted}, a number for each name.",
-        )
+        what = f"--cause {cause.id} takes {len(names)} values{unit}, not {len(values)}."
+        raise UsageError(what, f"Write {cause.id}{wanted}, a number for each name.")
     if cause.positive and min(values) < 0.0:
         raise UsageError(f"{cause.id} cannot be negative.", "Give sizes from 0.")
     # The last terms of a shape may be left out.

@@ -99,10 +99,8 @@ class ControllerFile:
         other = "The values are the same; something else in it was changed."
         what = self.differing({each.key: float(each.after) for each in wrote}) or other
         by_hand = ", ".join(f"{each.key} = {each.before}" for each in wrote)
-        raise UsageError(
-            f"{self.target} was changed since it was written. {what}",
-            f"Nothing was changed. Restore these values by hand: {by_hand}",
-        )
+        what = f"{self.target} was changed since it was written. {what}"
+        raise UsageError(what, f"Nothing was changed. Restore these values by hand: {by_hand}")
 
     def differing(self, expected: Mapping[str, float]) -> str:
         """Which values, by their keys there, are others than these, in words; "" for none."""

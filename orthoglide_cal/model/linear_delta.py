@@ -522,10 +522,8 @@ class LinearDelta(Machine):
     def simulated_plan(self, wanted: SimulationOptions) -> Plan:
         """Touches spread evenly over the bed in a mixed order; all of one height, then the next."""
         if wanted.protocol or wanted.gauge_at is not None:
-            raise UsageError(
-                "--protocol and --gauge-at are for machines that are measured with gauges.",
-                "Leave them out.",
-            )
+            what = "--protocol and --gauge-at are for machines that are measured with gauges."
+            raise UsageError(what, "Leave them out.")
         at = mixed(self._rings(wanted.places or 41))
         parts = [(at, height) for height in wanted.heights or (0.0,)] * (wanted.cycles or 1)
         return layout_of("simulated", "", parts).plan

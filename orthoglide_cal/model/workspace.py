@@ -156,16 +156,12 @@ def compensation(model: Model, points: int) -> Compensation:
         UnreachableError: a leg is too short for a point.
     """
     if not 2 <= points <= MOST_POINTS:
-        raise UsageError(
-            f"A table has 2 to {MOST_POINTS} points along each edge, not {points}.",
-            "Choose --points 7.",
-        )
+        what = f"A table has 2 to {MOST_POINTS} points along each edge, not {points}."
+        raise UsageError(what, "Choose --points 7.")
     chosen = tuple(effect for effect in model.accepted if effect.cause.compensable)
     if not chosen:
-        raise UsageError(
-            "The machine file holds no accepted cause that a table could compensate.",
-            "Accept one first, with diagnose and its option --accept.",
-        )
+        what = "The machine file holds no accepted cause that a table could compensate."
+        raise UsageError(what, "Accept one first, with diagnose and its option --accept.")
     _, grid = _grid(model, points)
     known = Model(model.machine, chosen)
     # Indicated joints that really put the tool there. Causes of the motion are nearly the identity,

@@ -151,10 +151,8 @@ def _check_options(request: Request) -> None:
             raise UsageError("--choice needs a recommendation.", "Name its data: --then FILE")
         return
     if path and session_path(path).resolve() == Path(following).resolve():
-        raise UsageError(
-            f"{following} is never changed: it cannot be the new session, too.",
-            "Name another file for the session that will hold both.",
-        )
+        what = f"{following} is never changed: it cannot be the new session, too."
+        raise UsageError(what, "Name another file for the session that will hold both.")
     told = {
         "--resume": request.resume,
         "--protocol or --design": request.protocol,
@@ -163,10 +161,8 @@ def _check_options(request: Request) -> None:
         "--until": request.until_mm,
     }
     if wrong := [name for name, value in told.items() if value]:
-        raise UsageError(
-            f"--then and {wrong[0]} do not go together.",
-            "Leave out one of them: what is read follows from what was begun.",
-        )
+        what = f"--then and {wrong[0]} do not go together."
+        raise UsageError(what, "Leave out one of them: what is read follows from what was begun.")
 
 
 def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | None]:
@@ -299,10 +295,8 @@ def _recommended(path: str, request: Request) -> Recommendation:
         )
     options = tuple(each.option for each in ranked(diagnose(first.readings, model)))
     if choice is not None and choice > len(options):
-        raise UsageError(
-            f"There is no recommendation {choice} for {path}: there are {len(options)}.",
-            "Leave out --choice for the best one.",
-        )
+        what = f"There is no recommendation {choice} for {path}: there are {len(options)}."
+        raise UsageError(what, "Leave out --choice for the best one.")
     offsets = model.orthoglide.offsets_mm + first.left_entered
     if keeper is not None and not differing(keeper, model):
         offsets = np.array(keeper.orthoglide.offsets_mm)
@@ -310,10 +304,8 @@ def _recommended(path: str, request: Request) -> Recommendation:
     found = found.holding(offsets.tolist())
     continues = found.first.following.continues
     if continues and request.stands == 1 and len(set(found.plan.series)) > 1:
-        raise UsageError(
-            "That measurement needs the two gauges where they are.",
-            "Read with two, or take another one: --choice 2",
-        )
+        what = "That measurement needs the two gauges where they are."
+        raise UsageError(what, "Read with two, or take another one: --choice 2")
     return found
 
 
@@ -393,10 +385,8 @@ def _serial_gauge(source: Sequence[str]) -> SerialGauge | None:
     if tuple(source) in ((), (TYPED,), (SIMULATED,)):
         return None
     if TYPED in source or SIMULATED in source or len(source) > 2:
-        raise UsageError(
-            f"These gauges do not go together: {', '.join(source)}.",
-            "Give typed, simulated, or one or two of FORMAT:PORT.",
-        )
+        what = f"These gauges do not go together: {', '.join(source)}."
+        raise UsageError(what, "Give typed, simulated, or one or two of FORMAT:PORT.")
     return SerialGauge(source)
 
 
@@ -421,10 +411,8 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
         if one.get(name) != other.get(name)
     ]
     if differences:
-        raise UsageError(
-            "This is not the session that was begun. " + "; ".join(differences) + ".",
-            "Leave those options out, or begin a new session in another file.",
-        )
+        what = "This is not the session that was begun. " + "; ".join(differences) + "."
+        raise UsageError(what, "Leave those options out, or begin a new session in another file.")
 
 
 # ---- its file: `session.yaml` in the end, `session.journal` meanwhile
@@ -436,10 +424,8 @@ def session_path(given: Path) -> Path:
     Raises UsageError where it cannot be the name of a file.
     """
     if given.name in ("", ".."):
-        raise UsageError(
-            "A session must be a file; this is not one.",
-            "Name a file, such as session.yaml, or leave the name out.",
-        )
+        what = "A session must be a file; this is not one."
+        raise UsageError(what, "Name a file, such as session.yaml, or leave the name out.")
     if len(os.fsencode(given.name)) > _LONGEST:
         raise UsageError("The name of the file is too long.", "Choose a shorter one.")
     if given.suffix == JOURNAL:
@@ -471,15 +457,11 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
             free = chain(("session.yaml",), (f"session-{number}.yaml" for number in count(2)))
             return next(folder / name for name in free if not (folder / name).exists())
         if not waiting:
-            raise UsageError(
-                "There is no unfinished session in this folder.",
-                "Name its file: orthocal measure NAME.yaml --resume",
-            )
+            what = "There is no unfinished session in this folder."
+            raise UsageError(what, "Name its file: orthocal measure NAME.yaml --resume")
         if len(waiting) > 1:
-            raise UsageError(
-                f"There are {len(waiting)} unfinished sessions here: {names}.",
-                "Name one: orthocal measure NAME.yaml --resume",
-            )
+            what = f"There are {len(waiting)} unfinished sessions here: {names}."
+            raise UsageError(what, "Name one: orthocal measure NAME.yaml --resume")
         return waiting[0].with_suffix(".yaml")
     path = session_path(given)
     if not resume and path.exists():
@@ -488,10 +470,8 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
             "Name another file, or continue an unfinished session with --resume.",
         )
     if not resume and (journal := path.with_suffix(JOURNAL)).exists():
-        raise UsageError(
-            f"{journal} holds a session that is not finished.",
-            f"Continue it: {command('measure', str(path), options='--resume')}",
-        )
+        what = f"{journal} holds a session that is not finished."
+        raise UsageError(what, f"Continue it: {command('measure', str(path), options='--resume')}")
     return path
 
 

@@ -54,10 +54,8 @@ class PriorReadings:
         given = read_input(following.data, model)
         self.path = following.data.path
         if not isinstance(given.measured, Readings):
-            raise UsageError(
-                f"{self.path} holds differences; new readings cannot be joined to them.",
-                "Give the file of the raw readings, if you have it.",
-            )
+            what = f"{self.path} holds differences; new readings cannot be joined to them."
+            raise UsageError(what, "Give the file of the raw readings, if you have it.")
         self.following = following
         self.readings = given.measured
         self.conditions = given.conditions
