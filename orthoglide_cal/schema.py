@@ -23,7 +23,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    JsonValue,
     PlainSerializer,
 )
 from pydantic.fields import FieldInfo
@@ -56,8 +55,7 @@ class Schema(BaseModel):
 
 def told(title: str, why: str, unit: str = "mm") -> FieldInfo:
     """What people are told when they are asked for a field: its name, what it is, its unit."""
-    extra: dict[str, JsonValue] = {"unit": unit}
-    found: FieldInfo = Field(title=title, description=why, json_schema_extra=extra)
+    found: FieldInfo = Field(title=title, description=why, json_schema_extra={"unit": unit})
     return found
 
 

@@ -70,10 +70,8 @@ class ControllerFile:
     def changed(self, amounts: Mapping[str, float], decimals: int) -> tuple[Written, bytes]:
         """What is replaced, for the record, and the bytes then.
 
-        Args:
-            amounts: parameter → what is added, where the file adds [mm]; otherwise what is to stand
-                there [mm, deg].
-            decimals: of them.
+        The amounts, with so many decimals, are what is added to each parameter, where the file adds
+        [mm]; otherwise what is to stand there [mm, deg].
         """
         values = []
         decimals += 2 if self.unit_mm > 1.0 else 0

@@ -62,14 +62,10 @@ class Standing:
             ) from error
 
     def at(self, joints: Floats, tool: Floats, home_mm: float) -> Stood:
-        """Where the machine stands.
+        """Where the machine stands; wanted are these joints and this tool, shape (3,) [mm].
 
-        Args:
-            joints, tool: of the posture that is wanted; a controller without kinematics is driven
-                to either [mm], shape (3,).
-            home_mm: joint value of the isotropic posture; a controller may count from there.
-
-        Raises OSError, ValueError: nothing answers any more, or the answer is no place.
+        A controller without kinematics is driven to either, and may count from the joint value of
+        the isotropic posture. Raises OSError, ValueError: nothing answers any more, or no place.
         """
         answer = self._ask("get joint_pos", "JOINT_POS")[: len(AXES)]
         stands = self._unit_mm * np.array(answer, dtype=float)

@@ -386,12 +386,8 @@ def with_history(
 def new_machine(values: Mapping[str, object], path: str) -> str:
     """The text of a machine file with these values; the others are the shipped one's of its kind.
 
-    Args:
-        values: key → plain value, as in `machine_values`; without a kind it is an Orthoglide.
-        path: name of the file, for messages.
-
-    Raises:
-        InvalidFileError: the values do not make a machine; each with its key.
+    The values are as in `machine_values`; without a kind it is an Orthoglide. Raises
+    InvalidFileError: they do not make a machine; each with its key.
     """
     prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
     shipped = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]

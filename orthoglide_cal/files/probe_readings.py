@@ -132,14 +132,10 @@ class Stored(ReadOnly):
     def of_grid(
         cls, mesh: str, x: Floats, y: Floats, height: Floats, line: Sequence[int], offset: Floats
     ) -> Stored:
-        """From rows of heights, shape (m, n) [mm]; NaN where nothing was probed.
+        """From rows of heights (m, n), NaN where nothing was probed, at x (n,) and y (m,) [mm].
 
-        The first row was probed in the direction of +x, the second of -x, and so on.
-
-        Args:
-            x, y: places of the probe, shapes (n,) and (m,) [mm].
-            height, line: of each row.
-            offset: of the probe from the nozzle, shape (3,) [mm].
+        These are places of the probe, whose offset from the nozzle is of shape (3,) [mm]. The first
+        row was probed in the direction of +x, the second of -x, and so on.
         """
         probed = np.isfinite(height)
         turn = np.arange(probed.size).reshape(probed.shape)
@@ -223,14 +219,10 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
 
 
 def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta) -> Readings:
-    """What a printer.cfg stores, as readings.
+    """What a printer.cfg stores, as readings at places meant by the parameters of a machine.
 
-    Args:
-        stored: "calibration" or "mesh"; None for the first of the two that there is.
-        machine: by whose parameters the places are meant.
-
-    Raises:
-        InputError: it does not store that.
+    `stored` is "calibration" or "mesh"; None for the first of the two that there is. Raises
+    InputError: it does not store that.
     """
     chosen = stored or ("mesh" if file.heights is None else "calibration")
     found = file.mesh if chosen == "mesh" else file.heights

@@ -280,9 +280,7 @@ class Rows(Generic[R]):
 def check_order(rows: Rows[Timed], minutes: Sequence[float] | None = None) -> None:
     """Each `seq` stands once, and time never runs backwards along it.
 
-    Args:
-        rows: of one file.
-        minutes: of each row, from its `timestamp`; None where rows have `minutes`.
+    The minutes of each row are from its `timestamp`; None where rows have `minutes`.
     """
     lines = [record.line for record in rows.records]
     first: dict[int, int] = {}

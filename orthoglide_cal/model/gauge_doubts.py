@@ -127,16 +127,11 @@ def _of_readings(readings: Readings, gauge: Instrument) -> Iterator[GaugeDoubt]:
 def too_steady(
     value: Floats, setup: Ints, cell: Ints, gauge: Instrument
 ) -> tuple[int | None, float] | None:
-    """Readings whose repeats differ less than this gauge does.
+    """Readings whose repeats differ less than this gauge does; None if there are none.
 
-    Args:
-        value: shape (n,) [mm].
-        setup: of each reading; each gauge set-up is looked at alone, and all together.
-        cell: of each reading: those of one set-up and cell repeat each other.
-
-    Returns:
-        Their set-up, None for all together, and the standard deviation of the repeats [mm], exactly
-        0 if they never differ; None if there are none.
+    Of n values [mm] those of one set-up and cell repeat each other. Each set-up is looked at alone,
+    and all together: found are the set-up, None for all, and the standard deviation of the repeats
+    [mm], exactly 0 if they never differ.
     """
     left, repeat = _about_means(value, setup, cell)
     setups = np.unique(setup)

@@ -98,10 +98,9 @@ def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Flo
 
 
 def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float) -> Workspace:
-    """Tool-position error before and after the offsets are entered.
+    """Tool-position error of a real machine before and after the offsets are entered.
 
     Args:
-        model: the real machine; entering offsets does not compensate its causes.
         offsets: Δρ that the controller does not know yet, shape (3,) [mm].
         covariance: of the offsets, shape (3, 3) [mm²].
         k: coverage factor for the uncertainty that remains.

@@ -80,12 +80,9 @@ class DeadTime:
         self.opens = max(self.opens, at + wait)
 
     def is_early(self, begun: float, ended: float, length: int, shown: float) -> bool:
-        """Whether a message cannot be meant for what is asked.
+        """Whether a message cannot be meant for what is asked, since the question was `shown`.
 
-        Args:
-            begun, ended: when its first character arrived, and its end.
-            length: number of characters; 0 if they were not typed.
-            shown: since when the question stands on the screen.
+        Its first character and its end arrived then; its length is 0 if it was not typed.
         """
         by_hand = 0 < length * BY_HAND_S <= ended - begun
         opens = self._last + BACK_AT_THE_KEYS_S if by_hand else self.opens
