@@ -39,114 +39,95 @@ def posterior(unlisted: float = 0.0, **listed: float) -> Posterior:
     return Posterior({k: v / total for k, v in keys.items()}, {"a pattern": unlisted / total})
 
 
-class TestVerdict:
-    def test_a_cause_that_stands_alone_is_named(self) -> None:
-        found = judge(posterior(axis_gap=1.0, bar_skew=0.5 * DISMISSED), FITS)
-        assert (found.verdict, found.accepted, found.ambiguous_with) == ("named", ("axis_gap",), ())
+def judged(shares: Posterior, chance: float = FITS) -> str:
+    """The verdict, what is accepted, and what it cannot be told from."""
+    found = judge(shares, chance)
+    accepted = f" {'+'.join(found.accepted)}" if found.accepted else ""
+    return "".join((found.verdict, accepted, *(f" or {id}" for id in found.ambiguous_with)))
 
-    def test_a_rival_in_reach_makes_it_ambiguous(self) -> None:
-        found = judge(posterior(axis_gap=1.0, bar_skew=2.0 * DISMISSED, misread=0.3), FITS)
-        assert found.verdict == "ambiguous"
-        assert found.accepted == ("axis_gap",)
-        assert found.ambiguous_with == ("misread", "bar_skew")
 
-    def test_more_of_the_same_is_no_rival(self) -> None:
-        """A second cause beside the best one does not contradict it."""
-        found = judge(posterior(axis_gap=1.0, axis_gap_and_leg_length=0.2), FITS)
-        assert (found.verdict, found.accepted) == ("named", ("axis_gap",))
-        # Nor does a second one beside a rival say more than the rival itself.
-        found = judge(posterior(axis_gap=1.0, bar_skew=0.2, bar_skew_and_misread=0.1), FITS)
-        assert found.ambiguous_with == ("bar_skew",)
+@pytest.mark.parametrize(
+    ("shares", "verdict"),
+    [
+        (posterior(axis_gap=1.0, bar_skew=0.5 * DISMISSED), "named axis_gap"),
+        (posterior(axis_gap=1.0, bar_skew=2.0 * DISMISSED, misread=0.3),
+         "ambiguous axis_gap or misread or bar_skew"),
+        # A second cause beside the best one does not contradict it, nor does a second one beside a
+        # rival say more than the rival itself.
+        (posterior(axis_gap=1.0, axis_gap_and_leg_length=0.2), "named axis_gap"),
+        (posterior(axis_gap=1.0, bar_skew=0.2, bar_skew_and_misread=0.1),
+         "ambiguous axis_gap or bar_skew"),
+        # Of a pair only the doubtful part is doubted.
+        (posterior(axis_gap_and_misread=1.0, axis_gap_and_stand_shift=0.8),
+         "ambiguous axis_gap+misread or stand_shift"),
+        # A second cause is added only where the odds demand it.
+        (posterior(axis_gap=1.0, axis_gap_and_bar_skew=0.9 / ODDS_TO_NAME), "named axis_gap"),
+        (posterior(axis_gap=1.0, axis_gap_and_bar_skew=0.9 * ODDS_TO_NAME),
+         "ambiguous axis_gap or bar_skew"),
+        (posterior(axis_gap=1.0, axis_gap_and_bar_skew=1.1 * ODDS_TO_NAME),
+         "named axis_gap+bar_skew"),
+        # Where more is asked for a cause more is asked for a second.
+        (replace(posterior(axis_gap=1.0, axis_gap_and_bar_skew=1.5 * ODDS_TO_NAME),
+                 odds=2.0 * ODDS_TO_NAME), "ambiguous axis_gap or bar_skew"),
+        # An exchange happened or it did not: it cannot be too small to be seen.
+        (posterior(bar_skew=1.0, bar_skew_and_swapped_gauges=2.0 * WITHOUT_SIZE),
+         "ambiguous bar_skew or swapped_gauges"),
+        (posterior(bar_skew=1.0, bar_skew_and_swapped_gauges=0.5 * WITHOUT_SIZE),
+         "named bar_skew"),
+        # A pattern beyond the list wins; nor is a cause named that cannot be told from it.
+        (posterior(unlisted=2.0, axis_gap=1.0), "unexplained"),
+        (posterior(unlisted=2.0 * DISMISSED, axis_gap=1.0), "unexplained"),
+        (posterior(unlisted=0.5, axis_gap=1.0, bar_skew=0.5), "ambiguous axis_gap or bar_skew"),
+        (posterior(unlisted=0.5 * DISMISSED, axis_gap=1.0), "named axis_gap"),
+        # Beside two causes it has to be excluded.
+        (posterior(unlisted=2.0 * BEYOND_TWO, axis_gap_and_misread=1.0), "unexplained"),
+        (posterior(unlisted=0.5 * BEYOND_TWO, axis_gap_and_misread=1.0), "named axis_gap+misread"),
+    ],
+)  # fmt: skip
+def test_verdicts(shares: Posterior, verdict: str) -> None:
+    assert judged(shares) == verdict
 
-    def test_of_a_pair_only_the_doubtful_part_is_doubted(self) -> None:
-        both = posterior(axis_gap_and_misread=1.0, axis_gap_and_stand_shift=0.8)
-        found = judge(both, FITS)
-        assert found.verdict == "ambiguous"
-        assert found.accepted == ("axis_gap", "misread")
-        assert found.ambiguous_with == ("stand_shift",)
 
-    def test_nothing_is_named_before_the_odds_are_reached(self) -> None:
-        below = posterior(nothing=1.0, axis_gap=0.5 * ODDS_TO_NAME, misread=0.4 * ODDS_TO_NAME)
-        found = judge(below, FITS)
-        assert (found.verdict, found.accepted, found.ambiguous_with) == ("consistent", (), ())
-        assert found.not_excluded == ("axis_gap", "misread")
-        assert judge(posterior(nothing=1.0, axis_gap=1.1 * ODDS_TO_NAME), FITS).verdict == "named"
+def test_the_best_of_bad_explanations_is_none() -> None:
+    assert judged(posterior(axis_gap=1.0), 1e-6) == "unexplained"
 
-    def test_where_more_is_asked_for_a_cause_more_is_asked_for_a_second(self) -> None:
-        shares = posterior(axis_gap=1.0, axis_gap_and_bar_skew=1.5 * ODDS_TO_NAME)
-        assert judge(shares, FITS).accepted == ("axis_gap", "bar_skew")
-        assert judge(replace(shares, odds=2.0 * ODDS_TO_NAME), FITS).accepted == ("axis_gap",)
 
-    def test_a_rival_a_little_below_the_bound_is_looked_at_again(self) -> None:
-        shares = posterior(axis_gap=1.0, bar_skew=0.5 * DISMISSED, leg_length=2.0 * DISMISSED)
-        assert shares.nearly_dismissed(("bar_skew",))
-        assert not shares.nearly_dismissed(("leg_length",))
-        assert not posterior(axis_gap=1.0, misread=1e-9).nearly_dismissed(("misread",))
-        beside = posterior(axis_gap=1.0, axis_gap_and_misread=0.5 * DISMISSED)
-        assert not beside.nearly_dismissed(("axis_gap", "misread"))
+def test_nothing_is_named_before_the_odds_are_reached() -> None:
+    """What would have been seen is not mentioned either."""
+    below, rare = 0.5 * ODDS_TO_NAME, 1e-6
+    shares = posterior(nothing=1.0, axis_gap=below, leg_length=0.06, bar_skew=rare)
+    assert judged(shares) == "consistent"
+    assert judge(shares, FITS).not_excluded == ("axis_gap", "leg_length")
+    assert judged(posterior(nothing=1.0, axis_gap=1.1 * ODDS_TO_NAME)) == "named axis_gap"
 
-    def test_what_would_have_been_seen_is_not_mentioned(self) -> None:
-        found = judge(posterior(nothing=1.0, leg_length=0.06, axis_gap=1e-6), FITS)
-        assert found.not_excluded == ("leg_length",)
 
-    def test_a_pattern_beyond_the_list_wins(self) -> None:
-        found = judge(posterior(unlisted=2.0, axis_gap=1.0), FITS)
-        assert (found.verdict, found.accepted) == ("unexplained", ())
-        # Nor is a cause named that cannot be told from it; beside two it has to be excluded.
-        assert judge(posterior(unlisted=2.0 * DISMISSED, axis_gap=1.0), FITS).verdict == (
-            "unexplained"
-        )
-        several = posterior(unlisted=0.5, axis_gap=1.0, bar_skew=0.5)
-        assert judge(several, FITS).verdict == "ambiguous"
-        below = 0.5 * DISMISSED
-        assert below > BEYOND_TWO
-        assert judge(posterior(unlisted=below, axis_gap=1.0), FITS).verdict == "named"
-        two = posterior(unlisted=below, axis_gap_and_misread=1.0)
-        assert judge(two, FITS).verdict == "unexplained"
-        two = posterior(unlisted=0.5 * BEYOND_TWO, axis_gap_and_misread=1.0)
-        assert judge(two, FITS).verdict == "named"
+def test_a_rival_a_little_below_the_bound_is_looked_at_again() -> None:
+    shares = posterior(axis_gap=1.0, bar_skew=0.5 * DISMISSED, leg_length=2.0 * DISMISSED)
+    assert shares.nearly_dismissed(("bar_skew",))
+    assert not shares.nearly_dismissed(("leg_length",))
+    assert not posterior(axis_gap=1.0, misread=1e-9).nearly_dismissed(("misread",))
+    beside = posterior(axis_gap=1.0, axis_gap_and_misread=0.5 * DISMISSED)
+    assert not beside.nearly_dismissed(("axis_gap", "misread"))
 
-    def test_a_second_cause_is_added_only_where_the_odds_demand_it(self) -> None:
-        pair = ("axis_gap", "bar_skew")
-        found = judge(posterior(axis_gap=1.0, axis_gap_and_bar_skew=0.9 * ODDS_TO_NAME), FITS)
-        assert (found.accepted, found.ambiguous_with) == (("axis_gap",), ("bar_skew",))
-        found = judge(posterior(axis_gap=1.0, axis_gap_and_bar_skew=1.1 * ODDS_TO_NAME), FITS)
-        assert (found.verdict, found.accepted) == ("named", pair)
-        found = judge(posterior(axis_gap=1.0, axis_gap_and_bar_skew=0.9 / ODDS_TO_NAME), FITS)
-        assert (found.verdict, found.accepted) == ("named", ("axis_gap",))
 
-    def test_an_exchange_beside_it_is_open_unless_the_data_speak_against_it(self) -> None:
-        """It happened or it did not: it cannot be too small to be seen."""
-        found = judge(posterior(bar_skew=1.0, bar_skew_and_swapped_gauges=2 * WITHOUT_SIZE), FITS)
-        assert found.verdict == "ambiguous"
-        assert (found.accepted, found.ambiguous_with) == (("bar_skew",), ("swapped_gauges",))
-        found = judge(posterior(bar_skew=1.0, bar_skew_and_swapped_gauges=WITHOUT_SIZE / 2), FITS)
-        assert found.verdict == "named"
-
-    def test_explanations_of_one_remedy_are_one_answer(self) -> None:
-        """Reading 12 is wrong, by a turn or by any other amount; a knock asks for more."""
-        again = {("gauge_slip",): ((), (12,)), ("misread",): ((), (12,))}
-        shares = posterior(gauge_slip=0.35, misread=0.25, misread_and_leg_length=0.02)
-        found = judge(replace(shares, remedies=again), FITS)
-        assert (found.verdict, found.accepted) == ("named", ("gauge_slip",))
-        assert replace(shares, remedies=again).same_answer(("gauge_slip",)) == (("misread",),)
-        assert judge(shares, FITS).verdict == "ambiguous"
-        # With its stand gone a knock that moved this reading alone is no more than a wrong reading.
-        knock = {**again, ("stand_shift",): ((), (12,))}
-        shares = posterior(misread=0.47, stand_shift=0.53)
-        found = judge(replace(shares, remedies=knock), FITS)
-        assert (found.verdict, found.accepted) == ("named", ("misread",))
-        shares = posterior(misread=0.3, stand_shift=0.31 * ODDS_TO_NAME)
-        found = judge(replace(shares, remedies=knock), FITS)
-        assert (found.verdict, found.accepted) == ("named", ("stand_shift",))
-        # Together they are likelier than what each alone is not.
-        shares = posterior(gauge_slip=0.35, misread=0.25, stand_shift=0.4)
-        found = judge(replace(shares, remedies=again), FITS)
-        assert (found.accepted, found.ambiguous_with) == (("gauge_slip",), ("stand_shift",))
-
-    def test_the_best_of_bad_explanations_is_none(self) -> None:
-        found = judge(posterior(axis_gap=1.0), 1e-6)
-        assert (found.verdict, found.accepted) == ("unexplained", ())
+def test_explanations_of_one_remedy_are_one_answer() -> None:
+    """Reading 12 is wrong, by a turn or by any other amount; a knock asks for more."""
+    again = {("gauge_slip",): ((), (12,)), ("misread",): ((), (12,))}
+    shares = posterior(gauge_slip=0.35, misread=0.25, misread_and_leg_length=0.02)
+    assert judged(shares) == "ambiguous gauge_slip or misread"
+    assert judged(replace(shares, remedies=again)) == "named gauge_slip"
+    assert replace(shares, remedies=again).same_answer(("gauge_slip",)) == (("misread",),)
+    # With its stand gone a knock that moved this reading alone is no more than a wrong reading.
+    knock = {**again, ("stand_shift",): ((), (12,))}
+    for misread, knocked, name in (
+        (0.47, 0.53, "misread"),
+        (0.3, 0.31 * ODDS_TO_NAME, "stand_shift"),
+    ):
+        shares = posterior(misread=misread, stand_shift=knocked)
+        assert judged(replace(shares, remedies=knock)) == f"named {name}"
+    # Together they are likelier than what each alone is not.
+    shares = posterior(gauge_slip=0.35, misread=0.25, stand_shift=0.4)
+    assert judged(replace(shares, remedies=again)) == "ambiguous gauge_slip or stand_shift"
 
 
 def test_bayes_rule_with_the_weights_of_the_candidates() -> None:
