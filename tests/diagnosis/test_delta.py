@@ -243,21 +243,6 @@ def test_repeats_tell_the_repeatability(tmp_path: Path) -> None:
     assert solve(given_.measured, given_.model).sigma_repeats_mm == found.lack_of_fit.repeats_mm
 
 
-SEVEN = np.array([0.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])
-
-
-def test_seven_touches_that_fit_badly_are_not_to_be_pasted(tmp_path: Path) -> None:
-    """One spare reading: 40 µm to and fro on the ring, which nothing that is calibrated does."""
-    session = probe_bed(V400, Truth(), (), Layout(7), np.random.default_rng(1))
-    read = given(tmp_path, replace(session, readings=session.readings + 0.04 * SEVEN))
-    found = answer_to(read)
-    assert found.verdict in (Verdict.UNEXPLAINED, Verdict.AMBIGUOUS)
-    assert not found.release.usable
-    assert "places" in found.release.remedies[0].sentence
-    sound = answer_to(given(tmp_path, session))
-    assert sound.release.usable
-
-
 @pytest.mark.parametrize("seed", range(6))
 def test_consistent_is_what_noise_leaves(seed: int, tmp_path: Path) -> None:
     """Stored calibrations whose heights scatter four times as much as is usual."""

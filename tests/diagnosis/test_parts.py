@@ -26,14 +26,6 @@ def test_a_fault_is_named_with_its_part(fault: str) -> None:
     assert whole.causes[0].where == cause.where.removesuffix(", part 1")
 
 
-def test_a_turned_bar_tells_a_skewed_bar_from_rails_that_do_not_meet() -> None:
-    """What one sitting leaves open, the second decides: the bar's slopes change their sign."""
-    for seed, hidden in ((1, "bar_skew"), (2, "axis_gap")):
-        session = truth.make_session(seed, truth.PROTOTYPE, truth.MICRON, (hidden,))
-        found = diagnose(*known(again(session, turned=1)))
-        assert [cause.id for cause in found.causes] == [hidden]
-
-
 def test_places_of_the_parts() -> None:
     """Gauges of each part have their own faults; of the whole table none, where two were joined."""
     session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON)

@@ -13,7 +13,6 @@ from orthoglide_cal.diagnosis.candidates import UNLISTED, Ids
 from orthoglide_cal.diagnosis.evidence import NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
-from orthoglide_cal.estimation import solve
 from orthoglide_cal.model.cause import Cause, Effect
 from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.plan import Floats
@@ -329,14 +328,6 @@ def test_refined_evidence_against_weighted_samples_of_the_full_model(cause: str)
     sampled = either(sampled, one_alone(noise, kind, columns, residual, 0))
     tolerance = 0.5 if kind.positive else 0.05
     assert fit.log_evidence == pytest.approx(sampled, abs=tolerance + 3.0 * error)
-
-
-def test_the_offsets_only_fit_is_that_of_solve() -> None:
-    """The prior on offsets (10 mm) moves them by less than a nanometre's fraction of σ."""
-    readings, model = known(truth.make_session(3, truth.LARGE, truth.MICRON))
-    found = assess(Whitened.of(readings, model))
-    solution = solve(readings, model)
-    assert found.fit(()).offsets == pytest.approx(solution.offsets_mm, abs=1e-6)
 
 
 @pytest.mark.parametrize("exact", [True, False], ids=["exact", "real"])

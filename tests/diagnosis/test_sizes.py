@@ -7,12 +7,10 @@ from typing import Any
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import diagnose as judge
 from orthoglide_cal.model.orthoglide import Orthoglide
 from tests import truth
 from tests.cli.program import words
 from tests.diagnosis.command import SECOND, diagnose, told, written
-from tests.diagnosis.sessions import known
 
 # Faults of the record, each with a seed whose truth stands clear of every rival.
 RECORD = {"misread": 1, "gauge_slip": 3, "sign_flip": 2, "swapped_gauges": 37}
@@ -59,16 +57,6 @@ def test_what_the_machine_file_does_not_mention_is_named_all_the_same(
     # These defaults are what the full file states, so nothing else differs.
     same = full.keys() - {"assumed", "assumed_sizes"}
     assert {key: found[key] for key in same} == {key: full[key] for key in same}
-
-
-def test_zero_rules_a_cause_out(tmp_path: Path) -> None:
-    session = hidden("misread")
-    readings, machine = written(tmp_path, session)
-    assert any("misread" in each.ids for each in judge(*known(session)).explanations)
-    found = told(readings, "--machine", resized(machine, {"misread": 0.0}))
-    named = {one["id"] for one in found["causes"]}
-    assert "misread" not in named | set(found["ambiguous_with"])
-    assert assumed(found) == {}
 
 
 def test_a_machine_that_can_have_nothing_is_judged_all_the_same(tmp_path: Path) -> None:

@@ -12,8 +12,6 @@ import pytest
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.diagnosis.assess import SPEAKS, WITHOUT_SIZE, Posterior, judge
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.model import Model
 from orthoglide_cal.results.making import release
 from tests import truth
 from tests.diagnosis.command import diagnose as run
@@ -85,19 +83,6 @@ def test_ten_and_thirty_times_the_stated_size_are_named(cause: str) -> None:
         stated = found.causes[0].times_stated
         assert stated is not None
         assert 0.4 * times < stated < 1.1 * times
-
-
-def skewed() -> tuple[Readings, Model]:
-    """Bars that lie so that exchanged gauges of one leg would look alike."""
-    return known(truth.make_session(9002, truth.PROTOTYPE, truth.MICRON, ("bar_skew",)))
-
-
-def test_an_exchange_that_the_data_do_not_speak_for_is_a_note() -> None:
-    found = diagnose(*skewed())
-    assert (found.verdict, ids(found), found.ambiguous_with) == ("named", {"bar_skew"}, ())
-    (fault,) = found.unshown
-    assert fault.id == "swapped_gauges"
-    assert fault.where.startswith("leg ")
 
 
 def test_it_holds_the_offsets_back_until_it_is_ruled_out(tmp_path: Path) -> None:

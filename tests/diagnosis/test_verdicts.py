@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.diagnosis import Diagnosis, diagnose
-from orthoglide_cal.estimation import solve
 from tests import truth
 from tests.diagnosis.sessions import known
-from tests.machines import sure
 
 # Seeds whose truth stands 5 to 60 σ from every rival (checked below); odd ones on the
 # prototype, even ones on the large machine; the slow causes at 2.5 min per posture.
@@ -101,10 +99,6 @@ def test_what_is_not_listed_is_unexplained(outside: str) -> None:
     assert found.verdict == "unexplained"
     assert found.causes == ()
     assert found.lack_of_fit.p_value < 1e-6
-    # Its size is part of the uncertainty: wider than the gauge's noise alone would say.
-    healthy, _ = known(truth.make_session(21, truth.PROTOTYPE, truth.MICRON))
-    assert np.all(found.std_mm > 3.0 * solve(healthy, sure(model)).std_mm)
-    assert np.all(found.std_mm > 0.99 * solve(readings, model).std_mm)
     assert any("pattern" in note for note in found.notes)
 
 
