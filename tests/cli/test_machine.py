@@ -8,6 +8,7 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import default_machine, read_machine_file
 from orthoglide_cal.model.orthoglide import Orthoglide
+from tests.printers import CONFIG
 from tests.session.terminal import Terminal
 
 from .program import SESSION, SIX, answer, done, refused, run
@@ -123,15 +124,16 @@ def test_a_folder_remembers_its_machine() -> None:
     assert run("solve", SESSION).exit_code in (0, 4)
 
 
-@pytest.mark.parametrize("kind", ["readings", "differences", "machine"])
+@pytest.mark.parametrize("kind", ["readings", "differences", "touches", "machine"])
 def test_a_template_is_a_file_that_the_program_takes(kind: str) -> None:
     shown = done("template", kind)
     assert shown.startswith("#")
-    Path(f"{kind}.txt").write_text(shown, encoding="utf-8")
-    assert "note:" not in done("validate", f"{kind}.txt")
-    data = SIX if kind == "machine" else f"{kind}.txt"
-    machine = ("--machine", "machine.txt") if kind == "machine" else ()
-    assert run("solve", data, *machine).exit_code in (0, 4)
+    Path("template").write_text(shown, encoding="utf-8")
+    machine = {"touches": ("--machine", str(CONFIG)), "machine": ("--machine", "template")}
+    known = machine.get(kind, ())
+    assert "note:" not in done("validate", "template", *known)
+    data = SIX if kind == "machine" else "template"
+    assert run("solve", data, *known).exit_code in (0, 4)
 
 
 def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
