@@ -12,7 +12,7 @@ import yaml
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.planning.design import GIVES_UP
-from tests.cli.program import lines, modules_after, once, process, run
+from tests.cli.program import lines, modules_after, once, process, run, words
 from tests.machines import ROOT
 from tests.printers import CONFIG
 
@@ -84,15 +84,15 @@ def test_a_target_takes_as_many_cycles_as_it_needs() -> None:
 def test_a_target_below_what_cannot_be_seen_says_what_would_help(tmp_path: Path) -> None:
     def said(target: str, *options: str) -> str:
         shown = once("plan", "--target", target, *options).stdout
-        return " ".join(shown.partition("\nNext\n")[0].replace("│", " ").split())
+        return words(shown.partition("\nNext\n")[0])
 
-    words = said("0.01")
-    assert "✘ ± 0.01 mm cannot be reached in this way" in words
-    assert "± 0.019 mm stays (leg_length)." in words
+    small = said("0.01")
+    assert "✘ ± 0.01 mm cannot be reached in this way" in small
+    assert "± 0.019 mm stays (leg_length)." in small
     # A target beyond all reason is repeated as it was asked.
-    words = said("1e-9")
-    assert "± 1e-09 mm cannot be reached in this way" in words
-    assert words.count("stays (leg_length). Measure the legs") == 1
+    smaller = said("1e-9")
+    assert "± 1e-09 mm cannot be reached in this way" in smaller
+    assert smaller.count("stays (leg_length). Measure the legs") == 1
     coarse = {"resolution_mm": 0.5, "range_mm": 10.0, "repeatability_mm": 5.0}
     noisy = said("0.1", "--machine", machine(tmp_path, gauge=coarse))
     assert "More than 50 cycles would do, because of the scatter" in noisy
@@ -127,18 +127,9 @@ def test_what_it_says_to_type_can_be_typed(tmp_path: Path) -> None:
     assert f"orthocal measure --machine {path} --design best --cycles 5" in shown
 
 
-def test_it_fits_a_narrow_terminal_and_a_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
-    shown = run("plan", "--details").stdout
-    assert max(map(len, (each for each in shown.splitlines() if "orthocal" not in each))) <= 80
-    for sign in ("█<1", "▒ 2", "A axis_gap"):
-        assert sign in shown
-    assert GIVES_UP in " ".join(shown.split())  # as measure says it
-    page = tmp_path / "plan.html"
-    assert run("plan", "--html", str(page)).exit_code == 0
-    text = page.read_text("utf-8")
+def test_its_page_has_what_is_shown_and_short_facts() -> None:
+    assert GIVES_UP in words(run("plan", "--details").stdout)  # as measure says it
+    text = run("plan", "--html", "-").stdout
     assert "█&lt;1" in text
     assert "A axis_gap" in text
     # A heading of 360 px shows two lines of about 27 characters of each fact.
@@ -146,8 +137,6 @@ def test_it_fits_a_narrow_terminal_and_a_page(
     facts = [re.sub("<[^>]*>", "", fact) for fact in re.findall("<dd>(.*?)</dd>", header)]
     assert len(facts) >= 2
     assert all(len(textwrap.wrap(html.unescape(fact), 27)) <= 2 for fact in facts), facts
-    assert run("plan", "--html", str(page)).exit_code == 2
-    assert run("plan", "--html", str(page), "--overwrite").exit_code == 0
 
 
 @pytest.mark.parametrize("options", [(), ("--machine", str(CONFIG))])
@@ -166,7 +155,7 @@ def test_a_page_and_json_are_asked_for_apart(
 ) -> None:
     done = run(*command, "--html", target, "--json")
     assert done.exit_code == 2
-    assert "Leave out --html" in " ".join((done.stdout + done.stderr).split())
+    assert "Leave out --html" in words(done.stdout + done.stderr)
     assert not list(folder.iterdir())
 
 

@@ -9,7 +9,6 @@ import yaml
 
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.readings import Contact
 from tests.cli.program import DOUBLE, SAMPLES, SESSION, SINGLE, lines, refused, run
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, ROOT
 from tests.printers import CONFIG
@@ -44,33 +43,6 @@ def test_the_seed_decides_and_is_told() -> None:
     assert shown.stderr == f"seed {seed}\n"
     assert run("simulate", "--seed", seed).stdout == shown.stdout
     assert run("simulate", "--seed", "4").stdout != shown.stdout
-
-
-@pytest.mark.parametrize("protocol", ["double", "single"])
-@pytest.mark.parametrize("machine", [(), ("--machine", LARGE_FILE)])
-def test_solve_finds_the_offsets_that_were_simulated(
-    protocol: str, machine: tuple[str, ...]
-) -> None:
-    offsets = (1.42, -2.31, 0.87)
-    options = ("--protocol", protocol, "--offsets", *map(str, offsets), *machine)
-    made = run("simulate", "--seed", "6", *options)
-    (found,) = lines(run("solve", "--json", *machine, "-", text=made.stdout))
-    for each, value in zip(found["parameters"], offsets, strict=True):
-        assert abs(each["found"] - value) < 4.0 * each["std"]
-    assert found["lack_of_fit"]["p_value"] > 0.001
-
-
-def test_shape_of_a_session() -> None:
-    readings = session("--cycles", "2", "--gauge-at", "0.4")
-    assert len(readings) == 6 * (3 * 2 + 1)
-    assert readings.timed
-    assert readings.posture[:6] == ("iso", "iso", "max", "max", "min", "min")
-    assert readings.cycle.max() == 3
-    assert np.all(readings.plan.contact == Contact.FIXED)
-    assert set(readings.plan.gauge_at.tolist()) == {0.4}
-    readings = session("--protocol", "single", "--cycles", "2")
-    assert len(readings) == 24
-    assert set(readings.plan.contact.tolist()) == {Contact.JOINT, Contact.TOOL}
 
 
 def test_the_gauge_of_the_machine_or_another() -> None:
@@ -157,23 +129,28 @@ def test_output_is_written_but_never_over_a_file(tmp_path: Path) -> None:
     assert target.read_text(encoding="utf-8") == written
 
 
-def test_output_as_a_session_holds_the_machine_and_the_same_readings(tmp_path: Path) -> None:
-    target = tmp_path / "made.yaml"
-    arguments = ("simulate", "--seed", "3", "--machine", LARGE_FILE, "--gauge-at", "0.4")
-    assert run(*arguments, "--output", str(target)).exit_code == 0
-    (tmp_path / "made.csv").write_text(run(*arguments).stdout, encoding="utf-8")
-    made = read_input(str(target))
-    written = made.measured
-    plain = read_input(str(tmp_path / "made.csv"), NOMINAL_LARGE).measured
+@pytest.mark.parametrize("form", ["yaml", "json"])
+def test_a_session_holds_the_machine_and_the_same_readings(form: str) -> None:
+    arguments = ("simulate", "--seed", "3", "--machine", LARGE_FILE, "--cycles", "2")
+    plain, target = run(*arguments, "--gauge-at", "0.4").stdout, Path(f"made.{form}")
+    as_session = ("--output", str(target)) if form == "yaml" else ("--json",)
+    shown = run(*arguments, "--gauge-at", "0.4", *as_session)
+    assert shown.exit_code == 0
+    if form == "json":
+        assert lines(shown)[0]["environment"]["source"] == "simulated, seed 3"
+        target.write_text(shown.stdout, encoding="utf-8")
+    Path("made.csv").write_text(plain, encoding="utf-8")
+    made, table = read_input(str(target)), read_input("made.csv", NOMINAL_LARGE).measured
     assert made.model.machine == LARGE
-    assert isinstance(written, Readings)
-    assert isinstance(plain, Readings)
-    assert np.array_equal(written.value, plain.value)
-    assert np.array_equal(written.plan.setup, plain.plan.setup)
-    assert written.plan.hours == pytest.approx(plain.plan.hours, abs=1e-9)
-    assert made.conditions.protocol == "double-posture"
-    assert made.conditions.operator is None
-    assert made.conditions.started is None
+    assert isinstance(made.measured, Readings)
+    assert isinstance(table, Readings)
+    assert np.array_equal(made.measured.value, table.value)
+    assert len(table) == 6 * (3 * 2 + 1)
+    assert set(table.plan.gauge_at.tolist()) == {0.4}
+    assert np.array_equal(made.measured.plan.setup, table.plan.setup)
+    assert made.measured.plan.hours == pytest.approx(table.plan.hours, abs=1e-9)
+    told = made.conditions
+    assert (told.protocol, told.operator, told.started) == ("double-posture", None, None)
 
 
 def test_the_sample_sessions_are_what_their_readme_says(tmp_path: Path) -> None:
@@ -190,19 +167,6 @@ def test_the_sample_sessions_are_what_their_readme_says(tmp_path: Path) -> None:
         yaml.safe_load(Path(file).read_text()) for file in (tmp_path / "session.yaml", SESSION)
     )
     assert made["readings"] == kept["readings"]
-
-
-def test_json_is_the_session_and_reads_back_as_one() -> None:
-    plain = session()
-    shown = run("simulate", "--seed", "5", "--json")
-    (record,) = lines(shown)
-    assert record["environment"]["source"] == "simulated, seed 5"
-    Path("session.json").write_text(shown.stdout, encoding="utf-8")
-    read = read_input("session.json")
-    assert isinstance(read.measured, Readings)
-    assert read.model.machine.name == record["machine"]["name"]
-    np.testing.assert_array_equal(read.measured.value, plain.value)
-    np.testing.assert_array_equal(read.measured.plan.setup, plain.plan.setup)
 
 
 @pytest.mark.parametrize(
