@@ -114,30 +114,26 @@ def test_undo_takes_the_last_entry_back() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "code", "words"),
     [
-        (("before.csv", "--yes"), "applied already"),
-        (("after.csv", "--undo", "--yes"), "another measurement"),
-        (("before.csv",), "In a script, give --yes"),
-        ((), "Name the session"),
-        (("before.csv", "--yes", "--machine", "-"), "be recorded in standard input"),
-        (("--undo",), "In a script, give --yes"),
+        ("before.csv --yes", 2, "applied already"),
+        ("after.csv --undo --yes", 2, "another measurement"),
+        ("before.csv", 2, "In a script, give --yes"),
+        ("", 2, "Name the session"),
+        ("before.csv --yes --machine -", 2, "be recorded in standard input"),
+        ("--undo", 2, "In a script, give --yes"),
+        ("few.csv --yes", 4, "do not determine"),
     ],
 )
-def test_what_is_refused_changes_nothing(arguments: tuple[str, ...], words: str) -> None:
+def test_what_is_refused_changes_nothing(arguments: str, code: int, words: str) -> None:
+    Path("few.csv").write_text(UNDETERMINED, encoding="utf-8")
     applied()
     measured_again()
     before = Path("machine.yaml").read_bytes()
-    assert words in refused(2, "apply", *arguments)
-    assert Path("machine.yaml").read_bytes() == before
-
-
-def test_a_result_that_must_not_be_used_is_not_applied() -> None:
-    Path("few.csv").write_text(UNDETERMINED, encoding="utf-8")
-    before = Path("machine.yaml").read_bytes()
-    assert run("export", "few.csv").exit_code == 4
+    said = refused(code, "apply", *arguments.split())
+    assert words in said
     # No option is offered that `apply` does not have.
-    assert "--force" not in refused(4, "apply", "few.csv", "--yes")
+    assert "--force" not in said
     assert Path("machine.yaml").read_bytes() == before
 
 

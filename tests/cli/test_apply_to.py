@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -44,16 +45,18 @@ def offsets(path: str = "mill.ini") -> list[float]:
     return found
 
 
+def to_enter() -> list[float]:
+    """What is found in the first measurement."""
+    return [each["enter"] for each in answer("solve", "before.csv")["parameters"]]
+
+
 def history() -> list[dict]:
     return yaml.safe_load(Path("machine.yaml").read_text(encoding="utf-8")).get("history") or []
 
 
 def test_what_is_found_is_added_and_recorded_and_comes_back() -> None:
     machine = Path("machine.yaml").read_text(encoding="utf-8")
-    found = [
-        each["enter"]
-        for each in answer("solve", "before.csv", "--machine", "machine.yaml")["parameters"]
-    ]
+    found = to_enter()
     said = done("apply", "before.csv", "--to", "mill.ini", "--yes")
     assert "first time" in " ".join(said.split())
     expected = [a + b for a, b in zip((0.5, -12.25, 0.0), found, strict=True)]
@@ -182,20 +185,14 @@ def test_two_hundred_kills_lose_nothing() -> None:
 def test_a_real_linuxcnc_moves_by_what_was_promised() -> None:
     with LinuxCnc() as machine:
         original, before = machine.ini.read_bytes(), machine.homed_by
-        found = [
-            each["enter"]
-            for each in answer("solve", "before.csv", "--machine", "machine.yaml")["parameters"]
-        ]
+        found = to_enter()
         done("apply", "before.csv", "--to", str(machine.ini), "--yes")
         # Told to the running controller: it homes by as much more as was promised.
-        assert differences(before, machine.home()) == pytest.approx(found, abs=2e-5)
+        left = np.subtract(before, found)
+        assert machine.home() == pytest.approx(left, abs=2e-5)
         machine.stop()
         machine.start()
-        assert differences(before, machine.homed_by) == pytest.approx(found, abs=2e-5)
+        assert machine.homed_by == pytest.approx(left, abs=2e-5)
         done("apply", "--undo", "--to", str(machine.ini), "--yes")
         assert machine.home() == pytest.approx(before, abs=2e-5)
         assert machine.ini.read_bytes() == original
-
-
-def differences(first: list[float], second: list[float]) -> list[float]:
-    return [a - b for a, b in zip(first, second, strict=True)]
