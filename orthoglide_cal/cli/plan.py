@@ -68,6 +68,7 @@ def plan(
     from orthoglide_cal.planning.plan import Wanted, chosen_session, measurement_plan
     from orthoglide_cal.planning.program import APPROACH_MM, posture_program
     from orthoglide_cal.planning.steps import MeasuringProtocol, Order, sequence, sequence_options
+    from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.plan import plan_document
     from orthoglide_cal.results import answer_to
 
@@ -110,9 +111,8 @@ def plan(
     diagnosis = diagnose(given.measured, model) if given else None
     full = details or json or html is not None
     found = measurement_plan(model, wanted, ranked(diagnosis) if diagnosis else (), full)
-    begun = answer_to(given, diagnosed=diagnosis) if given else None
-    source = given.measured.source if given else None
-    document = plan_document(found, machine, begun, source)
+    begun = Case(given, answer_to(given, diagnosed=diagnosis), machine) if given else None
+    document = plan_document(found, machine, begun)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
 
 

@@ -40,7 +40,7 @@ def report(
 ) -> None:
     """Write the calibration report."""
     from orthoglide_cal.files.input import latest_session
-    from orthoglide_cal.report.case import Case, about
+    from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.results import answer_to, identify
     from orthoglide_cal.results.verification import verify
@@ -64,7 +64,7 @@ def report(
         if after is not None:
             later = common.read_input(after, machine, data)
             if given.measured.of_bed:
-                compare = about("verify", given.measured.source, after, machine=machine)
+                compare = case.typed("verify", other=after)
                 raise UsageError(
                     "The report of a printer shows one file.", f"Compare them: {compare}"
                 )

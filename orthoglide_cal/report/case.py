@@ -41,16 +41,6 @@ _TAKING_METHODS = ("solve", "report", "export")
 _DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
 
 
-def about(
-    verb: str, source: Source, *others: str, machine: Path | None = None, options: str = ""
-) -> str:
-    """A command about what was read of a file, with what was chosen of it, and other files."""
-    chosen = [f"--data {source.excerpt.data}"] if source.excerpt and source.excerpt.data else []
-    earlier = source.earlier if verb == "diagnose" else ()
-    given = " ".join(filter(None, (*chosen, *(["--together"] if earlier else []), options)))
-    return command(verb, *earlier, source.path, *others, machine=machine, options=given)
-
-
 @dataclass(frozen=True, eq=False)
 class Case:
     """What a page is about."""
@@ -108,15 +98,20 @@ class Case:
         method = self.answer.method
         return None if method == self.answer.input.kind else method
 
-    def typed(self, verb: str, *options: str) -> str:
-        """A command about the same input, with what was given for it, and further options."""
-        given = []
+    def typed(self, verb: str, *options: str, other: str = "") -> str:
+        """A command about this input, with what was given for it, more options, another file."""
+        excerpt, paths = self.source.excerpt, [self.source.path]
+        given = [f"--data {excerpt.data}"] if excerpt and excerpt.data else []
+        if verb == "diagnose" and self.source.earlier:
+            paths = [*self.source.earlier, *paths]
+            given.append("--together")
         if self._method is not None and verb in _TAKING_METHODS:
             given.append(f"--method {self._method}")
         given += filter(None, options)
         if verb in _DIAGNOSING:
             given += [f"--rule-out {id}" for id in self.answer.ruled_out]
-        return about(verb, self.source, machine=self.machine_file, options=" ".join(given))
+        paths += filter(None, [other])
+        return command(verb, *paths, machine=self.machine_file, options=" ".join(given))
 
     def more(self, verb: str) -> doc.Line:
         """Where the rest stands."""
@@ -142,12 +137,24 @@ class Case:
         digits = self.answer.decimals
         changes = " ".join(plain(each.change(digits), digits) for each in self.answer.parameters)
         options = f"--applied {changes}" if unknown else ""
-        return about("verify", self.source, "AFTER", machine=self.machine_file, options=options)
+        return self.typed("verify", options, other="AFTER")
 
     @property
     def record(self) -> str | None:
         """What to type once they were entered; None where that is recorded, or nowhere kept."""
         return self.typed("apply") if recording(self.given) == "due" else None
+
+    def further(self, session: str | None) -> str | None:
+        """What to type for a further measurement; a printer has its own ways.
+
+        `session` are the options of a session of its own; None: it goes on from these readings.
+        """
+        if session is not None:
+            return command("measure", machine=self.machine_file, options=session)
+        if not self.words.measure or self.source.path == "-":
+            return None
+        then = f"{self.words.measure} --then"
+        return command(then, self.source.path, machine=self.machine_file)
 
     @property
     def table(self) -> str | None:
@@ -237,24 +244,6 @@ def position_words(tool_mm: Sequence[float], decimals: int) -> str:
     """ "X60 Y0 Z0": a tool position as it is typed."""
     pairs = zip(AXES, tool_mm, strict=True)
     return " ".join(f"{axis.upper()}{short(value, decimals)}" for axis, value in pairs)
-
-
-def to_follow(
-    machine: Machine, source: Source | None, session: str | None, machine_file: Path | None
-) -> str | None:
-    """What to type for a further measurement; a printer has its own ways.
-
-    Args:
-        machine, machine_file: what is measured, and its file as the user named it.
-        source: of its readings.
-        session: options of a session of its own; None: it goes on from those readings.
-    """
-    if session is not None:
-        return command("measure", machine=machine_file, options=session)
-    verb = machine.vocabulary.measure
-    if not verb or source is None or source.path == "-":
-        return None
-    return command(f"{verb} --then", source.path, machine=machine_file)
 
 
 def measure_again(conditions: Conditions | None, machine: Path | None = None) -> str:

@@ -101,8 +101,9 @@ def words(
     return tag("text", content, x=x, y=y, text_anchor=anchor, class_=class_)
 
 
-def line(x1: float, y1: float, x2: float, y2: float, class_: str = "ink") -> Html:
-    """A straight line."""
+def line(start: Iterable[float], stop: Iterable[float], class_: str) -> Html:
+    """A straight line between two points."""
+    (x1, y1), (x2, y2) = start, stop
     return tag("line", x1=x1, y1=y1, x2=x2, y2=y2, class_=class_)
 
 
@@ -188,7 +189,7 @@ def deviation_rows(rows: Sequence[Deviation], limit_mm: float | None = None) -> 
     ]
     parts = [
         *band,
-        *(line(x, top, x, bottom, kind) for x, kind in zip(places, kinds, strict=True)),
+        *(line((x, top), (x, bottom), kind) for x, kind in zip(places, kinds, strict=True)),
         *below(places, texts, bottom + 14),
         words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
         *(words(x, 12, head, "end", "muted") for x, head in heads.items()),
@@ -205,9 +206,9 @@ def deviation_rows(rows: Sequence[Deviation], limit_mm: float | None = None) -> 
             *(words(x, y + 4, text, "end") for x, text in zip(heads, numbers, strict=True)),
             tag(
                 "g",
-                line(start, y, stop, y, "thread"),
-                line(low, y, high, y, "whisker"),
-                *(line(x, y - 5, x, y + 5, "whisker") for x in (low, high)),
+                line((start, y), (stop, y), "thread"),
+                line((low, y), (high, y), "whisker"),
+                *(line((x, y - 5), (x, y + 5), "whisker") for x in (low, high)),
                 mark(start, y, 0, "mark open", 5.0),
                 mark(stop, y, 2, "mark", 4.2),
                 mark(across(value), y, 0, "mark", 4.6) if measured else None,
@@ -256,7 +257,7 @@ def residual_panels(
         widest = [max(text.split(), key=len, default="") for text in postures]
         parts = [
             rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band"),
-            *(line(40.0, y, width - 6.0, y, kind) for y, kind, _ in up.ticks(4)),
+            *(line((40.0, y), (width - 6.0, y), kind) for y, kind, _ in up.ticks(4)),
             *(words(36.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4)),
             words(2.0, 14.0, "µm", class_="muted"),
             *(
@@ -394,10 +395,10 @@ def _contour(beyond: Bools) -> Iterator[Html]:
     size = _SIZE / len(beyond)
     for row, k in np.argwhere(beyond[:, 1:] != beyond[:, :-1]).tolist():
         x, y = _LEFT + (k + 1) * size, _ABOVE + _SIZE - row * size
-        yield line(x, y, x, y - size, "due")
+        yield line((x, y), (x, y - size), "due")
     for row, k in np.argwhere(beyond[1:] != beyond[:-1]).tolist():
         x, y = _LEFT + k * size, _ABOVE + _SIZE - (row + 1) * size
-        yield line(x, y, x + size, y, "due")
+        yield line((x, y), (x + size, y), "due")
 
 
 def bed_maps(
@@ -485,14 +486,14 @@ def machine_sketch(
         x, y = joint - 7.0
         at, below = _at(leg, end + 0.10)
         drawn = [
-            _straight(start, stop, "rail"),
-            _straight(joint + side, tool + side, "bar"),
-            _straight(joint - side, tool - side, "bar"),
+            line(start, stop, "rail"),
+            line(joint + side, tool + side, "bar"),
+            line(joint - side, tool - side, "bar"),
             tag("rect", x=x, y=y, width=14, height=14, rx=2, class_="carriage"),
             words(at, below + 4.0, axis, "middle", "axis"),
         ]
         if leg in rails:
-            drawn.append(_straight(start + 2.5 * side, stop + 2.5 * side, "fault"))
+            drawn.append(line(start + 2.5 * side, stop + 2.5 * side, "fault"))
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
     x, y = _CENTRE
     parts.append(tag("circle", cx=x, cy=y, r=8.0, class_="tool"))
@@ -506,7 +507,7 @@ def machine_sketch(
             dial = dial + 6.0 * toward
         dials.append(dial)
         x, y = dial
-        drawn = [_straight(touch + 5.0 * toward, dial - 12.0 * toward, "plunger")]
+        drawn = [line(touch + 5.0 * toward, dial - 12.0 * toward, "plunger")]
         if (leg, direction) in faults:
             drawn.append(tag("circle", cx=x, cy=y, r=17.0, class_="fault"))
         drawn.append(tag("circle", cx=x, cy=y, r=12.0, class_="dial"))
@@ -522,11 +523,6 @@ def machine_sketch(
 
 def _at(leg: int, fraction: float) -> Floats:
     return np.asarray(_CENTRE + fraction * _LEG * _ON_PAPER[leg])
-
-
-def _straight(start: Floats, stop: Floats, class_: str) -> Html:
-    (x1, y1), (x2, y2) = start, stop
-    return line(x1, y1, x2, y2, class_)
 
 
 _NEAR, _FAR = 72.0, 96.0  # size of the largest gap, and length of half a rail in the picture
@@ -549,7 +545,7 @@ def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
         places = (-_FAR, _FAR, _FAR + 12.0)
         start, stop, behind = (_paper(through[rail] + far * np.eye(3)[rail]) for far in places)
         x, y = behind
-        drawn = _straight(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")
+        drawn = line(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
     taken: list[Floats] = []
     for first, second in pairs:
@@ -558,7 +554,7 @@ def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
         ends[0, first], ends[1, second] = through[second, first], through[first, second]
         one, other = map(_paper, ends)
         taken += [one, other, (one + other) / 2.0]
-        parts.append(_straight(one, other, "fault"))
+        parts.append(line(one, other, "fault"))
     for k, name in enumerate(gaps_mm):
         turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
         around_it = taken[3 * k + 2] + 17.0 * np.stack((np.cos(turns), np.sin(turns)), axis=-1)

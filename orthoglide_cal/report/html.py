@@ -88,7 +88,11 @@ def _block(block: doc.Block) -> Html:
             rows = (join((tag("dt", name), tag("dd", _line(value)))) for name, value in block.rows)
             return tag("dl", *rows)
         case doc.Grid():
-            return _tiles(block) if block.tiles else _table(block)
+            # Beside what scrolls: a wide table on a narrow page does not take its caption along.
+            caption = tag("p", block.caption, class_="small") if block.caption else None
+            whole = "whole" if len(block.rows) < 25 and not block.tiles else None
+            shown = _tiles(block) if block.tiles else _table(block)
+            return tag("div", shown, caption, class_=whole)
         case doc.Figure():
             return _figure(block)
         case doc.Listing():
@@ -121,7 +125,7 @@ def _table(grid: doc.Grid) -> Html:
         pairs = zip(others, kinds[1:], strict=True)
         cells += (tag("td", _line(cell), class_=kind) for cell, kind in pairs)
         rows.append(tag("tr", *cells))
-    scrolled = tag(
+    return tag(
         "div",
         tag("table", head, tag("tbody", *rows)),
         class_="scroll",
@@ -129,9 +133,6 @@ def _table(grid: doc.Grid) -> Html:
         role="region",
         aria_label=grid.caption or " ".join(grid.head).strip() or "table",
     )
-    # Beside what scrolls: a wide table on a narrow page does not take its caption along.
-    caption = tag("p", grid.caption, class_="small") if grid.caption else None
-    return tag("div", scrolled, caption, class_="whole" if len(grid.rows) < 25 else None)
 
 
 def _tiles(grid: doc.Grid) -> Html:
@@ -143,8 +144,7 @@ def _tiles(grid: doc.Grid) -> Html:
         pairs = zip(grid.head[1:-1], others, strict=True)
         below = (tag("p", f"{title} ", _line(cell), class_="small") for title, cell in pairs)
         tiles.append(tag("div", shown, label, *below, class_="tile"))
-    caption = tag("p", grid.caption, class_="small") if grid.caption else None
-    return tag("div", tag("div", *tiles, class_="tiles"), caption)
+    return tag("div", *tiles, class_="tiles")
 
 
 def _figure(figure: doc.Figure) -> Html:

@@ -143,5 +143,5 @@ def test_every_number_of_a_plan_to_go_on_is_in_its_json() -> None:
     case = CASES["ambiguous"]()
     measured, model = case.given.measured, case.given.model
     plan = measurement_plan(model, Wanted(), ranked(diagnose(measured, model)))
-    document = plan_document(plan, None, case.answer, measured.source)
+    document = plan_document(plan, None, case)
     assert missing(document, mapped(plan)) == []

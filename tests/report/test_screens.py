@@ -165,8 +165,8 @@ def test_what_to_measure_next() -> None:
     given = read_input(str(SAMPLES / "experiment1.csv"), None, lambda: NOMINAL)
     diagnosis = diagnose(given.measured, given.model)
     plan = measurement_plan(given.model, Wanted(), ranked(diagnosis))
-    begun = answer_to(given, diagnosed=diagnosis)
-    screen(plan_document(plan, None, begun, given.measured.source), MOST["plan"])
+    begun = Case(given, answer_to(given, diagnosed=diagnosis))
+    screen(plan_document(plan, None, begun), MOST["plan"])
 
 
 def test_a_verification() -> None:

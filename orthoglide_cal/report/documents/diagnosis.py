@@ -16,7 +16,7 @@ from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.measured import weighing
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import SETTLED, Case, decision_notice, to_do, to_follow
+from orthoglide_cal.report.case import SETTLED, Case, decision_notice, to_do
 from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections
 from orthoglide_cal.report.documents.solution import (
     alone_block,
@@ -369,8 +369,7 @@ def _next_step(case: Case) -> doc.Instruction:
         first, second = between_words(following)
         told = f"{following.what} About {following.minutes:.0f} min; it distinguishes {first}"
         told += f" from {second} ({following.separation_sigma:.1f} σ)."
-        typed = to_follow(case.machine, case.source, following.session, case.machine_file)
-        return doc.Instruction(told, typed)
+        return doc.Instruction(told, case.further(following.session))
     open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
     told = "No further reading of this kind is likely to decide."
     if not any(CAUSES[id].in_machine for id in open_ids):

@@ -187,19 +187,19 @@ def _courses(found: History) -> doc.Figure:
         ends = [*edges, *(value + side for value, half, _ in rows for side in (-half, half))]
         up = figures.Scale.around(ends, bottom, top)
         parts = [
-            *(line(50.0, y, wide, y, kind) for y, kind, _ in up.ticks(4)),
+            *(line((50.0, y), (wide, y), kind) for y, kind, _ in up.ticks(4)),
             *(words(45.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4)),
             *dates,
             words(50.0, 12.0, f"{now.name}, {unit_words(now.unit)}", class_="strong"),
-            *(line(50.0, up(edge), wide, up(edge), "due") for edge in edges),
+            *(line((50.0, up(edge)), (wide, up(edge)), "due") for edge in edges),
         ]
         for gap in gaps:
             middle = (places[gap] + places[gap + 1]) / 2.0
-            parts.append(line(middle, top, middle, bottom, "ink"))
+            parts.append(line((middle, top), (middle, bottom), "ink"))
         for start, end in pairwise([0, *(gap + 1 for gap in gaps), len(rows)]):
             parts.append(thread([(places[k], up(rows[k][2])) for k in range(start, end)]))
         for x, (value, half, _) in zip(places, rows, strict=True):
-            parts.append(line(x, up(value - half), x, up(value + half), "whisker"))
+            parts.append(line((x, up(value - half)), (x, up(value + half)), "whisker"))
             parts.append(figures.mark(x, up(value), 0, "mark", 3.0))
         finding = f"{now.name} of {len(rows)} sessions, {labels[0]} to {labels[-1]}."
         name = "course-" + "".join(letter if letter.isalnum() else "-" for letter in now.name)

@@ -16,7 +16,6 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation.budget import Budget
-from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.design import GIVES_UP
@@ -32,7 +31,7 @@ from orthoglide_cal.planning.plan import (
 from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import about, to_follow
+from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.diagnosis import between_words
 from orthoglide_cal.report.documents.solution import budget_sections, common_unit, source_words
 from orthoglide_cal.report.figures import separation_lines
@@ -59,27 +58,26 @@ _PLACES = "places.csv"
 def plan_document(
     plan: MeasurementPlan,
     machine_file: Path | None = None,
-    begun: Answer | None = None,
-    source: Source | None = None,
+    begun: Case | None = None,
 ) -> doc.Document:
     """The document, for any of the renderers.
 
     Args:
         plan: what a session of its own will give, and what to measure next.
         machine_file: as the user gave it.
-        begun, source: what the data say that there are already; None without any.
+        begun: the data that there are already, with what they say; None without any.
     """
     if begun is not None and plan.next:
         # The largest U of the lengths that there are; None if there are none to be entered.
-        now = max((each.expanded for each in begun.parameters if each.unit == "mm"), default=None)
-        plan = plan.changed(now_mm=now)
+        found = (each.expanded for each in begun.answer.parameters if each.unit == "mm")
+        plan = plan.changed(now_mm=max(found, default=None))
     going_on = begun if plan.next else None
     absent = None if plan.next else {"next"}
     data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent)
 
     def screen() -> doc.Page:
         if going_on is not None:
-            notice = _next_notice(plan, going_on)
+            notice = _next_notice(plan, going_on.answer)
             grid = _next_grid(plan, plan.next[1:_BRIEF_NEXT])
             sections = [doc.Section("Or", grid)]
         else:
@@ -89,7 +87,7 @@ def plan_document(
                 doc.Section(None, *_left_open(plan)),
             ]
         more = "More: the same with --details"
-        steps = doc.next_steps(_to_do(plan, machine_file, source), more)
+        steps = doc.next_steps(_to_do(plan, machine_file, begun), more)
         return doc.Page("Plan", notice=notice, sections=(*sections, steps))
 
     def page() -> doc.Page:
@@ -104,14 +102,15 @@ def plan_document(
             ranking = _next_grid(plan, plan.next, full=True)
             sections.append(doc.Section("What to measure next, best first", ranking))
             sections.append(doc.Section("A separate session would give", facts, notice))
-            data = f"{file_words(visible(going_on.input.path))}, {going_on.input.readings}"
-            facts, notice = doc.Facts([("Readings", data)]), _next_notice(plan, going_on)
+            given = going_on.answer.input
+            data = f"{file_words(visible(given.path))}, {given.readings}"
+            facts, notice = doc.Facts([("Readings", data)]), _next_notice(plan, going_on.answer)
         title = "Ways to measure, compared" if plan.gauges is None else "How many cycles"
         sections.append(doc.Section(title, _sessions_grid(plan)))
         sections.append(doc.Section(None, *_limits(plan), *_left_open(plan)))
         sections += [_ways(plan)] if plan.compare else []
         if plan.design:
-            typed = _command(plan.design, plan, machine_file, source)
+            typed = _command(plan.design, plan, machine_file, begun)
             sections.append(_design(plan, plan.design, typed))
         sections += [*budget_sections(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
@@ -119,7 +118,7 @@ def plan_document(
             title=plan.machine,
             facts=facts,
             notice=notice,
-            sheet=(doc.next_steps(_to_do(plan, machine_file, source)),),
+            sheet=(doc.next_steps(_to_do(plan, machine_file, begun)),),
             sections=sections,
         )
 
@@ -127,22 +126,22 @@ def plan_document(
 
 
 def _to_do(
-    plan: MeasurementPlan, machine_file: Path | None, source: Source | None
+    plan: MeasurementPlan, machine_file: Path | None, begun: Case | None
 ) -> Iterator[doc.Instruction]:
     """Measure what is best next, or the session."""
     chosen, machine = plan.chosen, plan.model.machine
-    if plan.next:
-        best = plan.next[0].option
-        yield doc.Instruction(best.what, to_follow(machine, source, best.session, machine_file))
+    if plan.next and begun:
+        best = plan.next[0]
+        yield doc.Instruction(best.what, begun.further(best.session))
     elif plan.bar_warning is not None and plan.bar_warning.leaves and plan.design is not None:
-        typed = _command(plan.design, plan, machine_file, source)
+        typed = _command(plan.design, plan, machine_file, begun)
         yield doc.Instruction("Measure what the plungers can follow", typed)
     elif plan.gauges is not None:
-        yield doc.Instruction("Measure it", _command(chosen, plan, machine_file, source))
+        yield doc.Instruction("Measure it", _command(chosen, plan, machine_file, begun))
     elif not chosen.can_be_sent:
         yield doc.Instruction(machine.vocabulary.probing)
     else:
-        typed = _command(chosen, plan, machine_file, source)
+        typed = _command(chosen, plan, machine_file, begun)
         told = "Write the places to a file, probe them in this order, fill in reading_mm"
         yield doc.Instruction(told, typed)
         typed = command("diagnose", _PLACES, machine=machine_file)
@@ -150,7 +149,7 @@ def _to_do(
 
 
 def _command(
-    found: SessionForecast, plan: MeasurementPlan, machine: Path | None, source: Source | None
+    found: SessionForecast, plan: MeasurementPlan, machine: Path | None, begun: Case | None
 ) -> str:
     """What to type to measure a session, or to have its places written."""
     if plan.gauges is not None:
@@ -160,9 +159,9 @@ def _command(
     usual = (plan.design or plan.by_cycles[0]).name
     named = "" if found.name == usual else f"--layout {found.name} "
     options = f"{named}--program {_PLACES}"
-    if source is None:
-        return command("plan", machine=machine, options=options)
-    return about("plan", source, machine=machine, options=options)
+    return (
+        begun.typed("plan", options) if begun else command("plan", machine=machine, options=options)
+    )
 
 
 def _reach(model: Model, expanded: Floats) -> str:
