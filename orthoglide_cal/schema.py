@@ -44,6 +44,7 @@ class Schema(BaseModel):
         extra="forbid",
         allow_inf_nan=False,
         defer_build=True,
+        arbitrary_types_allowed=True,  # what is not printed, such as arrays
     )
 
     def changed(self, **fields: object) -> Self:

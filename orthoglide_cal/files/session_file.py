@@ -38,7 +38,7 @@ _ROWS = ("readings", "retaken", "skipped")
 class Session(Circumstances):
     """A session as its file holds it; keys that are unknown are kept out of it, and reported."""
 
-    model_config = ConfigDict(extra="ignore", arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="ignore")
 
     schema_version: Version = 1
     machine: Annotated[InstanceOf[Model], PlainSerializer(machine_values)]  # that was measured

@@ -14,7 +14,7 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 
 from orthoglide_cal.errors import UsageError
@@ -39,8 +39,6 @@ class WorkspaceMaps(ReadOnly):
 
 class Workspace(Schema):
     """Largest error of the tool position over the cube that the joint limits allow."""
-
-    model_config = ConfigDict(arbitrary_types_allowed=True)
 
     before_mm: float
     after_mm: float

@@ -14,7 +14,7 @@ from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
-from pydantic import ConfigDict, Field, computed_field
+from pydantic import Field, computed_field
 
 from orthoglide_cal.estimation import Method, Posed, pose_plan
 from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
@@ -39,7 +39,6 @@ from orthoglide_cal.words import counted
 # The scatter of readings: what their number averages.
 AVERAGED = frozenset({Origin.NOISE, Origin.RESOLUTION})
 TINY = 1e-18  # mm²
-ARRAYS = ConfigDict(arbitrary_types_allowed=True)
 
 
 def lengths(model: Model, values: Floats) -> dict[str, float]:
@@ -64,7 +63,6 @@ class ParameterForecast:
 class SessionForecast(Schema):
     """What a `Layout` or a session like it will give."""
 
-    model_config = ARRAYS
     model: Model = Field(exclude=True)
     plan: Plan = Field(exclude=True)
     # Of the calibrated parameters, at the degrees of freedom that the readings will have.

@@ -30,7 +30,6 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from operator import ne
-from typing import TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -54,10 +53,10 @@ from orthoglide_cal.model.orthoglide import (
     double_posture,
     plan_of,
 )
-from orthoglide_cal.model.plan import Bools, Floats, Plan, ReadOnly, joined, without_zeros
+from orthoglide_cal.model.plan import Bools, Floats, Plan, PlanT, ReadOnly, joined, without_zeros
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
 from orthoglide_cal.planning.design import bar_warning, places, reach_mm
-from orthoglide_cal.planning.forecast import ARRAYS, estimator_for, lengths
+from orthoglide_cal.planning.forecast import estimator_for, lengths
 from orthoglide_cal.planning.steps import (
     MeasuringProtocol,
     Order,
@@ -91,7 +90,6 @@ MINUTES_TO_COME_BACK = 480.0
 # So many explanations are looked at, the likeliest.
 MOST = 8
 TINY = 1e-12
-P = TypeVar("P", bound=Plan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +129,7 @@ def further(first: Plan | None, model: Model) -> tuple[Option, ...]:
     )
 
 
-def _later(first: Plan, plan: P) -> P:
+def _later(first: Plan, plan: PlanT) -> PlanT:
     """A plan as a part of its own behind all that was read."""
     return replace(
         plan,
@@ -297,7 +295,6 @@ def _session(
 class RankedMeasurement(NextMeasurement):
     """An option and what it is worth."""
 
-    model_config = ARRAYS
     option: Option = Field(exclude=True)
     # U of the parameters that `solve` is expected to print of all readings together, or of a
     # session of its own alone, shape (p,).

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -29,7 +28,6 @@ from orthoglide_cal.planning.design import (
     readings_needed,
 )
 from orthoglide_cal.planning.forecast import (
-    ARRAYS,
     SessionForecast,
     fewest_cycles,
     forecast,
@@ -45,19 +43,17 @@ from orthoglide_cal.schema import Schema
 # Repeats that are shown in addition to those asked for.
 SHOWN_CYCLES = (1, 2, 3, 4, 6, 10)
 # Every method that can be fed with the readings of a protocol.
-METHODS: Mapping[MeasuringProtocol, tuple[Method, ...]] = MappingProxyType(
-    {
-        MeasuringProtocol.DOUBLE: (
-            Method.READINGS,
-            Method.TWELVE,
-            Method.TWELVE_LINEAR,
-            Method.SIX,
-            Method.SIX_LINEAR,
-        ),
-        MeasuringProtocol.SINGLE: (Method.READINGS, Method.SINGLE, Method.SINGLE_SEQUENTIAL),
-        MeasuringProtocol.BEST: (Method.READINGS,),
-    }
-)
+METHODS: Mapping[MeasuringProtocol, tuple[Method, ...]] = {
+    MeasuringProtocol.DOUBLE: (
+        Method.READINGS,
+        Method.TWELVE,
+        Method.TWELVE_LINEAR,
+        Method.SIX,
+        Method.SIX_LINEAR,
+    ),
+    MeasuringProtocol.SINGLE: (Method.READINGS, Method.SINGLE, Method.SINGLE_SEQUENTIAL),
+    MeasuringProtocol.BEST: (Method.READINGS,),
+}
 # More repeats hardly change what can be distinguished, but the time that it takes to say so.
 MOST_COMPARED = 10
 ROUNDING = 1e-9
@@ -130,7 +126,6 @@ class MeasurementPlan(Schema):
     about what else is uncertain.
     """
 
-    model_config = ARRAYS
     model: Model = Field(exclude=True)
     # As was asked for, or as long as the target takes.
     chosen: SessionForecast = Field(exclude=True)

@@ -21,7 +21,7 @@ from pathlib import PurePath
 from typing import Literal, NamedTuple
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import CAUSES
@@ -137,7 +137,6 @@ class Reached(Schema):
 class History(Schema):
     """Sessions of one machine compared, as `history --json` prints it."""
 
-    model_config = ConfigDict(arbitrary_types_allowed=True)
     schema_version: Literal[1] = 1
     machine: str
     kind: str

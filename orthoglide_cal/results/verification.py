@@ -25,7 +25,7 @@ from itertools import permutations, product
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from scipy.special import fdtrc
 
 from orthoglide_cal.diagnosis import diagnose
@@ -172,7 +172,6 @@ class Verification(Schema):
     `inputs` are both measurements, each with the machine that it was judged by.
     """
 
-    model_config = ConfigDict(arbitrary_types_allowed=True)
     inputs: tuple[tuple[Source, Model], ...] = Field(exclude=True)
     schema_version: Literal[1] = 1
     before: ComparedInput
