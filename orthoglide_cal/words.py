@@ -4,8 +4,6 @@ An uncertainty has two significant figures, and its value ends at the same digit
 has a true minus (`signed`); what may be typed or pasted has an ASCII "-" (`plain`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum

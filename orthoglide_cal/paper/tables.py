@@ -7,8 +7,6 @@ What offsets do to a leg (Table 1), what noise does to the offsets (Table 3; eqs
 the three experiments (Tables 4 and 5).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

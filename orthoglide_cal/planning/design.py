@@ -14,8 +14,6 @@ A carriage displaced by d takes its leg along under the gauge, which stands fixe
 plunger then touches the bar at gauge_at + d/L (sec. 2.5).
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass, replace

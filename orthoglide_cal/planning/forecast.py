@@ -5,8 +5,6 @@ gauge's stated noise and the degrees of freedom that the readings will have. On 
 `solve` prints once they are there.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace

@@ -6,8 +6,6 @@ other in the usual ones. Any other is measured by protocols: a session is compar
 numbers of cycles, protocols and methods, and the best design takes the fewest readings for its U.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, Self

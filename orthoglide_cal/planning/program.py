@@ -9,8 +9,6 @@ limit, and only that one, arrives from above. Where the carriages can go farther
 limits of the machine file, which are the postures of the protocol, `travel_mm` says so.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import textwrap

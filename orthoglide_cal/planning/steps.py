@@ -1,7 +1,5 @@
 """The steps of a session: which reading comes when, and what has to be moved for it."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass

@@ -15,8 +15,6 @@ motion.cpp: after homing the nozzle is believed at H less the probe's z offset (
 lowered by its adjustment.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 

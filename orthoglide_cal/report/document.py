@@ -4,8 +4,6 @@ A document is made in `report.documents`; the renderers know nothing of what it 
 shows its values, `terminal`, `html` and `markdown` its page.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum

@@ -4,8 +4,6 @@ HTML and SVG are made with `tag`, `in_html` and `join` only, which escape all bu
 their own.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from html import escape

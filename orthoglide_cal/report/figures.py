@@ -5,8 +5,6 @@ Drawing functions take plain values and return pictures; every number that a pic
 those of its axes, is one that it was given.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import string

@@ -4,8 +4,6 @@ The Content-Security-Policy allows this page's own style and nothing more, so th
 slipped through could neither run nor fetch anything.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import re

@@ -1,7 +1,5 @@
 """A page as Markdown (tables as GitHub writes them); of pictures, what characters can show."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 

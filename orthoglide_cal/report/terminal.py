@@ -5,8 +5,6 @@ so that they can be copied. A table that is too wide is turned. Print with `crop
 what is wider.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache

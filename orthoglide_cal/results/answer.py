@@ -4,8 +4,6 @@
 the parameters has one entry for each of `parameters`, in their order.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Literal, Self
 

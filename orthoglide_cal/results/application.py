@@ -1,7 +1,5 @@
 """What was entered in the controller, recorded in the machine file; and taken back."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress

@@ -10,8 +10,6 @@ The parameters are those under the verdict:
 and with a method that was asked for always the parameters alone, as the paper has them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

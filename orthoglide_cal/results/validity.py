@@ -1,7 +1,5 @@
 """Under which conditions a result holds, what a reader has to know before signing, its number."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime

@@ -16,8 +16,6 @@ A machine that probes itself has other places each time: what is compared is how
 scatter, and what is left of each parameter.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum

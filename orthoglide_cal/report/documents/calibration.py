@@ -6,8 +6,6 @@ result that is refused it says what is wrong, and nothing to sign for an adjustm
 stands what that rests on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

@@ -3,8 +3,6 @@
 The calibration report shows the same blocks for the verdict, its causes and what to read next.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial

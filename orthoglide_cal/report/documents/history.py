@@ -1,7 +1,5 @@
 """The document of `orthocal history`: what changed, when, how much, and what to do about it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 from functools import partial

@@ -1,7 +1,5 @@
 """What is left of each reading, in characters for a terminal and as figures for a page."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

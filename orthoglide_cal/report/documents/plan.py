@@ -3,8 +3,6 @@
 The diagnosis shows the best of the next measurements, too.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial

@@ -3,8 +3,6 @@
 Other pages show its parts, too: the parameters, what stays open, and where U comes from.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 

@@ -3,8 +3,6 @@
 The calibration report shows the same notice, advice and tables once the adjustment was measured.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
