@@ -17,22 +17,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files.gcode_firmware import (
-    HEIGHT_MAP,
-    MARLIN_OUTPUT,
-    SETTINGS,
-    read_codes,
-    read_codes_in,
-    read_height_map,
-    read_marlin,
-)
-from orthoglide_cal.files.klipper_file import (
-    KLIPPY_LOG,
-    PROBED,
-    read_klippy_log,
-    read_printer_file,
-    read_probed,
-)
+from orthoglide_cal.files import gcode, klipper
 from orthoglide_cal.files.machine_file import (
     PRINTER_SECTION,
     StoredMachine,
@@ -315,7 +300,7 @@ def _is_yaml(document: FileText) -> bool:
     lines = (each for each in document.text.split("\n", 1000) if each.strip())
     first = next((line for line in lines if not line.lstrip().startswith("#")), "")
     # "Recv: …" of a console looks like a key.
-    printed = (KLIPPY_LOG, PROBED, MARLIN_OUTPUT, SETTINGS)
+    printed = (klipper.KLIPPY_LOG, klipper.PROBED, gcode.MARLIN_OUTPUT, gcode.SETTINGS)
     return bool(_YAML.match(first)) and not any(each.search(document.text) for each in printed)
 
 
@@ -347,10 +332,10 @@ def printer_settings(path: Path) -> PrinterFile | None:
     """What a firmware's file says of its machine; None for another kind. Raises InputError."""
     document = read_document(str(path))
     if PRINTER_SECTION.search(document.text):
-        return read_printer_file(document)
+        return klipper.read_printer_file(document)
     if path.name == "config.g":
-        return read_codes_in(path.parent)
-    return read_codes(document) if SETTINGS.search(document.text) else None
+        return gcode.read_codes_in(path.parent)
+    return gcode.read_codes(document) if gcode.SETTINGS.search(document.text) else None
 
 
 def _as_model(known: Known | None) -> Model | None:
@@ -371,25 +356,25 @@ def _firmware_file(
 ) -> PrinterFile | None:
     """What a printer's firmware wrote, or its console printed; None for a file of another kind."""
     text = document.text
-    if KLIPPY_LOG.search(text):
-        return read_klippy_log(document)
+    if klipper.KLIPPY_LOG.search(text):
+        return klipper.read_klippy_log(document)
     if PRINTER_SECTION.search(text):
-        return read_printer_file(document)
+        return klipper.read_printer_file(document)
     folder = Path(document.path).parent if document.path != "-" else None
     beside: PrinterFile | None = None
-    if HEIGHT_MAP.match(text):
-        read, named = read_height_map, "--machine config.g"
-        beside = read_codes_in(folder, document) if folder else None
-    elif PROBED.search(text):
-        read, named = read_probed, "--machine printer.cfg"
+    if gcode.HEIGHT_MAP.match(text):
+        read, named = gcode.read_height_map, "--machine config.g"
+        beside = gcode.read_codes_in(folder, document) if folder else None
+    elif klipper.PROBED.search(text):
+        read, named = klipper.read_probed, "--machine printer.cfg"
         if folder and (folder / "printer.cfg").is_file():
-            beside = read_printer_file(read_document(str(folder / "printer.cfg")))
+            beside = klipper.read_printer_file(read_document(str(folder / "printer.cfg")))
             remark = "The settings are those of printer.cfg in the same folder."
             beside = replace(beside, heights=None, mesh=None, remarks=(remark,))
-    elif MARLIN_OUTPUT.search(text):
-        read, named = read_marlin, "--machine FILE, or keep what M503 prints in this file"
-        beside = read_codes(document) if SETTINGS.search(text) else None
-    elif SETTINGS.search(text):
+    elif gcode.MARLIN_OUTPUT.search(text):
+        read, named = gcode.read_marlin, "--machine FILE, or keep what M503 prints in this file"
+        beside = gcode.read_codes(document) if gcode.SETTINGS.search(text) else None
+    elif gcode.SETTINGS.search(text):
         what = "The file holds the settings of a printer's firmware, and no readings."
         remedy = "Give what was probed, such as heightmap.csv, and this file by --machine."
         raise InputError(what, remedy, file=document.path)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from orthoglide_cal.files.klipper_file import read_printer_file
+from orthoglide_cal.files.klipper import read_printer_file
 
 from .helpers import document, problems
 
