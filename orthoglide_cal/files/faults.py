@@ -76,7 +76,6 @@ class Faults:
         self,
         what: str,
         remedy: str,
-        *,
         line: int | None = None,
         column: str | None = None,
         value: str | None = None,
@@ -87,11 +86,6 @@ class Faults:
             raise InvalidFileError((*self.error().problems, rest), file=self.file)
         fault = InputError(what, remedy, file=self.file, line=line, column=column, value=value)
         self.problems.append(fault)
-
-    def at(self, place: FaultPlace, what: str, remedy: str, value: str | None = None) -> None:
-        """Note one fault at a place; `value` instead of the text there."""
-        line, column, text = place
-        self.add(what, remedy, line=line, column=column, value=value or text)
 
     @contextmanager
     def noting(self, line: int, text: str, column: str | None = None) -> Iterator[None]:
@@ -125,7 +119,7 @@ class Faults:
                 for problem in cause.problems:
                     inner = _STEP.findall(problem.column or "")
                     steps = (int(index) if index else name for index, name in inner)
-                    self.at(place((*path, *steps)), problem.what, problem.remedy)
+                    self.add(problem.what, problem.remedy, *place((*path, *steps)))
                 continue
             known = _QUOTED.findall(given.get("expected", ""))
             meant = ""
@@ -154,7 +148,7 @@ class Faults:
                 "near": nearest(meant, known),
                 "known": ", ".join(known),
             }
-            self.at(place(path), what.format(**said), remedy.format(**said))
+            self.add(what.format(**said), remedy.format(**said), *place(path))
 
     def error(self) -> InvalidFileError:
         """All faults, at least one, by line."""

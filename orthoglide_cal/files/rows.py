@@ -252,7 +252,7 @@ class Rows(Generic[R]):
 
     def note(self, index: int, column: str, what: str, remedy: str) -> None:
         """Note a fault in row `index`."""
-        self.faults.at(self.records[index].place((column,)), what, remedy)
+        self.faults.add(what, remedy, *self.records[index].place((column,)))
         self.rows[index] = None
 
     @property

@@ -15,7 +15,7 @@ from difflib import get_close_matches
 from itertools import pairwise
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.files.faults import FaultPlace, Faults, unused
+from orthoglide_cal.files.faults import Faults, unused
 from orthoglide_cal.files.rows import Record
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import parse_number, shortened
@@ -91,8 +91,8 @@ class Table:
             what = f"Every reading is a whole number with digits in the next column, {beside!r}:"
             what += " decimal commas?"
             remedy = "Write decimal points, or separate the columns with semicolons."
-            place = FaultPlace(self.rows[0].line, value, f"{cells[0]},{fractions[0]}")
-            self.faults.at(place, what, remedy)
+            said = f"{cells[0]},{fractions[0]}"
+            self.faults.add(what, remedy, self.rows[0].line, value, said)
 
 
 def read_table(file: FileText, coded: Sequence[str]) -> Table:

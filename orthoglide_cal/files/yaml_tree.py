@@ -48,7 +48,8 @@ class Tree:
 
     def note(self, path: Steps, what: str, remedy: str, value: str | None = None) -> None:
         """Note a fault of the node at `path`; `value` instead of the text there."""
-        self.faults.at(self.place(path), what, remedy, value)
+        line, column, text = self.place(path)
+        self.faults.add(what, remedy, line, column, value or text)
 
 
 def load_tree(file: FileText) -> Tree:
@@ -110,7 +111,7 @@ def load_tree(file: FileText) -> Tree:
             value = read(Tree(file, Faults(file.path)), next(events), key, line)
             what = f"The key is given twice (first in line {tree.lines[key]})."
             text = value if isinstance(value, str) else None
-            tree.faults.at(FaultPlace(line, dotted(key), text), what, "Remove one of them.")
+            tree.faults.add(what, "Remove one of them.", line, dotted(key), text)
         return content
 
     try:
