@@ -17,21 +17,8 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files import gcode, klipper
-from orthoglide_cal.files.machine_file import (
-    PRINTER_SECTION,
-    StoredMachine,
-    default_machine,
-    is_machine_file,
-    machine_file_in,
-)
-from orthoglide_cal.files.probe_readings import (
-    PLACE_COLUMNS,
-    PrinterFile,
-    known_printer,
-    printer_readings,
-    probe_readings_from_table,
-)
+from orthoglide_cal.files import gcode, klipper, machine_file, probe_readings
+from orthoglide_cal.files.probe_readings import PrinterFile
 from orthoglide_cal.files.readings import (
     CODED_COLUMNS,
     DIFFERENCE_COLUMNS,
@@ -72,7 +59,7 @@ class Input:
     model: Model  # the machine to judge it by, with its accepted causes
     conditions: Conditions
     recorded: Model | None = None  # the machine as a session itself holds it; None for no session
-    keeper: StoredMachine | None = None  # where it is recorded what was entered in the controller
+    keeper: machine_file.StoredMachine | None = None  # where what was entered is recorded
 
     @property
     def is_session(self) -> bool:
@@ -115,7 +102,7 @@ class Check(Schema):
 def read_input(
     source: str | FileText,
     model: Known | None = None,
-    otherwise: Callable[[], Model] = default_machine,
+    otherwise: Callable[[], Model] = machine_file.default_machine,
     stored: str | None = None,
 ) -> Input:
     """Readings or differences, from a CSV, a session or a printer's file, each byte read once.
@@ -143,7 +130,7 @@ def read_input(
 def check_file(
     path: str,
     model: Known | None = None,
-    otherwise: Callable[[], Model] = default_machine,
+    otherwise: Callable[[], Model] = machine_file.default_machine,
     stored: str | None = None,
 ) -> tuple[Check, Input | None]:
     """Check a file of any kind, also of a machine; arguments as of `read_input`.
@@ -155,8 +142,8 @@ def check_file(
     try:
         file = read_document(path)
         input = input.changed(sha256=file.sha256)
-        if _is_yaml(file) and is_machine_file(tree := load_tree(file)):
-            held = machine_file_in(tree)
+        if _is_yaml(file) and machine_file.is_machine_file(tree := load_tree(file)):
+            held = machine_file.machine_file_in(tree)
             input, name = input.changed(kind="machine"), held.model.machine.name
             return Check(input=input, machine=name, remarks=held.remarks), None
         given = read_input(file, model, otherwise, stored)
@@ -293,7 +280,7 @@ def _files_in(folder: Path) -> dict[Path, dict[str, str]]:
 
 def _is_yaml(document: FileText) -> bool:
     """Whether the first line that says anything is YAML; the name decides what it leaves open."""
-    if PRINTER_SECTION.search(document.text):
+    if machine_file.PRINTER_SECTION.search(document.text):
         return False
     if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
         return True
@@ -313,10 +300,12 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
         judge = judge.holding(entered.before)
     table = read_table(document, _CODED)
     columns = set(table.columns)
-    probed = bool(columns & set(PLACE_COLUMNS)) and not columns & {"leg", "difference"}
+    places = columns & set(probe_readings.PLACE_COLUMNS)
+    probed = bool(places) and not columns & {"leg", "difference"}
     try:
         if probed:
-            readings = probe_readings_from_table(table, LinearDelta.require(judge.machine))
+            machine = LinearDelta.require(judge.machine)
+            readings = probe_readings.probe_readings_from_table(table, machine)
         elif "difference" in columns:
             return Input(differences_from_table(table, judge.orthoglide), judge, Conditions())
         else:
@@ -331,7 +320,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
 def printer_settings(path: Path) -> PrinterFile | None:
     """What a firmware's file says of its machine; None for another kind. Raises InputError."""
     document = read_document(str(path))
-    if PRINTER_SECTION.search(document.text):
+    if machine_file.PRINTER_SECTION.search(document.text):
         return klipper.read_printer_file(document)
     if path.name == "config.g":
         return gcode.read_codes_in(path.parent)
@@ -358,7 +347,7 @@ def _firmware_file(
     text = document.text
     if klipper.KLIPPY_LOG.search(text):
         return klipper.read_klippy_log(document)
-    if PRINTER_SECTION.search(text):
+    if machine_file.PRINTER_SECTION.search(text):
         return klipper.read_printer_file(document)
     folder = Path(document.path).parent if document.path != "-" else None
     beside: PrinterFile | None = None
@@ -413,8 +402,8 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     for each in filter(None, (file.mesh, file.heights)):
         file = _with_bed(file, float(np.hypot(*each.plan.place.T[:2]).max()))
     model = _as_model(known) or Model(file.machine)
-    machine, remarks = known_printer(file, _delta(model, file.source.path))
-    read = printer_readings(file, stored, machine)
+    machine, remarks = probe_readings.known_printer(file, _delta(model, file.source.path))
+    read = probe_readings.printer_readings(file, stored, machine)
     readings = replace(read, remarks=(*remarks, *read.remarks))
     judge = replace(model, machine=machine)
     return Input(readings, judge, conditions_in(readings))

@@ -8,14 +8,8 @@ from typing import Annotated
 from pydantic import ConfigDict, InstanceOf, PlainSerializer, ValidationError
 
 from orthoglide_cal.errors import InputError
+from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.faults import WORDS, Steps, unused
-from orthoglide_cal.files.machine_file import (
-    default_machine,
-    differing,
-    is_machine_file,
-    machine_in,
-    machine_values,
-)
 from orthoglide_cal.files.readings import (
     READING_COLUMNS,
     Circumstances,
@@ -41,7 +35,7 @@ class Session(Circumstances):
     model_config = ConfigDict(extra="ignore")
 
     schema_version: Version = 1
-    machine: Annotated[InstanceOf[Model], PlainSerializer(machine_values)]  # that was measured
+    machine: Annotated[InstanceOf[Model], PlainSerializer(machine_file.machine_values)]
     protocol: str | None = ""
     environment: Mapping[str, str | None] | None = None  # name → what is said of it
     readings: tuple[ReadingRow, ...] = ()  # that count
@@ -62,7 +56,7 @@ def session_from_tree(
         InputError: no session.
     """
     if not isinstance(tree.value, dict) or "readings" not in tree.value:
-        if is_machine_file(tree):
+        if machine_file.is_machine_file(tree):
             what = "This is a machine file; it holds no readings."
             remedy = "Give it with --machine, and a file of readings as the input."
             raise InputError(what, remedy, file=tree.file.path)
@@ -74,7 +68,7 @@ def session_from_tree(
         what = f"The session was read with gauges; a machine of kind {model.machine.kind} has none."
         refused = InputError(what, "Leave --machine out.", file=tree.file.path)
         Orthoglide.require(model.machine, refused)
-    recorded = machine_in(tree, ("machine",))
+    recorded = machine_file.machine_in(tree, ("machine",))
     session = _recorded(tree, recorded)
     records = _records(tree, "readings")
     judge = model or recorded
@@ -86,7 +80,7 @@ def session_from_tree(
     columns = dict.fromkeys(name for each in records for name in each.lines if name not in _COLUMNS)
     remarks = unused("Keys", (key for key in tree.value if key not in keys), keys)
     remarks += unused("Columns", columns, READING_COLUMNS)
-    if recorded and (names := differing(recorded, judge)):
+    if recorded and (names := machine_file.differing(recorded, judge)):
         differ = (
             f"The session was measured on {recorded.machine.name!r}, which differs from the machine"
             f" given, {judge.machine.name!r}, in: {', '.join(names)}. The machine given was used."
@@ -142,7 +136,7 @@ def _recorded(tree: Tree, machine: Model | None) -> Session | None:
     for key, wanted in (("retaken", True), ("skipped", False)):
         rows = Rows(_records(tree, key), ReadingRow, Reading(wanted=wanted), tree.faults)
         content[key] = [row for _, row in rows.sound]
-    content |= {"machine": machine or default_machine(), "readings": ()}
+    content |= {"machine": machine or machine_file.default_machine(), "readings": ()}
     try:
         session = Session.model_validate(content)
     except ValidationError as error:

@@ -18,14 +18,8 @@ import numpy as np
 
 from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
+from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.machine_file import (
-    default_machine,
-    differing,
-    machine_from_text,
-    machine_text,
-    machine_values,
-)
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
@@ -70,7 +64,7 @@ class Request:
     agreed: bool = False  # to what is asked before the first reading
     offsets_mm: tuple[float, float, float] | None = None  # that the controller holds now
     model: Model | None = None
-    otherwise: Callable[[], Model] = default_machine  # the machine of a table, if none is named
+    otherwise: Callable[[], Model] = machine_file.default_machine  # of a table, if none is named
     keeper: Model | None = None  # whose file keeps what is entered, for what continues data
     following: str | None = None  # path of the data that the session continues
     choice: int | None = None  # which recommendation is carried out, from 1
@@ -172,7 +166,7 @@ def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | 
     who has agreed already, or has no terminal.
     """
     found = None
-    given = request.model or default_machine()
+    given = request.model or machine_file.default_machine()
     if request.following is not None:
         found = _recommended(request.following, request)
         given = found.first.following.held(found.model)
@@ -275,7 +269,7 @@ def _recommended(path: str, request: Request) -> Recommendation:
     data = read_document(path)
     own = read_input(data, None, request.otherwise)
     own.model.machine.check_guided()
-    names = differing(own.model, given) if given and own.is_session else []
+    names = machine_file.differing(own.model, given) if given and own.is_session else []
     if names:
         raise UsageError(
             f"{path} was measured on another machine than that of --machine: they differ in"
@@ -298,7 +292,7 @@ def _recommended(path: str, request: Request) -> Recommendation:
         what = f"There is no recommendation {choice} for {path}: there are {len(options)}."
         raise UsageError(what, "Leave out --choice for the best one.")
     offsets = model.orthoglide.offsets_mm + first.left_entered
-    if keeper is not None and not differing(keeper, model):
+    if keeper is not None and not machine_file.differing(keeper, model):
         offsets = np.array(keeper.orthoglide.offsets_mm)
     found = Recommendation(first, model, options, choice, GaugePlan.require(options[0].plan))
     found = found.holding(offsets.tolist())
@@ -350,7 +344,7 @@ def _first_records(
         steps = sequence(model.orthoglide, protocol, cycles, order, stands)
     opened = events.Opened(
         at=at, version=2 if steps else 1, protocol=protocol,
-        machine=machine_text(model), cycles=cycles, order=order, stands=stands,
+        machine=machine_file.machine_text(model), cycles=cycles, order=order, stands=stands,
         source=source, seed=seed if simulated else None, operator=request.operator,
         temperature_c=request.temperature_c, gauges=request.gauges,
     )  # fmt: skip
@@ -362,7 +356,7 @@ def _first_records(
 def _setting(journal: Journal, state: events.State) -> Setting:
     """What the session is measured with. Raises InputError."""
     path, opened, planned = str(journal.path), state.opened, state.planned
-    model, first = machine_from_text(opened.machine, path), None
+    model, first = machine_file.machine_from_text(opened.machine, path), None
     if planned is not None:
         steps = steps_of(plan_of(planned.readings), model.orthoglide, opened.order, opened.stands)
         first = PriorReadings(planned.following, model) if planned.following else None
@@ -403,7 +397,7 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
         differences.append(f"gauge: {before} in the session, {now} asked for")
     # What the controller held was asked when the session began; the file may say otherwise.
     asked = _holding(request.model or model, request.offsets_mm or model.orthoglide.offsets_mm)
-    one, other = machine_values(model), machine_values(asked)
+    one, other = machine_file.machine_values(model), machine_file.machine_values(asked)
     differences += [
         f"machine, {name}: {one.get(name, 'none')} in the session,"
         f" {other.get(name, 'none')} in the file"
