@@ -220,19 +220,13 @@ def _saved_when_interrupted() -> Iterator[list[Dialogue]]:
 
 def _show_on(console: Console, aside: Console) -> Show:
     """Shows a session on one console, and on the other what arrived unasked."""
-    from rich.color import ColorSystem
-    from rich.style import Style as Paint
-
     from orthoglide_cal.session.asking import Style
-
-    paints = {style: Paint.parse(style.value) for style in Style}
 
     def show(text: str, style: Style = Style.PLAIN, end: str = "\n") -> None:
         # Lines are ready as they are: rich would spend more time on them than all checks together.
-        system = ColorSystem.STANDARD if console.color_system else None
-        printable = text.replace("\n", "").isprintable()
-        harmless = text if printable else visible_lines(text)
-        shown = paints[style].render(harmless, color_system=system)
+        shown = visible_lines(text)
+        if shown and style and console.color_system:
+            shown = f"\x1b[{style}m{shown}\x1b[0m"
         file = aside.file if style is Style.ASIDE else console.file
         file.write(shown + end)
         file.flush()

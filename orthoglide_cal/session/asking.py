@@ -34,16 +34,16 @@ BACK_AT_THE_KEYS_S = 0.3  # and a hand needs so long to come back to the keys [s
 
 
 class Style(StrEnum):
-    """What a text is, and how it looks where colours are wanted."""
+    """What a text is; how it looks where colours are wanted, as terminals count looks."""
 
     PLAIN = ""
-    TITLE = "bold"
-    DIM = "dim"
-    GOOD = "green"
-    BAD = "bold red"
-    QUESTION = "bold yellow"
-    PROMPT = "bold cyan"
-    ASIDE = "yellow"  # of what was not asked for
+    TITLE = "1"  # bold
+    DIM = "2"
+    GOOD = "32"  # green
+    BAD = "1;31"  # bold red
+    QUESTION = "1;33"  # bold yellow
+    PROMPT = "1;36"  # bold cyan
+    ASIDE = "33"  # yellow; of what was not asked for
 
 
 class Show(Protocol):
