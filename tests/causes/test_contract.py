@@ -95,9 +95,10 @@ def test_each_acts_in_its_own_stage_alone(cause: Cause, subject: Subject) -> Non
 
 @alone
 def test_each_tells_a_technician_what_it_is_and_what_to_do(cause: Cause) -> None:
-    assert cause.title
-    assert cause.title[0].islower()
-    assert cause.title[-1] != "."
+    for phrase in (cause.title, cause.instrument):
+        assert phrase[0].islower()
+        assert phrase[-1] != "."
+    assert len(cause.instrument) <= 62
     assert cause.advice.endswith(".")
     assert len(cause.advice) > 20
 

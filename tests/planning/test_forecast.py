@@ -135,12 +135,6 @@ def test_no_number_of_cycles_reaches_below_the_floor() -> None:
     assert forecast(sure(NOMINAL), DOUBLE, 3).floor is None
 
 
-def test_plausible_offsets_are_independent_and_of_one_size() -> None:
-    points = NOMINAL.machine.linearization_points
-    mean = points.T @ points / len(points)
-    assert mean == pytest.approx(OFFSET_MM**2 * np.eye(3))
-
-
 @both_models
 def test_minutes_and_moves_are_those_of_measure(model: Model) -> None:
     for protocol in MeasuringProtocol:

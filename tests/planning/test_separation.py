@@ -1,7 +1,6 @@
 """Separations of causes before a reading is taken, against those of the independent truth."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -124,15 +123,6 @@ def test_the_table_is_symmetric_and_its_pairs_are_sorted() -> None:
         assert pair.sigma == sigma(found, *pair.causes)
 
 
-def test_turning_the_bar_tells_its_skew_from_rails_that_do_not_meet() -> None:
-    """More readings of another kind separate what the first left together."""
-    plan = session_of(NOMINAL, BEST, 5).plan
-    turned = replace(plan, turned=np.arange(len(plan)) // 4 % 2 == 1)
-    parted = [sigma(separations(NOMINAL, each), "axis_gap", "bar_skew") for each in (plan, turned)]
-    assert parted[0] < 0.1
-    assert parted[1] > 10.0
-
-
 def test_what_is_ruled_out_or_known_is_no_candidate() -> None:
     machine = NOMINAL.machine
     without = machine.changed(tolerances={**machine.tolerances, "backlash": 0.0})
@@ -140,10 +130,3 @@ def test_what_is_ruled_out_or_known_is_no_candidate() -> None:
     ids = [cause.id for cause in separations(Model(without), plan).causes]
     assert "backlash" not in ids
     assert set(ids) == set(OWN) - {"backlash"}
-
-
-def test_every_cause_says_what_shows_it() -> None:
-    for cause in CAUSES.values():
-        assert cause.instrument[0].islower()
-        assert not cause.instrument.endswith(".")
-        assert len(cause.instrument) <= 62

@@ -183,15 +183,6 @@ def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], object]
     assert all(" --machine mine.yaml" in each for each in typed)
 
 
-def test_a_document_without_a_result_makes_no_claims() -> None:
-    document = documents()["failed"]()
-    answer = document.data()["answer"]
-    assert answer["release"]["usable"] is False
-    for key in ("as_found", "expected", "workspace", "check", "verdict"):
-        assert answer[key] is None
-    assert not [grid for grid in grids(document) if "Δρ" in " ".join(grid.head)]
-
-
 @pytest.mark.parametrize("kind", tuple(documents()))
 def test_values_for_programs_are_plain_json(kind: str) -> None:
     data = documents()[kind]().data()
