@@ -1,6 +1,5 @@
 """Readings in memory: from values, and some of those that there are."""
 
-from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -15,16 +14,12 @@ def readings_of(
     machine: Machine, plan: GaugePlan, value: Floats, path: str = "made.csv"
 ) -> Readings:
     """Readings (n,) [mm] as a file would give them."""
-    n, seen, cycle = len(plan), Counter(), []
-    for key in zip(plan.setup, plan.displacement, plan.contact, strict=True):
-        seen[key] += 1
-        cycle.append(seen[key])
     return Readings(
         plan=plan,
         value=value,
-        cycle=np.array(cycle, dtype=np.intp),
+        cycle=plan.cycles,
         posture=tuple(str(machine.posture_at(d) or f"{d:g}") for d in plan.displacement.tolist()),
-        line=np.arange(2, n + 2),
+        line=np.arange(2, len(plan) + 2),
         timed=True,
         source=Source(path, "0" * 64),
     )

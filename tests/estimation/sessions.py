@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from orthoglide_cal.estimation import Problem
+from orthoglide_cal.estimation import Method, Posed, Problem, fit_offsets, pose_plan
+from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.model.measured import (
     DIFFERENCES,
     DataKind,
@@ -15,7 +16,7 @@ from orthoglide_cal.model.measured import (
 )
 from orthoglide_cal.model.model import Model, simulate, synthetic_session
 from orthoglide_cal.model.orthoglide import Gauge, ideal_plan, reduction
-from orthoglide_cal.model.plan import Floats, joined
+from orthoglide_cal.model.plan import Floats, Plan, joined
 from orthoglide_cal.model.readings import GaugePlan
 from tests.machines import extended
 
@@ -75,3 +76,28 @@ def merged(one: GaugePlan, other: GaugePlan) -> GaugePlan:
     """One after the other, each with set-ups of its own."""
     later = replace(other, setup=other.setup + one.setups, order=other.order + len(one))
     return joined(one, later)
+
+
+def solved(
+    model: Model,
+    plan: Plan,
+    values: Floats,
+    expected: Floats,
+    method: Method = Method.READINGS,
+) -> Floats:
+    """Parameters from many sessions (m, n) of one plan, each solved as `solve` does, (m, p).
+
+    Readings are weighted with influences as at the `expected` parameters.
+    """
+    problem, which = pose_plan(plan, model, method.uses, folded=True)
+    data = values @ problem.matrix.T
+    posed = Posed(problem, data[0], which)
+    if method.linear:
+        return np.asarray((data - problem.at_zero[0]) @ method.estimator(posed).T)
+    if method is Method.READINGS:
+        columns = np.hstack([each.columns for each in influences(model, expected, plan)])
+        ratio = problem.matrix @ columns / model.machine.instrument.noise_mm
+        problem = posed.weighted(ratio).problem
+    fit = fit_offsets(problem, values @ problem.matrix.T)
+    assert np.all(fit.converged)
+    return fit.offsets_mm

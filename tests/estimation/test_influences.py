@@ -15,7 +15,7 @@ from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import Gauge, single_posture
+from orthoglide_cal.model.orthoglide import single_posture
 from orthoglide_cal.model.plan import Floats, without_zeros
 from tests import truth
 from tests.diagnosis.sessions import known
@@ -45,10 +45,6 @@ def by_source(model: Model, offsets: Floats = OFFSETS) -> dict[str, Influence]:
     return {each.source: each for each in influences(model, offsets, READINGS.plan)}
 
 
-def with_gauge(model: Model, gauge: Gauge) -> Model:
-    return replace(model, machine=model.machine.changed(gauge=gauge))
-
-
 def test_an_accepted_cause_brings_its_own_uncertainty() -> None:
     """With correlations. One of the legs takes the place of their tolerance, counted once."""
     root = 1e-3 * np.array([[0.2, 0.0, 0.0], [0.15, 0.1, 0.0], [-0.07, 0.08, 0.05]])
@@ -76,7 +72,7 @@ def test_an_accepted_cause_brings_its_own_uncertainty() -> None:
 
 def test_sizes_that_nobody_stated_are_marked() -> None:
     stated = MODEL.machine.gauge.changed(placement_mm=0.4, scale_u=0.0003)
-    found = by_source(with_gauge(MODEL, stated))
+    found = by_source(Model(MODEL.machine.changed(gauge=stated)))
     assert [(each.size, each.unit, each.assumed) for each in found.values()] == [
         (0.0003, "", False), (0.4, "mm", False), (0.01, "mm", False),
     ]  # fmt: skip

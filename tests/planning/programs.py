@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from tempfile import mkdtemp
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,11 +155,12 @@ def gcode(
     template: str | None = None,
     **options: object,
 ) -> str:
-    """The program as it is written to a file."""
+    """The program as it is written to a file, in a folder of its own."""
     chosen = steps_of(model) if steps is None else steps
-    made, path = folder / "made.nc", None
+    own = Path(mkdtemp(dir=folder))
+    made, path = own / "made.nc", None
     if template is not None:
-        path = folder / "template.nc"
+        path = own / "template.nc"
         path.write_text(template, encoding="utf-8")
     write_program(posture_program(model, chosen, SESSION, **options), made, path)  # type: ignore[arg-type]
     return made.read_text(encoding="utf-8")

@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
-from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.estimation import Method, solve
 from orthoglide_cal.model.model import Model, synthetic_session
 from orthoglide_cal.model.orthoglide import MINUTES_PER_POSTURE, OFFSET_MM
-from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.forecast import fewest_cycles, forecast, session_of
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
@@ -19,6 +16,7 @@ from orthoglide_cal.planning.steps import (
     gauge_moves,
     sequence,
 )
+from tests.estimation.sessions import solved
 from tests.machines import NOMINAL, both_models, sure
 from tests.planning.truth import true_readings
 
@@ -41,23 +39,6 @@ SESSIONS = [
 ]
 
 
-def solved(model: Model, session: Readings, values: Floats, method: Method) -> Floats:
-    """Offsets from many sessions (m, n) of one plan, each solved as `solve` does, shape (m, 3)."""
-    plan = session.plan
-    problem, which = pose_plan(plan, model, method.uses, folded=True)
-    data = values @ problem.matrix.T
-    if method.linear:
-        posed = Posed(problem, data[0], which)
-        return (data - problem.at_zero[0]) @ method.estimator(posed).T
-    if method is Method.READINGS:
-        columns = np.hstack([each.columns for each in influences(model, OFFSETS, plan)])
-        ratio = problem.matrix @ columns / model.machine.instrument.noise_mm
-        problem = Posed(problem, data[0], ()).weighted(ratio).problem
-    fit = fit_offsets(problem, values @ problem.matrix.T)
-    assert np.all(fit.converged)
-    return fit.offsets_mm
-
-
 @both_models
 @pytest.mark.parametrize(("protocol", "name", "cycles"), SESSIONS)
 def test_predicted_noise_is_what_monte_carlo_finds(
@@ -71,8 +52,7 @@ def test_predicted_noise_is_what_monte_carlo_finds(
     zeros = rng.uniform(-1.0, 1.0, (DRAWS, plan.setups))[:, plan.setup]
     noise = gauge.repeatability_mm * rng.standard_normal((DRAWS, len(plan)))
     values = np.round((signal + zeros + noise) / gauge.resolution_mm) * gauge.resolution_mm
-    session = synthetic_session(model, plan, OFFSETS, rng)
-    offsets = solved(model, session, values, method)
+    offsets = solved(model, plan, values, OFFSETS, method)
     assert [*found.noise_std_mm.values()] == pytest.approx(offsets.std(axis=0), rel=WITHIN)
     if not method.linear:
         # The readings are those of the machine that the model describes.

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Method, Posed, fit_offsets, pose_plan, solve
-from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.least_squares import Problem
+from orthoglide_cal.estimation import solve
 from orthoglide_cal.model.linear_delta import ProbePlan, mixed, rings
 from orthoglide_cal.model.machine import SimulationOptions
 from orthoglide_cal.model.model import Model
@@ -16,6 +14,7 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.plan import CERTAIN_SIGMA, Wanted, measurement_plan
 from orthoglide_cal.planning.separation import separations
+from tests.estimation.sessions import solved
 from tests.machines import NOMINAL
 from tests.printers import UNEVEN, printer, readings_of_touches, true_values
 from tests.truth.delta import (
@@ -74,14 +73,6 @@ def drawn(machine: Delta, plan: ProbePlan, value: Floats, rng: np.random.Generat
     return np.asarray(value + bumps + sigma * rng.standard_normal(shape))
 
 
-def weighted(plan: ProbePlan, expected: Floats, value: Floats) -> Problem:
-    """What `solve` fits to such values (n,), with influences as at `expected` (6,)."""
-    problem, _ = pose_plan(plan, V400_MODEL, Method.READINGS.uses, folded=True)
-    columns = np.hstack([each.columns for each in influences(V400_MODEL, expected, plan)])
-    ratio = problem.matrix @ columns / V400_MODEL.machine.probe.noise_mm
-    return Posed(problem, problem.matrix @ value, ()).weighted(ratio).problem
-
-
 @pytest.mark.parametrize(
     "name",
     [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in LAYOUTS],
@@ -91,13 +82,8 @@ def test_predicted_standard_deviations_are_what_monte_carlo_finds(name: str) -> 
     rng = np.random.default_rng(13)
     plan, value = true_readings(V400, TRUTH, laid.plan)
     expected = true_values(V400, TRUTH)
-    problem = weighted(plan, expected, value)
-    found = []
-    for _ in range(DRAWS // CHUNK):
-        fit = fit_offsets(problem, drawn(V400, plan, value, rng) @ problem.matrix.T)
-        assert np.all(fit.converged)
-        found.append(fit.offsets_mm)
-    every = np.concatenate(found)
+    chunks = (drawn(V400, plan, value, rng) for _ in range(DRAWS // CHUNK))
+    every = np.concatenate([solved(V400_MODEL, plan, each, expected) for each in chunks])
     std = laid.budget.without(V400_MODEL.machine.fixed_parameters).std_mm
     assert std == pytest.approx(every.std(axis=0), rel=WITHIN)
     error = np.abs(every.mean(axis=0) - expected) / std

@@ -12,7 +12,7 @@ from orthoglide_cal.errors import PostureError, UsageError
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.program import posture_program
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order
-from tests.machines import LARGE, NOMINAL, both_models
+from tests.machines import NOMINAL, both_models
 from tests.planning.programs import SESSION, gcode, ran, steps_of, true_tool, visits_of
 from tests.truth.plan import joints_at
 
@@ -73,9 +73,7 @@ def test_carriages_arrive_slowly_from_below(model: Model, distance: float, tmp_p
     """All of them where the travel allows it; else all but the one at its lower limit."""
     length, low = model.machine.leg_length_mm, model.machine.joint_limits_mm[0]
     for travel in (None, WIDE):
-        folder = tmp_path / str(travel)
-        folder.mkdir()
-        text = gcode(folder, model, approach_mm=distance, travel_mm=travel)
+        text = gcode(tmp_path, model, approach_mm=distance, travel_mm=travel)
         for wait in ran(text, length).readings:
             way = wait.arrival.end - wait.arrival.start
             at_limit = np.isclose(wait.at - length, low) if travel is None else np.zeros(3, bool)
@@ -87,19 +85,15 @@ def test_carriages_arrive_slowly_from_below(model: Model, distance: float, tmp_p
         assert fast == {100.0, 1000.0}
 
 
-def test_the_leg_stays_under_the_plunger_on_the_way(tmp_path: Path) -> None:
+@both_models
+def test_the_leg_stays_under_the_plunger_on_the_way(model: Model, tmp_path: Path) -> None:
     """Joints that move evenly over the whole travel would take the tool 10 mm off the axis."""
-    approach = 1.0
-    for model in (NOMINAL, Model(LARGE)):
-        length = model.machine.leg_length_mm
-        folder = tmp_path / model.machine.name.replace(" ", "_")
-        folder.mkdir()
-        done = ran(gcode(folder, model, approach_mm=approach), length)
-        shares = np.linspace(0.0, 1.0, 9)[:, None]
-        for move in done.moves:
-            joints = move.start + shares * (move.end - move.start)
-            tool = np.sort(np.abs(true_tool(length, joints)), axis=0)
-            assert tool[1].max() < 0.25 + 1.5 * approach
+    approach, length = 1.0, model.machine.leg_length_mm
+    shares = np.linspace(0.0, 1.0, 9)[:, None]
+    for move in ran(gcode(tmp_path, model, approach_mm=approach), length).moves:
+        joints = move.start + shares * (move.end - move.start)
+        tool = np.sort(np.abs(true_tool(length, joints)), axis=0)
+        assert tool[1].max() < 0.25 + 1.5 * approach
 
 
 ROOM = r"N10: carriage X has no room for an approach of 100"

@@ -73,9 +73,7 @@ def test_the_text_around_the_marker_is_copied(tmp_path: Path) -> None:
 
 
 def test_the_default_template_is_the_one_that_is_printed(tmp_path: Path) -> None:
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
-    assert gcode(tmp_path / "a") == gcode(tmp_path / "b", template=default_template())
+    assert gcode(tmp_path) == gcode(tmp_path, template=default_template())
 
 
 @pytest.mark.parametrize(
@@ -93,14 +91,12 @@ def test_the_default_template_is_the_one_that_is_printed(tmp_path: Path) -> None
 @pytest.mark.parametrize("marker", ["(orthocal blocks)", "; orthocal blocks"])
 def test_no_name_breaks_the_program(name: str, marker: str, tmp_path: Path) -> None:
     template = default_template().replace("(orthocal blocks)", marker)
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
     foreign = replace(NOMINAL, machine=PROTOTYPE.changed(name=name))
-    text = gcode(tmp_path / "a", foreign, template=template)
+    text = gcode(tmp_path, foreign, template=template)
     assert text.isascii()
     assert "%" not in text
     named = ran(text, PROTOTYPE.leg_length_mm)
-    plain = ran(gcode(tmp_path / "b", template=template), PROTOTYPE.leg_length_mm)
+    plain = ran(gcode(tmp_path, template=template), PROTOTYPE.leg_length_mm)
     assert len(named.moves) == len(plain.moves)
     for one, other in zip(named.moves, plain.moves, strict=True):
         assert one.end.tolist() == other.end.tolist()
@@ -159,10 +155,10 @@ def test_a_template_that_cannot_be_used_is_refused(
     assert old in template
     with pytest.raises(InvalidFileError, match=said) as caught:
         gcode(tmp_path, template=template.replace(old, new))
-    assert caught.value.file == str(tmp_path / "template.nc")
+    assert str(caught.value.file).endswith("template.nc")
     assert line is None or caught.value.line == line
     assert caught.value.remedy
-    assert not (tmp_path / "made.nc").exists()
+    assert not [*tmp_path.rglob("made.nc")]
 
 
 def test_a_code_that_is_taken_back_or_only_looks_wrong_is_no_fault(tmp_path: Path) -> None:
@@ -233,11 +229,10 @@ def test_the_command_refuses(
 
 
 def test_it_says_unit_values_and_what_the_approach_hides(tmp_path: Path) -> None:
-    (tmp_path / "again").mkdir()
     text = gcode(tmp_path).replace(")\n(- ", " ")
     assert "X Y Z are joint positions as the controller shows them: all 310.25" in text
     assert "in mm." in text
-    assert f"of no other:)\n({SESSION})\n" in gcode(tmp_path / "again")
+    assert f"of no other:)\n({SESSION})\n" in gcode(tmp_path)
     assert "leaves no trace in the readings and is part of the offsets" in text
     assert "(N30: leg X, MIN, cycle 1. Read steps 5-6, gauges Y Z. Carriage X arrives" in text
 
