@@ -209,17 +209,6 @@ def test_twice_is_not_at_all_whatever_the_gauge_zeros(cause: RelabelCause, plan:
         assert np.abs(data - contrasts @ clean).max() > 0.1
 
 
-def test_a_swap_pairs_readings_taken_at_the_same_time() -> None:
-    """Whatever the order of the rows."""
-    index, sign = relabel_cause("swapped_gauges").relabel(MIXED, Place((1,)))
-    assert np.all(sign == 1.0)
-    changed = index != np.arange(len(MIXED))
-    assert np.all(MIXED.leg[changed] == 1)
-    assert changed.sum() == 20
-    assert np.all(MIXED.hours[index] == MIXED.hours)
-    assert np.all(MIXED.direction[index][changed] != MIXED.direction[changed])
-
-
 def test_a_swap_that_does_not_pair_up_cannot_be_undone_in_the_readings() -> None:
     """A reading short, or taken at another posture: nothing is exchanged; other legs are."""
     swap = relabel_cause("swapped_gauges")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import RankDeficientError
-from orthoglide_cal.estimation import Method, solve
+from orthoglide_cal.estimation import solve
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference
 from orthoglide_cal.model.model import Model
@@ -72,27 +72,6 @@ def papers_matrix(kind: DataKind, machine: Machine) -> Floats:
 def test_the_models_derivative_is_the_papers_matrix(model: Model, kind: DataKind) -> None:
     expected = papers_matrix(kind, model.machine)
     assert matrix_of(kind, model) == pytest.approx(expected, abs=1e-12)
-
-
-@both_models
-@pytest.mark.parametrize(
-    ("kind", "method"),
-    [
-        (SIX, Method.SIX_LINEAR),
-        (TWELVE, Method.TWELVE_LINEAR),
-        (SINGLE, Method.SINGLE),
-    ],
-)
-def test_linear_methods_are_the_pseudoinverse(model: Model, kind: DataKind, method: Method) -> None:
-    rng = np.random.default_rng(9)
-    data = of_values(kind, rng.normal(0.0, 0.3, len(DIFFERENCES[kind])))
-    design = papers_matrix(kind, model.machine)
-    expected = np.linalg.solve(design.T @ design, design.T @ data.value)
-    solution = solve(data, model, method)
-    assert solution.offsets_mm == pytest.approx(expected, abs=1e-12)
-    assert solution.method is method
-    left = data.value - design @ expected
-    assert solution.rms_after_mm == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-10)
 
 
 @both_models

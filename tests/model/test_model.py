@@ -106,20 +106,6 @@ def test_accepting_keeps_the_named_parameters_with_their_correlations() -> None:
     assert exact.place == Place((4,))
 
 
-def test_moved_effects_span_the_uncertainty() -> None:
-    """Σ (θ' − θ)(θ' − θ)ᵀ over them is the covariance."""
-    theta, spread = np.array([0.3, -0.2, 0.5]), covariance(3, 0.02)
-    effect = Effect(CAUSES["axis_gap"], theta, Place((1, 2)), spread)
-    steps = np.array([moved.theta - theta for moved in effect.moved()])
-    assert steps.T @ steps == pytest.approx(spread, rel=1e-9)
-    assert steps @ steps.T == pytest.approx(np.diag((steps**2).sum(axis=1)), abs=1e-12)
-    assert {moved.place for moved in effect.moved()} == {Place((1, 2))}
-    flat = replace(effect, covariance=np.diag([4e-4, 0.0, 1e-4]))
-    assert sorted(np.abs(moved.theta - theta).max() for moved in flat.moved()) == pytest.approx(
-        [0.01, 0.02]
-    )
-
-
 # --- values that nobody can change ------------------------------------------------------------
 
 
