@@ -9,10 +9,10 @@ from orthoglide_cal.errors import RankDeficientError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.model.measured import Measured
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import double_posture, single_posture
-from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Series
-from tests.estimation.sessions import BENT, OFFSETS, SINGLE, SIX, differences, only, readings
-from tests.machines import NOMINAL, PROTOTYPE, both_models
+from orthoglide_cal.model.orthoglide import double_posture
+from orthoglide_cal.model.readings import AXES, GaugePlan, Series
+from tests.estimation.sessions import OFFSETS, SINGLE, SIX, differences, only, readings
+from tests.machines import NOMINAL, both_models
 from tests.readings import some
 
 DOUBLE_WORDS = re.compile(r"leg ([xyz]), direction ([xyz]), at max and min in one gauge set-up")
@@ -101,22 +101,3 @@ def test_raw_readings_and_the_readings_that_complete_them(model: Model) -> None:
             completed = solve(some(full, kept), model)
             assert completed.offsets_mm == pytest.approx(OFFSETS, abs=1e-8)
     assert refusals > 30
-
-
-@pytest.mark.parametrize("method", ["readings", "six", "twelve-linear"])
-def test_one_direction_of_one_leg_is_too_little_for_every_method(method: str) -> None:
-    """As is one reading of each set-up, whose zero takes it away."""
-    full = readings(NOMINAL, double_posture(PROTOTYPE))
-    firsts = np.unique(full.plan.setup, return_index=True)[1]
-    for kept in (of(full.plan, "x", "y"), firsts):
-        with pytest.raises(RankDeficientError):
-            solve(some(full, kept), NOMINAL, method)
-
-
-def test_joint_ends_alone_say_nothing_nor_do_known_causes_more() -> None:
-    full = readings(NOMINAL, single_posture(PROTOTYPE))
-    error = refused(some(full, full.plan.contact == Contact.JOINT), NOMINAL)
-    assert error.undetermined == ("x", "y", "z")
-    assert "joint end and tool end" in error.remedy
-    bent = refused(only(differences(SIX, BENT), "dx_y", "dx_z"), BENT)
-    assert DOUBLE_WORDS.findall(bent.remedy)

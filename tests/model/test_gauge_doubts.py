@@ -20,7 +20,6 @@ from tests import truth
 from tests.cli.program import lines, run
 from tests.diagnosis.sessions import known, model_of, read, readings_of
 from tests.machines import PROTOTYPE
-from tests.readings import some
 
 DEAD, SCATTER, GRID, RANGE, UNIT = (
     "never differ", "differ by", "more decimals", "beyond the gauge's range", "cannot show these",
@@ -133,15 +132,6 @@ def test_one_dead_gauge_is_named() -> None:
     (doubt,) = gauge_doubts(replace(readings, value=value), stated)
     assert DEAD in doubt.what
     assert doubt.what.startswith("Leg y, direction x: ")
-
-
-def test_one_cycle_says_little() -> None:
-    """Six pairs of equal readings are no proof, 18 groups of them are."""
-    readings, stated = drawn(truth.DIAL)
-    equal = replace(readings, value=np.zeros(len(readings)))
-    first = np.flatnonzero((readings.cycle == 1) | (readings.cycle == 4))
-    assert kinds(some(equal, first), stated) == set()
-    assert kinds(equal, stated) == {DEAD}
 
 
 # --- digits, travel, units --------------------------------------------------------------------
