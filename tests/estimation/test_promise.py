@@ -10,7 +10,6 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import Contact, Posture
-from orthoglide_cal.paper.tables import experiment
 from tests import truth
 from tests.estimation.sessions import (
     BENT,
@@ -119,11 +118,6 @@ def test_stands_put_up_anew_are_misplaced_anew() -> None:
         before, after = (column[when][high] - column[when][low] for when in ("before", "after"))
         assert abs(before * after) > 1e-8
         assert row.expanded_mm == pytest.approx(1.96 * np.hypot(before, after), rel=0.01)
-
-
-def test_nothing_entered_changes_nothing() -> None:
-    for row in promise(experiment(1), known(BENT, OFFSETS), np.zeros(3), NOISE):
-        assert row.expected_mm == row.measured_mm
 
 
 def test_nothing_is_promised_where_nothing_was_measured() -> None:

@@ -116,14 +116,6 @@ def test_repeats_are_joined_where_nothing_tells_them_apart() -> None:
     assert len(pose(session, NOMINAL, Method.READINGS.uses).data) == 60 - 6
 
 
-def test_a_whole_leg_may_be_missing() -> None:
-    session = readings(NOMINAL, double_posture(PROTOTYPE), seed=None)
-    part = some(session, session.plan.leg != 2)
-    solution = solve(part, NOMINAL)
-    assert solution.offsets_mm == pytest.approx(OFFSETS, abs=1e-9)
-    assert [row.name for row in solution.promised()] == ["dx_y", "dy_x", "dz_x", "dz_y"]
-
-
 @on_each_kind([cause for cause in CAUSES.values() if cause.lasting])
 def test_with_a_known_cause_it_is_least_squares_with_zeros(cause: Cause, subject: Subject) -> None:
     """Readings of one kind may be joined only where the cause cannot tell them apart."""

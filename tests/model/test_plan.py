@@ -143,15 +143,6 @@ def test_a_place_and_a_label_make_a_setup(places, gauges, ordered, setups):
 # --- several parts ----------------------------------------------------------------------------
 
 
-def test_what_is_not_said_is_as_before() -> None:
-    plan = double_posture(PROTOTYPE, cycles=1)
-    assert not any(values.any() for values in (plan.part, plan.turned, plan.entered))
-    assert plan.entered.shape == plan.stood.shape == (len(plan), 3)
-    assert (plan.parts, plan.state) == (1, ())
-    with pytest.raises(ValueError, match="entered has shape"):
-        replace(plan, entered=np.zeros((2, 3)))
-
-
 def test_readings_that_differ_in_their_part_are_no_repeats() -> None:
     plan = plan_of(
         [

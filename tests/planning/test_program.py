@@ -54,20 +54,6 @@ def test_every_block_stops_at_its_posture(
 
 
 @both_models
-@pytest.mark.parametrize("travel", [None, WIDE])
-def test_no_point_is_outside_the_limits(
-    model: Model, travel: tuple[float, float] | None, tmp_path: Path
-) -> None:
-    low, high = travel or model.machine.joint_limits_mm
-    length = model.machine.leg_length_mm
-    done = ran(gcode(tmp_path, model, travel_mm=travel), length)
-    moved = np.array([move.end for move in done.moves]) - length
-    rounding = 0.5e-4
-    assert low - rounding <= moved.min()
-    assert moved.max() <= high + rounding
-
-
-@both_models
 @pytest.mark.parametrize("distance", [0.5, 1.0, 3.0])
 def test_carriages_arrive_slowly_from_below(model: Model, distance: float, tmp_path: Path) -> None:
     """All of them where the travel allows it; else all but the one at its lower limit."""

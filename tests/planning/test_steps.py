@@ -89,13 +89,6 @@ def test_fewest_moves_moves_the_gauge_less() -> None:
     assert gauge_moves(usual(DOUBLE, 3, stands=1)) == 5
 
 
-def test_time_left_counts_postures_and_moves_of_the_stand() -> None:
-    steps = usual(DOUBLE, 3)
-    assert clock(steps)[-1] == pytest.approx(30 * 0.4 + 2 * 4.0)
-    assert clock(steps[-2:])[-1] == pytest.approx(0.4)
-    assert clock([])[-1] == 0.0
-
-
 def of_readings(
     *readings: PlannedReading, order: Order = Order.PAPER, stands: int = 2
 ) -> tuple[SessionStep, ...]:
@@ -130,13 +123,6 @@ def test_steps_of_any_plan_carry_what_is_read() -> None:
     assert step_name(steps[0]) == "leg X, +30 mm, cycle 1, gauge Y"
     # Turn one bar; three moves to another set-up. What is commanded short takes no time.
     assert clock(steps)[-1] == pytest.approx(6 * 0.4 + 3 * 4.0 + MINUTES_PER_TURN)
-
-
-def test_repeats_are_counted_among_what_is_alike() -> None:
-    steps = of_readings(*both(0, 0.0), *both(0, 0.0), *both(0, 0.0, entered=(0.0, 0.1, 0.0)))
-    assert [s.cycle for s in steps] == [1, 1, 2, 2, 1, 1]
-    assert len({s.visit for s in steps}) == 3
-    assert {s.zero for s in steps} == {(1, (0, 1)), (1, (0, 2))}
 
 
 def test_one_gauge_takes_each_set_up_of_any_plan_alone() -> None:

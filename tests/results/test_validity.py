@@ -31,13 +31,6 @@ def warmer(start: float, end: float) -> Conditions:
     return COMPLETE.changed(temperature_c=(start, end), first_and_last_c=(start, end))
 
 
-def test_nothing_is_said_of_a_complete_session() -> None:
-    found = validity(given(READINGS, NOMINAL, COMPLETE))
-    assert found.reservations == ()
-    assert (found.temperature_start_c, found.temperature_end_c) == (20.9, 21.3)
-    assert not found.simulated
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
