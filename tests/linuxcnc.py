@@ -155,7 +155,7 @@ class LinuxCnc:
         for joint in range(3):
             # A machine that is homed is in teleoperation again, in which no joint can be homed.
             self.tell("set mode manual", "set teleop_enable off", f"set home {joint}")
-            time.sleep(0.5)
+            time.sleep(0.2)
             while self.hal("getp", f"joint.{joint}.homing") == "TRUE" or not self.rests():
                 pass
             assert self.hal("getp", f"joint.{joint}.homed") == "TRUE"

@@ -344,13 +344,12 @@ MODELS = st.builds(
 def test_what_is_written_is_read_back_exactly(model):
     """The machine to the last digit, its causes to twelve; and read and written it stays so."""
     text = machine_text(model)
-    for _ in range(2):
-        again = read(text)
-        assert again.machine == model.machine
-        assert {**machine_values(again), "complete": True} == yaml.safe_load(text)
-        assert machine_text(again) == text
-        for after, before in zip(again.accepted, model.accepted, strict=True):
-            assert_same(after, before)
+    again = read(text)
+    assert again.machine == model.machine
+    assert {**machine_values(again), "complete": True} == yaml.safe_load(text)
+    assert machine_text(again) == text
+    for after, before in zip(again.accepted, model.accepted, strict=True):
+        assert_same(after, before)
 
 
 def test_a_shape_that_was_found_with_fewer_terms_is_read():
