@@ -164,14 +164,6 @@ def test_a_note_that_starts_with_a_hash_is_a_reading(tmp_path):
     assert read.note == ("#3 again", "")
 
 
-def test_cycles_are_counted_in_time(tmp_path):
-    rows = ["x,iso,y,0.1,3", "x,iso,z,0.1,2", "x,0,y,0.3,1", "x,max,y,0.5,4"]
-    read = readings(tmp_path, f"{HEAD},seq\n" + "\n".join(rows))
-    assert read.cycle.tolist() == [2, 1, 1, 1]
-    explicit = readings(tmp_path, f"{HEAD},cycle\nx,iso,y,0.1,7\n")
-    assert explicit.cycle.tolist() == [7]
-
-
 REMARKS = [
     (f"{HEAD},minutes,Comment\nx,iso,y,0,0,hi\n", "not used: comment"),
     (f"{HEAD},minutes,nots\nx,iso,y,0,0,hi\n", "Did you mean 'note'?"),
@@ -214,7 +206,9 @@ ROWS = ["x,iso,y,A,0.1", "x,max,y,A,0.2", "y,iso,z,A,0.3", "x,iso,y,A,0.4"]
 
 
 def test_only_a_stated_order_tells_of_a_return(tmp_path):
-    assert readings(tmp_path, "\n".join([LABELLED, *ROWS])).plan.setup.tolist() == [0, 0, 1, 0]
+    read = readings(tmp_path, "\n".join([LABELLED, *ROWS]))
+    assert read.plan.setup.tolist() == [0, 0, 1, 0]
+    assert read.cycle.tolist() == [1, 1, 1, 2]
     for column in ("seq", "minutes"):
         stated = [f"{LABELLED},{column}", *(f"{row},{k}" for k, row in enumerate(ROWS))]
         read = readings(tmp_path, "\n".join(stated))
@@ -222,11 +216,6 @@ def test_only_a_stated_order_tells_of_a_return(tmp_path):
     # Whatever the order of the rows.
     stated = [f"{LABELLED},seq", *(f"{row},{k}" for row, k in zip(ROWS, (0, 1, 3, 2), strict=True))]
     assert readings(tmp_path, "\n".join(stated)).plan.setup.tolist() == [0, 0, 1, 0]
-
-
-def test_another_position_along_the_leg_is_another_setup(tmp_path):
-    text = "leg,posture,direction,gauge_at,reading_mm\nx,iso,y,0.3,1\nx,iso,y,,1\nx,max,y,0.5,2\n"
-    assert readings(tmp_path, text).plan.setup.tolist() == [0, 1, 1]
 
 
 def made(plan, **changes) -> Readings:
@@ -334,18 +323,13 @@ def parted(folder, rows=PARTED):
 
 
 def test_the_columns_of_parts_are_read(tmp_path):
-    plan = parted(tmp_path).plan
+    read = parted(tmp_path)
+    plan = read.plan
     assert plan.part.tolist() == [0, 0, 0, 1, 1]
+    assert read.cycle.tolist() == [1] * 5  # counted anew in each part
     assert plan.turned.tolist() == [False, False, False, True, True]
     assert plan.entered.tolist() == [[0, 0, 0]] * 2 + [[0.5, 0, -0.25], [0, 0, 0], [0.5, 0, -0.25]]
     assert plan.setup.tolist() == [0, 0, 0, 1, 1]
-
-
-def test_a_new_part_has_new_zeros_whatever_its_gauges_are_called(tmp_path):
-    rows = [f"{row},A" for row in ("x,iso,y,0.1,1", "x,max,y,0.2,1", "x,iso,y,0.3,2")]
-    read = readings(tmp_path, "\n".join([f"{HEAD},part,gauge", *rows]))
-    assert read.plan.setup.tolist() == [0, 0, 1]
-    assert read.cycle.tolist() == [1, 1, 1]
 
 
 def test_decimal_commas_are_read_in_what_was_entered(tmp_path):

@@ -1,9 +1,7 @@
 """Bytes to text and back (sizes, encodings, complete or not there)."""
 
 import hashlib
-import io
 import os
-import sys
 from pathlib import Path
 
 import pytest
@@ -58,12 +56,6 @@ def test_too_large_is_not_read_to_its_end(tmp_path):
         file.truncate(10**12)  # sparse
     with pytest.raises(InputError, match="larger than 50 MB"):
         read_document(str(path))
-
-
-def test_standard_input(monkeypatch):
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"a\n")))
-    read = read_document("-")
-    assert (read.path, read.text) == ("-", "a\n")
 
 
 def test_written_once(tmp_path):

@@ -12,7 +12,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.planning import Option, ranked
-from orthoglide_cal.session.events import Following
+from orthoglide_cal.session.events import Event, Following
 from orthoglide_cal.session.journal import decode
 
 SIMULATED = ("--gauge", "simulated", "--seed", "7", "--yes")
@@ -56,7 +56,7 @@ def content(path: Path) -> dict[str, Any]:
     return values
 
 
-def events_of(path: Path) -> tuple[object, ...]:
+def events_of(path: Path) -> tuple[Event, ...]:
     return decode(path.read_bytes(), "j").events
 
 

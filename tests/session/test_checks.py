@@ -90,17 +90,12 @@ def test_one_wrong_reading(
     assert words in text
 
 
-def reversed_in(
-    steps: tuple[SessionStep, ...], values: list[float], mine: Callable[[int, SessionStep], bool]
-) -> list[float]:
-    return [-v if mine(i, steps[i]) else v for i, v in enumerate(values)]
-
-
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_gauge_with_the_opposite_sign_for_a_whole_leg(seed: int) -> None:
     """It can only show once the offsets are known and a second posture is read."""
     steps = steps_of()
-    flipped = reversed_in(steps, readings_of(steps, seed), lambda _, step: step.series == (2, 0))
+    read = zip(steps, readings_of(steps, seed), strict=True)
+    flipped = [-value if step.series == (2, 0) else value for step, value in read]
     number, doubt, text = first_question(flipped, steps)
     assert number in (43, 45)
     assert doubt is Doubt.SIGN

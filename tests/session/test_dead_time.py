@@ -8,14 +8,13 @@ import pytest
 
 from orthoglide_cal.session.asking import BETWEEN_GAUGES_S, BY_HAND_S, DeadTime
 from orthoglide_cal.session.events import State, replay
-from orthoglide_cal.session.journal import decode
 
+from .going_on import events_of
 from .terminal import PROGRAM, PROMPT, QUESTION, Terminal
 
 
 def state_in(folder: Path) -> State:
-    path = folder / "s.journal"
-    return replay(decode(path.read_bytes(), str(path)).events)
+    return replay(events_of(folder / "s.journal"))
 
 
 def kept(folder: Path) -> dict[int, float]:

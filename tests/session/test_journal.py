@@ -7,6 +7,7 @@ import os
 from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from orthoglide_cal.errors import InputError, UsageError
@@ -30,29 +31,14 @@ from orthoglide_cal.session.events import (
 )
 from orthoglide_cal.session.journal import Journal, decode, encode
 
-from .virtual import AT, opened, questioned, taken
+from .virtual import AT, opened, questioned, random_events, taken
 
 
 def eventful() -> list[Event]:
     """A session in which everything happens that can."""
-    return [
-        opened(operator='Zoë "the" \\ technician\n', temperature_c=20.5),
-        taken(1, -0.64),
-        taken(2, 0.41, 0.1),
-        Noted(at=AT, step=3, text="µ ± 中 \u2028 line"),
-        taken(3, -0.95, 0.2),
-        Undone(at=AT),
-        taken(3, -0.96, 0.3),
-        questioned(taken(4, 1.43, 0.4), Doubt.REVOLUTION, "one revolution?"),
-        Answered(at=AT, keep=False),
-        taken(4, 0.43, 0.5),
-        Retake(at=AT, steps=(2,), reason="doubtful"),
-        taken(2, 0.42, 0.6),
-        Skipped(at=AT, step=5, reason="blocked"),
-        questioned(taken(6, 0.2, 0.7), Doubt.STAND, "stand?"),
-        Answered(at=AT, keep=True, moved=True),
-        Ended(at=AT, reason="complete"),
-    ]
+    strange = Noted(at=AT, step=3, text='µ ± 中 \u2028 line, "the" \\ technician\n')
+    begun = opened(operator="Zoë", temperature_c=20.5)
+    return [begun, taken(1, -0.64), strange, *random_events(np.random.default_rng(19), 13)]
 
 
 def written(events: list[Event]) -> tuple[bytes, list[int]]:

@@ -9,10 +9,11 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
 from orthoglide_cal.session.events import Opened
-from orthoglide_cal.session.journal import Journal, decode, encode
+from orthoglide_cal.session.journal import Journal, encode
 from orthoglide_cal.session.opening import MOST_CYCLES, session_file, session_path
 from tests.machines import NOMINAL
 
+from .going_on import events_of
 from .terminal import Terminal, begun, finished, refused, run_program
 from .virtual import opened
 
@@ -196,7 +197,7 @@ def test_too_few_readings_end_without_a_number(tmp_path: Path, before: str) -> N
 
 def held(folder: Path) -> tuple[float, ...]:
     """Offsets in the session's copy of the machine file."""
-    first = decode((folder / "s.journal").read_bytes(), "s.journal").events[0]
+    first = events_of(folder / "s.journal")[0]
     assert isinstance(first, Opened)
     return machine_from_text(first.machine, "s.journal").machine.offsets_mm
 

@@ -10,8 +10,8 @@ from orthoglide_cal.planning.steps import with_set_ups
 from orthoglide_cal.session.asking import Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import Retake, Skipped
-from orthoglide_cal.session.journal import decode
 
+from .going_on import events_of
 from .terminal import Terminal, run_program
 from .virtual import SINGLE, a_dialogue, answered, opened, readings_of, steps_of, typed, values
 
@@ -39,7 +39,7 @@ def test_in_a_terminal_s_all_is_confirmed_whatever_the_reason(tmp_path: Path) ->
         terminal.expect("y/n > ")
         terminal.type("y")
         assert terminal.finish() == 4
-    events = decode((tmp_path / "s.journal").read_bytes(), "").events
+    events = events_of(tmp_path / "s.journal")
     assert [e.reason for e in events if isinstance(e, Skipped)] == ["power cut"] * 59
 
 
@@ -113,7 +113,7 @@ def test_skipped_steps_of_another_set_up_bring_its_readings_with_them(tmp_path: 
     dialogue, screen, journal = a_dialogue(path, [])
     with closing(journal):
         dialogue.offer_again(agreed=True)
-    (retake,) = [e for e in decode(path.read_bytes(), "").events if isinstance(e, Retake)]
+    (retake,) = [e for e in events_of(path) if isinstance(e, Retake)]
     assert retake.steps == tuple(range(1, 26))
     assert "24 earlier readings are taken again" in " ".join(screen.text.split())
     first, _ = answered(tmp_path / "t.journal", [*RIGHT[:9], "s cable", *RIGHT[10:25], "r 10", "y"])

@@ -8,11 +8,8 @@ from orthoglide_cal.session.events import (
     Arrived,
     Doubt,
     Event,
-    Noted,
     Questioned,
-    Reopened,
     Retake,
-    Shortened,
     Skipped,
     State,
     Taken,
@@ -21,7 +18,7 @@ from orthoglide_cal.session.events import (
     replay,
 )
 
-from .virtual import AT, opened, questioned, state_of, taken
+from .virtual import AT, opened, questioned, random_events, state_of, taken
 
 
 def after(*events: Event) -> State:
@@ -30,28 +27,6 @@ def after(*events: Event) -> State:
 
 def asked(step: int, value: float) -> Questioned:
     return questioned(taken(step, value), Doubt.STAND, "really?")
-
-
-def random_events(rng: np.random.Generator, count: int) -> list[Event]:
-    """Records in any order, sensible or not."""
-    events: list[Event] = []
-    for _ in range(count):
-        step = int(rng.integers(1, 9))
-        value = round(float(rng.normal()), 2)
-        events.append(
-            [
-                taken(step, value),
-                asked(step, value),
-                Answered(at=AT, keep=bool(rng.integers(2)), moved=bool(rng.integers(2))),
-                Undone(at=AT),
-                Retake(at=AT, steps=(step, step + 1), reason="why"),
-                Skipped(at=AT, step=step, reason="why"),
-                Noted(at=AT, step=step, text="note"),
-                Reopened(at=AT, source=("simulated",)),
-                Shortened(at=AT, drop=(step, 9), reason="known"),
-            ][int(rng.choice(9, p=[0.4, 0.1, 0.1, 0.1, 0.1, 0.05, 0.05, 0.05, 0.05]))]
-        )
-    return events
 
 
 @pytest.mark.parametrize("seed", range(20))

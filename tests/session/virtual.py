@@ -20,10 +20,16 @@ from orthoglide_cal.session.events import (
     Answered,
     Doubt,
     Event,
+    Noted,
     Opened,
     Questioned,
+    Reopened,
+    Retake,
+    Shortened,
+    Skipped,
     State,
     Taken,
+    Undone,
     advance,
     replay,
 )
@@ -95,6 +101,28 @@ def questioned(take: Taken, doubt: Doubt, question: str, about: int = 0) -> Ques
     """The same reading, questioned."""
     values = take.model_dump(exclude={"kind"})
     return Questioned(**values, doubt=doubt, question=question, about=about)
+
+
+def random_events(rng: np.random.Generator, count: int) -> list[Event]:
+    """Records in any order, sensible or not."""
+    events: list[Event] = []
+    for _ in range(count):
+        step = int(rng.integers(1, 9))
+        value = round(float(rng.normal()), 2)
+        events.append(
+            [
+                taken(step, value),
+                questioned(taken(step, value), Doubt.STAND, "really?"),
+                Answered(at=AT, keep=bool(rng.integers(2)), moved=bool(rng.integers(2))),
+                Undone(at=AT),
+                Retake(at=AT, steps=(step, step + 1), reason="why"),
+                Skipped(at=AT, step=step, reason="why"),
+                Noted(at=AT, step=step, text="note"),
+                Reopened(at=AT, source=("simulated",)),
+                Shortened(at=AT, drop=(step, 9), reason="known"),
+            ][int(rng.choice(9, p=[0.4, 0.1, 0.1, 0.1, 0.1, 0.05, 0.05, 0.05, 0.05]))]
+        )
+    return events
 
 
 def compared(
