@@ -186,9 +186,6 @@ NOTHING = (
     ("zero.csv", made.height_map(made.UNEVEN, OFF).split("\n", 3)[0] + "\n"
      "xmin,xmax,ymin,ymax,radius,spacing,xnum,ynum\n-10,10,-10,10,20,20,2,2\n 0, 0\n 0, 0\n",
      PLACEHOLDER, "G29"),
-    ("flat.csv", made.height_map(made.UNEVEN, OFF).split("\n", 3)[0] + "\n"
-     "xmin,xmax,ymin,ymax,radius,spacing,xnum,ynum\n-10,10,-10,10,20,20,2,2\n 0.000, 0.000\n"
-     " 0.000, 0.000\n", PLACEHOLDER, "Probe the bed"),
 )  # fmt: skip
 
 

@@ -267,11 +267,6 @@ def test_what_makes_no_difference(text):
         np.testing.assert_array_equal(one.value, other.value)
 
 
-def test_what_is_not_stored_is_none():
-    found = read(GOOD.replace(MESH, "").replace(CALIBRATION, ""))
-    assert (found.heights, found.mesh) == (None, None)
-
-
 # Old text, new text, start of the line that is at fault (None: no line), words of the message.
 BROKEN = [
     ("kinematics: delta", "kinematics: corexy", "kinematics", "not a linear delta"),

@@ -222,11 +222,6 @@ def test_faults_of_a_printer_have_their_line_and_remedy(
     assert remedy in fault.remedy
 
 
-@pytest.mark.parametrize(("old", "new"), [row[1:3] for row in FAULTS[1:5]])
-def test_a_mesh_has_no_steps(tmp_path: Path, old: str, new: str) -> None:
-    assert len(taken(tmp_path, cfg("m").replace(old, new)).measured) == 49
-
-
 @pytest.mark.parametrize(("by", "words"), [(0.3, "0.300 mm higher"), (-0.2, "0.200 mm lower")])
 def test_endstops_that_were_trimmed_after_the_calibration_are_told(
     tmp_path: Path, by: float, words: str

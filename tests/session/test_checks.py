@@ -8,7 +8,7 @@ import pytest
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, check_reading, check_repeats
-from orthoglide_cal.session.events import Answered, Doubt, Taken, advance
+from orthoglide_cal.session.events import Answered, Doubt, Taken
 from orthoglide_cal.session.readings import NextReading
 from orthoglide_cal.words import Unit
 from tests.machines import PROTOTYPE
@@ -163,20 +163,6 @@ def test_a_kept_blunder_is_not_asked_about_again(
     for index in range(at, len(steps)):
         values[index] += knock_mm * (steps[index].series == (leg, direction))
     assert [number for number, _ in play(values, steps)] == [at + 1]
-
-
-def test_after_a_stand_was_declared_moved_the_same_shape_is_expected_with_a_new_zero() -> None:
-    steps = steps_of()
-    values = readings_of(steps)
-    at = index_of(steps, 0, 1, "iso", 2)
-    state = state_of([taken(k + 1, values[k], 0.2 * k) for k in range(at)])
-    moved = questioned(taken(at + 1, values[at] + 2.0, 0.2 * at), Doubt.STAND, "stand?")
-    state = advance(advance(state, moved), Answered(at=AT, keep=True, moved=True))
-    index = at + 2  # max of cycle 2, by the same gauge
-    past = compared(state, steps, index, 0.2 * index)
-    prediction = past.forecast.predict(past.so_far.value[past.past], past.past, len(past.steps) - 1)
-    assert float(prediction.std) < 0.03
-    assert check_reading(past, values[index] + 2.0) is None
 
 
 @pytest.mark.parametrize(

@@ -238,13 +238,6 @@ def test_a_slip_is_questioned_and_can_be_read_again(tmp_path: Path) -> None:
     assert old.take.question in content(dialogue)["retaken"][0]["reason"]
 
 
-def test_a_second_doubtful_reading_replaces_the_first(tmp_path: Path) -> None:
-    worse = f"{float(with_slip()[-1]) + 1.0:.2f}"
-    dialogue, _ = answered(tmp_path / "s.journal", [*with_slip(), worse, "k"])
-    assert values(dialogue)[9] == float(worse)
-    assert replaced(dialogue) == [float(with_slip()[-1])]
-
-
 @pytest.mark.parametrize("key", ["k", "y", "K", "keep", "yes", "m"])
 def test_a_slip_can_be_kept_with_a_note(tmp_path: Path, key: str) -> None:
     dialogue, _ = answered(tmp_path / "s.journal", [*with_slip(), key])

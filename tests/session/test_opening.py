@@ -90,24 +90,6 @@ def test_resuming_another_session_is_refused(
     assert (tmp_path / "s.journal").read_bytes() == before
 
 
-def test_resuming_with_the_same_options_goes_on(tmp_path: Path) -> None:
-    begun(tmp_path)
-    same = machine_file(tmp_path, "name", "name")
-    options = ("--machine", same, "--protocol", "double", "--cycles", "3", "--order", "paper")
-    done = run_program(tmp_path, "s.yaml", "--resume", *options, stdin="-0.95\n")
-    assert done.returncode == 130
-    assert "saved -0.950" in done.stdout
-
-
-def test_the_machine_of_the_session_is_used_even_if_its_file_has_gone(tmp_path: Path) -> None:
-    other = machine_file(tmp_path, "leg_length_mm: 310.25", "leg_length_mm: 420.0")
-    done = run_program(tmp_path, "s.yaml", "--machine", other, stdin="-0.64\n")
-    assert done.returncode == 130
-    Path(other).unlink()
-    done = run_program(tmp_path, "s.yaml", "--resume")
-    assert "X 420.000" in done.stdout
-
-
 def test_resume_finds_the_only_unfinished_session(tmp_path: Path) -> None:
     begun(tmp_path)
     done = run_program(tmp_path, "--resume", stdin="-0.95\n")

@@ -13,7 +13,7 @@ from orthoglide_cal.session.events import Retake, Skipped
 
 from .going_on import events_of
 from .terminal import Terminal, run_program
-from .virtual import SINGLE, a_dialogue, answered, opened, readings_of, steps_of, typed, values
+from .virtual import SINGLE, a_dialogue, answered, readings_of, steps_of, typed, values
 
 RIGHT = typed(readings_of(steps_of()))
 ENDED = "the session was ended"
@@ -75,14 +75,6 @@ def test_a_session_file_that_somebody_changed_is_not_replaced(tmp_path: Path) ->
     assert file.read_bytes() == before
 
 
-def test_a_reopened_session_survives_an_interruption(tmp_path: Path) -> None:
-    path = tmp_path / "s.journal"
-    reopened(path, [*RIGHT[:45], "s all power cut"])
-    with pytest.raises(EOFError):
-        reopened(path, RIGHT[45:50])
-    assert values(reopened(path, RIGHT[50:])) == values(answered(tmp_path / "w.journal", RIGHT)[0])
-
-
 def test_nobody_is_asked_without_a_terminal(tmp_path: Path) -> None:
     path = tmp_path / "s.journal"
     reopened(path, [*RIGHT[:45], "s all power cut"])
@@ -126,12 +118,3 @@ def test_steps_of_the_set_up_in_hand_come_alone() -> None:
     assert with_set_ups(chosen, 1, steps, range(1, 10)) == chosen
     both = with_set_ups(chosen, 2, steps, [1, 2, 21, 41])
     assert [step.number for step in both] == [1, 2, 4, 21]
-
-
-def test_an_undone_reopening_is_the_end_again(tmp_path: Path) -> None:
-    path = tmp_path / "s.journal"
-    first = opened()
-    answered(path, [*RIGHT[:45], "s all power cut"], first=first)
-    dialogue = reopened(path, ["u"])
-    assert len(dialogue.state.skipped) == 15
-    assert dialogue.state.ended is not None
