@@ -228,7 +228,8 @@ def test_the_offsets_of_the_file_or_of_the_option_are_the_session_s(tmp_path: Pa
     run_program(tmp_path, "s.yaml", "--machine", machine, *option)
     assert held(tmp_path) == (0.4, -0.3, 0.9)
     # The file still says something else: the session was asked.
-    again = run_program(tmp_path, "s.yaml", "--resume", "--machine", machine)
+    same = ("--machine", machine, "--protocol", "double", "--cycles", "3", "--order", "paper")
+    again = run_program(tmp_path, "s.yaml", "--resume", *same)
     assert (again.returncode, "X +0.4  Y -0.3  Z +0.9" in again.stdout) == (130, True)
     other = ("--offsets-active", "0.4", "-0.3", "0")
     assert "machine, offsets_mm: " in refused(2, tmp_path, "s.yaml", "--resume", *other)

@@ -19,10 +19,7 @@ from orthoglide_cal.session.events import (
     Doubt,
     Event,
     GaugeLabel,
-    Retake,
-    Skipped,
     Taken,
-    Undone,
     replay,
 )
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
@@ -30,10 +27,10 @@ from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
 from .virtual import (
     AT,
     DOUBLE,
-    SINGLE,
     both_protocols,
     opened,
     questioned,
+    random_events,
     readings_of,
     setting_of,
     state_of,
@@ -42,35 +39,6 @@ from .virtual import (
 )
 
 TWO = (GaugeLabel(id="MT-1", certificate="C 7"), GaugeLabel(id="MT-2"))
-
-
-def eventful(protocol: MeasuringProtocol) -> list[Event]:
-    """A session with a retake, a skip, an undo, a knock and a doubt that was given up."""
-    steps = steps_of(protocol)
-    values = readings_of(steps, 3)
-    knock = 0 if protocol is SINGLE else 12
-    events: list[Event] = []
-    for step, value in zip(steps, values, strict=True):
-        number, minutes = step.number, 1.0 / 3.0 + 0.4321987 * step.number
-        shifted = value + (0.3 if step.series == steps[knock].series and number > 12 else 0.0)
-        reading = taken(number, round(shifted, 3), minutes)
-        doubtful = questioned(reading, Doubt.STAND, "moved?")
-        if number == 13:
-            events += [doubtful, Answered(at=AT, keep=True, moved=True)]
-        elif number == 8:
-            events += [doubtful, Answered(at=AT, keep=False), reading]
-        elif number == 20:
-            events.append(Skipped(at=AT, step=number, reason="cable"))
-        else:
-            events.append(reading)
-        if number == 17:
-            events += [
-                Undone(at=AT),
-                reading,
-                Retake(at=AT, steps=(15,), reason="dust"),
-                taken(15, value, minutes),
-            ]
-    return events
 
 
 def so_far_of(
@@ -82,10 +50,13 @@ def so_far_of(
 
 @both_protocols
 @pytest.mark.parametrize("gauges", [(), TWO])
+@pytest.mark.parametrize("seed", [1, 2, 3])
 def test_live_readings_are_those_of_the_file(
-    tmp_path: Path, protocol: MeasuringProtocol, gauges: tuple[GaugeLabel, ...]
+    tmp_path: Path, seed: int, protocol: MeasuringProtocol, gauges: tuple[GaugeLabel, ...]
 ) -> None:
-    so_far = so_far_of(eventful(protocol), protocol, gauges=gauges, temperature_c=20.5)
+    """Whatever was retaken, skipped, undone, moved or kept in doubt."""
+    events = random_events(seed, 200, len(steps_of(protocol)))
+    so_far = so_far_of(events, protocol, gauges=gauges, temperature_c=20.5)
     live = so_far.measured
     exact = [item.take.minutes for item in so_far.state.accepted.values()]
     assert so_far.minutes == pytest.approx(exact, abs=5.1e-5)
@@ -93,7 +64,7 @@ def test_live_readings_are_those_of_the_file(
     read = read_input(str(tmp_path / "s.yaml"))
     filed = read.measured
     assert isinstance(filed, Readings)
-    assert len(live) == len(steps_of(protocol)) - 1
+    assert len(live) == len(so_far.state.accepted) > 15
     for item in fields(GaugePlan):
         assert np.array_equal(getattr(live.plan, item.name), getattr(filed.plan, item.name)), item
     for name in ("value", "cycle", "temperature"):

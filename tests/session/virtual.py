@@ -18,6 +18,7 @@ from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.dialogue import Dialogue, Quit
 from orthoglide_cal.session.events import (
     Answered,
+    Arrived,
     Doubt,
     Event,
     Noted,
@@ -103,25 +104,27 @@ def questioned(take: Taken, doubt: Doubt, question: str, about: int = 0) -> Ques
     return Questioned(**values, doubt=doubt, question=question, about=about)
 
 
-def random_events(rng: np.random.Generator, count: int) -> list[Event]:
-    """Records in any order, sensible or not."""
-    events: list[Event] = []
-    for _ in range(count):
-        step = int(rng.integers(1, 9))
-        value = round(float(rng.normal()), 2)
-        events.append(
-            [
-                taken(step, value),
-                questioned(taken(step, value), Doubt.STAND, "really?"),
-                Answered(at=AT, keep=bool(rng.integers(2)), moved=bool(rng.integers(2))),
-                Undone(at=AT),
-                Retake(at=AT, steps=(step, step + 1), reason="why"),
-                Skipped(at=AT, step=step, reason="why"),
-                Noted(at=AT, step=step, text="note"),
-                Reopened(at=AT, source=("simulated",)),
-                Shortened(at=AT, drop=(step, 9), reason="known"),
-            ][int(rng.choice(9, p=[0.4, 0.1, 0.1, 0.1, 0.1, 0.05, 0.05, 0.05, 0.05]))]
-        )
+def random_events(seed: int, count: int, steps: int = 8) -> list[Event]:
+    """Records in any order, sensible or not, but that an accepted step is read again only after a
+    retake or an undo."""
+    rng, state, events = np.random.default_rng(seed), replay([opened()]), list[Event]()
+    for number in range(count):
+        step = int(rng.integers(1, steps + 1))
+        reading = taken(step, round(float(rng.normal()), 2), 1.0 / 3.0 + 0.4321987 * number)
+        event = [
+            reading,
+            questioned(reading, Doubt.STAND, "really?"),
+            Answered(at=AT, keep=bool(rng.integers(2)), moved=bool(rng.integers(2))),
+            Undone(at=AT),
+            Retake(at=AT, steps=(step, step + 1), reason="why"),
+            Skipped(at=AT, step=step, reason="why"),
+            Noted(at=AT, step=step, text="note"),
+            Reopened(at=AT, source=("simulated",)),
+            Shortened(at=AT, drop=(step, 9), reason="known"),
+        ][int(rng.choice(9, p=[0.4, 0.1, 0.1, 0.1, 0.1, 0.05, 0.05, 0.05, 0.05]))]
+        if not isinstance(event, Arrived) or state.is_open(step):
+            state = advance(state, event)
+            events.append(event)
     return events
 
 
