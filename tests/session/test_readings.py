@@ -65,6 +65,7 @@ def test_live_readings_are_those_of_the_file(
     filed = read.measured
     assert isinstance(filed, Readings)
     assert len(live) == len(so_far.state.accepted) > 15
+    assert set(live.temperature) == {20.5}
     for item in fields(GaugePlan):
         assert np.array_equal(getattr(live.plan, item.name), getattr(filed.plan, item.name)), item
     for name in ("value", "cycle", "temperature"):
