@@ -154,7 +154,7 @@ def write_places(found: SessionForecast, target: Path) -> None:
     from orthoglide_cal.files.probe_readings import places_csv
     from orthoglide_cal.model.linear_delta import ProbePlan
 
-    if not found.can_be_sent:
+    if not found.plan.touches.all():
         raise UsageError(
             f"{found.name} holds distances on a printed object: they are not probed.",
             "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring printer.cfg; or"

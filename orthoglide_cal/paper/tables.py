@@ -190,13 +190,10 @@ def monte_carlo(
     isotropic readings (errata, eq. 30).
 
     Args:
-        model: the machine.
         kind: six equations, or twelve.
         offset_mm: true value of all three offsets.
-        rng: source of the noise.
         sigma_mm: standard deviation of one reading.
-        replications: repeats of the study; their spread shows how well it is determined.
-        runs: sessions solved in each.
+        replications: repeats of the study, each of so many `runs`.
 
     Returns:
         std(Δρ) of each replication, r.m.s. over the joints, shape (replications,) [mm].
@@ -292,7 +289,6 @@ def accuracy_factor(model: Model, kind: DataKind) -> float:
     """σ_ρ/σ of one cycle of readings: the paper's 1.98 (six) and 2.06 (twelve).
 
     Args:
-        model: the machine.
         kind: six (eq. 29) or twelve differences (eq. 32), or readings: the Cramér–Rao bound of the
             same isotropic, Max and Min readings.
     """

@@ -130,11 +130,6 @@ class SessionForecast(Schema):
         deviations]; None if it has none or one of the two cannot be."""
         return rivals_sigma(self.model, self.plan)
 
-    @property
-    def can_be_sent(self) -> bool:
-        """Of a machine that measures itself: whether it goes to every place without help."""
-        return bool(self.plan.touches.all())
-
     @cached_property
     def floor(self) -> Budget | None:
         """What is left of it besides the scatter of the readings; None if that is nothing."""

@@ -22,7 +22,6 @@ from orthoglide_cal.diagnosis import (
     Verdict,
 )
 from orthoglide_cal.diagnosis.candidates import Ids
-from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import PromisedDifference
 from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
 from orthoglide_cal.files.input import Input
@@ -272,13 +271,3 @@ class Answer(Schema):
     def named(self) -> Ids:
         """The causes that the parameters take into account."""
         return tuple(cause.id for cause in self.causes) if self.alone else ()
-
-    def require_result(self) -> None:
-        """Refuse to go on without parameters.
-
-        Raises:
-            UnusableResultError: why there are none, and what to do.
-        """
-        if not self.parameters:
-            remedies = " ".join(remedy.sentence for remedy in self.release.remedies)
-            raise UnusableResultError(" ".join(self.release.reasons), remedies)

@@ -35,12 +35,6 @@ class Application:
     controller: ControllerFile | None = None  # as it is; None where it is not written
     data: bytes = b""  # of the controller's file, as they will be
 
-    @property
-    def offsets_mm(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """In the controller until then and from then on (x, y, z) [mm]; none of a printer."""
-        before, after = self.entry.before or (), self.entry.after or ()
-        return (after, before) if self.undone else (before, after)
-
 
 def apply(
     given: Input,

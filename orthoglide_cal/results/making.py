@@ -71,19 +71,12 @@ _DIAGNOSED = (
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Parameters under one model, and what is known of the machine that they are entered in.
+    """Parameters under one model, and what is known of the machine that they are entered in."""
 
-    Attributes:
-        values: what is found beyond what is active, shape (p,).
-        budget: where their uncertainty comes from.
-        noise: of one reading.
-        real: the machine, as well as it is known.
-    """
-
-    values: Floats
-    budget: Budget
-    noise: Scatter
-    real: OffsetEstimate
+    values: Floats  # what is found beyond what is active, shape (p,)
+    budget: Budget  # where their uncertainty comes from
+    noise: Scatter  # of one reading
+    real: OffsetEstimate  # the machine, as well as it is known
 
 
 def answer_to(
@@ -98,7 +91,6 @@ def answer_to(
     """Solve, diagnose and judge one input.
 
     Args:
-        given: the input.
         method: name of an estimator; then the answer holds the parameters alone.
         diagnosed: a diagnosis of it that was made already; it is made here if None.
         holdout: file of the readings that the diagnosis predicted; None for those left out.
@@ -227,12 +219,9 @@ def answer_to(
 def with_dates(
     answer: schema.Answer, diagnosis: Diagnosis, inputs: Sequence[Input]
 ) -> schema.Answer:
-    """An answer to several dates together, with the parameters of each under what lasts.
+    """An answer to several dates as one measurement, with the parameters of each under what lasts.
 
-    Args:
-        answer: to all of them as one measurement.
-        diagnosis: of that.
-        inputs: each date, oldest first.
+    `inputs` are the dates, oldest first.
     """
     day, sha256 = datetime.now(UTC).date().isoformat(), diagnosis.measured.source.sha256
     lasting = [effect.accepted(day, sha256) for effect in diagnosis.effects if effect.cause.lasting]

@@ -448,20 +448,13 @@ def _recorded(before: Input, after: Input) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class SharedContrasts(ReadOnly):
-    """k quantities measured in both sessions.
+    """k quantities measured in both sessions."""
 
-    Attributes:
-        kind: what they are: contrasts of readings, or differences.
-        problem: predicts them for given offsets.
-        before, after: measured, shape (k,) [mm].
-        covariance: of after − before for unit variance of one reading, shape (k, k).
-    """
-
-    kind: DataKind
-    problem: Problem
-    before: Floats
-    after: Floats
-    covariance: Floats
+    kind: DataKind  # contrasts of readings, or differences
+    problem: Problem  # predicts them for given offsets
+    before: Floats  # measured, shape (k,) [mm]
+    after: Floats  # the same
+    covariance: Floats  # of after − before for unit variance of one reading, shape (k, k)
 
 
 def shared_contrasts(before: Measured, after: Measured, model: Model) -> SharedContrasts:

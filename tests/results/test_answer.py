@@ -26,6 +26,7 @@ from orthoglide_cal.model.orthoglide import single_posture
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.report.case import Case
+from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.results import Answer, Parameter, answer_to, identify, making
 from orthoglide_cal.results.making import release
 from tests.machines import NOMINAL, PROTOTYPE, sure
@@ -363,12 +364,13 @@ def test_every_reading_stands_beside_what_is_modelled() -> None:
 
 
 def test_no_result_has_nothing_to_show() -> None:
-    answer = cases.failed().answer
+    case = cases.failed()
+    answer = case.answer
     assert (answer.parameters, answer.release.usable) == ((), False)
     for name in ("method", "verdict", "as_found", "expected", "workspace", "check"):
         assert getattr(answer, name) is None
     with pytest.raises(UnusableResultError, match="do not determine"):
-        answer.require_result()
+        solution_document(case)
 
 
 def test_a_number_says_what_went_in_and_not_when():

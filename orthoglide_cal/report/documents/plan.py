@@ -136,7 +136,7 @@ def _to_do(
         yield doc.Instruction("Measure what the plungers can follow", typed)
     elif plan.gauges is not None:
         yield doc.Instruction("Measure it", _command(chosen, plan, machine_file, begun))
-    elif not chosen.can_be_sent:
+    elif not chosen.plan.touches.all():
         yield doc.Instruction(machine.vocabulary.probing)
     else:
         typed = _command(chosen, plan, machine_file, begun)

@@ -111,7 +111,10 @@ def application_document(found: Application, session: str) -> doc.Document:
 
     As data what changes in the machine file; lengths in mm.
     """
-    entry, machine, offsets = found.entry, found.file.model.machine, found.offsets_mm
+    entry, machine = found.entry, found.file.model.machine
+    # In the controller until then and from then on; none of a printer.
+    offsets = entry.before or (), entry.after or ()
+    offsets = offsets[::-1] if found.undone else offsets
 
     def data() -> dict[str, object]:
         before, after = (dict(zip(AXES, each, strict=False)) for each in offsets)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
 from orthoglide_cal.model.machine import Machine, Origin
@@ -77,8 +78,15 @@ _STATE = "State how well that is known under tolerances in the machine file."
 
 
 def solution_document(case: Case) -> doc.Document:
-    """The whole answer."""
-    case.answer.require_result()
+    """The whole answer.
+
+    Raises:
+        UnusableResultError: why it has no parameters, and what to do.
+    """
+    if not case.answer.parameters:
+        release = case.answer.release
+        remedies = " ".join(remedy.sentence for remedy in release.remedies)
+        raise UnusableResultError(" ".join(release.reasons), remedies)
     data = partial(case.answer.model_dump, mode="json")
     return doc.Document(data, partial(_page, case), partial(_screen, case))
 
