@@ -116,8 +116,7 @@ def readings_needed(model: Model, plan: Plan) -> float:
     So many each unit of accuracy costs, however often the plan is repeated.
     """
     problem, _ = pose_plan(plan, model, DataKind.READINGS)
-    variance = np.diag(unit_covariance(problem, problem.at_zero[1]))
-    return float(variance.max()) * len(plan)
+    return float(np.diag(unit_covariance(problem, problem.at_zero[1])).max()) * len(plan)
 
 
 def _cost(jacobian: Floats, count: Ints) -> Floats:

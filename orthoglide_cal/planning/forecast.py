@@ -120,8 +120,7 @@ class SessionForecast(Schema):
         """
         if not self.model.machine.has_cube:
             return None
-        after = error_after(self.model, self.budget.covariance_mm2, self.budget.k)[1]
-        return float(after.max())
+        return float(error_after(self.model, self.budget.covariance_mm2, self.budget.k)[1].max())
 
     @computed_field
     @cached_property

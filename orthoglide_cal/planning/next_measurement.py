@@ -225,8 +225,7 @@ def _alone(machine: Orthoglide) -> Iterator[Option]:
             f"Measure a separate session, {protocol}, {how_often} per leg, reading by reading."
             " It is solved alone: leave the old data as they are."
         )
-        told = sequence_options(*session)
-        yield Option(what, plan, minutes, continues=False, session=told)
+        yield Option(what, plan, minutes, False, session=sequence_options(*session))
 
 
 def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:

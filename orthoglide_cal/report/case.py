@@ -134,8 +134,7 @@ class Case:
         unknown = not self.machine.keeps_itself and recording(self.given) == "nowhere"
         digits = self.answer.decimals
         changes = " ".join(plain(each.change(digits), digits) for each in self.answer.parameters)
-        options = f"--applied {changes}" if unknown else ""
-        return self.typed("verify", options, other="AFTER")
+        return self.typed("verify", f"--applied {changes}" if unknown else "", other="AFTER")
 
     @property
     def record(self) -> str | None:
@@ -151,8 +150,8 @@ class Case:
             return command("measure", machine=self.machine_file, options=session)
         if not self.words.measure or self.source.path == "-":
             return None
-        then = f"{self.words.measure} --then"
-        return command(then, self.source.path, machine=self.machine_file)
+        verb = f"{self.words.measure} --then"
+        return command(verb, self.source.path, machine=self.machine_file)
 
     @property
     def table(self) -> str | None:

@@ -417,8 +417,7 @@ def _workspace(found: _Found, model: Model) -> Workspace | None:
 
 def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
     """Rail x lies g_xy above rail y, along z: rail y rises by that, and so on."""
-    gaps = (each for cause in causes if cause.id == "axis_gap" for each in cause.parameters)
-    for gap in gaps:
+    for gap in (each for cause in causes if cause.id == "axis_gap" for each in cause.parameters):
         along = next(axis for axis in AXES if axis not in gap.name)
         yield schema.Shim(
             rail=gap.name[1],

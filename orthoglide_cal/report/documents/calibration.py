@@ -274,8 +274,7 @@ def _workspace(
     if limit_mm is not None:
         key += f" Dotted: {limit_mm:g} mm."
     figure = doc.Figure(None, "", maps[0], key=key, legend=maps[1])
-    title = "Tool-position error over the workspace"
-    yield doc.Section(title, lead, figure)
+    yield doc.Section("Tool-position error over the workspace", lead, figure)
 
 
 # --- conditions and origin --------------------------------------------------------------------

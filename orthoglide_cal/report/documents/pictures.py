@@ -42,8 +42,7 @@ def residual_sections(case: Case, fit: Sequence[doc.Block]) -> list[doc.Section]
             blocks.append(doc.Figure(title or None, "", (), sketch=sketch))
         title = f"Measured minus modelled, µm: {model}"
         sections.append(doc.Section(title, *blocks, _distances(answer)))
-    legend = doc.Small(BED_LEGEND if bed else LEG_LEGEND)
-    return [*sections, doc.Section(None, legend, *fit)]
+    return [*sections, doc.Section(None, doc.Small(BED_LEGEND if bed else LEG_LEGEND), *fit)]
 
 
 def brief_residuals(case: Case) -> list[doc.Block]:
@@ -206,8 +205,7 @@ def _differences(case: Case) -> doc.Grid:
         sizes = row.measured_mm, row.modelled_mm, *(float(values[k]) for values in left.values())
         rows.append((row.posture or "", *(signed(mm, 3) for mm in sizes)))
     head = ("", "measured", "modelled by offsets", *names[: len(left)])
-    meaning = comparison_words(answer.input.kind == DataKind.SINGLE)[1]
-    return doc.Grid(head, rows, caption=meaning)
+    return doc.Grid(head, rows, caption=comparison_words(answer.input.kind == DataKind.SINGLE)[1])
 
 
 def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = None) -> doc.Grid:

@@ -76,17 +76,16 @@ def plan_document(
     def screen() -> doc.Page:
         if going_on is not None:
             notice = _next_notice(plan, going_on.answer)
-            grid = _next_grid(plan, plan.next[1:_BRIEF_NEXT])
-            sections = [doc.Section("Or", grid)]
+            sections = [doc.Section("Or", _next_grid(plan, plan.next[1:_BRIEF_NEXT]))]
         else:
             notice = _notice(plan)
             sections = [
                 doc.Section(None, _sessions_grid(plan, brief=True), *_limits(plan)),
                 doc.Section(None, *_left_open(plan)),
             ]
-        more = "More: the same with --details"
-        steps = doc.next_steps(_to_do(plan, machine_file, begun), more)
-        return doc.Page("Plan", notice=notice, sections=(*sections, steps))
+        to_do = _to_do(plan, machine_file, begun)
+        sections.append(doc.next_steps(to_do, "More: the same with --details"))
+        return doc.Page("Plan", notice=notice, sections=sections)
 
     def page() -> doc.Page:
         machine = plan.model.machine

@@ -161,8 +161,7 @@ def application_document(found: Application, session: str) -> doc.Document:
         title, steps = "To be recorded", [doc.Instruction(said), again, compare]
         if found.undone:
             title = "To be taken back"
-            told = "The controller must hold the last column again; re-home."
-            steps = [doc.Instruction(told)]
+            steps = [doc.Instruction("The controller must hold the last column again; re-home.")]
         grid = doc.Grid(head, rows, caption=caption)
         section = doc.Section(None, grid, doc.Instructions(steps))
         return doc.Page(title, machine.name, sections=[section])
@@ -194,8 +193,7 @@ def paper_document(found: Reproduction) -> doc.Document:
                 rows.append((name, what, *cells))
         verdict = doc.Notice(doc.Tone.BAD, "NOT reproduced.")
         if found.reproduced:
-            told = "Reproduced in every figure that can be computed."
-            verdict = doc.Notice(doc.Tone.GOOD, told)
+            verdict = doc.Notice(doc.Tone.GOOD, "Reproduced in every figure that can be computed.")
         grid = doc.Grid(("", "", *found.columns), rows, words=(0, 1))
         kind = "Accuracy" if found.table == "accuracy" else f"Table {found.table}"
         section = doc.Section(None, grid, *found.notes, verdict)

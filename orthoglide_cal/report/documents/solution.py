@@ -331,8 +331,8 @@ def budget_sections(
         others = sum(each.minor for each in lines)
         rows.append((counted(others, "other"), "", "", *map(two_figures, total.minor)))
     rows.append(("together, u", "", "", *map(two_figures, total.std)))
-    expanded = map(two_figures, total.expanded)
-    rows.append((f"U = k·u, {coverage_words(total.k)}", "", "", *expanded))
+    u = f"U = k·u, {coverage_words(total.k)}"
+    rows.append((u, "", "", *map(two_figures, total.expanded)))
     largest = max(lines, key=_adds)
     what, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)

@@ -225,8 +225,7 @@ def parameters_left(found: Verification) -> doc.Section:
     }
     caption = "Before, now: active in the controller. Found by the first measurement, left by the"
     caption += " second."
-    rows = [*zip(*columns.values(), strict=True)]
-    grid = doc.Grid([*columns], rows, caption=caption)
+    grid = doc.Grid([*columns], [*zip(*columns.values(), strict=True)], caption=caption)
     other = [name for name, each in found.parameters.items() if each.as_found is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
