@@ -50,14 +50,19 @@ class Scale:
 
     def ticks(self, count: int) -> list[tuple[float, str, str]]:
         """Place, class and number of about so many grid lines at round numbers."""
-        rough = (self.high - self.low) / count
-        power = 10.0 ** math.floor(math.log10(rough))
-        step = next(m * power for m in (1.0, 2.0, 2.5, 5.0, 10.0) if m * power >= rough * 0.999)
+        step = round_up(0.999 * (self.high - self.low) / count, 1.0, 2.0, 2.5, 5.0)
         first = math.ceil(self.low / step - 1e-9)
         values = [k * step for k in range(first, math.floor(self.high / step + 1e-9) + 1)]
         step = values[1] - values[0] if len(values) > 1 else 1.0
         kinds = ["zero" if abs(value) < step * 1e-6 else "grid" for value in values]
         return [(self(v), kind, tick_text(v, step)) for v, kind in zip(values, kinds, strict=True)]
+
+
+def round_up(size: float, *factors: float) -> float:
+    """The smallest of these factors times a power of ten that is no smaller than a size."""
+    power = 10.0 ** math.floor(math.log10(size))
+    sizes = (factor * power for factor in (*factors, 10.0))
+    return next(each for each in sizes if each >= size * (1.0 - 1e-9))
 
 
 def tick_text(value: float, step: float) -> str:
@@ -290,18 +295,15 @@ _BED, _BESIDE, _OVER = 232.0, 50.0, 40.0  # the same of a bed
 _RINGED = 4.0  # robust standard deviations, beyond which one touch stands out
 
 
-def class_limits(lowest: float, largest: float) -> Floats:
-    """Limits between colours from below the smallest value to above the largest, (CLASSES + 1,).
+def class_limits(largest: float, around_zero: bool = False) -> Floats:
+    """Limits between colours in equal round steps, (CLASSES + 1,), up to the largest value.
 
-    Equal steps of a round length; they begin at a whole number of steps.
+    From zero, or from as far below zero as above it: the middle colour then means that nothing is
+    left.
     """
-    least = max((largest - lowest) / CLASSES, 1e-3 * largest, 1e-9)
-    power = 10.0 ** math.floor(math.log10(least))
-    for factor in (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.5, 10.0, 15.0, 20.0):
-        first = math.floor(lowest / (factor * power) + 1e-9)
-        if (first + CLASSES) * factor * power >= largest * (1.0 - 1e-9):
-            break
-    return np.arange(first, first + CLASSES + 1.0) * factor * power
+    steps, first = (CLASSES // 2, CLASSES / 2.0) if around_zero else (CLASSES, 0.0)
+    step = round_up(max(largest / steps, 1e-9), 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.5)
+    return (np.arange(CLASSES + 1.0) - first) * step
 
 
 def _classes(values: Floats, limits: Floats) -> Ints:
@@ -353,7 +355,7 @@ def workspace_maps(
     else:
         assert after.maps is not None
         pictures.append(("measured", after.maps.before_mm, after.worst_before_mm))
-    limits = class_limits(0.0, max(float(error.max()) for _, error, _ in pictures))
+    limits = class_limits(max(float(error.max()) for _, error, _ in pictures))
     ends, panels = (float(before.axis_mm[0]), float(before.axis_mm[-1])), []
     across = Scale(*ends, 0.0, _SIZE)
     for when, error, (x_mm, y_mm, z_mm) in pictures:
@@ -424,9 +426,7 @@ def bed_maps(
         usual = 1.4826 * float(np.median(np.abs(microns - np.median(microns))))
         out = np.abs(microns) > max(_RINGED * usual, 1.0)
         most = float(np.abs(microns[~out]).max(initial=1.0))
-        limits = class_limits(-most, most)
-        # From as far below zero as above it: the middle colour means that nothing is left.
-        limits = np.asarray(limits - (limits[0] + limits[-1]) / 2.0)
+        limits = class_limits(most, around_zero=True)
         dots: list[Html] = []
         colours = _classes(microns, limits).tolist()
         for (x_mm, y_mm), k, ringed in zip(place_mm.tolist(), colours, out.tolist(), strict=True):

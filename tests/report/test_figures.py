@@ -84,17 +84,18 @@ def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
 
 
 def test_classes_of_colours_hold_all_values_in_round_steps():
-    for lowest, largest in ((0.0, 0.0313), (1.7, 2.41), (0.0, 7.0), (0.00012, 0.00071), (2.0, 2.0)):
-        limits = figures.class_limits(lowest, largest)
-        assert len(limits) == figures.CLASSES + 1
-        assert limits[0] <= lowest + 1e-12
-        assert limits[-1] >= largest * (1 - 1e-9)
-        steps = np.diff(limits)
-        assert steps == pytest.approx(steps[0])
-        mantissa = steps[0] / 10.0 ** np.floor(np.log10(steps[0]) + 1e-9)
-        assert any(mantissa == pytest.approx(one) for one in (1, 1.5, 2, 2.5, 3, 4, 5, 7.5))
-        # No scale is so coarse that most of it stays unused.
-        assert largest - lowest > 0.45 * (limits[-1] - limits[0]) or lowest == largest
+    for largest in (0.0313, 2.41, 7.0, 0.00071, 0.0):
+        for around_zero in (False, True):
+            limits = figures.class_limits(largest, around_zero)
+            assert len(limits) == figures.CLASSES + 1
+            assert limits[0] == pytest.approx(-limits[-1] if around_zero else 0.0)
+            assert limits[-1] >= largest * (1 - 1e-9)
+            steps = np.diff(limits)
+            assert steps == pytest.approx(steps[0])
+            mantissa = steps[0] / 10.0 ** np.floor(np.log10(steps[0]) + 1e-9)
+            assert any(mantissa == pytest.approx(one) for one in (1, 1.5, 2, 2.5, 3, 4, 5, 7.5))
+            # No scale is so coarse that most of it stays unused.
+            assert largest > 0.45 * limits[-1] or not largest
 
 
 def heat(panel: str) -> dict[str, float]:
@@ -123,7 +124,7 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
     (before, after), legend = figures.workspace_maps(found)
     assert ">0.00<" in legend
     assert marks(before) == [(210.0, 190.0)]  # the lower right corner
-    limits = figures.class_limits(0.0, float(error.max()))
+    limits = figures.class_limits(float(error.max()))
     areas, whole = heat(before), sum(heat(before).values())
     above = 0.0
     for k in reversed(range(1, figures.CLASSES)):
