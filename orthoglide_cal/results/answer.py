@@ -91,7 +91,7 @@ class Parameter(Schema):
     std: float = Field(description="standard uncertainty u")
     expanded: float = Field(description="expanded uncertainty U = k u")
     enter: float | None = Field(None, description="what to type in; null unless released")
-    determined: bool
+    determined: bool = Field(default_factory=lambda known: known["found"] is not None)
 
     def change(self, decimals: int) -> float:
         """The change as it is entered; nothing of what the readings do not determine."""

@@ -165,7 +165,6 @@ def answer_to(
         parameters=parameters,
         decimals=decimals,
         k=budget.k,
-        confidence=CONFIDENCE,
         dof=None if budget.dof >= NORMAL_DOF else round(budget.dof),
         correlation=tuple(map(tuple, correlation.tolist())),
         sigma_rho_mm=rms(std) if set(machine.parameter_units) == {"mm"} else None,
@@ -308,20 +307,13 @@ def _parameters(
     model: Model, found: _Found, decimals: int, enter: bool
 ) -> Iterator[schema.Parameter]:
     machine, budget = model.machine, found.budget
-    columns = (
-        *(machine.parameter_names, machine.parameter_units, machine.active, found.values.tolist()),
-        *(budget.std_mm.tolist(), budget.expanded_mm.tolist()),
-        determined(model, budget.expanded_mm),
-    )
-    for name, unit, active, value, std, expanded, known in zip(*columns, strict=True):
+    known = zip(found.values.tolist(), determined(model, budget.expanded_mm), strict=True)
+    values = [value if sure else None for value, sure in known]
+    columns = machine.parameter_names, machine.parameter_units, machine.active, values
+    rows = zip(*columns, budget.std_mm.tolist(), budget.expanded_mm.tolist(), strict=True)
+    for name, unit, active, value, std, expanded in rows:
         one = schema.Parameter(
-            name=name,
-            unit=unit,
-            active=active,
-            found=value if known else None,
-            std=std,
-            expanded=expanded,
-            determined=known,
+            name=name, unit=unit, active=active, found=value, std=std, expanded=expanded
         )
         yield one.changed(enter=one.new(decimals)) if enter else one
 

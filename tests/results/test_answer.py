@@ -112,9 +112,7 @@ def test_new_values_add_to_what_is_active() -> None:
         assert len(str(each.enter).partition(".")[2]) <= 4
     machine = PROTOTYPE.changed(offsets_mm=(0.12345, 0.0, 0.0))
     assert answer_to(given(session(TRUE, 3), replace(NOMINAL, machine=machine))).decimals == 5
-    one = Parameter(
-        name="x", unit="mm", active=0.1, found=0.2, std=0.1, expanded=0.2, determined=True
-    )
+    one = Parameter(name="x", unit="mm", active=0.1, found=0.2, std=0.1, expanded=0.2)
     assert one.new(3) == 0.3
     unknown = one.model_copy(update={"found": None})
     assert (unknown.new(3), unknown.change(3)) == (0.1, 0.0)
