@@ -356,9 +356,6 @@ def moment(written: str | None) -> doc.Given | None:
     """An ISO 8601 time with a blank for the "T", to the second, its zone set off."""
     if written is None:
         return None
-    try:
-        time = datetime.fromisoformat(written)
-    except ValueError:
-        return doc.Given(written)
+    time = datetime.fromisoformat(written)
     zone = f" {str(time)[-6:]}" if time.tzinfo else ""
     return doc.Given(f"{time:%Y-%m-%d %H:%M:%S}{zone}")

@@ -39,8 +39,6 @@ class TerminalPage:
         for line in _lines(self._page, options.max_width):
             line.plain = line.plain.replace(_BLANK_HELD, " ")
             line.rstrip()
-            if line.style:
-                line.stylize_before(line.style)
             # They are as wide as they may be: rich need not wrap them again.
             yield from line.render(console, end="\n")
 

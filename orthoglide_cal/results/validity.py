@@ -49,10 +49,11 @@ def validity(given: Input) -> Validity:
         own = next((each for each in machine.gauges if each.id == gauge.id), None)
         due = gauge.due or (own.due if own else None) or machine.report.gauge_due
         certificate = gauge.certificate or (own.certificate if own else None)
+        used, last = (each and datetime.fromisoformat(each).date() for each in (measured, due))
         gauges.append(
             UsedGauge(
-                id=gauge.id, certificate=certificate, due=due, overdue=_past(due, measured),
-                resolution_mm=gauge.resolution_mm,
+                id=gauge.id, certificate=certificate, due=due,
+                overdue=bool(used and last and used > last), resolution_mm=gauge.resolution_mm,
             )
         )  # fmt: skip
     said = dict(conditions.environment)
@@ -67,15 +68,6 @@ def validity(given: Input) -> Validity:
         reservations=(),
     )
     return found.changed(reservations=tuple(_reservations(given, found)))
-
-
-def _past(due: str | None, measured: str | None) -> bool:
-    try:
-        if due is None or measured is None:
-            return False
-        return datetime.fromisoformat(measured).date() > datetime.fromisoformat(due).date()
-    except ValueError:
-        return False  # a time that somebody wrote in words
 
 
 def _reservations(given: Input, found: Validity) -> Iterator[str]:
