@@ -92,7 +92,18 @@ def _block(block: doc.Block) -> Html:
             shown = _tiles(block) if block.tiles else _table(block)
             return tag("div", shown, caption, class_=whole)
         case doc.Figure():
-            return _figure(block)
+            heading = tag("strong", block.title) if block.title else None
+            shown = tag("pre", join(block.sketch, "\n"), class_="scroll", tabindex="0")
+            if block.panels:
+                shown = tag("div", *block.panels, class_=f"panels {_COLUMNS[block.columns]}")
+            return tag(
+                "figure",
+                tag("figcaption", heading, block.finding) if block.in_words else None,
+                shown,
+                tag("div", block.legend, class_="legend") if block.legend else None,
+                tag("p", block.key, class_="small") if block.key else None,
+                class_="beside" if block.columns == 0 else None,
+            )
         case doc.Listing():
             return tag("pre", join(block.lines, "\n"))
         case doc.Instructions():
@@ -143,21 +154,6 @@ def _tiles(grid: doc.Grid) -> Html:
         below = (tag("p", f"{title} ", _line(cell), class_="small") for title, cell in pairs)
         tiles.append(tag("div", shown, label, *below, class_="tile"))
     return tag("div", *tiles, class_="tiles")
-
-
-def _figure(figure: doc.Figure) -> Html:
-    return tag(
-        "figure",
-        tag("figcaption", tag("strong", figure.title) if figure.title else None, figure.finding)
-        if figure.in_words
-        else None,
-        tag("div", *figure.panels, class_=f"panels {_COLUMNS[figure.columns]}")
-        if figure.panels
-        else tag("pre", join(figure.sketch, "\n"), class_="scroll", tabindex="0"),
-        tag("div", figure.legend, class_="legend") if figure.legend else None,
-        tag("p", figure.key, class_="small") if figure.key else None,
-        class_="beside" if figure.columns == 0 else None,
-    )
 
 
 def _line(content: doc.Blank) -> Html:

@@ -35,7 +35,11 @@ def _block(block: doc.Block) -> str:
         case doc.Facts():
             return "\n".join(f"- {in_markdown(name)}: {_line(value)}" for name, value in block.rows)
         case doc.Grid():
-            return _table(block)
+            titles = (in_markdown(title) or " " for title in block.head)
+            rules = ("---" if k in block.words else "---:" for k in range(len(block.head)))
+            rows = ["| " + " | ".join(map(_line, row)) + " |" for row in block.rows]
+            caption = [f"\n{in_markdown(block.caption)}"] if block.caption else []
+            return "\n".join([f"| {' | '.join(titles)} |", f"|{'|'.join(rules)}|", *rows, *caption])
         case doc.Figure():
             said = [in_markdown(block.in_words)] if block.in_words else []
             return "\n\n".join([*said, _fenced(block.sketch)])
@@ -48,14 +52,6 @@ def _block(block: doc.Block) -> str:
             )
         case _:
             return _line(block)
-
-
-def _table(grid: doc.Grid) -> str:
-    head = "| " + " | ".join(in_markdown(title) or " " for title in grid.head) + " |"
-    rule = "|" + "|".join("---" if k in grid.words else "---:" for k in range(len(grid.head))) + "|"
-    rows = ["| " + " | ".join(_line(cell) for cell in row) + " |" for row in grid.rows]
-    caption = [f"\n{in_markdown(grid.caption)}"] if grid.caption else []
-    return "\n".join([head, rule, *rows, *caption])
 
 
 def _line(content: doc.Blank) -> str:

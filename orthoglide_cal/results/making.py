@@ -339,19 +339,15 @@ def _residuals(
         in_time = measured.plan.in_time
     order = (np.argsort(in_time, kind="stable") + 1).tolist()
     for k, (value, modelled, explained) in enumerate(values):
+        if isinstance(measured, Differences):
+            which = measured.which[k]
+            leg, direction = (AXES[axis] for axis in which.series)
+            own: dict[str, object] = {"leg": leg, "direction": direction, "posture": which.name}
+        else:
+            own = {"cycle": int(measured.cycle[k]), "weight": float(measured.weight[k])}
+            own |= {"posture": measured.posture[k] or None, **measured.plan.entry(k)}
         left = {"measured_mm": value, "modelled_mm": modelled, "with_causes_mm": explained}
-        yield schema.Residual.model_validate({**_place(measured, k), "order": order[k], **left})
-
-
-def _place(measured: Measured, k: int) -> dict[str, object]:
-    """What an entry of the data is of."""
-    if isinstance(measured, Differences):
-        which = measured.which[k]
-        leg, direction = (AXES[axis] for axis in which.series)
-        return {"leg": leg, "direction": direction, "posture": which.name}
-    own = {"cycle": int(measured.cycle[k]), "weight": float(measured.weight[k])}
-    posture = measured.posture[k] or None
-    return {**own, "posture": posture, **measured.plan.entry(k)}
+        yield schema.Residual.model_validate({**own, "order": order[k], **left})
 
 
 def _undetermined(
