@@ -56,6 +56,7 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.model.workspace import Workspace, workspace_error
 from orthoglide_cal.results import answer as schema
+from orthoglide_cal.results.answer import Release, Remedy
 from orthoglide_cal.results.validity import validity
 from orthoglide_cal.words import counted, entered_decimals, percent, two_figures
 
@@ -114,8 +115,8 @@ def answer_to(
     try:
         solution = solve(measured, model, method, diagnosis.alone_mm if diagnosis else None)
     except UnusableResultError as error:
-        remedies = (schema.Remedy(sentence=error.remedy),) if error.remedy else ()
-        refused = schema.Release(reasons=(error.what,), remedies=remedies, sound=False)
+        remedies = (Remedy(sentence=error.remedy),) if error.remedy else ()
+        refused = Release(reasons=(error.what,), remedies=remedies, sound=False)
         return schema.Answer(input=file, machine=name, release=refused, validity=conditions)
     following = None
     if diagnosis is not None and diagnosis.undecided:
@@ -129,7 +130,7 @@ def answer_to(
         few = len(kept) <= 3  # to say why
         listed = ", ".join(f"r {step} ({why})" if few else f"r {step}" for step, why in kept)
         again = f"Retake what was questioned and kept: {listed}:"
-        retake = schema.Remedy(sentence=again, verb="measure", options="--resume")
+        retake = Remedy(sentence=again, verb="measure", options="--resume")
         decision = decision.changed(remedies=(retake, *decision.remedies))
     alone, found = _alone(given, solution, diagnosis), None
     if diagnosis is not None and method is None and diagnosis.verdict is not Verdict.CONSISTENT:
@@ -434,7 +435,7 @@ def _explanations(diagnosis: Diagnosis, solution: Solution, alone: _Found) -> It
 
 def release(
     solution: Solution, diagnosis: Diagnosis | None, following: NextMeasurement | None = None
-) -> schema.Release:
+) -> Release:
     """Whether the solution's offsets may be entered, from its own check and the diagnosis.
 
     Readings that this gauge can hardly have shown prevent it, whatever fits them. A named cause
@@ -448,14 +449,14 @@ def release(
     failures = tuple(_failures(solution, diagnosis))
     vocabulary = solution.model.machine.vocabulary
     if diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT:
-        judged = schema.Release()
+        judged = Release()
     elif diagnosis.verdict is Verdict.NAMED:
         judged = _named(solution, diagnosis)
     elif diagnosis.verdict is Verdict.AMBIGUOUS:
         judged = _ambiguous(solution, diagnosis, following)
     elif failures:
         # What the check found is the explanation.
-        judged = schema.Release()
+        judged = Release()
     else:
         usual = " of usual size" if diagnosis.beyond_tolerance else ""
         lack = diagnosis.lack_of_fit
@@ -464,13 +465,11 @@ def release(
             f" where the {vocabulary.noise}'s noise{vocabulary.also} would leave"
             f" {lack.expected_mm:.3f} mm."
         )
-        judged = schema.Release(
-            reasons=(reason,), remedies=(schema.Remedy(sentence=vocabulary.again),)
-        )
+        judged = Release(reasons=(reason,), remedies=(Remedy(sentence=vocabulary.again),))
     if not failures:
         more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
         return judged.changed(cautions=(*judged.cautions, *more))
-    return schema.Release(
+    return Release(
         reasons=(*(reason for reason, _ in failures), *judged.reasons),
         remedies=(*(remedy for _, remedy in failures), *judged.remedies),
         sound=False,
@@ -493,14 +492,12 @@ def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[str]:
         yield solution.judgement
 
 
-def _failures(
-    solution: Solution, diagnosis: Diagnosis | None
-) -> Iterator[tuple[str, schema.Remedy]]:
+def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[str, Remedy]]:
     """What the solution's own check has against it, each with what to do."""
     machine, vocabulary = solution.model.machine, solution.model.machine.vocabulary
     if not solution.converged:
         what = f"The search for the {vocabulary.many} did not converge."
-        yield what, schema.Remedy(sentence="Check the file:", verb="validate")
+        yield what, Remedy(sentence="Check the file:", verb="validate")
         return
     columns = machine.parameter_names, machine.parameter_units, solution.offsets_mm.tolist()
     parameters = zip(*columns, machine.plausible, strict=True)
@@ -509,27 +506,24 @@ def _failures(
         listed = ", ".join(f"{name} {value:+.1f} {unit}" for name, unit, value, _ in beyond)
         limit = ", ".join(dict.fromkeys(f"{most:g} {unit}" for _, unit, _, most in beyond))
         why = vocabulary.beyond.format(limit=limit)
-        yield (
-            f"{vocabulary.one.capitalize()} {listed}: {why}",
-            schema.Remedy(sentence=vocabulary.recheck),
-        )
+        yield f"{vocabulary.one.capitalize()} {listed}: {why}", Remedy(sentence=vocabulary.recheck)
     pairs = zip(machine.parameter_names, solution.determined, strict=True)
     open_ = [name for name, known in pairs if not known]
     if open_:
         yield (
             f"These readings do not determine {', '.join(open_)}: they add nothing to what is"
             " known without them.",
-            schema.Remedy(sentence=vocabulary.more),
+            Remedy(sentence=vocabulary.more),
         )
     for doubt in solution.doubts:
-        yield doubt.what, schema.Remedy(sentence=doubt.remedy)
+        yield doubt.what, Remedy(sentence=doubt.remedy)
     if diagnosis is None and solution.suspicious:
-        yield solution.judgement, schema.Remedy(sentence=vocabulary.more)
+        yield solution.judgement, Remedy(sentence=vocabulary.more)
 
 
 def _ambiguous(
     solution: Solution, diagnosis: Diagnosis, following: NextMeasurement | None
-) -> schema.Release:
+) -> Release:
     vocabulary = solution.model.machine.vocabulary
     answer = " with ".join(cause.id for cause in diagnosis.causes) or "a cause"
     open_ = [answer, *map(" with ".join, diagnosis.rivals[:_RIVALS])]
@@ -548,11 +542,11 @@ def _ambiguous(
     if diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0:
         reasons.append("With so few readings nearly anything fits.")
         advice = [vocabulary.more]
-    remedies = tuple(schema.Remedy(sentence=each) for each in dict.fromkeys(advice))
-    return schema.Release(reasons=tuple(reasons), remedies=remedies)
+    remedies = tuple(Remedy(sentence=each) for each in dict.fromkeys(advice))
+    return Release(reasons=tuple(reasons), remedies=remedies)
 
 
-def _to_check(diagnosis: Diagnosis, names: str, faults: Sequence[UnshownFault]) -> schema.Release:
+def _to_check(diagnosis: Diagnosis, names: str, faults: Sequence[UnshownFault]) -> Release:
     """What these readings would not show must be looked at before anything is entered."""
     machine, reasons, remedies = diagnosis.model.machine, [f"{names} was found."], []
     for fault in faults:
@@ -564,13 +558,11 @@ def _to_check(diagnosis: Diagnosis, names: str, faults: Sequence[UnshownFault]) 
         )
         look = f"Check whether {title}{where}. What shows it: {fault.check}. If all is in order,"
         ruled_out = f"--rule-out {fault.id}"
-        remedies.append(
-            schema.Remedy(sentence=f"{look} say so:", verb="diagnose", options=ruled_out)
-        )
-    return schema.Release(reasons=tuple(reasons), remedies=tuple(remedies))
+        remedies.append(Remedy(sentence=f"{look} say so:", verb="diagnose", options=ruled_out))
+    return Release(reasons=tuple(reasons), remedies=tuple(remedies))
 
 
-def _named(solution: Solution, diagnosis: Diagnosis) -> schema.Release:
+def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
     machine = solution.model.machine
     one, many = machine.vocabulary.one, machine.vocabulary.many
     ids = " and ".join(cause.id for cause in diagnosis.causes)
@@ -583,19 +575,19 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> schema.Release:
     if np.all(shift <= half_width(np.inf) * diagnosis.std_mm):
         moves = "moves" if len(diagnosis.causes) == 1 else "move"
         within = f"{ids} {moves} no {one} by more than {largest}, which is within U."
-        return schema.Release(cautions=(within,))
+        return Release(cautions=(within,))
     # A slip in the record is looked for sooner than a machine is taken apart.
     remedies = [
-        schema.Remedy(
+        Remedy(
             sentence=f"Correct it, or make {cause.id} part of the machine and use the new machine"
             " file:",
             verb="diagnose",
             options=f"--accept {cause.id}",
         )
         if cause.recommended
-        else schema.Remedy(sentence=cause.remedy)
+        else Remedy(sentence=cause.remedy)
         for cause in sorted(diagnosis.causes, key=lambda cause: cause.in_machine)
     ]
     sure = f"{titles[0].upper()}{titles[1:]} ({ids}, {percent(diagnosis.causes[0].probability, 1)})"
     reason = f"{sure}: {many} alone would be wrong by up to {largest}."
-    return schema.Release(reasons=(reason,), remedies=tuple(dict.fromkeys(remedies)))
+    return Release(reasons=(reason,), remedies=tuple(dict.fromkeys(remedies)))
