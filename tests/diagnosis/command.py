@@ -7,7 +7,7 @@ from typing import Any
 from typer.testing import Result
 
 from tests import truth
-from tests.cli.program import answer, done, lines, run
+from tests.cli.program import done, lines, run
 from tests.machines import SAMPLES
 from tests.truth.session import Session
 
@@ -21,21 +21,17 @@ def diagnose(*arguments: object, text: str = "") -> Result:
 
 
 def told(*arguments: object) -> dict[str, Any]:
-    return answer("diagnose", *map(str, arguments))
+    """The object that is printed, without a word on standard error."""
+    ran = diagnose(*arguments, "--json")
+    assert (ran.exit_code, ran.stderr) == (0, "")
+    (found,) = lines(ran)
+    return found
 
 
 @cache
 def shown(path: Path, *options: str) -> str:
     """The text for one of the samples."""
     return done("diagnose", str(path), *options)
-
-
-@cache
-def one(*arguments: object) -> dict[str, Any]:
-    ran = diagnose(*arguments, "--json")
-    assert (ran.exit_code, ran.stderr) == (0, "")
-    (found,) = lines(ran)
-    return found
 
 
 def written(folder: Path, session: Session, name: str = "readings.csv") -> tuple[Path, Path]:

@@ -20,7 +20,7 @@ from orthoglide_cal.results import answer_to
 from tests import truth
 from tests.cli.program import answer as answered
 from tests.cli.program import lines, words
-from tests.diagnosis.command import GAP, HEALTHY, SECOND, THIRD, diagnose, one, shown, written
+from tests.diagnosis.command import GAP, HEALTHY, SECOND, THIRD, diagnose, shown, told, written
 from tests.diagnosis.sessions import known
 from tests.results.sessions import given
 
@@ -29,22 +29,22 @@ class TestHeldOut:
     def test_the_paper_s_third_experiment(self) -> None:
         """0.213 mm by the offsets alone; at most 0.065 mm by the extension."""
         applied = ("--applied", -0.53, 0.59, -1.76)
-        answer = one(SECOND, "--holdout", THIRD, *applied)
+        answer = told(SECOND, "--holdout", THIRD, *applied)
         cause = answer["causes"][0]
         assert cause["heldout_before_mm"] == pytest.approx(0.213, abs=1e-3)
         assert cause["heldout_after_mm"] <= 0.065
         # Six numbers cannot carry the name: the answer stays open.
         assert answer["verdict"] == "ambiguous"
         assert {"axis_gap", "bar_skew"} <= {cause["id"], *answer["ambiguous_with"]}
-        without = one(SECOND, "--holdout", THIRD)["causes"][0]
+        without = told(SECOND, "--holdout", THIRD)["causes"][0]
         assert without["heldout_before_mm"] > 0.5
 
     def test_no_fit_sees_the_later_readings(self, tmp_path: Path) -> None:
         session = truth.make_session(2, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
         first, machine = written(tmp_path, session)
         later, _ = written(tmp_path, truth.second_session(session, 5), "later.csv")
-        alone = one(first, "--machine", machine)
-        beside = one(first, "--machine", machine, "--holdout", later)
+        alone = told(first, "--machine", machine)
+        beside = told(first, "--machine", machine, "--holdout", later)
         assert (alone["holdout"], beside["holdout"]) == (None, str(later))
         for key in ("verdict", "parameters", "lack_of_fit"):
             assert beside[key] == alone[key]
@@ -60,7 +60,7 @@ class TestHeldOut:
         record = tmp_path / "first.yaml"
         record.write_text(session_text(session_of_readings(readings, machine, {})))
         later, _ = written(tmp_path, truth.second_session(session, 5), "later.csv")
-        answer = one(record, "--holdout", later)
+        answer = told(record, "--holdout", later)
         assert [cause["id"] for cause in answer["causes"]] == ["axis_gap"]
         assert answer["causes"][0]["heldout_after_mm"] < 1.5 * truth.MICRON.sigma
 
@@ -77,7 +77,7 @@ class TestAccept:
         assert machine.read_bytes() == before
         (found,) = read_machine_file(extended).model.accepted
         assert found.cause.id == "axis_gap"
-        assert found.data_sha256 == one(readings, "--machine", machine)["input"]["sha256"]
+        assert found.data_sha256 == told(readings, "--machine", machine)["input"]["sha256"]
         assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", found.date or "")
         for true, estimate in zip(
             session.effects[0].parameters, found.estimates.values(), strict=True
@@ -93,7 +93,7 @@ class TestAccept:
             offsets = np.array([each["found"] for each in parameters])
             errors.append(np.abs(offsets - session.offsets).max())
         assert errors[0] > 0.03 > 0.015 > errors[1]
-        again = one(readings, "--machine", extended)
+        again = told(readings, "--machine", extended)
         assert again["verdict"] == "consistent"
         # Never overwritten.
         kept = extended.read_bytes()
@@ -183,11 +183,11 @@ class TestText:
         readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
         read = given(readings, model)
         diagnosis = analysed(readings, model)
-        for found, told in (diagnosis, False), (sound_with(diagnosis, 0.217), True):
+        for found, faint in (diagnosis, False), (sound_with(diagnosis, 0.217), True):
             case = Case(read, answer_to(read, diagnosed=found))
             text = markdown(diagnosis_document(case).page())
-            assert ("21.7 % that nothing is wrong at all" in text) is told
-            assert ("nothing is wrong at all" in text) is told
+            assert ("21.7 % that nothing is wrong at all" in text) is faint
+            assert ("nothing is wrong at all" in text) is faint
 
     def test_what_is_less_likely_than_nothing_is_not_called_likeliest(self) -> None:
         """The sound machine is one of the open answers, and then nothing must be wrong."""
