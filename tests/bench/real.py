@@ -14,18 +14,19 @@ import itertools
 import json
 import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from typer.testing import CliRunner
 
-from orthoglide_cal.cli.app import app
 from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
+from tests.cli.program import answer
 from tests.truth.delta import Delta, Floats, Truth, touches
+
+from .report import columns
 
 Found = dict[str, Any]
 DATE = re.compile(r"[-_. ]?(19|20)\d\d-?\d\d-?\d\d([-_T ]?\d{4,6})?")
@@ -58,21 +59,13 @@ def machines(folder: Path) -> Iterator[tuple[str, list[Path]]]:
     yield from found.items()
 
 
-def answered(*words: str) -> Found:
-    result = CliRunner().invoke(app, [*words, "--json"])
-    if result.exception and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    lines = result.stdout.splitlines()
-    return dict(json.loads(lines[-1])) if lines else {"error": result.stderr.strip()}
-
-
 def micrometres(value: float | None) -> float | None:
     return None if value is None else round(1e3 * value, 1)
 
 
 def judge(path: Path, data: str) -> Found:
     """What is said of one measurement; lengths in µm, but for the parameters."""
-    said = answered("diagnose", str(path), "--data", data)
+    said = answer("diagnose", str(path), "--data", data)
     if "error" in said:
         error = str(said["error"]).removeprefix(f"{path}: ")
         return {"file": path.name, "data": data, "error": error, "parameters": {}}
@@ -101,7 +94,7 @@ def predict(first: Path, second: Path, data: str) -> Found:
     """The second date predicted from the first; µm r.m.s., parameters fitted again."""
     pair: Found = {"first": first.name, "second": second.name, "data": data}
     words = (str(first), "--data", data, "--holdout", str(second), "--recalibrated")
-    said = answered("diagnose", *words)
+    said = answer("diagnose", *words)
     if "error" in said:
         return {**pair, "error": str(said["error"])}
     others = said.get("baselines")
@@ -174,39 +167,32 @@ def bench(folder: Path) -> list[Found]:
     return found
 
 
-def _table(header: str, rows: Iterable[Iterable[object]]) -> list[str]:
-    head = header.split(", ")
-    cells = (["" if cell is None else str(cell) for cell in row] for row in rows)
-    return [f"| {' | '.join(row)} |" for row in (head, ["---"] * len(head), *cells)]
-
-
 def table(found: Sequence[Found]) -> str:
-    rows = [
+    judged = [
         (machine["name"], each["file"], each["data"], each.get("readings"),
-         each.get("verdict") or f"refused: {each['error']}", ", ".join(each.get("named", ())),
+         each.get("verdict") or f"refused: {each['error']}", " ".join(each.get("named", ())),
          f"{each.get('fit_before')} -> {each.get('fit_after')}")
         for machine in found
         for each in machine["judged"]
     ]  # fmt: skip
-    lines = _table("machine, file, data, readings, verdict, explanations, fit in µm", rows)
     pairs = [(pair, ratio(pair)) for machine in found for pair in machine["pairs"]]
-    names = ("first", "second", "before", "after", "quartic", "earlier_map", "arms")
-    rows = [
-        (*map(pair.get, names), share and round(share, 2), pair.get("repeats"))
-        for pair, share in pairs
+    names = ("first", "second", "before", "after", "quartic", "earlier_map", "arms", "repeats")
+    predicted = [(*map(pair.get, names), share and round(share, 2)) for pair, share in pairs]
+    parts = [
+        columns("machine,file,data,readings,verdict,explanations,fit in µm", judged),
+        columns("from,to,before,after,quartic,earlier map,arms,r,ratio", predicted),
     ]
-    lines += ["", *_table("from, to, before, after, quartic, earlier map, arms, ratio, r", rows)]
     ratios = [share for _, share in pairs if share is not None]
     if ratios:
-        lines.append(
-            f"\n{len(ratios)} predictions; extension by the better baseline: median"
+        parts.append(
+            f"{len(ratios)} predictions; extension by the better baseline: median"
             f" {np.median(ratios):.2f}, at most 1.0 in {sum(r <= 1.0 for r in ratios)}."
         )
     for words, own in (("radius and angles", LASTING), ("endstops", tuple("abc"))):
         counts = [covered(machine["judged"], own) for machine in found]
         inside, every = np.sum(counts, axis=0).tolist()
-        lines.append(f"Of {every} {words} on two dates {inside} agree to within their U.")
-    return "\n".join(lines)
+        parts.append(f"Of {every} {words} on two dates {inside} agree to within their U.")
+    return "\n\n".join(parts)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -71,9 +71,10 @@ def _of_printers(bench: Bench) -> bool:
     return any(isinstance(item.case.session, DeltaSession) for item in bench.judged)
 
 
-def _table(header: str, rows: Iterable[Sequence[object]]) -> str:
+def columns(header: str, rows: Iterable[Sequence[object]]) -> str:
     """Columns as wide as they need; names of columns are separated by commas."""
-    lines = [header.split(","), *([str(cell) for cell in row] for row in rows)]
+    cells = (["" if cell is None else str(cell) for cell in row] for row in rows)
+    lines = [header.split(","), *cells]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     return "\n".join(
         "  ".join((line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])))
@@ -88,7 +89,7 @@ def _rate_table(judged: Sequence[Judged]) -> str:
          "-" if rate.required is None else f"{rate.required:.0%}", f"{rate.false_failure:.1e}")
         for rate in rates(judged)
     ]  # fmt: skip
-    return _table("kind,right,of,rate,demanded,false failure", rows)
+    return columns("kind,right,of,rate,demanded,false failure", rows)
 
 
 def _label_table(judged: Sequence[Judged]) -> str:
@@ -103,7 +104,7 @@ def _label_table(judged: Sequence[Judged]) -> str:
     cells = {key: f"{right[key]}/{count}" for key, count in total.items()}
     labels = dict.fromkeys(label for label, _ in total)
     rows = [(label, *(cells.get((label, kind), "") for kind in KINDS)) for label in labels]
-    return _table(",".join(("hidden", *KINDS)), rows)
+    return columns(",".join(("hidden", *KINDS)), rows)
 
 
 def _coverage_table(judged: Sequence[Judged]) -> str:
@@ -111,7 +112,7 @@ def _coverage_table(judged: Sequence[Judged]) -> str:
         (row.label, row.sessions, f"{row.share:.1%}", *(f"{bound:.1%}" for bound in row.bounds))
         for row in coverage(judged)
     ]
-    return _table("hidden,sessions,coverage,least,most", rows)
+    return columns("hidden,sessions,coverage,least,most", rows)
 
 
 def _heldout_table(found: Iterable[HeldOut]) -> str:
@@ -120,7 +121,7 @@ def _heldout_table(found: Iterable[HeldOut]) -> str:
         (label, sessions, *("-" if ratio is None else f"{ratio:.2f}" for ratio in ratios))
         for label, sessions, *ratios in found
     ]
-    return _table("hidden,sessions,before,after,stated", rows)
+    return columns("hidden,sessions,before,after,stated", rows)
 
 
 def _miss(item: Judged) -> str:

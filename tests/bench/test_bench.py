@@ -49,17 +49,9 @@ def test_full_bench_meets_the_demands() -> None:
 
 
 @pytest.mark.slow
-def test_quick_bench_of_printers_is_not_below_the_demands() -> None:
-    """Fails a rate only if a method exactly at the demanded one had less than 1e-3 chance."""
-    bench = run_bench(draw_printers(Counts(2, 12, outside=14, pair=7, largest=41), seed=11))
-    assert {item.case.session.label for item in bench.judged} >= {"healthy", *DELTA_CAUSES}
-    for rate in rates(bench.judged):
-        assert rate.chance_if_met > 1e-3, full_report(bench)
-
-
-@pytest.mark.slow
 def test_full_bench_of_printers_meets_the_demands() -> None:
     bench = run_bench(draw_printers(FULL_PRINTERS, seed=1))
+    assert {item.case.session.label for item in bench.judged} >= {HEALTHY, *DELTA_CAUSES}
     assert not failures(bench), full_report(bench)
 
 

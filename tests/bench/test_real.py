@@ -1,5 +1,6 @@
 """The benchmark of real printers, on files made for the purpose."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,5 +59,5 @@ def test_a_folder_gives_a_table_and_json(
     assert main([str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
     said = capsys.readouterr().out
     assert "2 predictions; extension by the better baseline" in said
-    assert said.count("| one | 2024-0") == 4
+    assert len(re.findall("^one +2024-0", said, re.MULTILINE)) == 4
     assert '"earlier_map"' in (tmp_path / "out.json").read_text(encoding="utf-8")
