@@ -89,19 +89,6 @@ def test_new_values_are_absolute_and_nobody_says_what_was_applied() -> None:
     np.testing.assert_allclose(active(), FIRST.offsets, atol=0.01)
 
 
-def test_the_sheet_as_left_shows_both_sides() -> None:
-    applied()
-    measured_again()
-    digests = [sha256(Path(name).read_bytes()).hexdigest() for name in ("before.csv", "after.csv")]
-    shown = done("report", "before.csv", "--after", "after.csv", "--limit", "0.05")
-    head, *rows = shown.split("\nParameters\n")[1].splitlines()[:4]
-    assert head.split()[-6:] == ["before", "entered", "now", "left", "±", "U"]
-    for row, value in zip(rows, active(), strict=True):
-        before, entered, now = row.split()[-6:-3]
-        assert (float(before), float(entered.replace("−", "-")), float(now)) == (0.0, value, value)
-    assert all(said in shown for said in (*digests, "before.csv", "after.csv"))
-
-
 def test_undo_takes_the_last_entry_back() -> None:
     before = machine_file()
     applied()
