@@ -9,11 +9,11 @@ from orthoglide_cal.model.plan import Floats
 GRID = NoiseGrid.around(0.004)
 
 
-def dense(columns: Floats, sigma: float, residual: Floats) -> float:
-    """ln N(r; 0, σ² I + B Bᵀ) without −k/2 ln 2π."""
-    covariance = sigma**2 * np.eye(len(residual)) + columns @ columns.T
-    square = residual @ np.linalg.solve(covariance, residual)
-    return float(-0.5 * (square + np.linalg.slogdet(covariance)[1]))
+def dense(columns: Floats, sigma: float, residuals: Floats) -> Floats:
+    """ln N(r; 0, σ² I + B Bᵀ) without −k/2 ln 2π, of residuals (k,) or (k, p)."""
+    covariance = sigma**2 * np.eye(len(residuals)) + columns @ columns.T
+    square = (residuals * np.linalg.solve(covariance, residuals)).sum(axis=0)
+    return np.asarray(-0.5 * (square + np.linalg.slogdet(covariance)[1]))
 
 
 @pytest.mark.parametrize("shape", [(9, 4), (6, 6), (5, 11)], ids=str)
@@ -31,7 +31,7 @@ def test_densities_are_those_of_the_dense_covariance(shape: tuple[int, int]) -> 
         power, match = density.against(vectors, residual)
         assert power[g] == pytest.approx(quadratic, rel=1e-6)
         assert match[g] == pytest.approx(product, rel=1e-5)
-        logs = [GRID.log_weight[g] + dense(columns, float(sigma), v) for v in vectors.T]
+        logs = GRID.log_weight[g] + dense(columns, float(sigma), vectors)
         assert density.log_density(vectors)[g] == pytest.approx(logs, rel=1e-6, abs=1e-5)
         assert density.by_noise(vectors[:, 1])[g] == pytest.approx(logs[1], rel=1e-6, abs=1e-5)
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import product
 
 import numpy as np
 import pytest
@@ -134,65 +135,59 @@ def either(together: float, single: float) -> float:
     return float(np.logaddexp(np.log(ALL) + together, np.log(1.0 - ALL) + single))
 
 
+def faults(found: Assessment, cause: Cause, residual: Floats) -> Iterator[tuple[Floats, ...]]:
+    """Of a fault with places: ln of their shares (p,), what is left (k, p), more columns (k, m)."""
+    white, none = found.at.white, np.zeros((len(residual), 0))
+    plan, machine = white.plan, white.machine
+    places = cause.places(plan, machine)
+    if isinstance(cause, RelabelCause):
+        shares, begin = (
+            [cause.share(place) for place in places],
+            found.at.extras[cause.id].own.start,
+        )
+        left = found.at.residuals[begin : begin + len(places)]
+        yield np.log(shares) - np.log(sum(shares)), np.transpose(left), none
+        return
+    assert isinstance(cause, PatternCause)
+    still, patterns = np.zeros(len(plan)), []
+    for place in places:
+        one = cause.at(np.ones(1), place)
+        shown = cause.contact(still, one, still, plan, machine)
+        patterns.append(white.matrix @ cause.record(shown, one, plan, machine))
+    if cause.id == "gauge_slip":
+        for turns, often in cause.counts.items():
+            share = np.full(len(places), np.log(often / len(places)))
+            yield share, residual[:, None] - turns * np.transpose(patterns), none
+        return
+    share = -np.log([len(BLUNDERS) * len(places)])
+    for pattern, blunder in product(patterns, BLUNDERS):
+        size = blunder * machine.tolerances[cause.id]
+        yield share, residual[:, None], size * pattern[:, None]
+
+
 def by_brute_force(found: Assessment, ids: Ids) -> float:
     """Evidence of a set, every σ, place and size one by one with a dense covariance."""
-    white, noise = found.at.white, found.at.noise
-    plan, machine = white.plan, white.machine
-    extra = next(
-        (
-            CAUSES[id]
-            for id in ids
-            if not CAUSES[id].names or len(CAUSES[id].places(plan, machine)) > 1
-        ),
-        None,
-    )
-    base = tuple(CAUSES[id] for id in ids if extra is None or id != extra.id)
+    plan, machine, noise = found.at.white.plan, found.at.white.machine, found.at.noise
+    causes = [CAUSES[id] for id in ids]
+    placed = [each for each in causes if not each.names or len(each.places(plan, machine)) > 1]
+    base = tuple(each for each in causes if each not in placed)
     residual, columns = linear_model(found, base)
     last = CAUSES["leg_length"].unknowns + plan.setups + 1
-    if extra is None:
+    if not placed:
         scales = USUAL if len(base) > 1 else SCALES
         together = averaged(noise, columns, residual, last, scales)
-        if not base:
-            return together
-        if len(base) > 1:
-            return together + float(np.log(ALL))
-        return either(together, one_alone(noise, base[0], columns, residual, last))
-    parts, relabels = [], isinstance(extra, RelabelCause)
-    for weight, sigma, scale, chance in (
-        (weight, sigma, *each)
+        if len(base) == 1:
+            return either(together, one_alone(noise, base[0], columns, residual, last))
+        return together + (float(np.log(ALL)) if base else 0.0)
+    (fault,) = placed
+    parts = [
+        weight + np.log(chance) + share + dense(np.hstack((wide, more)), sigma, left)
+        for scale, chance in USUAL.items()
+        for wide in (widened(columns, scale, last),)
+        for share, left, more in faults(found, fault, residual)
         for weight, sigma in zip(noise.log_weight, noise.sigma.tolist(), strict=True)
-        for each in USUAL.items()
-    ):
-        sized = widened(columns, scale, last)
-        covariance = sigma**2 * np.eye(len(white)) + sized @ sized.T
-        inverse, log_det = np.linalg.inv(covariance), np.linalg.slogdet(covariance)[1]
-        places = extra.places(plan, machine)
-        total = sum(extra.share(place) for place in places) if relabels else len(places)
-        for place in places:
-            likely = extra.share(place) if relabels else 1.0
-            share = weight + np.log(chance) + np.log(likely / total)
-            if isinstance(extra, RelabelCause):
-                version = found.at.extras[extra.id].own.start + places.index(place)
-                fitted = found.at.residuals[version]
-                parts.append(share - 0.5 * (fitted @ inverse @ fitted + log_det))
-                continue
-            assert isinstance(extra, PatternCause)
-            one, still = extra.at(np.ones(1), place), np.zeros(len(plan))
-            pattern = extra.contact(still, one, still, plan, machine)
-            pattern = white.matrix @ extra.record(pattern, one, plan, machine)
-            if extra.id == "gauge_slip":
-                for turns, often in extra.counts.items():
-                    left = residual - turns * pattern
-                    square = left @ inverse @ left
-                    parts.append(share + np.log(often) - 0.5 * (square + log_det))
-                continue
-            for blunder in BLUNDERS:
-                size = blunder * machine.tolerances[extra.id]
-                wider = covariance + size**2 * np.outer(pattern, pattern)
-                square = residual @ np.linalg.solve(wider, residual)
-                log = -0.5 * (square + np.linalg.slogdet(wider)[1])
-                parts.append(share - np.log(len(BLUNDERS)) + log)
-    return float(np.logaddexp.reduce(parts)) + (float(np.log(ALL)) if base else 0.0)
+    ]
+    return float(np.logaddexp.reduce(np.concatenate(parts))) + len(base) * float(np.log(ALL))
 
 
 @pytest.mark.parametrize(

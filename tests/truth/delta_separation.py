@@ -31,7 +31,7 @@ from .delta import (
     touches,
 )
 from .plan import Floats, frozen
-from .separation import HEALTHY, STANDS_OUT, Separation
+from .separation import CLEAR_OF_ONE, CLEAR_OF_TWO, HEALTHY, STANDS_OUT, Separation, until_clear
 
 GRAIN = 20.0
 """Over which the local shape of a bed is forgotten [mm]."""
@@ -140,11 +140,11 @@ def delta_separation(session: DeltaSession) -> Separation:
     return Separation(session.causes, distances, rivals, _stands_out(session))
 
 
-def delta_clear(session: DeltaSession, single: float = 10.0, pair: float = 8.0) -> bool:
-    """Whether an effect outside the list is that far from each cause and each pair [sigma]."""
+def delta_clear(session: DeltaSession) -> bool:
+    """Whether an effect outside the list stands clear of each cause and each pair."""
     rivals = _Rivals(session)
-    return all(rivals.distance(cause) >= single for cause in DELTA_CAUSES) and all(
-        rivals.distance(*causes) >= pair for causes in DELTA_PAIRS
+    return all(rivals.distance(cause) >= CLEAR_OF_ONE for cause in DELTA_CAUSES) and all(
+        rivals.distance(*causes) >= CLEAR_OF_TWO for causes in DELTA_PAIRS
     )
 
 
@@ -198,28 +198,15 @@ DELTA_OUTSIDE: dict[str, tuple[Disturb, int]] = {
 """Each with the number of heights at which it can be told from a bed."""
 
 
-def clear_delta_outside(
-    seed: int, machine: Delta, layout: Layout, outside: str, tries: int = 60
-) -> DeltaSession:
-    """Redraw, each time 10 % larger, until the effect stands clear of everything listed.
+def clear_delta_outside(seed: int, machine: Delta, layout: Layout, outside: str) -> DeltaSession:
+    """A session with an effect outside the list that stands clear of everything listed."""
+    effect, bumps = DELTA_OUTSIDE[outside][0], (machine.texture, GRAIN)
 
-    Raises:
-        RuntimeError: the effect cannot be made clear.
-    """
-    bumps = machine.texture, GRAIN
-
-    def enlarged(scale: float) -> Disturb:
-        def disturb(truth: Truth, minutes: Floats, rng: Rng) -> tuple[Truth, Floats]:
-            truth, contact = DELTA_OUTSIDE[outside][0](truth, minutes, rng)
+    def draw(seed: int, scale: float) -> DeltaSession:
+        def enlarged(truth: Truth, minutes: Floats, rng: Rng) -> tuple[Truth, Floats]:
+            truth, contact = effect(truth, minutes, rng)
             return replace(truth, pulleys=frozen(truth.pulleys * [scale, 1.0])), scale * contact
 
-        return disturb
+        return make_delta_session(seed, machine, (), layout, bumps, (outside, enlarged))
 
-    for attempt in range(tries):
-        disturb = enlarged(1.1 ** min(attempt, 20))
-        session = make_delta_session(
-            seed * tries + attempt, machine, (), layout, bumps, (outside, disturb)
-        )
-        if delta_clear(session):
-            return session
-    raise RuntimeError(f"{outside} does not stand out on {machine.name} with {layout}")
+    return until_clear(seed, draw, delta_clear)

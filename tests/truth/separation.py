@@ -6,8 +6,10 @@ their tolerances, with zeros and offsets free. Places are found by linearisation
 of each rival is then refined with the full forward model.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,9 +19,14 @@ from .machines import TOLERANCES, Gauge, Machine
 from .plan import CYCLE, SETUPS, Floats, Plan
 from .session import Session, make_session
 
+Drawn = TypeVar("Drawn")
 HEALTHY = "healthy"
 STANDS_OUT = 4.0
 """Sigma from which a truth counts as distinguished from a rival."""
+CLEAR_OF_ONE, CLEAR_OF_TWO = 10.0, 8.0
+"""Least sigma of an effect outside the list from each cause and the healthy machine, and from each
+pair. At 8 the best pair leaves a chi-square 64 too large, over 6 standard deviations of it."""
+TRIES = 60
 MAX_TURNS = 3
 FREE = 9  # six zeros, then three offsets
 
@@ -314,34 +321,33 @@ def all_pairs() -> list[tuple[str, str]]:
     )
 
 
-def clear_outside(
-    seed: int,
-    machine: Machine,
-    gauge: Gauge,
-    outside: str,
-    single: float = 10.0,
-    pair: float = 8.0,
-    tries: int = 60,
-) -> Session:
-    """Redraw, each time 10 % larger, until the effect stands clear of everything listed.
-
-    Args:
-        single: least distance from every single cause and from healthy [sigma].
-        pair: least distance from every pair of a measurement and a machine cause [sigma]. At 8
-            the best pair leaves a chi-square 64 too large, over 6 standard deviations of it.
-        tries: after so many the draw is given up.
+def until_clear(
+    seed: int, draw: Callable[[int, float], Drawn], clear: Callable[[Drawn], bool]
+) -> Drawn:
+    """Redraw with other seeds, each time 10 % larger, until an effect stands clear.
 
     Raises:
         RuntimeError: the effect cannot be made clear.
     """
-    for attempt in range(tries):
-        scale = 1.1 ** min(attempt, 20)
-        session = make_session(seed * tries + attempt, machine, gauge, outside=outside, scale=scale)
-        if separation(session).distance < single:
-            continue
-        if next(iter(pair_distances(session).values())) >= pair:
-            return session
-    raise RuntimeError(f"{outside} does not stand out on {machine.name} with the {gauge.name}")
+    for attempt in range(TRIES):
+        drawn = draw(seed * TRIES + attempt, 1.1 ** min(attempt, 20))
+        if clear(drawn):
+            return drawn
+    raise RuntimeError(f"an effect does not stand out from the list, from seed {seed} on")
+
+
+def clear_outside(seed: int, machine: Machine, gauge: Gauge, outside: str) -> Session:
+    """A session with an effect outside the list that stands clear of everything listed."""
+
+    def draw(seed: int, scale: float) -> Session:
+        return make_session(seed, machine, gauge, outside=outside, scale=scale)
+
+    def clear(session: Session) -> bool:
+        if separation(session).distance < CLEAR_OF_ONE:
+            return False
+        return next(iter(pair_distances(session).values())) >= CLEAR_OF_TWO
+
+    return until_clear(seed, draw, clear)
 
 
 def expected_heldout(session: Session) -> float:
