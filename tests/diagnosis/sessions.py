@@ -2,12 +2,13 @@
 
 from functools import cache
 
-from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import machine_from_text
 from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
 from tests import truth
+from tests.truth.delta import DeltaSession, delta_csv, delta_yaml
 
 
 @cache
@@ -26,6 +27,12 @@ def read(text: str, model: Model) -> Readings:
 def readings_of(session: truth.Session) -> Readings:
     """The record, through the text of its file."""
     return read(truth.readings_csv(session), model_of(session.machine, session.gauge))
+
+
+def given(session: DeltaSession) -> Input:
+    """Touches of a printer and its machine, through the texts of their files."""
+    model = machine_from_text(delta_yaml(session.machine), "machine.yaml")
+    return read_input(document_from_bytes(delta_csv(session).encode(), "touches.csv"), model)
 
 
 def known(session: truth.Session) -> tuple[Readings, Model]:

@@ -14,10 +14,10 @@ from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import predict_later
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import Input, read_input
-from orthoglide_cal.files.machine_file import read_machine_file
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.planning import best_next
 from orthoglide_cal.results import answer_to
+from tests.diagnosis.sessions import given
 from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import (
     V400,
@@ -26,8 +26,6 @@ from tests.truth.delta import (
     Layout,
     Surface,
     Truth,
-    delta_csv,
-    delta_yaml,
     grain,
     make_delta_session,
     probe_bed,
@@ -46,15 +44,8 @@ HOMED = replace(LEANING, endstops=frozen([0.4, -0.2, 0.3]), radius=-0.4)
 MESH = Layout(240)
 
 
-def given(folder: Path, session: DeltaSession) -> Input:
-    machine, record = folder / "machine.yaml", folder / "touches.csv"
-    machine.write_text(delta_yaml(session.machine), encoding="utf-8")
-    record.write_text(delta_csv(session), encoding="utf-8")
-    return read_input(str(record), read_machine_file(machine).model)
-
-
-def diagnosed(folder: Path, session: DeltaSession) -> Diagnosis:
-    read = given(folder, session)
+def diagnosed(session: DeltaSession) -> Diagnosis:
+    read = given(session)
     return diagnose(read.measured, read.model)
 
 
@@ -70,17 +61,20 @@ def day(
 
 
 @pytest.fixture(scope="module")
-def leaning(tmp_path_factory: pytest.TempPathFactory) -> tuple[Input, Input]:
+def leaning() -> tuple[Input, Input]:
     """A printer, and the same after it was calibrated again."""
-    first, second = tmp_path_factory.mktemp("first"), tmp_path_factory.mktemp("second")
-    return given(first, day(1, V400, LEANING)), given(second, day(2, MOVED, HOMED))
+    return given(day(1, V400, LEANING)), given(day(2, MOVED, HOMED))
 
 
-def test_one_flat_mesh_leaves_leaning_towers_and_a_bent_bed_open(
-    leaning: tuple[Input, Input],
-) -> None:
+@pytest.fixture(scope="module")
+def held_out(leaning: tuple[Input, Input]) -> Diagnosis:
+    """What is said of it, and how well that predicts the second day."""
     before, after = leaning
-    found = diagnose(before.measured, before.model, holdout=after.measured, then=after.model)
+    return diagnose(before.measured, before.model, holdout=after.measured, then=after.model)
+
+
+def test_one_flat_mesh_leaves_leaning_towers_and_a_bent_bed_open(held_out: Diagnosis) -> None:
+    found = held_out
     assert found.verdict is Verdict.AMBIGUOUS
     assert {cause.id for cause in found.causes} == {"tower_lean", "backlash"}
     assert found.causes[0].id == "tower_lean"
@@ -93,16 +87,15 @@ def test_one_flat_mesh_leaves_leaning_towers_and_a_bent_bed_open(
 
 
 def test_a_recalibrated_machine_is_held_out_with_its_parameters_free(
-    leaning: tuple[Input, Input],
+    leaning: tuple[Input, Input], held_out: Diagnosis
 ) -> None:
     """Noise of 13 µm and a local shape of 20 µm: nothing predicts better than 24 µm."""
     before, after = leaning
-    found = diagnose(before.measured, before.model, holdout=after.measured, then=after.model)
-    lean = found.causes[0]
+    lean = held_out.causes[0]
     assert lean.heldout_before_mm > 0.035
     assert lean.heldout_after_mm < 0.026
     assert lean.heldout_ratio == pytest.approx(1.0, abs=0.3)
-    assert any("left free" in note for note in found.notes)
+    assert any("left free" in note for note in held_out.notes)
     # Held to the parameters of the first day, but for the endstops, it is another machine.
     fixed = diagnose(before.measured, before.model, holdout=after.measured)
     assert fixed.causes[0].heldout_after_mm > 2.0 * lean.heldout_after_mm
@@ -114,7 +107,7 @@ def test_a_recalibrated_machine_is_held_out_with_its_parameters_free(
 
 
 def test_few_touches_of_a_recalibrated_machine_are_predicted_as_well_as_is_stated(
-    leaning: tuple[Input, Input], tmp_path: Path
+    leaning: tuple[Input, Input],
 ) -> None:
     """Six parameters are fitted to 16 touches, and count: the mean square of error/stated is 1.
 
@@ -125,20 +118,17 @@ def test_few_touches_of_a_recalibrated_machine_are_predicted_as_well_as_is_state
     fit = assess(Whitened.of(before.measured, before.model)).accepted
     squares = []
     for seed in range(40):
-        few = given(tmp_path, day(seed, MOVED, HOMED, seed, Layout(16)))
+        few = given(day(seed, MOVED, HOMED, seed, Layout(16)))
         later = Whitened.of(few.measured, after.model)
         squares.append(predict_later(later, fit, np.zeros(6), free=6).ratio ** 2)
     assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
 
 
-def test_of_the_same_parameters_only_a_moved_origin_is_fitted_again(tmp_path: Path) -> None:
+def test_of_the_same_parameters_only_a_moved_origin_is_fitted_again() -> None:
     """Not calibrated again, the next day's machine is predicted wholly but for its endstops."""
-    first, next_day = tmp_path / "first", tmp_path / "next"
-    first.mkdir()
-    next_day.mkdir()
-    before = given(first, day(1, V400, LEANING))
+    before = given(day(1, V400, LEANING))
     shifted = replace(LEANING, endstops=frozen([0.3, 0.3, 0.3]))
-    after = given(next_day, day(2, V400, shifted))
+    after = given(day(2, V400, shifted))
     found = diagnose(before.measured, before.model, holdout=after.measured, then=after.model)
     assert found.causes[0].heldout_after_mm < 0.03
     (note,) = (note for note in found.notes if "origin of the endstops" in note)
@@ -161,11 +151,9 @@ def test_of_the_same_parameters_only_a_moved_origin_is_fitted_again(tmp_path: Pa
     ],
     ids=lambda change: "".join(change) or "nothing",
 )
-def test_any_other_parameter_in_the_controller_leaves_them_free(
-    change: dict[str, Any], tmp_path: Path
-) -> None:
-    before = given(tmp_path, make_delta_session(1, V400, layout=Layout(25)))
-    after = given(tmp_path, make_delta_session(1, replace(V400, **change), layout=Layout(25)))
+def test_any_other_parameter_in_the_controller_leaves_them_free(change: dict[str, Any]) -> None:
+    before = given(make_delta_session(1, V400, layout=Layout(25)))
+    after = given(make_delta_session(1, replace(V400, **change), layout=Layout(25)))
     found = diagnose(before.measured, before.model, after.measured, np.zeros(6), after.model)
     assert any("left free" in note for note in found.notes) is bool(change)
 
@@ -187,12 +175,10 @@ def test_the_verdict_does_not_hang_on_sizes(leaning: tuple[Input, Input]) -> Non
         assert {cause.id for cause in found.causes} | set(found.ambiguous_with) == causes
 
 
-def test_what_stays_unexplained_is_told(leaning: tuple[Input, Input]) -> None:
-    before, _ = leaning
-    found = diagnose(before.measured, before.model)
-    lean = found.causes[0]
+def test_what_stays_unexplained_is_told(held_out: Diagnosis) -> None:
+    lean = held_out.causes[0]
     assert 0.018 < lean.rms_after_mm < 0.026
-    (note,) = (note for note in found.notes if note.startswith("Unexplained"))
+    (note,) = (note for note in held_out.notes if note.startswith("Unexplained"))
     assert f"{1e3 * lean.rms_after_mm:.0f} µm r.m.s." in note
     assert "13 µm are the probe's noise" in note
 
@@ -205,13 +191,11 @@ def test_what_stays_unexplained_is_told(leaning: tuple[Input, Input]) -> None:
         (3.0, Layout(41, cycles=3), 0),
     ],
 )
-def test_a_series_that_drifts_is_named_drift(
-    drift: float, layout: Layout, seed: int, tmp_path: Path
-) -> None:
+def test_a_series_that_drifts_is_named_drift(drift: float, layout: Layout, seed: int) -> None:
     """Half an hour at 0.15 mm/h; and sixty times what is usual, which endstops do not do, too."""
     rng = np.random.default_rng(seed)
     session = probe_bed(V400, Truth(drift=drift), ("probe_drift",), layout, rng)
-    found = diagnosed(tmp_path, session)
+    found = diagnosed(session)
     assert (found.verdict, [cause.id for cause in found.causes]) == (
         Verdict.NAMED,
         ["probe_drift"],
@@ -221,10 +205,10 @@ def test_a_series_that_drifts_is_named_drift(
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_several_wrong_touches_are_all_pointed_at(seed: int, tmp_path: Path) -> None:
+def test_several_wrong_touches_are_all_pointed_at(seed: int) -> None:
     """On a bed that could be four times as rough as stated, so that each alone might be its own."""
     session = clear_delta_outside(seed, V400, Layout(41), "scattered_misreads")
-    found = diagnosed(tmp_path, session)
+    found = diagnosed(session)
     assert found.verdict is Verdict.UNEXPLAINED
     (note,) = (note for note in found.notes if "each by itself" in note)
     touches = {int(number) - 1 for number in re.findall(r"touch (\d+)", note)}
@@ -233,14 +217,13 @@ def test_several_wrong_touches_are_all_pointed_at(seed: int, tmp_path: Path) -> 
     assert len(touches & set(wrong.tolist())) >= 0.7 * len(wrong)
 
 
-def test_repeats_tell_the_repeatability(tmp_path: Path) -> None:
+def test_repeats_tell_the_repeatability() -> None:
     """Twenty places four times: 60 degrees of freedom, off by a third with p < 1e-5."""
-    session = make_delta_session(5, V400, (), Layout(20, cycles=4), (0.03, GRAIN))
-    given_ = given(tmp_path, session)
-    found = diagnose(given_.measured, given_.model)
+    read = given(make_delta_session(5, V400, (), Layout(20, cycles=4), (0.03, GRAIN)))
+    found = diagnose(read.measured, read.model)
     assert found.lack_of_fit.repeats_mm == pytest.approx(V400.noise, rel=0.33)
     assert found.lack_of_fit.repeats_p_value is not None
-    assert solve(given_.measured, given_.model).sigma_repeats_mm == found.lack_of_fit.repeats_mm
+    assert solve(read.measured, read.model).sigma_repeats_mm == found.lack_of_fit.repeats_mm
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -274,17 +257,17 @@ def test_every_page_has_the_same_root_mean_square(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("size", [1.0, 2.5])
-def test_a_rough_bed_is_told_to_be_rough(size: float, tmp_path: Path) -> None:
+def test_a_rough_bed_is_told_to_be_rough(size: float) -> None:
     rough = (size * V400.texture, GRAIN)
     session = make_delta_session(1, V400, (), Layout(240), rough)
-    found = answer_to(given(tmp_path, session))
+    found = answer_to(given(session))
     assert found.release.usable
     said = " ".join(found.release.cautions)
     assert ("as large as is stated" in said) == (size > 2.0)
 
 
-def test_41_points_of_a_sound_machine_name_nothing(tmp_path: Path) -> None:
-    for seed in range(12):
+def test_41_points_of_a_sound_machine_name_nothing() -> None:
+    for seed in range(8):
         bumps = (V400.texture, GRAIN) if seed % 2 else (0.0, GRAIN)
         session = make_delta_session(seed, V400, (), Layout(41), bumps)
-        assert diagnosed(tmp_path, session).verdict is Verdict.CONSISTENT
+        assert diagnosed(session).verdict is Verdict.CONSISTENT

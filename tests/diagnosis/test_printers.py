@@ -3,7 +3,6 @@
 from dataclasses import replace
 from datetime import date
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,11 +10,11 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose, extend
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.files.input import Input, together
+from orthoglide_cal.files.input import together
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results import answer_to, with_dates
-from tests.diagnosis.test_delta import given
+from tests.diagnosis.sessions import given
 from tests.printers import true_values
 from tests.truth.delta import (
     V400,
@@ -89,21 +88,21 @@ def stored_arms(
     [(ARMS[2:], range(1)), pytest.param(ARMS, range(8), marks=pytest.mark.slow)],
 )
 def test_stored_arms_that_differ_are_in_the_answer(
-    stored: tuple[tuple[float, float, float], ...], seeds: range, tmp_path: Path
+    stored: tuple[tuple[float, float, float], ...], seeds: range
 ) -> None:
     """And no lean stands there alone."""
     for arms, bent, seed in product(stored, (False, True), seeds):
-        read = given(tmp_path, stored_arms(arms, bent, seed))
+        read = given(stored_arms(arms, bent, seed))
         found = diagnose(read.measured, read.model)
         named = [cause.id for cause in found.causes]
         assert "leg_length" in {*named, *found.ambiguous_with}, (arms, bent, seed)
         assert found.verdict is not Verdict.NAMED or "tower_lean" not in named, (arms, bent, seed)
 
 
-def test_what_stored_arms_are_doubted_by_is_told_and_counted(tmp_path: Path) -> None:
+def test_what_stored_arms_are_doubted_by_is_told_and_counted() -> None:
     """Half a millimetre is how well arms are cut; 5 mm makes the radius that much less sure."""
     sure, doubted = (
-        answer_to(given(tmp_path, stored_arms(arms, False, 1, 41)))
+        answer_to(given(stored_arms(arms, False, 1, 41)))
         for arms in ((345.0, 345.4, 345.0), (340.0, 345.0, 345.0))
     )
     assert not any("equal arms" in note for note in sure.notes)
@@ -132,23 +131,14 @@ def dates(
     )
 
 
-def read_dates(folder: Path, sessions: tuple[DeltaSession, ...]) -> list[Input]:
-    found = []
-    for number, session in enumerate(sessions):
-        own = folder / f"{number}"
-        own.mkdir(exist_ok=True)
-        found.append(given(own, session))
-    return found
-
-
 @pytest.mark.parametrize("seeds", [1, pytest.param(16, marks=pytest.mark.slow)])
 def test_what_is_carried_predicts_better_than_a_surface_and_than_the_earlier_map(
-    seeds: int, tmp_path: Path
+    seeds: int,
 ) -> None:
     """Held-out errors by those of the better baseline, on other places."""
     ratios = []
     for seed in range(seeds):
-        first, second = read_dates(tmp_path, dates(seed, (Layout(121), Layout(149))))
+        first, second = map(given, dates(seed, (Layout(121), Layout(149))))
         found = diagnose(
             first.measured, first.model, holdout=second.measured, then=second.model
         ).baselines
@@ -160,9 +150,9 @@ def test_what_is_carried_predicts_better_than_a_surface_and_than_the_earlier_map
     assert np.median(ratios) <= 0.95
 
 
-def test_a_shape_is_accepted_stored_and_carried(tmp_path: Path) -> None:
+def test_a_shape_is_accepted_stored_and_carried() -> None:
     """Whatever makes it; the same touches are then explained without it."""
-    first, second = read_dates(tmp_path, dates(5, (Layout(61), Layout(61)), frozen(np.zeros(3))))
+    first, second = map(given, dates(5, (Layout(61), Layout(61)), frozen(np.zeros(3))))
     model = extend(first.measured, first.model, "bed_shape", date(2026, 1, 31))
     stored = machine_from_text(machine_text(model), "known.yaml")
     (kept,) = stored.accepted
@@ -175,10 +165,10 @@ def test_a_shape_is_accepted_stored_and_carried(tmp_path: Path) -> None:
     assert "bed_shape" not in {cause.id for cause in known.causes}
 
 
-def test_dates_together_share_one_shape_and_have_their_own_parameters(tmp_path: Path) -> None:
+def test_dates_together_share_one_shape_and_have_their_own_parameters() -> None:
     """Each date's parameters are found within three of their own standard deviations."""
     sessions = dates(5, (Layout(61), Layout(73)))
-    inputs = read_dates(tmp_path, sessions)
+    inputs = list(map(given, sessions))
     joint = together(inputs)
     found = diagnose(joint.measured, joint.model)
     assert {"bed_shape", "backlash"} <= {c.id for c in found.causes} | set(found.ambiguous_with)
@@ -193,13 +183,13 @@ def test_dates_together_share_one_shape_and_have_their_own_parameters(tmp_path: 
     assert any("other endstops, delta radius, tower angles in force" in n for n in answer.notes)
 
 
-def test_a_place_that_is_off_on_every_date_is_no_misreading(tmp_path: Path) -> None:
+def test_a_place_that_is_off_on_every_date_is_no_misreading() -> None:
     """Seven heights, one of them 0.4 mm off on each of four dates."""
     inputs, one = [], 0.4 * (np.arange(7) == 3)
     for number in range(4):
         session = probe_bed(V400, Truth(), (), Layout(7), np.random.default_rng(number))
         off = replace(session, readings=session.readings + one)
-        inputs += read_dates(tmp_path, (off,))
+        inputs.append(given(off))
     alone = diagnose(inputs[0].measured, inputs[0].model)
     joint = together(inputs)
     found = diagnose(joint.measured, joint.model)
@@ -212,14 +202,13 @@ def _again(found: Diagnosis) -> bool:
     return any("repeat" in note for note in found.notes)
 
 
-def test_maps_that_repeat_are_never_called_noise(tmp_path: Path) -> None:
+def test_maps_that_repeat_are_never_called_noise() -> None:
     """A local shape of 20 µm is what is stated of this bed, until it comes back."""
     rng = np.random.default_rng(2)
     machine = replace(V400, noise=0.004)
     rough = Truth(bed=Surface(150.0, {}, grain(rng, machine.texture, GRAIN)))
     for truth, repeats in ((rough, True), (Truth(), False)):
-        days = tuple(probe_bed(machine, truth, (), Layout(25), rng) for _ in range(2))
-        first, second = read_dates(tmp_path, days)
+        first, second = (given(probe_bed(machine, truth, (), Layout(25), rng)) for _ in range(2))
         alone = diagnose(first.measured, first.model)
         assert alone.verdict is Verdict.CONSISTENT
         joint = together([first, second])
@@ -231,10 +220,10 @@ def test_maps_that_repeat_are_never_called_noise(tmp_path: Path) -> None:
             assert _again(found) is repeats
 
 
-def test_a_probe_that_reads_on_its_way_shows_no_lost_motion(tmp_path: Path) -> None:
+def test_a_probe_that_reads_on_its_way_shows_no_lost_motion() -> None:
     """The same touches; what depends on the approach is not claimed, and not carried."""
     truth = Truth(bed=quartic(np.random.default_rng(4), BENT_MM), lost=LOST)
-    read = given(tmp_path, probe_bed(V400, truth, (), Layout(121), np.random.default_rng(4)))
+    read = given(probe_bed(V400, truth, (), Layout(121), np.random.default_rng(4)))
     machine = read.model.machine
     scanner = machine.changed(probe=machine.instrument.changed(scanning=True))
     touched, scanned = (
@@ -245,10 +234,10 @@ def test_a_probe_that_reads_on_its_way_shows_no_lost_motion(tmp_path: Path) -> N
     assert "bed_shape" in {cause.id for cause in scanned.causes} | set(scanned.ambiguous_with)
 
 
-def test_other_machines_are_not_judged_together(tmp_path: Path) -> None:
+def test_other_machines_are_not_judged_together() -> None:
     first, second = dates(1, (Layout(13), Layout(13)))
     other = replace(second, machine=replace(second.machine, arms=(265.0,) * 3, radius=130.0))
     with pytest.raises(UsageError, match="two machines"):
-        together(read_dates(tmp_path, (first, other)))
+        together([given(first), given(other)])
     changed = replace(second, machine=replace(second.machine, arms=(341.0,) * 3))
-    assert len(together(read_dates(tmp_path, (first, changed))).measured) == 26
+    assert len(together([given(first), given(changed)]).measured) == 26
