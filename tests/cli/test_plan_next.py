@@ -61,8 +61,15 @@ def test_what_would_not_show_but_matters_is_decided_by_the_next_measurement() ->
     assert "it distinguishes axis_gap from axis_gap with exchanged_columns" in said
     assert "measure --then" in said
     assert "Next: about 2 min leave one answer" in run("plan", *given).output
-    checked = answer("diagnose", *given, "--rule-out", "exchanged_columns")
-    assert checked["next_measurement"] is None
+    (fault,) = found["unshown"]
+    assert (fault["id"], fault["matters"]) == ("exchanged_columns", True)
+    assert not found["release"]["usable"]
+    ruled_out = ("diagnose", *given, "--rule-out", "exchanged_columns")
+    checked = answer(*ruled_out)
+    assert (checked["next_measurement"], checked["unshown"]) == (None, [])
+    assert checked["ruled_out"] == ["exchanged_columns"]
+    assert "Ruled out by hand: exchanged_columns" in run(*ruled_out).stdout
+    assert run(*ruled_out[:-1], "nothing").exit_code == 2
 
 
 def test_what_no_reading_tells_is_measured_again() -> None:

@@ -4,19 +4,13 @@ from collections import Counter
 from dataclasses import replace
 from itertools import product
 from math import log
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.diagnosis.assess import SPEAKS, WITHOUT_SIZE, Posterior, judge
-from orthoglide_cal.estimation import solve
-from orthoglide_cal.results.making import release
 from tests import truth
-from tests.diagnosis.command import diagnose as run
-from tests.diagnosis.command import told as answered
-from tests.diagnosis.command import written
 from tests.diagnosis.sessions import known
 from tests.diagnosis.test_certainty import ids, measured
 from tests.truth.effects import Effect
@@ -83,28 +77,6 @@ def test_ten_and_thirty_times_the_stated_size_are_named(cause: str) -> None:
         stated = found.causes[0].times_stated
         assert stated is not None
         assert 0.4 * times < stated < 1.1 * times
-
-
-def test_it_holds_the_offsets_back_until_it_is_ruled_out(tmp_path: Path) -> None:
-    """A gap that exchanged columns would turn into another, at other offsets."""
-    session = large("axis_gap", 10.0, 9000, truth.PROTOTYPE, truth.MICRON)
-    readings, model = known(session)
-    found = diagnose(readings, model)
-    (fault,) = found.unshown
-    assert (fault.id, fault.matters) == ("exchanged_columns", True)
-    held = release(solve(readings, model), found)
-    assert not held.usable
-    assert held.remedies[0].options == "--rule-out exchanged_columns"
-    checked = replace(model, ruled_out=("exchanged_columns",))
-    assert diagnose(readings, checked).unshown == ()
-    table, machine = written(tmp_path, session)
-    answer = answered(table, "--machine", machine)
-    assert answer["unshown"][0]["id"] == "exchanged_columns"
-    options = ("--machine", machine, "--rule-out", "exchanged_columns")
-    answer = answered(table, *options)
-    assert (answer["ruled_out"], answer["unshown"]) == (["exchanged_columns"], [])
-    assert "Ruled out by hand: exchanged_columns" in run(table, *options).stdout
-    assert run(table, "--machine", machine, "--rule-out", "nothing").exit_code == 2
 
 
 def test_below_a_bayes_factor_of_three_a_fault_is_not_open() -> None:
