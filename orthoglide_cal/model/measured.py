@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import product
 from types import MappingProxyType
-from typing import Literal, NamedTuple
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
 
@@ -129,6 +129,8 @@ class Readings(ReadOnly):
 class Differences(ReadOnly):
     """Differences of readings, as the paper prints them."""
 
+    of_bed: ClassVar[bool] = False  # they are of gauges
+
     kind: DataKind
     which: tuple[Difference, ...]  # in the order of the file
     value: Floats  # shape (k,) [mm]
@@ -139,11 +141,6 @@ class Differences(ReadOnly):
     def kinds(self) -> tuple[DataKind, ...]:
         """What can be made of them: themselves, and of twelve also six."""
         return (self.kind, DataKind.SIX) if self.kind is DataKind.TWELVE else (self.kind,)
-
-    @property
-    def of_bed(self) -> bool:
-        """They are the paper's, of gauges."""
-        return False
 
     @property
     def weight(self) -> Floats:

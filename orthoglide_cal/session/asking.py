@@ -80,9 +80,9 @@ class DeadTime:
         self.opens = max(self.opens, at + wait)
 
     def is_early(self, begun: float, ended: float, length: int, shown: float) -> bool:
-        """Whether a message cannot be meant for what is asked, since the question was `shown`.
+        """Whether a message cannot be meant for the question that stands there since `shown`.
 
-        Its first character and its end arrived then; its length is 0 if it was not typed.
+        It began and ended with its first character and its end; its length is 0 if nobody typed it.
         """
         by_hand = 0 < length * BY_HAND_S <= ended - begun
         opens = self._last + BACK_AT_THE_KEYS_S if by_hand else self.opens
