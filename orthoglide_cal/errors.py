@@ -127,15 +127,9 @@ class InvalidFileError(InputError):
     """A file with several faults, all of them in `problems` (at least one)."""
 
     def __init__(self, problems: Sequence[InputError], *, file: str | None = None) -> None:
-        first = problems[0]
-        super().__init__(
-            first.what,
-            first.remedy,
-            file=file or first.file,
-            line=first.line,
-            column=first.column,
-            value=first.value,
-        )
+        super().__init__(problems[0].what, problems[0].remedy)
+        vars(self).update(vars(problems[0]))  # the first one stands for all
+        self.file = file or self.file
         self.problems = tuple(problems)
 
     def __str__(self) -> str:

@@ -330,14 +330,14 @@ def machine_values(model: Model) -> dict[str, Any]:
 
 
 def _stated(schema: Schema) -> dict[str, object]:
-    """Plain values of a schema, its own keys first, without what is None.
+    """Plain values of a schema, without what is None.
 
     That a gauge has no revolution is a statement, too.
     """
-    plain, values = schema.model_dump(mode="json"), {}
-    for key in dict.fromkeys((*type(schema).__annotations__, *plain)):
+    values = {}
+    for key, plain in schema.model_dump(mode="json").items():
         inner = getattr(schema, key)
-        value = _stated(inner) if isinstance(inner, Schema) else plain.get(key)
+        value = _stated(inner) if isinstance(inner, Schema) else plain
         if value is not None or key == "revolution_mm":
             values[key] = value
     return values
@@ -396,8 +396,6 @@ def new_machine(values: Mapping[str, object], path: str) -> str:
         machine_from_text(text, path)
     except InvalidFileError as error:
         # The file is not there yet: its lines say nothing.
-        faults = error.problems
-        raise InvalidFileError(
-            [InputError(f.what, f.remedy, column=f.column, value=f.value) for f in faults]
-        ) from error
+        faults = [replace(fault, file=None, line=None) for fault in error.problems]
+        raise InvalidFileError(faults) from error
     return text
