@@ -64,7 +64,6 @@ class ControllerFile:
 
     @property
     def sha256(self) -> str:
-        """Hex digest of the bytes."""
         return hashlib.sha256(self.data).hexdigest()
 
     def changed(self, amounts: Mapping[str, float], decimals: int) -> tuple[Written, bytes]:

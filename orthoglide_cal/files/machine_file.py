@@ -301,16 +301,13 @@ def machine_values(model: Model) -> dict[str, Any]:
         return float(f"{value:.12g}")
 
     machine = model.machine
-    own = _stated(machine)
-    common = {key: own.pop(key) for key in Machine.model_fields if key in own}
+    stated = _stated(machine)
+    common = Machine.model_fields.keys() - {"kind", "name"}
+    last = {key: stated.pop(key) for key in list(stated) if key in common}
     return {
         "schema_version": 1,
-        "kind": common["kind"],
-        "name": common["name"],
-        **own,
-        **{key: common[key] for key in ("homing_mm",) if key in common},
-        "tolerances": common["tolerances"],
-        **{key: common[key] for key in ("report", "gauges") if common[key]},
+        **stated,
+        **{key: value for key, value in last.items() if value or key == "tolerances"},
         "history": [each.model_dump(mode="json", exclude_none=True) for each in machine.history],
         "identified": [
             {

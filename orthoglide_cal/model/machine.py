@@ -194,7 +194,6 @@ class Influence(ReadOnly):
         return replace(self, columns=matrix @ self.columns)
 
     def at(self, number: int) -> Influence:
-        """One of many."""
         return replace(self, columns=self.columns[number])
 
 

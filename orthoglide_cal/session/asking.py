@@ -219,7 +219,6 @@ class Asker:
         return None if gauge is None else self._listen(gauge, line is not None)
 
     def _listen(self, gauge: LiveGauge, asked: bool) -> Token | Unasked | None:
-        """One look at the gauge."""
         now = self.clock()
         if self._held is not None and now - self._answered[0] >= ALONE_S:
             item, self._held = self._held, None

@@ -236,7 +236,6 @@ def _explanations(
 
 
 def _how_far(coming: NextReading, value: float, expected: float, std: float) -> str:
-    """How far the reading is from what, in words."""
     if not coming.repeats:
         here = f"{with_uncertainty(expected, 2 * std)} mm"
         if coming.unit is Unit.INCH:

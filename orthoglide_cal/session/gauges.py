@@ -307,7 +307,6 @@ class SerialPort:
         return [*tokens, Token(cut)] if cut else tokens
 
     def close(self) -> None:
-        """Close the port."""
         if self._line is not None:
             with suppress(OSError):
                 self._line.close()
@@ -420,7 +419,6 @@ class SimulatedGauge(LiveGauge):
         self._wanted = (1, 0)  # step and take
 
     def begin(self, step: SessionStep, takes: int) -> None:
-        """A prompt for this step appears."""
         self._wanted = (step.number, takes)
 
     def poll(self, asked: bool) -> list[Token]:

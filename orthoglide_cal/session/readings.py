@@ -124,7 +124,6 @@ class Setting:
 
     @property
     def machine(self) -> Orthoglide:
-        """The nominal machine."""
         return self.model.orthoglide
 
     @property
