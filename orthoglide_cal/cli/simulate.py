@@ -123,19 +123,11 @@ def simulate(
 
 
 def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Generator) -> Effect:
-    """The effect that `--cause ID[@PLACE]=VALUES` describes.
-
-    `axis_gap=0.1,0.2,-0.1`     parameters in the order of the cause, in its unit; everywhere
-    `gauge_drift@x,y=0.05`      in one place: leg x, direction y
-    `misread@12=0.1`            the twelfth reading in time; for gauge_slip `12+` is "and all after"
-    `sign_flip@z,x`             causes without a size take no value
-    `wrong_unit@1`              the first of its units
+    """The effect that `--cause ID[@PLACE]=VALUES` describes (`orthocal guide simulate`).
 
     Parameters that nobody can type (where a carriage with lost motion stands before its first
-    motion) are drawn at random.
-
-    Raises:
-        UsageError: no such cause or place, or not as many values as the cause has parameters.
+    motion) are drawn at random. Raises UsageError: no such cause or place, or not as many values
+    as the cause has parameters.
     """
     from orthoglide_cal.causes import CAUSES
 

@@ -1,8 +1,7 @@
 """A printer's Moonraker server: its printer.cfg read, written, and its firmware restarted.
 
-Moonraker's "External API": `/server/info`, `/server/files/config/printer.cfg`,
-`/server/files/upload`, `/printer/objects/query`, `/printer/firmware_restart`. A key that the server
-may want is taken from the environment and sent to this server only.
+By Moonraker's "External API". A key that the server may want is taken from the environment and
+sent to this server only.
 """
 
 from __future__ import annotations

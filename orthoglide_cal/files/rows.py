@@ -1,8 +1,7 @@
 """One row of each kind of table, whatever file it stands in, and how its texts are checked.
 
-A row comes as the texts of its cells, from a CSV, from a session or from a record of a journal;
-the same class writes it. Every cell is checked by itself here; what only shows across rows, where
-the rows become arrays.
+A row comes as the texts of its cells; the same class writes it. Every cell is checked by itself
+here; what only shows across rows, where the rows become arrays.
 """
 
 from __future__ import annotations

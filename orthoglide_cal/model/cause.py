@@ -1,9 +1,7 @@
 """What may be wrong with a reading: a cause, and a cause with values for its parameters.
 
-A reading is made in four stages, and a cause acts in exactly one of them: geometry (where rails
-and legs are), motion (where the carriages really stand), contact (what is touched), record (what
-was written down). Bound to values it is an `Effect`, from the fit that finds it to the machine
-file that keeps it and back.
+A cause acts in exactly one of the four stages of a reading (`model.model`). Bound to values it is
+an `Effect`, from the fit that finds it to the machine file that keeps it and back.
 """
 
 from __future__ import annotations

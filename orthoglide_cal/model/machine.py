@@ -3,8 +3,7 @@
 Everything that one kind does differently from another is an attribute or a method here: where the
 nominal rails are, how the controller turns a wanted place into joints, which parameters a
 calibration determines, what a gauge reads, how such a machine is measured, and the words for it.
-The rest of the program does not ask which kind it has. With it stand what each kind gives: the
-instrument that reads it, what is uncertain of its readings, and its vocabulary.
+The rest of the program does not ask which kind it has.
 """
 
 from __future__ import annotations
@@ -240,8 +239,7 @@ class FirstStep(NamedTuple):
 class Machine(Schema):
     """The nominal machine: three actuated rails, three legs, one tool centre point.
 
-    What each kind of machine says is declared first, then the keys of the machine file. A kind
-    adds its geometry, the instrument that reads it, and what its controller has.
+    What each kind of machine says is declared first, then the keys of the machine file.
     """
 
     # Of what a calibration determines.
