@@ -20,6 +20,7 @@ from orthoglide_cal.estimation.accuracy import chance_of_residual
 from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.model.cause import Stage
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import Floats
 
 # Something is wrong only if that is this many times likelier than that nothing is. Of 1,200 healthy
@@ -58,6 +59,9 @@ PLACE_COUNTS, PLACES = 0.002, 6
 PLACE_LIKELY = 0.05
 # A cause this probable relative to "nothing is wrong" widens the offsets' uncertainty.
 WEIGHS = 0.01
+# Nothing is wrong, whatever fits would add, where all else together is likelier than that by no
+# more than this share of what it takes to be something.
+SURELY = 0.5
 
 
 def sizeless(ids: Ids, part: Ids) -> bool:
@@ -232,6 +236,20 @@ class Posterior:
         likely = (ids for ids in self._sets if len(ids) == 1 and self.listed[ids] >= floor)
         return tuple(id for (id,) in likely if CAUSES[id].names)
 
+    def hidden(self, machine: Machine) -> list[Ids]:
+        """Those of them that are so probable that they widen the offsets' uncertainty.
+
+        What no reading shows is uncertain in every explanation already.
+        """
+        known = (*machine.unobservable, *machine.fixed_parameters)
+        unseen = [(id,) for id in self.unseen() if id not in known]
+        return [ids for ids in unseen if self.listed[ids] >= WEIGHS * self.listed[()]]
+
+    @property
+    def surely_sound(self) -> bool:
+        """Whether nothing is wrong by so far that no fit of a cause can change it."""
+        return 1.0 - self.listed[()] < SURELY * self.odds * self.listed[()]
+
 
 @dataclass(frozen=True)
 class Judgement:
@@ -350,11 +368,7 @@ class Assessment:
         if verdict is Verdict.AMBIGUOUS:
             open_ += self.posterior.rivals()
         elif verdict is Verdict.CONSISTENT:
-            # What no reading shows is uncertain in each of them already.
-            machine = self.at.white.machine
-            hidden = (*machine.unobservable, *machine.fixed_parameters)
-            unseen = [(id,) for id in self.posterior.unseen() if id not in hidden]
-            open_ += [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]
+            open_ += self.posterior.hidden(self.at.white.machine)
         weights = np.array([listed[ids] for ids in open_])
         weights /= weights.sum()
         return tuple(zip(weights.tolist(), self.fit_all(open_), strict=True))
@@ -498,7 +512,10 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
     pairs = [(ids, (id,)) for ids in likely for id in ids if sizeless(ids, (id,))]
     wanted = [*(ids for ids, _ in pairs), *(part for _, part in pairs)]
     for _ in range(FITS):
-        wanted += (posterior.best, *posterior.rivals())
+        if not noise_found and posterior.surely_sound:
+            wanted = [posterior.best, *posterior.hidden(white.machine)]
+        else:
+            wanted += (posterior.best, *posterior.rivals())
         missing = [ids for ids in dict.fromkeys(wanted) if ids not in fits]
         if not missing:
             break
