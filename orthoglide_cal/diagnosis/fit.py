@@ -159,14 +159,13 @@ class Fitted(ReadOnly):
 def fit_explanations(scores: Sequence[Score], scale_factor: float | None = None) -> list[Fitted]:
     """Fit explanations by Gauss–Newton with their priors, then judge each there.
 
-    First with the linear model that it was scored with, then with that of the fit this gives, which
-    is enough for ranking; of causes far beyond their size again. `scale_factor` is as of `Fitted`;
-    as large as these data make it if None.
+    First with the linear model that it was scored with; where that leads farther than noise would,
+    with that of the fit this gives, which is enough for ranking; of causes far beyond their size
+    again. `scale_factor` is as of `Fitted`; as large as these data make it if None.
     """
     searches = [_Search(score.replanned or score, scale_factor) for score in scores]
     # One simulation gives the next linear models of all; the second is enough but for large causes.
-    # Not that of the offsets alone, which is that of the fit.
-    moving = [each for each in searches if each.base or each.version]
+    moving = [each for each in searches if each.leaves]
     for _ in range(ROUNDS):
         far: list[_Search] = []
         for white in dict.fromkeys(each.at.white for each in moving):
@@ -304,6 +303,17 @@ class _Search:
         """The causes of the base as found so far."""
         pairs = zip(self.base, self.slots, strict=False)
         return [cause.at(self.found[slot]) for cause, slot in pairs]
+
+    @property
+    def leaves(self) -> bool:
+        """Whether it moves the data, each unknown by itself, by more than noise does.
+
+        From where they were linearised: the offsets alone, fitted to the data as recorded.
+        """
+        theta = self.found[self.width : self.own.shape[1]]
+        unknowns = np.concatenate([self.offsets - self.at.offsets[0], theta])
+        moved = np.sqrt(np.mean(self.own**2, axis=0)) @ np.abs(unknowns)
+        return float(moved) > self.at.noise.stated
 
     @property
     def possible(self) -> bool:
