@@ -498,9 +498,15 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
             listed, beyond, remedies, odds, shape, doubted, candidates.log_prior, log_fit
         )
 
-    posterior = weighed(ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
     # With a local shape that is found to be larger or smaller, the noise is found, too.
     noise_found = at.local
+    posterior = weighed(())
+    if posterior.surely_sound and not noise_found:
+        posterior = weighed([(), *posterior.hidden(white.machine)])
+        if posterior.surely_sound:
+            return Assessment(at, scores, fits, unlisted, posterior, judge(posterior, 1.0))
+    near = (ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
+    posterior = weighed(ids for ids in near if ids not in fits)
     if noise_found:
         # Of printers the causes are large against what linear scores can follow.
         again = [ids for ids in order if ids not in fits and posterior.nearly_dismissed(ids)]
@@ -512,10 +518,7 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
     pairs = [(ids, (id,)) for ids in likely for id in ids if sizeless(ids, (id,))]
     wanted = [*(ids for ids, _ in pairs), *(part for _, part in pairs)]
     for _ in range(FITS):
-        if not noise_found and posterior.surely_sound:
-            wanted = [posterior.best, *posterior.hidden(white.machine)]
-        else:
-            wanted += (posterior.best, *posterior.rivals())
+        wanted += (posterior.best, *posterior.rivals())
         missing = [ids for ids in dict.fromkeys(wanted) if ids not in fits]
         if not missing:
             break

@@ -287,10 +287,8 @@ class Linearised:
     jacobian: Floats  # derivative of the data by the offsets at the fit to version 0, shape (k, 3)
     # Id of a broad cause → derivative by its parameters there, where it is absent, shape (k, p).
     jacobians: Mapping[str, Floats]
-    # What is uncertain of the data in addition to noise and causes, as recorded; and of each
-    # version, with columns of shape (v, k, p).
+    # What is uncertain of the data in addition to noise and causes, as recorded.
     uncertain: tuple[Influence, ...]
-    by_version: tuple[Influence, ...]
 
     @classmethod
     def of(cls, white: Whitened, candidates: Candidates) -> Linearised:
@@ -343,10 +341,8 @@ class Linearised:
         ends = np.cumsum([offsets.size, *(cause.unknowns for cause in broad)])
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
         weighed = {cause.id for cause in broad}
-        every = fit.offsets_mm[fit.converged]
-        by_version = white.uncertain(every)
         uncertain: list[Influence] = []
-        for each in (one.at(0) for one in by_version):
+        for each in white.uncertain(offsets):
             if each.source in weighed:
                 shown = unexplained(jacobian, each.columns)
                 if np.linalg.norm(shown) > machine.instrument.noise_mm:
@@ -359,13 +355,12 @@ class Linearised:
             noise=NoiseGrid.around(machine.instrument.noise_mm, white.spectrum, white.assumed),
             extras=extras,
             versions=versions[fit.converged],
-            offsets=every,
+            offsets=fit.offsets_mm[fit.converged],
             residuals=fit.residuals_mm[fit.converged] / precision,
             patterns=patterns,
             jacobian=jacobian,
             jacobians={cause.id: own for cause, own in zip(broad, jacobians, strict=True)},
             uncertain=tuple(uncertain),
-            by_version=by_version,
         )
 
     @property
@@ -392,9 +387,14 @@ class Linearised:
         """`shown` where the offsets-only model fits best, shape (k, b) [mm]."""
         return self.shown(self.uncertain, self.jacobian)
 
+    @cached_property
+    def _by_version(self) -> tuple[Influence, ...]:
+        """What is uncertain of each version of the data, with columns of shape (v, k, p)."""
+        return self.white.uncertain(self.offsets)
+
     def uncertain_of(self, version: int) -> tuple[Influence, ...]:
         """`uncertain` of a version of the data."""
-        return tuple(one.at(version) for one in self.by_version) if version else self.uncertain
+        return tuple(one.at(version) for one in self._by_version) if version else self.uncertain
 
     def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:
         """What is uncertain of the data and shows, with as few columns as tell it, (k, b) [mm].
