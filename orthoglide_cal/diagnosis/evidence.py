@@ -13,6 +13,7 @@ different size comparable.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -66,6 +67,11 @@ class NoiseGrid(ReadOnly):
             return cls(sigma.reshape(-1), weight.reshape(-1), spectrum, scale_factor.reshape(-1))
         weight = -0.5 * (_LOG_RATIO / STATEMENT_SPREAD) ** 2
         return cls(stated_mm * np.exp(_LOG_RATIO), weight - log_sum(weight))
+
+    def with_spectrum(self, spectrum: Floats, sizes: Sequence[float]) -> NoiseGrid:
+        """The same noise with a further shape (k,) [mm²], of each of some sizes in turn."""
+        sigma, log_weight = (np.tile(each, len(sizes)) for each in (self.sigma, self.log_weight))
+        return NoiseGrid(sigma, log_weight, spectrum, np.repeat(sizes, len(self.sigma)))
 
     @cached_property
     def stated(self) -> float:
@@ -157,11 +163,10 @@ class Patchy(Gaussian):
         variance = noise.variance
         self._weight = 1.0 / variance  # (g, k)
         self._columns = columns
-        turned, same = np.swapaxes(columns, -1, -2), np.eye(columns.shape[-1])
-        inner = [turned @ (weight[:, None] * columns) for weight in self._weight]
         self._sizes = sizes[..., None, :, None]  # (..., s, 1, r, 1)
         both = self._sizes * sizes[..., None, None, :]
-        root = np.linalg.cholesky(same + both * np.stack(inner, axis=-3)[..., None, :, :, :])
+        inner = self._turned(columns[..., None, :, :])
+        root = np.linalg.cholesky(np.eye(columns.shape[-1]) + both * inner)
         self._root = np.linalg.inv(root)  # (..., s, g, r, r)
         log_det = 2.0 * np.log(np.einsum("...ii->...i", root)).sum(axis=-1)
         share = np.asarray(log_share)[..., None] + noise.log_weight
@@ -183,10 +188,14 @@ class Patchy(Gaussian):
             match.append(weighed[g] @ patterns - (inside * own[..., g, :, :]).sum(axis=-2))
         return np.stack(power, axis=-2), np.stack(match, axis=-2)
 
+    def _turned(self, vectors: Floats) -> Floats:
+        """Bᵀ D⁻¹ v of each column of (..., s, k, q) at every σ, sizes of B left out: (..., s, g, r, q)."""
+        turned = np.swapaxes(self._columns, -1, -2)[..., None, None, :, :]
+        return np.asarray(turned @ (self._weight[..., None] * vectors[..., None, :, :]))
+
     def _inside(self, vectors: Floats) -> Floats:
-        """L⁻¹ Bᵀ D⁻¹ v of each column of (k, q) at every σ, shape (..., s, g, r, q)."""
-        each = range(len(self._weight))
-        return np.stack([self._inside_at(g, vectors) for g in each], axis=-3)
+        """L⁻¹ Bᵀ D⁻¹ v of each column of (..., s, k, q) at every σ, shape (..., s, g, r, q)."""
+        return np.asarray((self._root * np.swapaxes(self._sizes, -1, -2)) @ self._turned(vectors))
 
     def _inside_at(self, g: int, vectors: Floats) -> Floats:
         """The same at one σ, shape (..., s, r, q)."""

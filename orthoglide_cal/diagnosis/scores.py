@@ -20,6 +20,7 @@ from orthoglide_cal.diagnosis.candidates import UNLISTED, Ids, ids_of
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.diagnosis.explanations import OFFSETS_MM, Extra, Linearised, Placed
 from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.estimation import Problem
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
 from orthoglide_cal.model.cause import Cause, Place
@@ -308,20 +309,35 @@ class Unlisted:
     sigma: float  # standard deviation of one reading at its likeliest size [mm]
 
 
+@functools.lru_cache(maxsize=4)
+def _unlisted_patterns(problem: Problem, ordered: bool) -> list[tuple[str, Floats, Floats, Floats]]:
+    """Of each pattern what it is, W·pattern (k, q), its axes (k, k) and the square along each."""
+    found = []
+    for what, pattern in problem.plan.patterns(ordered):
+        white = problem.matrix @ pattern
+        square, axes = np.linalg.eigh(white @ white.T)
+        found.append((what, white, axes, np.maximum(square, 0.0)))
+    return found
+
+
 def score_unlisted(at: Linearised) -> list[Unlisted]:
     """Every unlisted pattern, in addition to the offsets."""
     noise, residual, stated = at.noise, at.residuals[0], at.noise.stated
     offsets = offsets_and_seen(at, at.jacobian)
-    patterns = [
-        (what, at.white.matrix @ pattern * stated)
-        for what, pattern in at.white.plan.patterns(at.white.raw)
-    ]
+    patterns = _unlisted_patterns(at.white.problem, at.white.raw)
     share, common, found = math.log(UNLISTED / (len(patterns) + 1)), offsets.shape[1], []
-    for what, white in patterns:
-        columns = np.hstack([offsets, white])
-        sizes = np.ones((len(SIZES), columns.shape[1]))
-        sizes[:, common:] = np.array(SIZES)[:, None]
-        own = log_sum(noise.density(columns, sizes).by_noise(residual), 1)
+    for what, unit, axes, square in patterns:
+        white = unit * stated
+        if noise.spectrum is None:
+            # Along its own axes a pattern is independent noise, of each of its sizes.
+            each = noise.with_spectrum(square * stated**2, SIZES)
+            density = each.density(axes.T @ offsets, np.ones((1, common)))
+            own = log_sum(density.by_noise(axes.T @ residual).reshape(len(SIZES), -1), 1)
+        else:
+            columns = np.hstack([offsets, white])
+            sizes = np.ones((len(SIZES), columns.shape[1]))
+            sizes[:, common:] = np.array(SIZES)[:, None]
+            own = log_sum(noise.density(columns, sizes).by_noise(residual), 1)
         found.append(Unlisted(what, share, log_mean(own), white * SIZES[np.argmax(own)], stated))
     wider = [replace(noise, sigma=factor * noise.sigma) for factor in NOISIER]
     same = np.ones((1, common))
