@@ -189,7 +189,7 @@ class Patchy(Gaussian):
         return np.stack(power, axis=-2), np.stack(match, axis=-2)
 
     def _turned(self, vectors: Floats) -> Floats:
-        """Bᵀ D⁻¹ v of each column of (..., s, k, q) at every σ, sizes of B left out: (..., s, g, r, q)."""
+        """Bᵀ D⁻¹ v of columns (..., s, k, q) at every σ, sizes of B left out: (..., s, g, r, q)."""
         turned = np.swapaxes(self._columns, -1, -2)[..., None, None, :, :]
         return np.asarray(turned @ (self._weight[..., None] * vectors[..., None, :, :]))
 
