@@ -197,10 +197,13 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
 
     Of a relabelling only the place at which it was undone.
     """
-    found: dict[_Search, Floats] = {}
     acting: dict[_Search, Acting] = {}
-    alone = [each for each in group if each.score.extra is None and len(each.base) < 2]
-    others = [each for each in group if each not in alone]
+    # What stays where it was scored is as likely as its score says.
+    found = {each: each.by_noise for each in group if each.by_noise is not None}
+    moved = [each for each in group if each not in found]
+    logs = {each: each.score.log_evidence for each in found}
+    alone = [each for each in moved if each.score.extra is None and len(each.base) < 2]
+    others = [each for each in moved if each not in alone]
     for scales, some in ((at.scales, alone), (at.usual, others)):
         if some:
             columns, bases = [each.own for each in some], [each.base for each in some]
@@ -227,7 +230,7 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
         power, match = density.against(patterns, each.linear + each.added)
         log = pattern_density(at.white.machine, extra.cause, power, match, found[each][None])
         found[each] = log_sum(log[0] + placed.weights, (-2, -1))
-    logs = {each: float(log_sum(own)) + LOG_ALL * bool(each.base) for each, own in found.items()}
+    logs |= {each: float(log_sum(found[each])) + LOG_ALL * bool(each.base) for each in moved}
     either = all_or_one(list(acting.values()), at.noise, at.scales)
     logs.update(zip(acting, either, strict=True))
     return {each: (own, logs[each]) for each, own in found.items()}
@@ -252,6 +255,7 @@ class _Search:
             else:
                 self.added = at.patterns[:, number] * (extra.count * cause.millimetres(machine))
         self.at, self.score, self.own = at, score, at.columns(self.base)
+        self.by_noise = score.by_noise  # as long as it stays where it was scored
         # A cause of this explanation is not counted as uncertain again.
         ids = ids_of(*self.base)
         uncertain = at.uncertain_of(self.version)
@@ -335,7 +339,8 @@ class _Search:
 
         How far this moves the prediction, r.m.s. [mm].
         """
-        self.own, theta = own, self.found[self.width : own.shape[1]]
+        self.own, self.by_noise = own, None
+        theta = self.found[self.width : own.shape[1]]
         self.linear = self.at.versions[self.version] - self.added - predicted
         self.linear += own[:, self.width :] @ theta
         self._solve()
@@ -350,6 +355,7 @@ class _Search:
         if rms(caused) > STEEP * at.noise.stated and self.possible:
             self.uncertain = at.white.with_effects(uncertain, self.offsets, self.effects)
         if self.uncertain is not uncertain:
+            self.by_noise = None
             self.carried = np.hstack([each.columns for each in self.uncertain])
             self.seen = at.shown(self.uncertain, self.own[:, : self.width])
             # Once more from where the last step began.

@@ -58,6 +58,8 @@ class Score:
     # Shares of the extra's sizes and places, in the order of `Placed.numbered`; None without
     # others.
     by_place: Floats | None = None
+    # Log density for each scale and σ if all parameters act, shape (s, g); None with an extra.
+    by_noise: Floats | None = None
 
     def at_places(self, least: float, most: int) -> list[tuple[float, Score]]:
         """The same with its extra at each of the likeliest places, with their shares.
@@ -164,8 +166,11 @@ def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Score]:
     """Scores of bases without an extra, from the log density for each, scale and σ, (b, s, g)."""
     by_scale = log_sum(log, 2)
     scales = np.array(list(at.scales))[by_scale.argmax(axis=1)]
-    each = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), strict=True)
-    return {ids_of(*base): Score(at, value, base, scale) for base, value, scale in each}
+    each = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), log, strict=True)
+    return {
+        ids_of(*base): Score(at, value, base, scale, by_noise=own)
+        for base, value, scale, own in each
+    }
 
 
 def offsets_and_seen(at: Linearised, jacobian: Floats) -> Floats:
