@@ -35,6 +35,8 @@ LOG_ALL = math.log(ALL)
 # Sizes at which each unlisted pattern is tried, in standard deviations of one reading.
 SIZES = (5.0, 30.0)
 NOISIER = (2.0, 4.0, 8.0)
+# A log density this far below another one adds nothing to their sum.
+LOST = 100.0
 # Of readings that are wrong by themselves no more are looked for.
 MOST_WRONG = 8
 
@@ -250,12 +252,14 @@ def all_or_one(
 
 def _at_best_place(at: Linearised, bases: Bases, placed: Placed, log: Floats) -> dict[Ids, Score]:
     """Scores of an extra with each base, from log densities (bases, scales, g, sizes·places)."""
-    cause = placed.cause
-    by_scale = log_sum(log, 2)
-    by_scale += np.tile(placed.weights, by_scale.shape[-1] // len(placed.tried))
+    cause, weights = placed.cause, np.tile(placed.weights, log.shape[-1] // len(placed.tried))
+    most = log.max(axis=(1, 2))
+    kept = np.flatnonzero(np.any(most > most.max(axis=1, keepdims=True) - LOST, axis=0))
+    by_scale = log_sum(log.take(kept, axis=-1), 2) + weights[kept]
     by_place = log_sum(by_scale, 1)
     best, total = by_place.argmax(axis=1), log_sum(by_place, 1)
-    shares = np.exp(by_place - total[:, None])
+    shares = np.zeros((len(bases), len(weights)))
+    shares[:, kept] = np.exp(by_place - total[:, None])
     # Sizes of any value are not distinguished: they are averaged over at each place.
     if not cause.counts:
         shares = shares.reshape(len(shares), -1, len(placed.tried)).sum(axis=1)
@@ -265,7 +269,7 @@ def _at_best_place(at: Linearised, bases: Bases, placed: Placed, log: Floats) ->
         scale = list(at.scales)[own[:, number].argmax()]
         log_all = LOG_ALL if base else 0.0
         scores[ids_of(*base, cause)] = Score(
-            at, value + log_all, base, scale, placed.numbered(number), by_place=share
+            at, value + log_all, base, scale, placed.numbered(int(kept[number])), by_place=share
         )
     return scores
 
