@@ -263,7 +263,7 @@ class Judgement:
 
 def judge(posterior: Posterior, misfit: float) -> Judgement:
     """The verdict; `misfit` is the chance that noise leaves more than the best set of causes."""
-    nothing, best = posterior.listed[()], posterior.best
+    nothing = posterior.listed[()]
     something = sum(value for ids, value in posterior.listed.items() if ids)
     beyond = sum(posterior.unlisted.values())
     if beyond > nothing + something:
@@ -272,8 +272,7 @@ def judge(posterior: Posterior, misfit: float) -> Judgement:
         return Judgement(Verdict.CONSISTENT, not_excluded=posterior.unseen())
     if misfit < MISFIT:
         return Judgement(Verdict.UNEXPLAINED)
-    rivals = posterior.rivals()
-    unshown = posterior.unshown()
+    best, rivals, unshown = posterior.best, posterior.rivals(), posterior.unshown()
     if beyond <= DISMISSED * something and all(each in unshown for each in rivals):
         rivals = ()
     others = dict.fromkeys(id for rival in rivals for id in rival if id not in best)

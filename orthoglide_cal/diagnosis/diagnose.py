@@ -411,9 +411,9 @@ def _notes(found: Assessment, measured: Measured) -> tuple[str, ...]:
                 f"{' with '.join(best)} would also follow it, but two causes follow nearly any"
                 f" pattern. To check them, repeat with {vocabulary.further}."
             )
-    for more in (ids for ids in found.posterior.rivals() if set(judgement.accepted) < set(ids)):
-        if judgement.verdict is Verdict.AMBIGUOUS:
-            rest = "+".join(id for id in more if id not in judgement.accepted)
+    if judgement.verdict is Verdict.AMBIGUOUS:
+        more = (ids for ids in found.posterior.rivals() if set(judgement.accepted) < set(ids))
+        for rest in ("+".join(id for id in ids if id not in judgement.accepted) for ids in more):
             notes.append(f"These readings cannot show whether {rest} is also present.")
     for part in (ids for ids in listed if ids and set(ids) < set(judgement.accepted)):
         if listed[part] >= DISMISSED * listed[judgement.accepted]:

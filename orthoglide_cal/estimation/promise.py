@@ -67,14 +67,14 @@ def promise(
     kept = posed if right is None else pose(right, known.model, kind)
     problem = posed.problem
     after = known.offsets_mm - entered
-    modelled, first = problem.predict_with_jacobian(known.offsets_mm)
-    left, second = problem.predict_with_jacobian(after)
+    both = np.stack((known.offsets_mm, after))
+    (modelled, left), (first, second) = problem.predict_with_jacobian(both)
     expected = kept.data + left - modelled
     # The same readings are taken once before and once after.
     scatter = 2.0 * noise.sigma_mm**2 * np.diag(problem.covariance())
     # What one standard deviation of each other source changes in the effect of what is entered.
     sources = [(second - first) @ np.linalg.cholesky(known.covariance_mm2)]
-    for each in influences(known.model, np.stack((known.offsets_mm, after)), problem.plan):
+    for each in influences(known.model, both, problem.plan):
         was, is_left = problem.matrix @ each.columns
         # The stands are put there again; machine and gauge are the same.
         anew = each.source == Origin.GAUGE_PLACEMENT

@@ -148,10 +148,8 @@ def too_steady(
 
 def _about_means(value: Floats, setup: Ints, cell: Ints) -> tuple[Floats, Ints]:
     """Readings less the mean of their repeats [mm], and the number of these; shape (n,)."""
-    _, repeat, count = np.unique(
-        np.stack((setup, cell)), axis=1, return_inverse=True, return_counts=True
-    )
-    repeat = repeat.reshape(-1)
+    both = setup * (cell.max(initial=0) + 1) + cell
+    _, repeat, count = np.unique(both, return_inverse=True, return_counts=True)
     return value - (np.bincount(repeat, weights=value) / count)[repeat], repeat
 
 
