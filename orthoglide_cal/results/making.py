@@ -95,8 +95,8 @@ def answer_to(
         method: name of an estimator; then the answer holds the parameters alone.
         diagnosed: a diagnosis of it that was made already; it is made here if None.
         holdout: file of the readings that the diagnosis predicted; None for those left out.
-        details: also what only details, JSON and pages show: every residual, how the answer depends
-            on plausible sizes, and the tool's error over the workspace.
+        details: also what only details, JSON and pages show: how the answer depends on plausible
+            sizes, the tool's error over the workspace, and the residuals if nothing is wrong.
         promised: also what will be measured after the parameters are entered.
 
     Raises:
@@ -194,7 +194,7 @@ def answer_to(
         total=total,
         remains=stays(rows),
         converged=solution.converged,
-        residuals=tuple(_residuals(measured, solution, diagnosis)) if details else (),
+        residuals=tuple(_residuals(measured, solution, diagnosis)) if details or found else (),
         undetermined=tuple(_undetermined(model, parameters)),
         check=_check(given, solution, rows, budget.k),
         ruled_out=model.ruled_out,
