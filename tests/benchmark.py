@@ -48,10 +48,10 @@ def in_turn(*runs: Callable[[], object], rounds: int = ROUNDS) -> list[float]:
     return least
 
 
-def process(*arguments: str) -> Callable[[], object]:
-    """Runs an interpreter with these arguments, nothing typed and nothing shown."""
+def process(*arguments: str) -> Callable[[], int]:
+    """Runs an interpreter with these arguments, nothing typed and nothing shown; its exit code."""
 
-    def once() -> None:
+    def once() -> int:
         done = subprocess.run(
             [sys.executable, *arguments], cwd=ROOT, text=True, check=False, stderr=subprocess.PIPE,
             stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
@@ -59,6 +59,7 @@ def process(*arguments: str) -> Callable[[], object]:
         )  # fmt: skip
         # 4: one in a hundred sound sessions is not released.
         assert done.returncode in (0, 4), done.stderr
+        return done.returncode
 
     return once
 
@@ -78,16 +79,22 @@ def commands(folder: Path) -> None:
 
 
 def one_more_file(folder: Path) -> None:
-    """Of many healthy files each beyond the first, on a screen and as values."""
-    files = [str(folder / f"{seed}.csv") for seed in range(FILES)]
-    for seed, path in enumerate(files):
+    """Of many healthy files each beyond the first, on a screen and as values.
+
+    Not of those that the program has in doubt: it also plans what to measure next of them.
+    """
+    files = []
+    for seed in range(FILES):
+        path = str(folder / f"{seed}.csv")
         process("-m", "orthoglide_cal", "simulate", "--seed", str(seed), "--output", path)()
+        if process("-m", "orthoglide_cal", "solve", path)() == 0:
+            files.append(path)
     for verb, form in (("solve", ()), ("diagnose", ()), ("diagnose", ("--json",))):
         call = ("-m", "orthoglide_cal", verb, *form)
         many, one, imports = in_turn(
             process(*call, *files), process(*call, files[0]), process("-c", IMPORTS), rounds=3
         )
-        each = (many - one) / (FILES - 1)
+        each = (many - one) / (len(files) - 1)
         row(f"one more healthy file, {' '.join((verb, *form))}", each, imports)
 
 
