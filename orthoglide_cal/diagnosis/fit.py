@@ -165,7 +165,7 @@ def fit_explanations(scores: Sequence[Score], scale_factor: float | None = None)
     """
     searches = [_Search(score.replanned or score, scale_factor) for score in scores]
     # One simulation gives the next linear models of all; the second is enough but for large causes.
-    moving = [each for each in searches if each.leaves]
+    moving = [each for each in searches if each.beyond_noise]
     for _ in range(ROUNDS):
         far: list[_Search] = []
         for white in dict.fromkeys(each.at.white for each in moving):
@@ -309,7 +309,7 @@ class _Search:
         return [cause.at(self.found[slot]) for cause, slot in pairs]
 
     @property
-    def leaves(self) -> bool:
+    def beyond_noise(self) -> bool:
         """Whether it moves the data, each unknown by itself, by more than noise does.
 
         From where they were linearised: the offsets alone, fitted to the data as recorded.
