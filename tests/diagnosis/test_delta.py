@@ -245,7 +245,7 @@ def test_every_page_has_the_same_root_mean_square(tmp_path: Path) -> None:
     file = tmp_path / "printer.cfg"
     file.write_text(printer_cfg(V400, OFF, noise=0.02))
     read = read_input(str(file))
-    found = answer_to(read)
+    found = answer_to(read, details=True)
     assert found.rms is not None
     assert found.lack_of_fit is not None
     left = np.array([row.measured_mm - row.modelled_mm for row in found.residuals])
