@@ -148,7 +148,7 @@ def diagnose(
             ),
             offsets_mm=offsets,
             covariance_mm2=covariance,
-            alone_mm=nothing.offsets,
+            alone_mm=found.at.offsets[0],
             nominal_mm=nominal,
             explained_mm=_predicted(white, measured, accepted.left, accepted.effects)
             if accepted.effects

@@ -194,7 +194,7 @@ class Diagnosis(ReadOnly):
     by_place: tuple[tuple[float, Fitted], ...]
     offsets_mm: Floats  # their mean, shape (3,)
     covariance_mm2: Floats  # of the offsets, shape (3, 3); carries the choice within an alias class
-    # Offsets where the offsets-only model fits these data best, shape (3,).
+    # Offsets where the offsets-only model fits these data best, all readings alike, shape (3,).
     alone_mm: Floats
     nominal_mm: Floats  # prediction of the offsets-only model with fitted zeros, shape (n,)
     explained_mm: Floats  # prediction of the accepted model, shape (n,)

@@ -259,8 +259,6 @@ def solve(
         shifted, estimator = posed.data - predicted, chosen.estimator(posed)
         offsets = estimator @ shifted
         residuals = shifted - at_zero @ offsets
-    elif start is not None and chosen is Method.READINGS:
-        offsets = start
     else:
         found = _search(posed, start)
         offsets = found.offsets_mm
