@@ -154,11 +154,8 @@ class UnusableResultError(OrthocalError):
     exit_code = 4
 
 
-@dataclass(eq=False, repr=False)
 class RankDeficientError(UnusableResultError):
     """The readings do not determine every unknown."""
-
-    undetermined: Sequence[str] = ()  # names of those that stay free, e.g. ("x", "z")
 
 
 class NotConvergedError(UnusableResultError):

@@ -144,12 +144,10 @@ def require_determined(problem: Problem) -> None:
 def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
     """Raises RankDeficientError for the parameters that are `free`, shape (p,)."""
     machine = problem.model.machine
-    names = tuple(machine.parameter_names[i] for i in np.flatnonzero(free))
     listed = ", ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
     raise RankDeficientError(
         f"These readings do not determine {listed}.",
         machine.vocabulary.fewest or f"Add readings of {_completing(problem, problem.at_zero[1])}.",
-        names,
     )
 
 

@@ -182,7 +182,6 @@ def _sequential(jacobian: Floats, which: Sequence[Difference]) -> Floats:
         raise RankDeficientError(
             f"Eq. (11) needs all six differences; {', '.join(missing)} missing.",
             "Measure them, or use --method single.",
-            ("x", "y", "z"),
         )
     at_iso, moved = needed[:2], (needed[2:4], needed[4:])
     weights = np.zeros((3, len(which)))

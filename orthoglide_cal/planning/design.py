@@ -105,7 +105,6 @@ def design_of(machine: Orthoglide) -> Design:
         raise RankDeficientError(
             "No postures within the joint limits let the gauges see the joint offsets.",
             "Check joint_limits_mm and leg_length_mm in the machine file.",
-            machine.parameter_names,
         )
     return best
 

@@ -26,9 +26,11 @@ def refused(data: Measured, model: Model) -> RankDeficientError:
         solve(data, model)
     assert caught.value.exit_code == 4
     assert not re.search(r"\d\.\d", str(caught.value))
-    for axis in AXES:
-        assert (f"Δρ_{axis}" in caught.value.what) == (axis in caught.value.undetermined)
     return caught.value
+
+
+def named(error: RankDeficientError) -> tuple[str, ...]:
+    return tuple(axis for axis in AXES if f"Δρ_{axis}" in error.what)
 
 
 def of(plan: GaugePlan, leg: str, direction: str) -> np.ndarray:
@@ -51,7 +53,7 @@ def test_six_differences(
 ) -> None:
     full = differences(SIX, model)
     error = refused(only(full, *names), model)
-    assert error.undetermined == undetermined
+    assert named(error) == undetermined
     added = [f"d{direction}_{leg}" for leg, direction in DOUBLE_WORDS.findall(error.remedy)]
     assert added
     completed = only(full, *names, *added)
@@ -72,7 +74,7 @@ def test_six_differences(
 def test_single_posture_differences(names: tuple[str, ...], undetermined: tuple[str, ...]) -> None:
     full = differences(SINGLE, NOMINAL)
     error = refused(only(full, *names), NOMINAL)
-    assert error.undetermined == undetermined
+    assert named(error) == undetermined
     sign = {"iso": "0", "max": "+", "min": "-"}
     added = [f"d{d}_{leg}{sign[posture]}" for leg, d, posture in SINGLE_WORDS.findall(error.remedy)]
     completed = solve(only(full, *dict.fromkeys((*names, *added))), NOMINAL)
