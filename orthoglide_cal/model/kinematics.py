@@ -197,7 +197,7 @@ def _cross(a: Numbers, b: Numbers) -> Numbers:
 
 def _dot(a: Numbers, b: Numbers) -> Numbers:
     """Scalar product over the first axis, (3, ...) → (...)."""
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+    return np.asarray(np.einsum("i...,i...->...", a, b))
 
 
 def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numbers:
