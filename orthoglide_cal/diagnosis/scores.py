@@ -253,9 +253,12 @@ def all_or_one(
 def _at_best_place(at: Linearised, bases: Bases, placed: Placed, log: Floats) -> dict[Ids, Score]:
     """Scores of an extra with each base, from log densities (bases, scales, g, sizes·places)."""
     cause, weights = placed.cause, np.tile(placed.weights, log.shape[-1] // len(placed.tried))
-    most = log.max(axis=(1, 2))
-    kept = np.flatnonzero(np.any(most > most.max(axis=1, keepdims=True) - LOST, axis=0))
-    by_scale = log_sum(log.take(kept, axis=-1), 2) + weights[kept]
+    kept = np.arange(len(weights))
+    if cause.counts:
+        most = log.max(axis=(1, 2))
+        kept = np.flatnonzero(np.any(most > most.max(axis=1, keepdims=True) - LOST, axis=0))
+        log = log.take(kept, axis=-1)
+    by_scale = log_sum(log, 2) + weights[kept]
     by_place = log_sum(by_scale, 1)
     best, total = by_place.argmax(axis=1), log_sum(by_place, 1)
     shares = np.zeros((len(bases), len(weights)))
