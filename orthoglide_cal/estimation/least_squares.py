@@ -12,6 +12,7 @@ holds at zero offsets only.
 
 from __future__ import annotations
 
+import functools
 import os
 from dataclasses import dataclass
 from functools import cached_property
@@ -54,7 +55,11 @@ class Problem(ReadOnly):
         Where a posture cannot be taken: an error if `strict`, NaN otherwise.
         """
         plan, matrix = self._folded
-        readings, jacobian = simulate_with_jacobian(self.model, offsets, plan, strict)
+        if offsets.size == offsets.shape[-1]:
+            point = _at_point(self.model, tuple(offsets.reshape(-1).tolist()), plan, strict)
+            readings, jacobian = (np.reshape(a, (*offsets.shape[:-1], *a.shape)) for a in point)
+        else:
+            readings, jacobian = simulate_with_jacobian(self.model, offsets, plan, strict)
         return _reduce(matrix, readings, -1), _reduce(matrix, jacobian, -2)
 
     def change(self, offsets: Floats, entered: Floats) -> Floats:
@@ -108,6 +113,15 @@ class Problem(ReadOnly):
         moved = sum(jacobian[..., i] * step[..., i, None] for i in range(step.shape[-1]))
         noise = self.model.machine.instrument.noise_mm
         return np.asarray(np.sqrt(np.square(moved).sum(axis=-1)) / noise)
+
+
+@functools.lru_cache(maxsize=4)
+def _at_point(
+    model: Model, offsets: tuple[float, ...], plan: Plan, strict: bool
+) -> tuple[Floats, Floats]:
+    """`simulate_with_jacobian` at one point: other weights of the same readings ask it again."""
+    readings, jacobian = simulate_with_jacobian(model, np.array(offsets), plan, strict)
+    return read_only(readings), read_only(jacobian)
 
 
 def _reduce(matrix: Floats, values: Floats, axis: int) -> Floats:
