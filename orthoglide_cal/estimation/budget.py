@@ -6,6 +6,7 @@ U = k·u with Student's t of the effective degrees of freedom (Welch–Satterthw
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
@@ -159,6 +160,18 @@ def influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ..
 
     Machine and gauge give the sizes, accepted causes their own uncertainty.
     """
+    if offsets.ndim == 1:
+        return _influences_at(model, tuple(offsets.tolist()), plan)
+    return _influences(model, offsets, plan)
+
+
+@functools.lru_cache(maxsize=2)
+def _influences_at(model: Model, offsets: tuple[float, ...], plan: Plan) -> tuple[Influence, ...]:
+    """`influences` at one point; a solution begins where a diagnosis asked for them."""
+    return _influences(model, np.array(offsets), plan)
+
+
+def _influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
     readings, hidden = _of_causes(model.machine.unobservable, model, offsets, plan)
     gauges = model.machine.uncertain(
         plan, lambda other: readings if other is plan else simulate(model, offsets, other)
