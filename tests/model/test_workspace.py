@@ -1,85 +1,76 @@
-"""Tool-position error and compensation, against kinematics written again for the tests."""
-
-from collections.abc import Iterator
+"""Tool-position error and compensation, against the kinematics of the independent truth."""
 
 import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.model.workspace import SAMPLES, WorkspaceMaps, compensation, workspace_error
+from orthoglide_cal.model.workspace import SAMPLES, compensation, workspace_error
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, extended
 from tests.model.geometries import bent_rails, on_rails
-from tests.model.paper_kinematics import direct, inverse, nominal_rails, tool_near
+from tests.truth.forward import tool_from_carriages
 
 LENGTH = PROTOTYPE.leg_length_mm
-RAILS = nominal_rails(LENGTH)
-OFFSETS = np.array([-0.53, 0.59, -1.76])
+OFFSETS, NONE = np.array([-0.53, 0.59, -1.76]), np.zeros(3)
 COVARIANCE = np.array([[4.0, 1.0, 0.0], [1.0, 9.0, -2.0], [0.0, -2.0, 5.0]]) * 1e-4
-# (slice, y, x): corners, edges and the inside of the cube.
-PLACES = ((0, 0, 0), (1, 3, 12), (2, 16, 5))
-
-
 GAPS, SCALES, LONGER = (0.3, -0.2, 0.25), (1.0, -2.0, 0.5), (0.05, -0.02, 0.03)
+SLICES = [0, SAMPLES // 2, SAMPLES - 1]
 
 
-def at_places(found: WorkspaceMaps) -> Iterator[tuple[tuple[int, ...], Floats]]:
-    """Indices of some places of the cube, and their points [mm]."""
-    for level, row, column in PLACES:
-        point = np.array([found.axis_mm[column], found.axis_mm[row], found.levels_mm[level]])
-        yield (level, row, column), point
+def cube(axis: Floats) -> Floats:
+    """All points with such coordinates, x changing fastest and z least, shape (n, 3) [mm]."""
+    z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
+    return np.stack((x, y, z), axis=-1).reshape(-1, 3)
 
 
-def moved_rails(gaps: tuple[float, ...], longer: tuple[float, ...]) -> Geometry:
-    """Rails apart by half a gap each, other legs, as the causes define it."""
-    xy, yz, zx = (value / 2.0 for value in gaps)
+def inverse(tool: Floats, length: float = LENGTH) -> Floats:
+    """ρ_i = p_i + √(L² − p_j² − p_k²) (eq. 3; errata, rows y and z), shape (n, 3) [mm]."""
+    others = (tool**2).sum(axis=-1, keepdims=True) - tool**2
+    return np.asarray(tool + np.sqrt(length**2 - others))
+
+
+def reached(joints: Floats, gaps: Floats = NONE, longer: Floats = NONE) -> Floats:
+    """The truth's tool, rails apart by half a gap each, other legs: (n, 3) → (n, 3) [mm]."""
+    xy, yz, zx = 0.5 * np.array(gaps)
     points = np.array([[0.0, -zx, xy], [yz, 0.0, -xy], [-yz, zx, 0.0]])
-    return Geometry(points, RAILS.directions, LENGTH + np.array(longer))
+    carriages = points[:, :, None] + np.eye(3)[:, :, None] * joints.T[:, None]
+    legs = LENGTH + np.reshape(longer, (3, 1))
+    return tool_from_carriages(carriages, legs, joints.T - LENGTH, steps=12).T
 
 
-def test_the_whole_cube_counts_not_the_slices_alone() -> None:
-    """Largest and mean over all 17³ points, by the closed forms of the paper."""
-    found = workspace_error(NOMINAL, OFFSETS, COVARIANCE, 2.0)
-    axis = found.maps.axis_mm
+def test_entering_offsets_leaves_the_errors_of_accepted_causes() -> None:
+    """Rails apart, longer legs, wrong scales, over the whole cube: with the offsets, without."""
+    model = extended(axis_gap=GAPS, encoder_scale=SCALES, leg_length=LONGER)
+    found = workspace_error(model, OFFSETS, np.zeros((3, 3)), 2.0)
+    maps, axis = found.maps, found.maps.axis_mm
     assert len(axis) == SAMPLES
     assert (axis[0], axis[-1]) == found.cube_mm == NOMINAL.orthoglide.reachable_cube
-    assert found.maps.levels_mm == pytest.approx([axis[0], (axis[0] + axis[-1]) / 2.0, axis[-1]])
+    assert maps.levels_mm == pytest.approx([axis[0], (axis[0] + axis[-1]) / 2.0, axis[-1]])
     assert found.stated_edge_mm == PROTOTYPE.workspace_mm
-    points = np.stack(np.meshgrid(axis, axis, axis), axis=-1)
-    reached = direct(inverse(points, LENGTH), LENGTH, OFFSETS)
-    errors = np.linalg.norm(reached - points, axis=-1)
-    assert found.before_mm == pytest.approx(errors.max(), abs=1e-9)
-    assert found.before_mean_mm == pytest.approx(errors.mean(), abs=1e-9)
-    slices = found.maps.after_mm
-    assert found.after_mm >= slices.max() > found.after_mean_mm > slices.min()
+    points = cube(axis)
+    joints = LENGTH + (1.0 + 1e-3 * np.array(SCALES)) * (inverse(points) - LENGTH)
+    for offsets, slices, largest, mean in (
+        (OFFSETS, maps.before_mm, found.before_mm, found.before_mean_mm),
+        (NONE, maps.after_mm, found.after_mm, found.after_mean_mm),
+    ):
+        error = np.linalg.norm(reached(joints + offsets, GAPS, LONGER) - points, axis=1)
+        assert slices == pytest.approx(error.reshape((SAMPLES,) * 3)[SLICES], abs=1e-9)
+        assert (largest, mean) == pytest.approx((error.max(), error.mean()), abs=1e-9)
+    assert found.left_mm == found.after_mm
 
 
 def test_after_is_what_the_uncertainty_leaves() -> None:
     """k √(tr J C Jᵀ), with J from finite differences, which err by 1e-8 of it."""
-    found = workspace_error(NOMINAL, OFFSETS, COVARIANCE, 3.0).maps
-    for place, point in at_places(found):
-        joints, moves = inverse(point, LENGTH), 1e-3 * np.eye(3)
-        slope = [
-            (tool_near(RAILS, joints + move, point) - tool_near(RAILS, joints - move, point)) / 2e-3
-            for move in moves
-        ]
-        spread = np.trace(np.transpose(slope) @ COVARIANCE @ slope)
-        assert found.after_mm[place] == pytest.approx(3.0 * np.sqrt(spread), rel=1e-6)
-
-
-def test_entering_offsets_leaves_the_errors_of_accepted_causes() -> None:
-    """Rails apart, longer legs, wrong scales: before with the offsets, after without them."""
-    model = extended(axis_gap=GAPS, encoder_scale=SCALES, leg_length=LONGER)
-    found = workspace_error(model, OFFSETS, np.zeros((3, 3)), 2.0).maps
-    rails = moved_rails(GAPS, LONGER)
-    for place, point in at_places(found):
-        travel = inverse(point, LENGTH) - LENGTH
-        joints = LENGTH + (1.0 + 1e-3 * np.array(SCALES)) * travel
-        for values, offsets in ((found.before_mm, OFFSETS), (found.after_mm, np.zeros(3))):
-            reached = tool_near(rails, joints + offsets, point)
-            assert values[place] == pytest.approx(np.linalg.norm(reached - point), abs=1e-9)
+    found = workspace_error(NOMINAL, OFFSETS, COVARIANCE, 3.0)
+    joints = inverse(cube(found.maps.axis_mm))
+    slope = np.stack(
+        [(reached(joints + move) - reached(joints - move)) / 2e-3 for move in 1e-3 * np.eye(3)],
+        axis=-1,
+    )
+    after = 3.0 * np.sqrt(np.einsum("nij,jk,nik->n", slope, COVARIANCE, slope))
+    assert found.maps.after_mm == pytest.approx(after.reshape((SAMPLES,) * 3)[SLICES], rel=1e-6)
+    assert found.after_mm == pytest.approx(after.max(), rel=1e-6)
 
 
 def test_carriages_that_stand_have_no_past() -> None:
@@ -93,8 +84,7 @@ def test_carriages_that_stand_have_no_past() -> None:
 def displacements(machine: Machine, low: float, high: float) -> Floats:
     """Of the carriages from their isotropic places, all over the cube [low, high]³."""
     axis = np.append(np.linspace(low, high, 21), 0.0)
-    points = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 3)
-    return inverse(points, machine.leg_length_mm) - machine.leg_length_mm
+    return inverse(cube(axis), machine.leg_length_mm) - machine.leg_length_mm
 
 
 @both_machines
@@ -130,14 +120,11 @@ def test_compensated_joints_put_the_tool_right() -> None:
     assert table.causes == ("axis_gap", "encoder_scale", "leg_length")
     assert table.left_out == ("backlash",)
     low, high = NOMINAL.orthoglide.reachable_cube
-    axis = (low, (low + high) / 2.0, high)
-    grid = [[x, y, z] for z in axis for y in axis for x in axis]
-    assert table.points_mm == pytest.approx(np.array(grid), abs=1e-12)
-    rails = moved_rails(GAPS, LONGER)
-    for point, correction in zip(table.points_mm, table.corrections_mm, strict=True):
-        indicated = inverse(point, LENGTH) + correction
-        joints = LENGTH + (1.0 + 1e-3 * np.array(SCALES)) * (indicated - LENGTH)
-        assert tool_near(rails, joints, point) == pytest.approx(point, abs=1e-7)
+    points = cube(np.array([low, (low + high) / 2.0, high]))
+    assert table.points_mm == pytest.approx(points, abs=1e-12)
+    indicated = inverse(points) + table.corrections_mm
+    joints = LENGTH + (1.0 + 1e-3 * np.array(SCALES)) * (indicated - LENGTH)
+    assert reached(joints, GAPS, LONGER) == pytest.approx(points, abs=1e-7)
     assert np.abs(table.corrections_mm).max() > 0.05
 
 
