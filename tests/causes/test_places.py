@@ -21,7 +21,6 @@ MIXED = PLAN.subset(np.random.default_rng(2).permutation(len(PLAN)))
 RELABELS = [cause for cause in CAUSES.values() if isinstance(cause, RelabelCause)]
 PATTERNS = [cause for cause in CAUSES.values() if isinstance(cause, PatternCause)]
 every_relabel = pytest.mark.parametrize("cause", RELABELS, ids=[c.id for c in RELABELS])
-every_pattern = pytest.mark.parametrize("cause", PATTERNS, ids=[c.id for c in PATTERNS])
 
 
 def relabel_cause(id: str) -> RelabelCause:

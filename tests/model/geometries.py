@@ -45,11 +45,9 @@ def bent_rails(machine: Machine, seed: int = 8) -> Geometry:
     )
 
 
-def tool_positions(machine: Machine, count: int = 400, seed: int = 3) -> Floats:
+def tool_positions(machine: Machine, count: int = 400) -> Floats:
     """Random points of the workspace, shape (count, 3) [mm]."""
-    rng = np.random.default_rng(seed)
-    low, high = machine.joint_limits_mm
-    return rng.uniform(low, high, (count, 3))
+    return np.random.default_rng(3).uniform(*machine.joint_limits_mm, (count, 3))
 
 
 def mixed_plan(machine: Machine) -> GaugePlan:

@@ -11,7 +11,7 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.methods import pose
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import Conditions
-from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
 from orthoglide_cal.model.plan import without_zeros
@@ -25,6 +25,7 @@ from orthoglide_cal.results.verification import (
 )
 from tests import truth
 from tests.diagnosis.sessions import known
+from tests.estimation.sessions import of_values
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, extended
 from tests.readings import readings_of, some
 from tests.results.sessions import FINE, TRUE, given, session
@@ -247,12 +248,7 @@ def test_usage_errors():
         verify(paper(2), paper(3), (0.0, 0.0, 0.0))
     with pytest.raises(UsageError, match="limit"):
         verify(paper(2), paper(3), TRUE, limit_mm=0.0)
-    heights = Differences(
-        DataKind.SINGLE,
-        DIFFERENCES[DataKind.SINGLE],
-        np.array([0.1, 0.2, 0.3, 0.1, 0.2, 0.4]),
-        Source("s.csv", ""),
-    )
+    heights = of_values(DataKind.SINGLE, [0.1, 0.2, 0.3, 0.1, 0.2, 0.4])
     with pytest.raises(UsageError, match="different things"):
         verify(paper(2), Input(heights, NOMINAL, Conditions()), TRUE)
     halves = [session(TRUE, k) for k in (23, 24)]
