@@ -103,23 +103,20 @@ def solves(method: str) -> None:
     import numpy as np
     from scipy.optimize import least_squares
 
-    from orthoglide_cal.estimation import Problem, fit_offsets
+    from orthoglide_cal.estimation import fit_offsets, pose_plan
     from orthoglide_cal.files.machine_file import default_machine
-    from orthoglide_cal.model.measured import DIFFERENCES, DataKind
+    from orthoglide_cal.model.measured import DataKind
     from orthoglide_cal.model.model import simulate
-    from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction
-    from orthoglide_cal.model.plan import zero_free
+    from orthoglide_cal.model.orthoglide import double_posture
+    from tests.estimation.sessions import problem_of
 
     model, kind = default_machine(), DataKind(method)
     if kind is DataKind.READINGS:
-        plan = double_posture(model.machine)
-        matrix = zero_free(plan)
+        problem, _ = pose_plan(double_posture(model.machine), model, kind)
     else:
-        plan = ideal_plan(kind, model.machine)
-        matrix = reduction(kind, DIFFERENCES[kind], model.machine, plan)
-    problem = Problem(model, plan, matrix)
+        problem = problem_of(kind, model)
     rng = np.random.default_rng(1)
-    signal = simulate(model, rng.uniform(-1.0, 1.0, (SESSIONS, 3)), plan)
+    signal = simulate(model, rng.uniform(-1.0, 1.0, (SESSIONS, 3)), problem.plan)
     data = (signal + 0.01 * rng.standard_normal(signal.shape)) @ problem.matrix.T
 
     def single() -> object:

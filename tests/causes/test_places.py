@@ -23,13 +23,6 @@ PATTERNS = [cause for cause in CAUSES.values() if isinstance(cause, PatternCause
 every_relabel = pytest.mark.parametrize("cause", RELABELS, ids=[c.id for c in RELABELS])
 
 
-def relabel_cause(id: str) -> RelabelCause:
-    """A cause that exchanges readings or their signs."""
-    cause = CAUSES[id]
-    assert isinstance(cause, RelabelCause)
-    return cause
-
-
 def written(
     cause: Cause, size: float | None, place: Place, plan: GaugePlan, values: Floats
 ) -> Floats:
@@ -210,7 +203,8 @@ def test_twice_is_not_at_all_whatever_the_gauge_zeros(cause: RelabelCause, plan:
 
 def test_a_swap_that_does_not_pair_up_cannot_be_undone_in_the_readings() -> None:
     """A reading short, or taken at another posture: nothing is exchanged; other legs are."""
-    swap = relabel_cause("swapped_gauges")
+    swap = CAUSES["swapped_gauges"]
+    assert isinstance(swap, RelabelCause)
     short = PLAN.subset(np.arange(1, 60))
     moved = PLAN.displacement.copy()
     moved[2] = 30.0

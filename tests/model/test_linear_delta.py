@@ -10,7 +10,7 @@ from scipy.special import eval_jacobi
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnreachableError
 from orthoglide_cal.model.cause import Effect
-from orthoglide_cal.model.linear_delta import GRAIN_MM, ProbePlan
+from orthoglide_cal.model.linear_delta import GRAIN_MM
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats
 from tests.model.test_plan import groups
@@ -60,19 +60,15 @@ def terms_of(names: tuple[str, ...], sizes: Floats) -> dict[tuple[int, int], flo
     }
 
 
-def trigger_plan(machine: Delta, truth: Truth) -> ProbePlan:
-    """Places at which the truth's probe triggers, on three heights, over 1.5 hours."""
-    at = np.tile(places_of(Layout(places=41), machine.bed), (3, 1))
-    blocks = np.repeat([0.0, 15.0, 60.0], 41)
-    clock = np.linspace(0.0, 1.5, len(at))
-    z = touches(machine, truth, at[:, 0], at[:, 1], blocks, clock)
-    return touched(np.column_stack((at, z)), blocks, clock)
-
-
 def missed(machine: Delta, truth: Truth, values: Floats, effects: Sequence[Effect] = ()) -> float:
-    """How far the program's readings are from those of the truth, at most [mm]."""
-    plan = trigger_plan(machine, truth)
-    read = plan.place[:, 2] - plan.surface
+    """How far the program's readings are from those of the truth, at most [mm].
+
+    On three heights, over 1.5 hours.
+    """
+    at = np.tile(places_of(Layout(places=41), machine.bed), (3, 1))
+    blocks, clock = np.repeat([0.0, 15.0, 60.0], 41), np.linspace(0.0, 1.5, len(at))
+    z = touches(machine, truth, at[:, 0], at[:, 1], blocks, clock)
+    plan, read = touched(np.column_stack((at, z)), blocks, clock), z - blocks
     assert np.abs(read).max() > 0.01
     found = simulate(Model(printer(machine), tuple(effects)), values, plan)
     return float(np.abs(found - read).max())

@@ -23,17 +23,12 @@ from orthoglide_cal.model.orthoglide import (
     plan_of,
     single_posture,
 )
-from orthoglide_cal.model.plan import Floats, zero_free
+from orthoglide_cal.model.plan import zero_free
 from orthoglide_cal.model.readings import Contact, GaugePlan, Posture
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model.geometries import bent_rails, mixed_plan, on_rails
 
 OFFSETS = np.array([1.7, -2.9, 0.8])
-
-
-def complex_jacobian(model: Model, offsets: Floats, plan: GaugePlan) -> Floats:
-    """∂readings/∂Δρ by complex steps of `simulate`, (n, 3): exact, and knows no closed form."""
-    return simulate(model, offsets + 1j * STEP * np.eye(3), plan).imag.T / STEP
 
 
 # --- derivatives by the offsets ---------------------------------------------------------------
@@ -64,7 +59,9 @@ def test_the_closed_form_of_the_jacobian(
     assert model.real.still
     readings, slope = simulate_with_jacobian(model, OFFSETS, plan)
     assert np.array_equal(readings, simulate(model, OFFSETS, plan))
-    assert np.abs(slope - complex_jacobian(model, OFFSETS, plan)).max() < 1e-12
+    # By complex steps: exact, and they know no closed form.
+    exact = simulate(model, OFFSETS + 1j * STEP * np.eye(3), plan).imag.T / STEP
+    assert np.abs(slope - exact).max() < 1e-12
     # What bends the rails is in it: readings change by more per millimetre than is resolved here.
     nominal = simulate_with_jacobian(Model(machine), OFFSETS, plan)[1]
     assert (np.abs(slope - nominal).max() > 1e-4) == (made is not Model)

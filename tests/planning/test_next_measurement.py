@@ -13,7 +13,6 @@ from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.text import document_from_bytes
-from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model, differentiate, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
@@ -44,11 +43,6 @@ ENDS = (Posture.MAX, Posture.MIN)
 LIMITS = double_posture(MACHINE, postures=ENDS, closing=False)
 
 
-def acting(cause: str) -> Effect:
-    kind = CAUSES[cause]
-    return kind.at(np.array(SIZES[cause]) * kind.scale)
-
-
 def chosen(found: Diagnosis, *words: str) -> RankedMeasurement:
     """The best option whose instruction holds these words."""
     return next(each for each in ranked(found) if all(w in each.option.what for w in words))
@@ -56,7 +50,8 @@ def chosen(found: Diagnosis, *words: str) -> RankedMeasurement:
 
 def measured(plan: GaugePlan, cause: str, seed: int = 3) -> Readings:
     rng = np.random.default_rng(seed)
-    return synthetic_session(MODEL.extended([acting(cause)]), plan, OFFSETS, rng)
+    acting = CAUSES[cause].at(np.array(SIZES[cause]) * CAUSES[cause].scale)
+    return synthetic_session(MODEL.extended([acting]), plan, OFFSETS, rng)
 
 
 def mentioned(found: Diagnosis) -> set[str]:

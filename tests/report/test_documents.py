@@ -3,7 +3,7 @@
 import ast
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -40,10 +40,10 @@ KNOWN = {f"orthoglide_cal.{name}" for name in (
 )}  # fmt: skip
 
 
-def grids(document: doc.Document) -> Iterator[doc.Grid]:
-    page = document.page()
-    for section in (*page.sheet, *page.sections):
-        yield from (block for block in section.blocks if isinstance(block, doc.Grid))
+def grid_of(*sections: doc.Section, head: str = "") -> doc.Grid:
+    """The first table of some sections, with a head that holds these words."""
+    blocks = (block for section in sections for block in section.blocks)
+    return next(b for b in blocks if isinstance(b, doc.Grid) and head in " ".join(map(str, b.head)))
 
 
 def commands(document: doc.Document) -> list[str]:
@@ -89,7 +89,7 @@ def test_what_is_faulty_is_marked_on_the_machine() -> None:
 
 def test_offsets_end_where_their_uncertainty_does() -> None:
     case = cases.healthy()
-    grid = next(grid for grid in grids(report_of(case)) if "type in" in grid.head)
+    grid = grid_of(*report_of(case).page().sheet, head="type in")
     columns = [k for word in ("Δρ", "now", "type in") for k, title in enumerate(grid.head)
                if word in title]  # fmt: skip
     for row, each in zip(grid.rows, case.answer.parameters, strict=True):
@@ -206,10 +206,6 @@ def test_each_fault_is_named_with_its_place_and_remedy(sound: bool) -> None:
 
 
 # --- a plan's page -----------------------------------------------------------------------------
-
-
-def grid_of(section: doc.Section) -> doc.Grid:
-    return next(block for block in section.blocks if isinstance(block, doc.Grid))
 
 
 @both_models

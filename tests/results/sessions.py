@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,19 +14,13 @@ from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.readings import GaugePlan
-from tests.machines import NOMINAL
+from tests.machines import NOMINAL, PROTOTYPE
 from tests.readings import readings_of
 
 TRUE = np.array([-0.53, 0.59, -1.76])
-
-
-def with_fine_gauge(model: Model) -> Model:
-    """The same with a digital gauge of 1 µm."""
-    gauge = model.machine.gauge.changed(resolution_mm=0.001, repeatability_mm=0.003)
-    return replace(model, machine=model.machine.changed(gauge=gauge))
-
-
-FINE = with_fine_gauge(NOMINAL)
+# With a digital gauge of 1 µm.
+FINE_GAUGE = PROTOTYPE.gauge.changed(resolution_mm=0.001, repeatability_mm=0.003)
+FINE = Model(PROTOTYPE.changed(gauge=FINE_GAUGE))
 
 
 def session(
