@@ -8,8 +8,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 
-# Of a written uncertainty; its value ends at the same digit.
-SIGNIFICANT_FIGURES = 2
 # No gauge here tells more than tenths of a micrometre, and no controller takes more.
 MOST_DECIMALS = 4
 # A controller takes micrometres: rounding what is entered to the digits of a large uncertainty
@@ -53,7 +51,7 @@ def unit_words(unit: str) -> str:
 
 
 def decimals_for(uncertainty: float) -> int:
-    """Decimals at which a value with this uncertainty ends, 0 … `MOST_DECIMALS`.
+    """Decimals of two figures of an uncertainty, and of its value: 0 … `MOST_DECIMALS`.
 
     >>> decimals_for(0.0214), decimals_for(0.21), decimals_for(0.0996), decimals_for(3.2)
     (3, 2, 2, 1)
@@ -61,8 +59,8 @@ def decimals_for(uncertainty: float) -> int:
     if not 0.0 < uncertainty < math.inf:
         return MOST_DECIMALS
     # Rounding first: 0.0996 becomes 0.10, which needs one decimal less than 0.099.
-    exponent = int(f"{uncertainty:.{SIGNIFICANT_FIGURES - 1}e}".partition("e")[2])
-    return min(max(SIGNIFICANT_FIGURES - 1 - exponent, 0), MOST_DECIMALS)
+    exponent = int(f"{uncertainty:.1e}".partition("e")[2])
+    return min(max(1 - exponent, 0), MOST_DECIMALS)
 
 
 def entered_decimals(expanded: Iterable[float], active: Iterable[float]) -> int:

@@ -23,8 +23,6 @@ that goes on from the mean of what was read there. Of these only the few in whic
 can differ count.
 """
 
-from __future__ import annotations
-
 import functools
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -193,11 +191,10 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     last = float(first.displacement[first.in_time[-1]])
     again = f"read its last posture ({machine.posture_at(last) or f'{last:g} mm'}) again"
     once = option(f"{still}, {again}.", [last])
-    after_a_while = "after a quarter of an hour"
     warning = bar_warning(once.plan, machine)
     if warning is None or not warning.leaves:
         yield once
-        yield option(f"{still}, {again} {after_a_while}.", [last], wait_min=WAIT_MIN)
+        yield option(f"{still}, {again} after a quarter of an hour.", [last], wait_min=WAIT_MIN)
     for times, how_often in TIMES:
         for words, stops in walks:
             yield option(f"{still}, read {how_often}: {words}.", (*stops * times, 0.0))
@@ -310,7 +307,7 @@ class Predictions(ReadOnly):
     covariance: Floats  # with noise, (f, r, r) [mm²]
     offsets: Floats  # covariance of the p parameters once it is read, (f, p, p) [mm²]
 
-    def of(self, some: slice) -> Predictions:
+    def of(self, some: slice) -> "Predictions":
         """Those of some of the explanations."""
         return Predictions(self.mean[some], self.covariance[some], self.offsets[some])
 

@@ -100,7 +100,6 @@ def posture_program(
             "--travel LOW HIGH: LOW must be below HIGH, and 0 between them.",
         )
     machine = model.orthoglide
-    home = machine.home_mm
 
     def refuse(number: int, wrong: Bools, what: str, remedy: str) -> None:
         """Raise PostureError for the first carriage with which something is wrong."""
@@ -120,7 +119,7 @@ def posture_program(
         leg, there = visit[0].leg, visit[0].displacement_mm
         *way, posture = _way(machine, leg, here, there)
         for joints in (*set_up, *way, posture):
-            moved = joints - home
+            moved = joints - machine.home_mm
             outside = (moved < low - _ROUNDING_MM) | (moved > high + _ROUNDING_MM)
             what = "would be driven to {} from the isotropic posture."
             refuse(number, outside, what, "Choose postures inside the limits.")

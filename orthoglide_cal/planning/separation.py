@@ -7,8 +7,6 @@ is the squared separation in standard deviations. Everything is linear around a 
 plausible offsets, so that all truths and all rivals are a few products of matrices.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -51,7 +49,7 @@ class Separations(ReadOnly):
         return tuple(compress(self.causes, self.trace < TRACE_SIGMA))
 
     @cached_property
-    def visible(self) -> Separations:
+    def visible(self) -> "Separations":
         """Only the others."""
         seen = self.trace >= TRACE_SIGMA
         causes = tuple(compress(self.causes, seen))

@@ -8,8 +8,6 @@ effect of the temperature): it cancels between them. Steps, rates and scatter ha
 sizes and of subsets of parameters, so the evidence of each is a sum of Gaussian integrals.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -330,7 +328,7 @@ class _Table:
             for k, value, u in zip(chosen, (unit * values).tolist(), std, strict=True)
         )
 
-    def fit(self, trends: Sequence[Trend]) -> tuple[float, _FittedTrends]:
+    def fit(self, trends: Sequence[Trend]) -> "tuple[float, _FittedTrends]":
         """Best parts of trends, free in size, and the log evidence: over all that they may be."""
         every = np.eye(len(self.unit))
         scatter = 0.0 * self.unit

@@ -86,10 +86,9 @@ def differences_figure(
     key += f", with U (95 %). {meaning}"
     if limit_mm is not None:
         key += f" Green: within the limit of {limit_mm:g} mm."
-    picture = figures.deviation_rows(rows, limit_mm)
     title = f"Differences of readings, {what}, mm"
     finding = f"r.m.s. {' → '.join(plain(size, 3) for size in rms_mm)}."
-    return doc.Figure(title, finding, (picture,), 0, key, sketch)
+    return doc.Figure(title, finding, [figures.deviation_rows(rows, limit_mm)], 0, key, sketch)
 
 
 def residual_blocks(case: Case) -> list[doc.Block]:
@@ -100,10 +99,9 @@ def residual_blocks(case: Case) -> list[doc.Block]:
     rows = answer.residuals
     left = _left(case)
     if not _on_bed(answer):
-        panels = figures.residual_panels(rows, left, sigma)
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
-        return [doc.Figure(None, "", panels, key=key)]
+        return [doc.Figure(None, "", figures.residual_panels(rows, left, sigma), key=key)]
     places = _places(answer)
     measured = np.array([row.measured_mm for row in rows])
     machine = LinearDelta.require(case.machine)

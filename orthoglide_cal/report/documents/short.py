@@ -1,7 +1,5 @@
 """Short documents: `machine`, `validate`, `apply`, and `paper`, this program's own check."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
@@ -169,7 +167,7 @@ def application_document(found: Application, session: str) -> doc.Document:
     return doc.Document(data, page)
 
 
-def paper_document(found: Reproduction) -> doc.Document:
+def paper_document(found: "Reproduction") -> doc.Document:
     """Two lines for each row, as printed and as computed, and the verdict.
 
     As data None stands where nothing was printed or nothing can be computed.

@@ -307,8 +307,7 @@ def open_blocks(case: Case) -> Iterator[doc.Block]:
     missing = [each for each in case.answer.undetermined if each.name in names]
     if missing:
         told = " and ".join(f"{e.name} (U = {two_figures(e.within)} {e.unit})" for e in missing)
-        readings = case.answer.input.readings
-        yield f"These {readings} readings do not determine {told}."
+        yield f"These {case.answer.input.readings} readings do not determine {told}."
     for each in case.answer.undetermined:
         if each.name not in names:
             within = f"{each.within:.2g} {unit_words(each.unit)}"
