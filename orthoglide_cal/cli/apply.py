@@ -146,10 +146,10 @@ def _entered(
         written = command("apply", path, machine=machine, options="--to printer.cfg")
         remedy = f"See what to give it: {shown}; or write it: {written}"
         raise UsageError(known.keeps_itself, remedy)
-    export = released(common.read_input(path, machine, data, rule_out), machine)
-    given, answer = export.case.given, export.case.answer
+    case = released(common.read_input(path, machine, data, rule_out), machine)
+    given, answer = case.given, case.answer
     if answer.release.settled:
         raise UsageError(f"{SETTLED}.", "Leave everything as it is.")
     file = file or new_machine_file(given.model)
-    values = told_by_name(export) if file.model.machine.keeps_itself else None
+    values = told_by_name(case) if file.model.machine.keeps_itself else None
     return application(given, answer, file, datetime.now().astimezone(), to, values)

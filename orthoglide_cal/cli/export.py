@@ -11,7 +11,7 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
     from orthoglide_cal.files.input import Input
-    from orthoglide_cal.report.controller import Export
+    from orthoglide_cal.report.case import Case
 
 Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marlin"]
 
@@ -49,6 +49,7 @@ def export(
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
     from orthoglide_cal.report.controller import FIRMWARES, as_firmware
+    from orthoglide_cal.results import identify
 
     if json and format != "text":
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")
@@ -63,19 +64,21 @@ def export(
                 f" of kind {known.kind}.",
                 f"Choose one of {', '.join(known.controller_formats)}, or text.",
             )
-        found = released(given, machine, method, force, details=json)
-        case = found.case
+        case = released(given, machine, method, force, details=json)
+        identity = identify([(case.source, given.model)], case.answer.method)
         if format == "table":
-            text = controller.as_table(compensation(case.given.model, points), found)
+            text = controller.as_table(compensation(given.model, points), case, identity)
         elif format in FIRMWARES:
-            text = as_firmware(format, found)
+            text = as_firmware(format, case, identity)
         elif format == "linuxcnc":
-            text = controller.as_linuxcnc(found)
+            text = controller.as_linuxcnc(case, identity)
         else:
-            text = f"{case.answer.model_dump_json()}\n" if json else controller.as_text(found)
-        if found.forced:
-            common.tell(f"FORCED: {' '.join(found.forced)}")
-        title = f"{case.words.title} {found.identity.number}"
+            text = (
+                f"{case.answer.model_dump_json()}\n" if json else controller.as_text(case, identity)
+            )
+        if case.answer.release.reasons:
+            common.tell(f"FORCED: {' '.join(case.answer.release.reasons)}")
+        title = f"{case.words.title} {identity.number}"
         common.put(text, target, f"{title} written to {target}")
 
     common.for_each([file], judge, as_json=json)
@@ -87,15 +90,14 @@ def released(
     method: str | None = None,
     force: bool | None = None,
     details: bool = False,
-) -> Export:
+) -> Case:
     """The offsets of an input, if they may be used or are forced to (None: cannot be forced).
 
     Raises:
         UnusableResultError: they must not be used; with what to do instead.
     """
     from orthoglide_cal.report.case import Case
-    from orthoglide_cal.report.controller import Export
-    from orthoglide_cal.results import answer_to, identify
+    from orthoglide_cal.results import answer_to
 
     answer = answer_to(given, method, details=details)
     case = Case(given, answer, machine)
@@ -111,4 +113,4 @@ def released(
             f" {' '.join(answer.release.reasons)}",
             "\n".join(remedies),
         )
-    return Export(case, identify([(given.measured.source, given.model)], answer.method))
+    return case

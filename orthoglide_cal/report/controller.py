@@ -16,7 +16,6 @@ lowered by its adjustment.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,49 +39,40 @@ _ELSEWHERE = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class Export:
-    """A result whose parameters may go to the controller, or are forced to."""
+def _around(
+    case: Case, identity: Identity, lines: Iterable[str], sign: str = "", *remarks: str
+) -> str:
+    """The lines to enter, below title, origin and warnings, above what to do then.
 
-    case: Case
-    identity: Identity
-
-    @property
-    def forced(self) -> tuple[str, ...]:
-        """Why it must not be used, exported all the same; empty if it may be used."""
-        return self.case.answer.release.reasons
-
-    def around(self, lines: Iterable[str], sign: str = "", *remarks: str) -> str:
-        """The lines to enter, below title, origin and warnings, above what to do then.
-
-        What is around them begins with a sign, that of a comment.
-        """
-        case, identity, release = self.case, self.identity, self.case.answer.release
-        head = [
-            f"{case.words.title} for {case.machine.name}, {identity.number}",
-            f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}",
-            f"From {file_words(case.source.path)}, SHA-256 {case.source.sha256}",
-            *(["FORCED: this result must not be used."] if self.forced else []),
-            *self.forced,
-            *([f"Note: {SETTLED}."] if release.settled else []),
-            *(f"Note: {line}" for line in release.cautions),
-            *remarks,
-        ]
-        after = [f"After entering: {case.words.restart[0].lower()}{case.words.restart[1:]}"]
-        if case.answer.check is not None:
-            after.append(check_words(case.answer.check))
-        if case.record is not None:
-            after.append(f"Record what was entered: {case.record}")
-        if case.table is not None:
-            after.append(f"Correct what offsets leave with a table of corrections: {case.table}")
-        after.append(f"Then measure again and run: {case.verify}")
-        above, below = ([f"{sign}{visible(line)}" for line in each] for each in (head, after))
-        return "\n".join((*above, *lines, *below, ""))
+    What is around them begins with a sign, that of a comment. A result that must not be used, and
+    is exported all the same, says so.
+    """
+    release = case.answer.release
+    head = [
+        f"{case.words.title} for {case.machine.name}, {identity.number}",
+        f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}",
+        f"From {file_words(case.source.path)}, SHA-256 {case.source.sha256}",
+        *(["FORCED: this result must not be used."] if release.reasons else []),
+        *release.reasons,
+        *([f"Note: {SETTLED}."] if release.settled else []),
+        *(f"Note: {line}" for line in release.cautions),
+        *remarks,
+    ]
+    after = [f"After entering: {case.words.restart[0].lower()}{case.words.restart[1:]}"]
+    if case.answer.check is not None:
+        after.append(check_words(case.answer.check))
+    if case.record is not None:
+        after.append(f"Record what was entered: {case.record}")
+    if case.table is not None:
+        after.append(f"Correct what offsets leave with a table of corrections: {case.table}")
+    after.append(f"Then measure again and run: {case.verify}")
+    above, below = ([f"{sign}{visible(line)}" for line in each] for each in (head, after))
+    return "\n".join((*above, *lines, *below, ""))
 
 
-def as_text(export: Export) -> str:
+def as_text(case: Case, identity: Identity) -> str:
     """A page of plain text for any controller: "the controller says X, truly Y"."""
-    case, answer = export.case, export.case.answer
+    answer = case.answer
     digits = answer.decimals
     rows = [("", "previous", "change", "U", "enter")]
     for each in answer.parameters:
@@ -106,19 +96,19 @@ def as_text(export: Export) -> str:
             said = f"{each.name}: the controller says {plain(says, digits)} mm, truly {truly} mm"
             lines.append(said)
         lines.append("")
-    return export.around(lines)
+    return _around(case, identity, lines)
 
 
-def as_linuxcnc(export: Export) -> str:
+def as_linuxcnc(case: Case, identity: Identity) -> str:
     """Comments and one [JOINT_n] section per axis; true position = indicated + HOME_OFFSET."""
-    digits = export.case.answer.decimals
+    digits = case.answer.decimals
     lines = [
         "#",
         "# HOME_OFFSET takes the joint offset with its sign, in mm (divide by 25.4 if LINEAR_UNITS",
         "# is inch). If yours holds more than the offset, such as the place of the home switch,",
         "# add the change to it instead of replacing it.",
     ]
-    for number, each in enumerate(export.case.answer.parameters):
+    for number, each in enumerate(case.answer.parameters):
         lines += [
             "",
             f"[JOINT_{number}]",
@@ -126,18 +116,18 @@ def as_linuxcnc(export: Export) -> str:
             f" change {typed(each.change(digits), digits)} (U = {two_figures(each.expanded)})",
             f"HOME_OFFSET = {plain(each.new(digits), digits)}",
         ]
-    return export.around([*lines, ""], "# ")
+    return _around(case, identity, [*lines, ""], "# ")
 
 
-def as_table(table: Compensation, export: Export) -> str:
+def as_table(table: Compensation, case: Case, identity: Identity) -> str:
     """One row per grid point: where the tool is wanted, and what to add to the joint values."""
     head = (
         *(f"{axis}_mm" for axis in AXES),
         *(f"add_to_joint_{axis}_mm" for axis in AXES),
         *("status", "causes", "not_compensated", "number"),
     )
-    status = "FORCED" if export.forced else "released"
-    stamp = (status, " ".join(table.causes), " ".join(table.left_out), export.identity.number)
+    status = "FORCED" if case.answer.release.reasons else "released"
+    stamp = (status, " ".join(table.causes), " ".join(table.left_out), identity.number)
     values = np.hstack((table.points_mm, table.corrections_mm)).tolist()
     return csv_text(head, ((*map(_number, row), *stamp) for row in values))
 
@@ -145,9 +135,9 @@ def as_table(table: Compensation, export: Export) -> str:
 # --- firmwares of a linear delta --------------------------------------------------------------
 
 
-def told(export: Export) -> LinearDelta:
+def told(case: Case) -> LinearDelta:
     """The machine as its firmware is to have it, with arms that were accepted as longer."""
-    model, answer = export.case.given.model, export.case.answer
+    model, answer = case.given.model, case.answer
     machine = LinearDelta.require(model.machine)
     *endstops, radius, angle_a, angle_b = (each.new(answer.decimals) for each in answer.parameters)
     nominal = np.array(machine.arm_length_mm)
@@ -165,9 +155,9 @@ def told(export: Export) -> LinearDelta:
     )
 
 
-def told_by_name(export: Export) -> dict[str, float]:
+def told_by_name(case: Case) -> dict[str, float]:
     """The same by the names that a calibration gives them; arms as arm_a, arm_b, arm_c."""
-    new = told(export)
+    new = told(case)
     names = [*"abc", "radius", *(f"{of}_{tower}" for of in ("angle", "arm") for tower in "abc")]
     values = (*new.endstops_mm, new.delta_radius_mm, *new.tower_angles_deg, *new.arm_length_mm)
     return dict(zip(names, values, strict=True))
@@ -249,20 +239,19 @@ FIRMWARES: Mapping[str, tuple[str, Callable[[LinearDelta], Iterator[str]], str]]
 }
 
 
-def as_firmware(format: str, export: Export) -> str:
+def as_firmware(format: str, case: Case, identity: Identity) -> str:
     """The lines to paste, with what they are and what they leave out as comments."""
     name, lines, sign = FIRMWARES[format]
-    return export.around(lines(told(export)), f"{sign} ", *_left_out(name, export))
+    return _around(case, identity, lines(told(case)), f"{sign} ", *_left_out(name, case))
 
 
-def _left_out(name: str, export: Export) -> Iterator[str]:
+def _left_out(name: str, case: Case) -> Iterator[str]:
     """What the firmware has no setting for, and what of it is known of this machine."""
     own = " but when it is compiled" if name == "Marlin" else ""
     yield (
         f"{name} has no setting for towers that lean, nor for a radius of each tower{own}; the"
         " shape of the bed is left to its mesh."
     )
-    case = export.case
     for id in dict.fromkeys(cause.id for cause in case.known):
         if id not in _ENTERED:
             nowhere = "it has no setting for that: correct the fault"

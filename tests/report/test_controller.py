@@ -17,7 +17,8 @@ from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.model.workspace import compensation
 from orthoglide_cal.report import controller
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.controller import FIRMWARES, Export, as_firmware
+from orthoglide_cal.report.controller import FIRMWARES, as_firmware
+from orthoglide_cal.results import Identity
 from tests.machines import NOMINAL, extended
 from tests.printer_files import OFF, exact
 from tests.report.cases import changed
@@ -30,26 +31,26 @@ from tests.truth.forward import tool_from_carriages
 FORMATS = {"linuxcnc": controller.as_linuxcnc, "text": controller.as_text}
 
 
-def export(case: Case) -> Export:
-    return Export(case, identity_of(case))
+def export(case: Case) -> tuple[Case, Identity]:
+    return case, identity_of(case)
 
 
 @pytest.fixture(scope="module")
-def released() -> Export:
+def released() -> Case:
     """The healthy session on a machine with offsets already active."""
     healthy = cases.healthy().given
     model = changed(NOMINAL, offsets_mm=JointOffsets(0.1, -0.2, 0.3))
-    return export(case_of(replace(healthy, model=model)))
+    return case_of(replace(healthy, model=model))
 
 
-def changes(found: Export) -> list[float]:
-    answer = found.case.answer
+def changes(found: Case) -> list[float]:
+    answer = found.answer
     return [each.change(answer.decimals) for each in answer.parameters]
 
 
-def test_linuxcnc_snippet_is_an_ini_with_one_offset_per_joint(released: Export) -> None:
+def test_linuxcnc_snippet_is_an_ini_with_one_offset_per_joint(released: Case) -> None:
     """Read back as LinuxCNC would: sections, keys, "#" comments."""
-    text = controller.as_linuxcnc(released)
+    text = controller.as_linuxcnc(*export(released))
     section, found = "", {}
     for line in text.splitlines():
         if not line or line.startswith("#"):
@@ -67,8 +68,8 @@ def test_linuxcnc_snippet_is_an_ini_with_one_offset_per_joint(released: Export) 
     assert "Check, gauge at the middle of leg" in text
 
 
-def test_text_says_what_the_controller_says_and_what_is_true(released: Export) -> None:
-    text = controller.as_text(released)
+def test_text_says_what_the_controller_says_and_what_is_true(released: Case) -> None:
+    text = controller.as_text(*export(released))
     assert (
         f"x: the controller says 310.250 mm, truly {310.25 + changes(released)[0]:.3f} mm" in text
     )
@@ -86,7 +87,7 @@ def test_text_says_what_the_controller_says_and_what_is_true(released: Export) -
 )
 def test_what_must_not_be_used_is_marked(make, name: str) -> None:
     case = make()
-    text = FORMATS[name](export(case))
+    text = FORMATS[name](*export(case))
     assert "FORCED" in text
     reason = case.answer.release.reasons[0].split(":")[0]
     assert reason in " ".join(text.replace("\n# ", " ").split())
@@ -96,7 +97,7 @@ def test_what_must_not_be_used_is_marked(make, name: str) -> None:
 def test_hostile_names_stay_words(name: str) -> None:
     harmful, written = cases.hostile().given, "=1+1\n[JOINT_0]\nHOME_OFFSET = 99\n" + HOSTILE[3]
     case = case_of(replace(harmful, model=changed(harmful.model, name=written)))
-    text = FORMATS[name](export(case))
+    text = FORMATS[name](*export(case))
     assert not set(text) & set("\x1b\x07\u009b\u202e\u2066\r")
     assert not re.search(r"^HOME_OFFSET = 99", text, re.MULTILINE)
     assert text.count("\n[JOINT_0]") == (1 if name == "linuxcnc" else 0)
@@ -105,7 +106,7 @@ def test_hostile_names_stay_words(name: str) -> None:
 def test_compensation_table_is_numbers() -> None:
     model = extended(axis_gap=(0.3, -0.2, 0.25), thermal_drift=(0.1, 0.1, 0.1))
     table = compensation(model, 3)
-    rows = list(csv.DictReader(io.StringIO(controller.as_table(table, export(cases.healthy())))))
+    rows = list(csv.DictReader(io.StringIO(controller.as_table(table, *export(cases.healthy())))))
     assert len(rows) == 27
     assert {row["causes"] for row in rows} == {"axis_gap"}
     assert {row["not_compensated"] for row in rows} == {"thermal_drift"}
@@ -114,15 +115,15 @@ def test_compensation_table_is_numbers() -> None:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_the_command_to_verify_keeps_the_machine_file(released: Export, name: str) -> None:
-    case = replace(released.case, machine_file=Path("mine.yaml"))
-    text = FORMATS[name](replace(released, case=case))
+def test_the_command_to_verify_keeps_the_machine_file(released: Case, name: str) -> None:
+    case = replace(released, machine_file=Path("mine.yaml"))
+    text = FORMATS[name](*export(case))
     assert "orthocal verify made.csv AFTER --machine mine.yaml --applied" in text
 
 
 def test_previous_offsets_keep_their_digits() -> None:
     model = changed(NOMINAL, offsets_mm=JointOffsets(0.12345, 0.0, 0.0))
-    text = controller.as_linuxcnc(export(case_of(given(session(TRUE, 3), model))))
+    text = controller.as_linuxcnc(*export(case_of(given(session(TRUE, 3), model))))
     assert "previous +0.12345" in text
 
 
@@ -195,7 +196,7 @@ def exported(tmp_path: Path, truth: Truth, format: str, *known: Effect) -> str:
     data.write_text(exact(V400, truth, Layout(places=41, heights=(0.0, 60.0))))
     model = read_machine_file(machine).model
     case = case_of(read_input(str(data), model.extended(known)))
-    return as_firmware(format, Export(case, identity_of(case)))
+    return as_firmware(format, *export(case))
 
 
 @pytest.mark.parametrize("format", FIRMWARES)

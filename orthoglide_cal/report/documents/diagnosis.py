@@ -39,11 +39,6 @@ from orthoglide_cal.words import (
     unit_words,
 )
 
-# How parameters take into account what is open.
-_WIDENED = {
-    Verdict.AMBIGUOUS: "U includes the undecided causes.",
-    Verdict.UNEXPLAINED: "U includes what is unexplained.",
-}
 _NOTHING = "nothing wrong"
 # What one screen has room for.
 _MOST_OPEN = 4  # explanations
@@ -266,9 +261,10 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
 def _page(case: Case) -> doc.Page:
     answer = case.answer
     told: list[doc.Block] = [parameters_grid(case)]
-    widened = _WIDENED.get(answer.verdict) if answer.verdict else None
-    if widened:
-        told.append(widened)
+    if answer.verdict is Verdict.AMBIGUOUS:
+        told.append("U includes the undecided causes.")
+    elif answer.verdict is Verdict.UNEXPLAINED:
+        told.append("U includes what is unexplained.")
     told += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
     return doc.Page(
         kind="Diagnosis",
