@@ -18,7 +18,7 @@ from scipy.special import chdtrc, log_ndtr
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.diagnosis.candidates import Ids, ids_of
-from orthoglide_cal.diagnosis.explanations import Linearised, Whitened, as_read, unit_of
+from orthoglide_cal.diagnosis.explanations import Linearised, Whitened
 from orthoglide_cal.diagnosis.scores import (
     BLUNDER_SCALES,
     LOG_ALL,
@@ -37,7 +37,6 @@ from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, une
 from orthoglide_cal.estimation.least_squares import fit_offsets
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Influence, Instrument, Machine, Origin
-from orthoglide_cal.model.model import differentiate
 from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
@@ -118,26 +117,6 @@ class Fitted(ReadOnly):
             if isinstance(effect.cause, PatternCause) and effect.cause.hides_reading:
                 return effect.place[0]
         return None
-
-    def remaining(self, white: Whitened) -> float:
-        """How far it is from its optimum, recomputed from the data [standard deviations].
-
-        The largest step that Gauss–Newton would still take in an offset or a parameter, with the
-        priors of the fit; counts of turns and faults of the record are fixed.
-        """
-        fixed = [effect for effect in self.effects if effect.covariance is None]
-        sized = [effect for effect in self.effects if effect.covariance is not None]
-        theta = np.concatenate([0.0 * self.offsets, *(effect.theta for effect in sized)])
-        model, plan = white.problem.model.extended(fixed), as_read(white.plan, fixed)
-        readings, jacobians = differentiate(model, self.offsets, plan, sized)
-        unit = unit_of(fixed)
-        columns = np.hstack([white.matrix @ jacobians, self.columns[:, theta.size :] / unit])
-        linear = white.data + white.matrix @ (jacobians @ theta - readings)
-        # Weighed as the fit was: by the stated noise, however large it turned out to be.
-        noise, linear = white.machine.instrument.noise_mm / unit, linear - columns @ self.centre
-        found, _ = condition(columns, linear, self.sizes, noise)
-        step = (self.centre + found)[: theta.size] - theta
-        return float(np.max(np.abs(step) / np.sqrt(np.diag(self.covariance)[: theta.size])))
 
     @property
     def unknowns(self) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from functools import cached_property
 
 import numpy as np
 from pydantic import Field
@@ -13,7 +12,6 @@ from pydantic import Field
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis.baselines import Baselines
 from orthoglide_cal.diagnosis.candidates import Ids
-from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution
@@ -27,8 +25,6 @@ from orthoglide_cal.schema import Minutes, Schema
 
 # Probability from which it is told that nothing may be wrong at all.
 WORTH_SAYING = 0.005
-# The fit takes one or two Gauss–Newton steps, which leave up to a quarter of a standard deviation.
-OPTIMAL = 0.5
 
 
 class Verdict(StrEnum):
@@ -316,20 +312,3 @@ class Diagnosis(ReadOnly):
             for id, cause in CAUSES.items()
             if id in tried and cause.assumed(machine)
         )
-
-    @cached_property
-    def remaining(self) -> float:
-        """How far it is from its optimum, recomputed from the data [standard deviations].
-
-        The largest of what each open explanation lacks, and of how far the offsets are from the
-        explanations' mean.
-        """
-        white = Whitened.of(self.measured, self.model)
-        mean = sum(share * fit.offsets for share, fit in self.left_open)
-        apart = np.abs(self.offsets_mm - mean) / self.std_mm
-        return float(np.max([*apart, *(fit.remaining(white) for _, fit in self.left_open)]))
-
-    @property
-    def converged(self) -> bool:
-        """True if offsets and parameters are the optimum to a fraction of their uncertainty."""
-        return self.remaining <= OPTIMAL

@@ -2,13 +2,22 @@
 
 from functools import cache
 
+import numpy as np
+
+from orthoglide_cal.diagnosis.explanations import Whitened, as_read, unit_of
+from orthoglide_cal.diagnosis.fit import Fitted
+from orthoglide_cal.estimation.gaussian import condition
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import machine_from_text
 from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Model, differentiate
 from tests import truth
 from tests.truth.delta import DeltaSession, delta_csv, delta_yaml
+
+OPTIMAL = 0.5
+"""The fit takes one or two Gauss–Newton steps, which leave up to a quarter of a standard
+deviation."""
 
 
 @cache
@@ -38,3 +47,20 @@ def given(session: DeltaSession) -> Input:
 def known(session: truth.Session) -> tuple[Readings, Model]:
     """Record and model of a session."""
     return readings_of(session), model_of(session.machine, session.gauge)
+
+
+def step_left(fit: Fitted, white: Whitened) -> float:
+    """The largest step that Gauss–Newton would still take in an offset or a parameter, with the
+    priors of the fit [standard deviations]; counts of turns and faults of the record are fixed."""
+    fixed = [effect for effect in fit.effects if effect.covariance is None]
+    sized = [effect for effect in fit.effects if effect.covariance is not None]
+    theta = np.concatenate([0.0 * fit.offsets, *(effect.theta for effect in sized)])
+    model, plan = white.problem.model.extended(fixed), as_read(white.plan, fixed)
+    readings, jacobians = differentiate(model, fit.offsets, plan, sized)
+    unit = unit_of(fixed)
+    columns = np.hstack([white.matrix @ jacobians, fit.columns[:, theta.size :] / unit])
+    linear = white.data + white.matrix @ (jacobians @ theta - readings) - columns @ fit.centre
+    # Weighed as the fit was: by the stated noise, however large it turned out to be.
+    found, _ = condition(columns, linear, fit.sizes, white.machine.instrument.noise_mm / unit)
+    step = (fit.centre + found)[: theta.size] - theta
+    return float(np.max(np.abs(step) / np.sqrt(np.diag(fit.covariance)[: theta.size])))

@@ -19,7 +19,7 @@ from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import without_zeros
 from orthoglide_cal.paper.tables import EXPERIMENTS
 from tests import truth
-from tests.diagnosis.sessions import known
+from tests.diagnosis.sessions import OPTIMAL, known, step_left
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, sure
 
 NOWHERE = Source("-", "")
@@ -155,25 +155,24 @@ def optima() -> Iterator[tuple[str, Diagnosis]]:
     yield "unexplained", diagnose(replace(readings, value=readings.value + wild), model)
 
 
-def test_it_checks_its_own_optimum() -> None:
-    """Neither other offsets nor, where there are some, other parameters are the optimum."""
+def test_open_explanations_are_optima_and_the_offsets_their_mean() -> None:
+    """Neither other offsets nor, where there are some, other parameters are an optimum."""
     for name, found in optima():
-        assert found.converged, name
-        assert not replace(found, offsets_mm=found.offsets_mm + found.std_mm).converged, name
+        white = Whitened.of(found.measured, found.model)
+        apart = found.offsets_mm - sum(share * fit.offsets for share, fit in found.left_open)
+        assert np.all(np.abs(apart) < OPTIMAL * found.std_mm)
+        assert all(step_left(fit, white) < OPTIMAL for _, fit in found.left_open), name
         (share, fit), *others = found.left_open
         assert (found.verdict is Verdict.UNEXPLAINED) == (name == "unexplained")
         assert name != "unexplained" or (share, fit.effects, others) == (1.0, (), [])
-        std = np.sqrt(np.diag(fit.covariance)[:3])
-        moved = [(replace(fit, offsets=fit.offsets + std), found.offsets_mm + share * std)]
+        moved = [replace(fit, offsets=fit.offsets + np.sqrt(np.diag(fit.covariance)[:3]))]
         for effect in fit.effects:
             wide = 1.0 if effect.covariance is None else np.sqrt(np.diag(effect.covariance))
             other = replace(effect, theta=effect.theta + 2.0 * wide)
-            effects = tuple(other if each is effect else each for each in fit.effects)
             if len(effect.theta):
-                moved.append((replace(fit, effects=effects), found.offsets_mm))
-        for fit, offsets in moved:
-            left_open = ((share, fit), *others)
-            assert not replace(found, left_open=left_open, offsets_mm=offsets).converged, name
+                effects = tuple(other if each is effect else each for each in fit.effects)
+                moved.append(replace(fit, effects=effects))
+        assert all(step_left(each, white) > OPTIMAL for each in moved), name
 
 
 def test_causes_that_act_together_are_one_rival(named: Diagnosis) -> None:

@@ -16,7 +16,7 @@ from orthoglide_cal.model.cause import Place
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings
 from orthoglide_cal.results.making import release
 from tests import truth
-from tests.diagnosis.sessions import known, model_of, read
+from tests.diagnosis.sessions import OPTIMAL, known, model_of, read, step_left
 
 both_gauges = pytest.mark.parametrize("gauge", [truth.DIAL, truth.MICRON], ids=lambda g: g.name)
 SEEDS = range(1, 6)
@@ -54,7 +54,7 @@ def test_exchanged_columns_are_named(machine: truth.Machine, gauge: truth.Gauge)
         assert np.all(off(found, session) < 4.5)
         assert found.offsets_mm == pytest.approx(solve(readings, model).offsets_mm, abs=1e-4)
         assert found.causes[0].heldout_after_mm < 1.5 * truth.expected_heldout(session)
-        assert found.remaining < 0.5
+        assert step_left(found.left_open[0][1], Whitened.of(found.measured, model)) < OPTIMAL
 
 
 @pytest.mark.parametrize("kind", [DataKind.SIX, DataKind.TWELVE])
@@ -95,7 +95,7 @@ def test_a_wrong_unit_is_named(mistake: str, gauge: truth.Gauge) -> None:
         found = diagnose(wrong, model)
         assert [(cause.id, cause.where) for cause in found.causes] == [("wrong_unit", mistake)]
         assert np.all(off(found, session) < 4.5)
-        assert found.remaining < 0.5
+        assert step_left(found.left_open[0][1], Whitened.of(found.measured, model)) < OPTIMAL
         left = (found.measured.value - found.explained_mm) / per_mm
         assert np.sqrt(np.mean(left**2)) < 1.3 * gauge.sigma
         # In mm without the cause, too; the offsets are then so wrong that more may be left.
