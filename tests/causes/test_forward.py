@@ -64,14 +64,6 @@ def test_readings_are_those_of_the_truth(
         assert (np.abs(zero_free(mine - without, at_rest.setup)).max() > 1e-2) == bool(cause)
 
 
-@both_machines
-def test_carriages_approach_from_where_the_truth_says(model: Model, hidden: truth.Machine) -> None:
-    plan = standard(hidden)
-    approach = model.machine.command(as_plan(plan)).approach
-    assert np.array_equal(approach, plan.approach)
-    assert set(np.unique(approach)) == {-1.0, 0.0, 1.0}
-
-
 STEP = (0.5, -0.3, 1.2)
 
 

@@ -34,14 +34,6 @@ def test_differences_are_named_as_the_paper_prints_them(kind: DataKind) -> None:
     assert [difference.name for difference in DIFFERENCES[kind]] == NAMES[kind].split()
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_reduction_subtracts_means_and_forgets_the_zeros(kind: DataKind) -> None:
-    plan = plan_for(kind)
-    matrix = reduction(kind, DIFFERENCES[kind], PROTOTYPE, plan)
-    assert np.abs(matrix @ plan.zeros).max() < 1e-15
-    assert np.abs(matrix).sum(axis=1) == pytest.approx(np.full(len(matrix), 2.0))
-
-
 @both_machines
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_ideal_plan_has_each_reading_that_is_needed_once(

@@ -16,11 +16,11 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.design import MARGIN, design_of, readings_needed
-from orthoglide_cal.planning.forecast import forecast, session_of
+from orthoglide_cal.planning.forecast import forecast
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.planning.separation import Separations, separations
 from orthoglide_cal.planning.steps import MeasuringProtocol
-from tests.machines import LARGE, NOMINAL, PROTOTYPE, both_machines, both_models, sure
+from tests.machines import PROTOTYPE, both_machines, both_models, sure
 from tests.planning.truth import like, standing
 from tests.truth.effects import state_with
 from tests.truth.forward import signals
@@ -118,9 +118,3 @@ def test_what_it_gives_up_is_what_is_said(model: Model) -> None:
     before, after = ({each.causes: each.sigma for each in found.pairs} for found in (usual, best))
     for pair in combinations(("axis_gap", "axis_squareness", "bar_skew"), 2):
         assert after[pair] < 0.1 < 5.0 < before[pair]
-
-
-def test_the_default_stays_the_double_posture_protocol() -> None:
-    assert measurement_plan(NOMINAL, Wanted()).protocol == MeasuringProtocol.DOUBLE
-    assert len(session_of(NOMINAL, MeasuringProtocol.BEST, 3).plan) == 36
-    assert design_of(LARGE).displacements_mm == (90.0, -140.0)

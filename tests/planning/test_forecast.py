@@ -87,16 +87,6 @@ def test_spare_readings_are_the_degrees_of_freedom(protocol: MeasuringProtocol) 
     assert found.budget.k == pytest.approx(stats.t.ppf(0.975, spare))
 
 
-@pytest.mark.parametrize("target", [0.03, 0.024, 0.022])
-def test_the_fewest_cycles_are_the_fewest(target: float) -> None:
-    found = fewest_cycles(NOMINAL, DOUBLE, Method.READINGS, 2, target)
-    assert found is not None
-    cycles = found.cycles
-    each = (forecast(NOMINAL, DOUBLE, n) for n in range(1, cycles + 1))
-    every = [bool(max(found.expanded_mm.values()) <= target) for found in each]
-    assert every == [False] * (cycles - 1) + [True]
-
-
 def test_no_number_of_cycles_reaches_below_the_floor() -> None:
     longest = forecast(NOMINAL, DOUBLE, MOST_CYCLES)
     floor = longest.floor
