@@ -1,4 +1,4 @@
-"""The README's examples are run, and what it shows is what the program prints."""
+"""What the README shows is what the program prints; its examples are run with the guide's."""
 
 import re
 
@@ -6,7 +6,7 @@ import pytest
 
 from tests.cli.program import run
 from tests.machines import ROOT
-from tests.markdown import blocks, run_block
+from tests.markdown import blocks
 from tests.pictures import pictures
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -14,11 +14,6 @@ DRAWING, ANSWER, ROOMS = blocks(TEXT, "text")
 GUIDE = ROOT / "orthoglide_cal" / "guide"
 
 pytestmark = pytest.mark.usefixtures("beside_the_samples")
-
-
-@pytest.mark.parametrize("block", blocks(TEXT, "sh"))
-def test_commands_run(block: str) -> None:
-    run_block(block)
 
 
 def test_the_shown_answer_is_the_programs() -> None:

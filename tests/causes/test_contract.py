@@ -1,8 +1,6 @@
 """The causes as a list: ids of the contract, one stage each, found by being there."""
 
-import inspect
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -143,10 +141,3 @@ def test_what_a_table_can_compensate_does_not_change_with_time_or_approach() -> 
     timed = {id for id, cause in CAUSES.items() if cause.timed}
     assert timed == {"backlash", "thermal_drift", "gauge_drift", "stand_shift", "probe_drift"}
     assert {id for id, cause in CAUSES.items() if cause.positive} == {"backlash"}
-
-
-@alone
-def test_each_is_in_the_file_of_its_stage(cause: Cause) -> None:
-    path = inspect.getsourcefile(type(cause))
-    assert path is not None
-    assert Path(path).stem == cause.stage

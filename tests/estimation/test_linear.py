@@ -31,31 +31,23 @@ from tests.machines import NOMINAL, NOMINAL_LARGE, both_models, extended
 UNEQUAL = [0.31, 0.27, 0.55, -0.12, 0.08, 0.49]
 
 
-def coefficients(machine: Machine) -> dict[str, float]:
-    """b_i = sin α_i, c_i = (0.5 + sin α_i) tan α_i, a_i = tan α_i, with their own signs."""
-    found = {}
-    for index, displacement in ((1, machine.joint_limits_mm[1]), (2, machine.joint_limits_mm[0])):
-        alpha = math.asin(displacement / machine.leg_length_mm)
-        found[f"a{index}"] = math.tan(alpha)
-        found[f"b{index}"] = math.sin(alpha)
-        found[f"c{index}"] = (0.5 + math.sin(alpha)) * math.tan(alpha)
-    found["b"] = found["b1"] - found["b2"]
-    found["c"] = found["c1"] - found["c2"]
+def coefficients(machine: Machine) -> dict[Posture | None, Floats]:
+    """a = tan α, b = sin α, c = (0.5 + sin α) tan α of each posture; None is max less min."""
+    found: dict[Posture | None, Floats] = {}
+    for posture in Posture:
+        alpha = math.asin(machine.displacement_mm(posture) / machine.leg_length_mm)
+        b, a = math.sin(alpha), math.tan(alpha)
+        found[posture] = np.array([a, b, (0.5 + b) * a])
+    found[None] = found[Posture.MAX] - found[Posture.MIN]
     return found
 
 
 def expected_row(kind: DataKind, difference: Difference, machine: Machine) -> Floats:
     """A row of eq. (10), (16) or (17)."""
-    k = coefficients(machine)
     (leg, direction), posture = difference
+    a, b, c = coefficients(machine)[posture]
     row = np.zeros(3)
-    if kind is SINGLE:
-        row[direction] = 1.0
-        tangents = {Posture.ISO: 0.0, Posture.MAX: k["a1"], Posture.MIN: k["a2"]}
-        row[leg] = tangents[posture or Posture.ISO]
-    else:
-        suffix = {None: "", Posture.MAX: "1", Posture.MIN: "2"}[posture]
-        row[direction], row[leg] = k[f"b{suffix}"], k[f"c{suffix}"]
+    row[direction], row[leg] = (1.0, a) if kind is SINGLE else (b, c)
     return row
 
 
@@ -68,11 +60,11 @@ def test_the_models_derivative_is_the_papers_matrix(model: Model, kind: DataKind
 
 @both_models
 def test_single_sequential_is_eq_11(model: Model) -> None:
-    k = coefficients(model.machine)
+    (a1, *_), (a2, *_) = (coefficients(model.machine)[end] for end in (Posture.MAX, Posture.MIN))
     z = (0.31 + 0.27) / 2.0
-    squares = k["a1"] ** 2 + k["a2"] ** 2
-    x = (k["a1"] * (0.55 - z) + k["a2"] * (-0.12 - z)) / squares
-    y = (k["a1"] * (0.08 - z) + k["a2"] * (0.49 - z)) / squares
+    squares = a1**2 + a2**2
+    x = (a1 * (0.55 - z) + a2 * (-0.12 - z)) / squares
+    y = (a1 * (0.08 - z) + a2 * (0.49 - z)) / squares
     solution = solve(of_values(SINGLE, UNEQUAL), model, "single-sequential")
     assert solution.offsets_mm == pytest.approx([x, y, z], abs=1e-12)
 

@@ -11,7 +11,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, pose, solve, usable_methods
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.measured import DataKind, Readings
+from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.model import Model, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.plan import Floats
@@ -132,30 +132,30 @@ def test_with_a_known_cause_it_is_least_squares_with_zeros(cause: Cause, subject
     assert np.abs(solve(session, subject.model).offsets_mm - offsets).max() > 1e-4
 
 
-@pytest.mark.parametrize(
-    ("kind", "usable"),
-    [
-        (SIX, ("six-linear", "six")),
-        (TWELVE, ("six-linear", "twelve-linear", "six", "twelve")),
-        (SINGLE, ("single", "single-sequential")),
-    ],
+DOUBLE, SINGLE_POSTURE = (
+    readings(NOMINAL, protocol(PROTOTYPE)) for protocol in (double_posture, single_posture)
 )
-def test_which_methods_differences_can_feed(kind: DataKind, usable: tuple[str, ...]) -> None:
-    data = differences(kind, NOMINAL)
+
+
+@pytest.mark.parametrize(
+    ("data", "usable"),
+    [
+        (differences(SIX, NOMINAL), ("six-linear", "six")),
+        (differences(TWELVE, NOMINAL), ("six-linear", "twelve-linear", "six", "twelve")),
+        (differences(SINGLE, NOMINAL), ("single", "single-sequential")),
+        (DOUBLE, ("six-linear", "twelve-linear", "six", "twelve", "readings")),
+        (SINGLE_POSTURE, ("single", "single-sequential", "readings")),
+    ],
+    ids=["six", "twelve", "single", "readings", "single-posture readings"],
+)
+def test_which_methods_data_can_feed(data: Measured, usable: tuple[str, ...]) -> None:
     assert usable_methods(data) == usable
-    assert solve(data, NOMINAL).method is Method(kind)
+    assert solve(data, NOMINAL).method is Method(data.kind)
     for name in usable:
         assert solve(data, NOMINAL, name).method == name
     for name in set(Method) - set(usable):
         with pytest.raises(UsageError, match=f"Method {name} cannot use") as caught:
             solve(data, NOMINAL, name)
         assert usable[0] in caught.value.remedy
-
-
-def test_which_methods_raw_readings_can_feed() -> None:
-    double = readings(NOMINAL, double_posture(PROTOTYPE))
-    single = readings(NOMINAL, single_posture(PROTOTYPE))
-    assert usable_methods(double) == ("six-linear", "twelve-linear", "six", "twelve", "readings")
-    assert usable_methods(single) == ("single", "single-sequential", "readings")
     with pytest.raises(UsageError, match="no method 'best'"):
-        solve(double, NOMINAL, "best")
+        solve(data, NOMINAL, "best")

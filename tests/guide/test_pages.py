@@ -90,9 +90,12 @@ def test_it_fits_the_narrowest_terminal_in_use(name: str) -> None:
     assert PAGES[name].count("\n```") == 2 * len(re.findall(r"^```\w+$", PAGES[name], re.M))
 
 
-@pytest.mark.parametrize("name", [name for name, page in PAGES.items() if blocks(page, "sh")])
+EXAMPLES = {name: blocks(page, "sh") for name, page in {**PAGES, "README": README}.items()}
+
+
+@pytest.mark.parametrize("name", [name for name, found in EXAMPLES.items() if found])
 def test_its_examples_run(name: str, beside_the_samples: Path) -> None:
-    for block in blocks(PAGES[name], "sh"):
+    for block in EXAMPLES[name]:
         run_block(block)
 
 

@@ -33,10 +33,6 @@ def kinds(readings: Readings, gauge: Gauge) -> set[str]:
     return {kind for kind in every for doubt in found if kind in doubt.what}
 
 
-def stated(gauge: truth.Gauge) -> Gauge:
-    return Gauge(resolution_mm=gauge.resolution, range_mm=10.0, repeatability_mm=gauge.noise)
-
-
 def drawn(gauge: truth.Gauge, seed: int = 3) -> tuple[Readings, Gauge]:
     readings, model = known(truth.make_session(seed, truth.PROTOTYPE, gauge))
     return readings, model.machine.gauge
@@ -78,7 +74,7 @@ def test_healthy_sessions_are_never_doubted(
 @pytest.mark.parametrize("size", [2, 3, 4])
 def test_the_chance_is_an_upper_bound_and_a_close_one(gauge: truth.Gauge, size: int) -> None:
     """Against 400,000 draws of six cells at the worst and at any place between two divisions."""
-    rng = np.random.default_rng(size)
+    own, rng = model_of(truth.PROTOTYPE, gauge).machine.gauge, np.random.default_rng(size)
     for place in (0.0, None):
         where = rng.uniform(-0.5, 0.5, (400_000, 6, 1)) if place is None else place
         noise = rng.normal(0.0, gauge.noise / gauge.resolution, (400_000, 6, size))
@@ -87,14 +83,15 @@ def test_the_chance_is_an_upper_bound_and_a_close_one(gauge: truth.Gauge, size: 
         for share in (1e-3, 1e-2, 0.1):
             limit = float(np.quantile(squares, share))
             true = float(np.mean(squares <= limit + 1e-12))
-            bound = chance_of_less_scatter(limit, Counter({size: 6}), stated(gauge))
+            bound = chance_of_less_scatter(limit, Counter({size: 6}), own)
             assert true * (1.0 - 4.0 / np.sqrt(400_000 * true)) < bound < 12.0 * true
 
 
 @both_gauges
 def test_many_repeats_are_weighed_in_parts(gauge: truth.Gauge) -> None:
     """A thousand of each posture; and gauges that nobody has."""
-    own, rng, sizes = stated(gauge), np.random.default_rng(8), Counter({1003: 6})
+    own = model_of(truth.PROTOTYPE, gauge).machine.gauge
+    rng, sizes = np.random.default_rng(8), Counter({1003: 6})
     shown = np.rint(rng.normal(0.0, gauge.noise, (6, 1003)) / gauge.resolution) * gauge.resolution
     squares = float(((shown - shown.mean(axis=1, keepdims=True)) ** 2).sum())
     assert chance_of_less_scatter(squares, sizes, own) == 1.0

@@ -17,7 +17,6 @@ from orthoglide_cal.model.model import (
     synthetic_session,
 )
 from orthoglide_cal.model.orthoglide import (
-    Gauge,
     PlannedReading,
     double_posture,
     plan_of,
@@ -116,15 +115,6 @@ def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
     zeros = (values - signal)[:, 0]
     assert zeros.min() < -0.9
     assert zeros.max() > 0.9
-
-
-def test_the_noise_of_a_gauge_is_its_repeatability_and_its_rounding() -> None:
-    """q/√12 by hand: 0.012/3.4641 = 0.003464; √(0.003464² + 0.0035²) = 0.004925."""
-    gauge = Gauge.model_construct(
-        resolution_mm=0.012, range_mm=10.0, revolution_mm=1.0, repeatability_mm=0.0035
-    )
-    assert gauge.rounding_mm == pytest.approx(0.0034641, abs=1e-7)
-    assert gauge.noise_mm == pytest.approx(0.0049244, abs=1e-7)
 
 
 def test_cycles_are_counted_in_time_within_a_set_up() -> None:
