@@ -4,17 +4,13 @@ import csv
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from tests.cli.program import lines, run
 from tests.files.test_printer_file import GOOD
 from tests.printers import CONFIG
-from tests.truth.delta import V400, Truth, touches
-from tests.truth.plan import frozen
 
 NAMES = ["a", "b", "c", "radius", "angle_a", "angle_b"]
-LEANING = frozen(np.array([[3.0, -2.0], [1.0, -4.0], [-2.0, 3.0]]))
 MACHINE = ("--machine", str(CONFIG))
 
 
@@ -56,34 +52,6 @@ def test_the_page_fits_a_terminal_and_names_what_shows_the_rest() -> None:
     assert "No layout determines leg_length" in words
     assert "tower_radius a rule from the middle of the bed to each rail" in words
     assert "To distinguish tower_lean and bed_shape" in words
-
-
-def filled(path: Path, truth: Truth, seed: int) -> None:
-    """Fill in what the probe of a printer reads at the places of a file."""
-    rng = np.random.default_rng(seed)
-    rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
-    assert {row["reading_mm"] for row in rows} == {""}
-    x, y, z = (np.array([float(row[name]) for row in rows]) for name in ("x_mm", "y_mm", "z_mm"))
-    height = touches(V400, truth, x, y, z, np.zeros(len(x)))
-    height = height + rng.normal(scale=V400.noise, size=len(x))
-    text = [f"{a},{b},{c},{h:.4f}" for a, b, c, h in zip(x, y, z, height, strict=True)]
-    path.write_text("\n".join(("x_mm,y_mm,z_mm,reading_mm", *text)) + "\n", encoding="utf-8")
-
-
-def test_a_file_that_is_open_gets_its_next_touches_ranked(tmp_path: Path) -> None:
-    path = tmp_path / "places.csv"
-    options = ("--machine", str(CONFIG))
-    run("plan", *options, "--layout", "bed-121", "--program", str(path))
-    filled(path, Truth(leans=LEANING), 5)
-    (data,) = lines(run("plan", str(path), *options, "--json"))
-    best = data["next"][0]
-    assert set(best["separates"]) == {"tower_lean", "bed_shape"}
-    assert "block" in best["what"]
-    assert list(best["expanded_mm"]) == NAMES[:4]
-    chances = [each["chance"] for each in data["next"]]
-    assert chances == sorted(chances, reverse=True)
-    shown = run("plan", str(path), *options, "--details").stdout
-    assert "What to measure next, best first" in shown
 
 
 def test_a_printers_own_file_is_a_machine_to_plan_for(tmp_path: Path) -> None:
