@@ -576,24 +576,20 @@ def test_places_that_determine_nothing_are_no_failed_search(verb: str, file: str
 
 
 @pytest.mark.parametrize(
-    ("pattern", "instead", "said"),
+    ("name", "pattern", "instead", "said"),
     [
-        (r"(?s)#\*#.*", "", "The block that SAVE_CONFIG writes is missing."),
-        (r"arm_length = (\d+)\.", r"arm_length = \1,", "Write a decimal point"),
+        ("printer.cfg", r"(?s)#\*#.*", "", "The block that SAVE_CONFIG writes is missing."),
+        ("printer.cfg", r"arm_length = (\d+)\.", r"arm_length = \1,", "Write a decimal point"),
+        ("v400.yaml", "kind: linear", "kinds: linear", "kind: linear_delta"),
     ],
-    ids=["cut off", "a decimal comma"],
+    ids=["cut off", "a decimal comma", "of no kind"],
 )
-def test_faults_of_a_printers_file(pattern: str, instead: str, said: str) -> None:
-    Path("p.cfg").write_text(re.sub(pattern, instead, Path("printer.cfg").read_text()))
-    assert said in refused(3, "solve", "p.cfg")
-
-
-def test_a_machine_of_no_kind_is_refused() -> None:
-    text = Path("v400.yaml").read_text().replace("kind: linear", "kinds: linear")
-    Path("slip.yaml").write_text(text)
-    back = refused(3, "solve", "printer.cfg", "--machine", "slip.yaml")
-    assert "kind: linear_delta" in back
-    assert "arm_length_mm" not in back.replace("Known here", "").split("kinds")[0]
+def test_faults_of_its_files(name: str, pattern: str, instead: str, said: str) -> None:
+    Path(name).write_text(re.sub(pattern, instead, Path(name).read_text()))
+    told = refused(3, "solve", "printer.cfg", *MACHINE)
+    assert said in told
+    # What else a machine of no kind lacks is not told.
+    assert "arm_length_mm" not in told.replace("Known here", "").split("kinds")[0]
 
 
 def test_places_that_are_not_filled_in_are_one_fault() -> None:

@@ -49,13 +49,10 @@ def test_the_gauge_of_the_machine_or_another() -> None:
     for option, step in (((), 0.01), (("--resolution", "0.05"), 0.05)):
         steps = session(*option).value / step
         assert np.abs(steps - np.rint(steps)).max() < 1e-6
-    exact = session(*EXACT, "--offsets", "1", "2", "3")
-    plan = exact.plan
-    cell = (plan.leg == 1) & (plan.direction == 0) & (plan.displacement == -100)
-    assert np.ptp(exact.value[cell]) == 0.0
     noisy = session("--noise", "0.5")
+    same = (noisy.plan.leg == 0) & (noisy.plan.direction == 1)
     # Ten readings of nothing but noise; a chance of 1e-3 to be outside, and the seed is fixed.
-    assert 0.2 < np.std(noisy.value[(plan.leg == 0) & (plan.direction == 1)]) < 0.9
+    assert 0.2 < np.std(noisy.value[same]) < 0.9
 
 
 @pytest.mark.parametrize("cause", CAUSES)

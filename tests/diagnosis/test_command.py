@@ -101,13 +101,6 @@ class TestAccept:
         assert ran.exit_code == 2
         assert extended.read_bytes() == kept
 
-    def test_the_default_name_says_what_was_accepted(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        monkeypatch.chdir(tmp_path)
-        assert diagnose(GAP, "--accept", "axis_gap").exit_code == 0
-        assert [path.name for path in tmp_path.iterdir()] == ["machine-axis_gap.yaml"]
-
     @pytest.mark.parametrize(
         ("data", "cause", "said"),
         [
