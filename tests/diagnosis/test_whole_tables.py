@@ -11,12 +11,12 @@ from orthoglide_cal.diagnosis.assess import assess
 from orthoglide_cal.diagnosis.candidates import Candidates
 from orthoglide_cal.diagnosis.explanations import OFFSETS_MM, Whitened
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.model.cause import Place
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings
 from orthoglide_cal.results.making import release
 from tests import truth
 from tests.diagnosis.sessions import OPTIMAL, known, model_of, read, step_left
+from tests.diagnosis.test_evidence import dense
 
 both_gauges = pytest.mark.parametrize("gauge", [truth.DIAL, truth.MICRON], ids=lambda g: g.name)
 SEEDS = range(1, 6)
@@ -134,18 +134,14 @@ def test_evidence_of_a_unit_is_the_density_of_what_was_written() -> None:
     found = assess(white)
     sets = Candidates.of(model, ordered=True).log_prior
     assert sets[("wrong_unit",)] == pytest.approx(sets[("misread",)] + np.log(0.1))
-    at, k = found.at, len(white)
-    wide = at.jacobian * OFFSETS_MM
-    parts = []
-    for weight, sigma in zip(at.noise.log_weight, at.noise.sigma.tolist(), strict=True):
-        covariance = (per_mm * sigma) ** 2 * np.eye(k) + wide @ wide.T
-        inverse, log_det = np.linalg.inv(covariance), np.linalg.slogdet(covariance)[1]
-        residual = white.data - white.matrix @ np.zeros(len(readings))
-        placed = at.extras["wrong_unit"]
-        number = placed.own.start + placed.tried.index(Place((0,)))
-        residual = at.residuals[number] * per_mm
-        parts.append(weight - 0.5 * (residual @ inverse @ residual + log_det))
-    expected = float(log_sum(np.array(parts))) - np.log(len(placed.log_weight))
+    at, placed = found.at, found.at.extras["wrong_unit"]
+    number = placed.own.start + placed.tried.index(Place((0,)))
+    wide, residual = at.jacobian * OFFSETS_MM, at.residuals[number] * per_mm
+    parts = [
+        weight + dense(wide, per_mm * sigma, residual)
+        for weight, sigma in zip(at.noise.log_weight, at.noise.sigma, strict=True)
+    ]
+    expected = np.logaddexp.reduce(parts) - np.log(len(placed.log_weight))
     assert found.scores[("wrong_unit",)].log_evidence == pytest.approx(expected, abs=0.01)
 
 
