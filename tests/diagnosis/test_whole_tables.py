@@ -170,7 +170,7 @@ def test_large_offsets_do() -> None:
 
 @pytest.mark.parametrize("offset_sd", [0.0, 0.5, 2.0, 5.0])
 def test_healthy_sessions_are_not_widened_by_what_nothing_shows(offset_sd: float) -> None:
-    for seed in range(20):
+    for seed in range(10):
         gauge = (truth.DIAL, truth.MICRON)[seed % 2]
         session = truth.make_session(seed, truth.LARGE, gauge, offset_sd=offset_sd)
         readings, model = known(session)
