@@ -19,7 +19,7 @@ from typer.testing import Result
 
 from orthoglide_cal.files.machine_file import default_machine, machine_text, shipped_folder
 from tests import truth
-from tests.cli.program import MACHINE, READINGS, process, run, words, written
+from tests.cli.program import MACHINE, READINGS, done, process, run, words, written
 from tests.machines import SAMPLES
 
 SAMPLE_FILES = sorted(path.name for path in SAMPLES.iterdir() if path.suffix in (".csv", ".yaml"))
@@ -53,10 +53,10 @@ def walk(*given: str) -> Iterator[str]:
     measured = {command for command in typed if command.startswith("measure ")}
     for command in sorted(typed - set(kept) - measured):
         told = [given[0] if word == "AFTER" else word for word in shlex.split(command)]
-        done = recorded(kept[0], *told) if kept and told[0] == "verify" else run(*told)
+        found = recorded(kept[0], *told) if kept and told[0] == "verify" else run(*told)
         refused = told[0] == "solve" and not released
-        assert done.exit_code == (4 if refused else 0), (command, said(done))
-        yield said(done)
+        assert found.exit_code == (4 if refused else 0), (command, said(found))
+        yield said(found)
 
 
 def recorded(record: str, *told: str) -> Result:
@@ -100,8 +100,7 @@ def test_where_no_machine_file_can_keep_it_the_command_says_what_was_entered() -
     """None here, that of another machine, one that comes with the program, several."""
     shutil.copy(SAMPLES / "double_posture_session.csv", READINGS)
     shipped = str(shipped_folder() / "orthoglide_prototype.yaml")
-    measured = process("measure", "s.yaml", "--gauge", "simulated", "--seed", "1")
-    assert measured.returncode == 0
+    done("simulate", "--offsets", "0.4", "-0.3", "0.8", "--seed", "1", "-o", "s.yaml")
     other = machine_text(default_machine()).replace("Orthoglide prototype", "Mill 3")
     for given in ((READINGS,), (READINGS, "--machine", shipped), ("s.yaml",)):
         if given[0] == "s.yaml":
@@ -122,10 +121,11 @@ def test_sessions_of_the_truth(cause: str | None) -> None:
 
 def test_a_session_ends_with_what_solve_says_of_it(tmp_path: Path) -> None:
     path = str(tmp_path / "my session.yaml")
-    done = process("measure", path, "--gauge", "simulated", "--seed", "1")
-    assert done.returncode == 0
-    assert said(run("solve", path)).strip() in done.stdout
-    assert printed(done.stdout) == printed(said(run("solve", path)))
+    measured = process("measure", path, "--gauge", "simulated", "--seed", "1")
+    assert measured.returncode == 0
+    solved = said(run("solve", path))
+    assert solved.strip() in measured.stdout
+    assert printed(measured.stdout) == printed(solved)
 
 
 def test_another_method_stays_the_method() -> None:
@@ -145,11 +145,11 @@ def test_offsets_that_no_home_switch_leaves_are_refused_everywhere_alike(offset:
     given = written(truth.measure(truth.PROTOTYPE, truth.DIAL, plan, offsets, (), rng))
     refusal = f"Offset x {offset:+.1f} mm: no home switch is that far off"
     for verb in SPEAKING:
-        done = run(verb, *given)
-        text = words(said(done))
+        found = run(verb, *given)
+        text = words(said(found))
         assert refusal in text, verb
         assert not any(order in text for order in ORDERS)
-        assert done.exit_code == (0 if verb == "diagnose" else 4)
+        assert found.exit_code == (0 if verb == "diagnose" else 4)
     machine = Path(MACHINE).read_text(encoding="utf-8")
     Path(MACHINE).write_text(f"{machine}homing_mm: 40\n", encoding="utf-8")
     assert run("solve", *given).exit_code == 0
