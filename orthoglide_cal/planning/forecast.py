@@ -5,7 +5,7 @@ gauge's stated noise and the degrees of freedom that the readings will have. On 
 `solve` prints once they are there.
 """
 
-import math
+from bisect import bisect_left
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -221,31 +221,17 @@ def _plausible_influences(model: Model, plan: Plan) -> tuple[Influence, ...]:
 
 
 def fewest_cycles(
-    model: Model,
-    protocol: MeasuringProtocol,
-    method: Method,
-    stands: int,
-    wanted_mm: float,
-    first: int = 1,
+    model: Model, protocol: MeasuringProtocol, method: Method, stands: int, wanted_mm: float
 ) -> SessionForecast | None:
     """The shortest session that leaves no U larger than wanted; None if `MOST_CYCLES` do not.
 
-    It is looked for from `first` cycles. Other arguments as of `forecast`.
+    Other arguments as of `forecast`.
     """
-    low, high, best = 0, MOST_CYCLES + 1, None
-    tried = forecast(model, protocol, first, method, stands)
-    while True:
-        cycles = tried.cycles
-        if max(tried.expanded_mm.values()) <= wanted_mm:
-            high, best = cycles, tried
-        else:
-            low = cycles
-        if high - low == 1:
-            return best
-        # About so many cycles leave the wanted U: what is averaged falls with their number.
-        left = 0.0 if tried.floor is None else np.diag(tried.floor.covariance_mm2)
-        noise = np.array([*tried.noise_std_mm.values()]) ** 2 * cycles
-        spare = wanted_mm**2 / tried.budget.k**2 - left
-        needed = np.where(spare * MOST_CYCLES > noise, noise / np.maximum(spare, TINY), MOST_CYCLES)
-        guess = min(max(math.ceil(float(needed.max())), low + 1), high - 1)
-        tried = forecast(model, protocol, guess, method, stands)
+
+    def with_cycles(cycles: int) -> SessionForecast:
+        return forecast(model, protocol, cycles, method, stands)
+
+    numbers = range(1, MOST_CYCLES + 1)
+    # More cycles never leave a larger U.
+    at = bisect_left(numbers, -wanted_mm, key=lambda n: -max(with_cycles(n).expanded_mm.values()))
+    return with_cycles(numbers[at]) if at < len(numbers) else None

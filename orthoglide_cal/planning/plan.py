@@ -267,7 +267,7 @@ def _compared(
     for protocol, methods in ways.items():
         for method in methods:
             same = forecast(model, protocol, chosen.cycles, method, stands)
-            as_sure = fewest_cycles(model, protocol, method, stands, wanted, chosen.cycles)
+            as_sure = fewest_cycles(model, protocol, method, stands, wanted)
             found = None if as_sure is None else fewest_moves(as_sure, protocol)
             yield Alternative(protocol, method, fewest_moves(same, protocol), found)
 
