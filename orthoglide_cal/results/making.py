@@ -62,7 +62,6 @@ from orthoglide_cal.words import counted, entered_decimals, percent, two_figures
 
 # Beyond this Student's t is the normal distribution to two decimals.
 NORMAL_DOF = 500.0
-_RIVALS = 1  # in one sentence
 # What the answer takes from a diagnosis as it is.
 _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
@@ -526,9 +525,9 @@ def _ambiguous(
 ) -> Release:
     vocabulary = solution.model.machine.vocabulary
     answer = " with ".join(cause.id for cause in diagnosis.causes) or "a cause"
-    open_ = [answer, *map(" with ".join, diagnosis.rivals[:_RIVALS])]
-    if len(diagnosis.rivals) > _RIVALS:
-        open_.append(counted(len(diagnosis.rivals) - _RIVALS, "other"))
+    open_ = [answer, *map(" with ".join, diagnosis.rivals[:1])]
+    if len(diagnosis.rivals) > 1:
+        open_.append(counted(len(diagnosis.rivals) - 1, "other"))
     either = " or ".join(filter(None, (", ".join(open_[:-1]), open_[-1])))
     sound = nothing_wrong(diagnosis.explanations) is not None
     reasons = [
