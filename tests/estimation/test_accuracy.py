@@ -1,4 +1,4 @@
-"""Covariance (26)–(33), the three sigmas, and intervals that cover what they say."""
+"""Sigma of one reading: what noise leaves, what repeats scatter, what the gauge can show."""
 
 from dataclasses import replace
 

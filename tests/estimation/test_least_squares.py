@@ -1,4 +1,4 @@
-"""Eq. (25): optimality, convergence, and agreement with another solver."""
+"""Eq. (25): convergence, and how far what was found is from the optimum."""
 
 import numpy as np
 import pytest

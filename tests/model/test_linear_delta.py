@@ -1,4 +1,4 @@
-"""The linear delta against an independent one: both kinematics, readings, derivatives, batches."""
+"""The linear delta against an independent one: kinematics, readings, and plans of touches."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -175,9 +175,6 @@ def test_from_which_side_a_place_is_come_to_does_not_hang_on_what_is_read_there(
         for z in (still, rough)
     )
     np.testing.assert_array_equal(read, level)
-
-
-# --- derivatives and batches ------------------------------------------------------------------
 
 
 # --- plans ------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Plans: read-only arrays, set-ups, time order, the paper's sessions, where carriages come from."""
+"""Plans: set-ups, time order, the paper's sessions, where carriages come from."""
 
 from dataclasses import replace
 

@@ -66,7 +66,7 @@ def test_the_closed_form_of_the_jacobian(
     assert (np.abs(slope - nominal).max() > 1e-4) == (made is not Model)
 
 
-# --- batches, and postures that cannot be taken -----------------------------------------------
+# --- postures that cannot be taken ------------------------------------------------------------
 
 
 def test_an_unreachable_session_is_an_error_or_nan() -> None:

@@ -186,6 +186,14 @@ def test_a_change_of_the_machine_is_noticed():
     assert not verify(first, same, TRUE).other_change.found
 
 
+def test_what_an_accepted_cause_leaves_is_named():
+    gaped = FINE.extended([CAUSES["axis_gap"].at(np.array([0.3, -0.2, 0.25]))])
+    first, second = (
+        given(session(offsets, seed, gaped), gaped) for offsets, seed in ((TRUE, 1), (TRUE * 0, 2))
+    )
+    assert "Offsets do not remove axis_gap: 0.0" in str(verify(first, second, TRUE).remains)
+
+
 def test_an_axis_that_was_not_touched_has_no_coefficient():
     applied = np.array([0.0, 0.59, -1.76])
     axes = verify(before(15), after(applied, 16), applied).axes
