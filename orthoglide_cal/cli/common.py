@@ -322,10 +322,8 @@ def deliver(
 ) -> None:
     """Show a document on standard output, as text or as JSON, or write the files asked for.
 
-    Text without `details` is one screen where the document has one.
-
-    Raises:
-        UsageError: a file exists and may not be replaced: only one that this wrote may ever be.
+    Text without `details` is one screen where the document has one. Raises UsageError: a file
+    exists and may not be replaced: only one that this wrote may ever be.
     """
     pages = html is not None or markdown is not None
     if as_json and pages:

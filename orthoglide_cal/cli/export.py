@@ -93,8 +93,7 @@ def released(
 ) -> Case:
     """The offsets of an input, if they may be used or are forced to (None: cannot be forced).
 
-    Raises:
-        UnusableResultError: they must not be used; with what to do instead.
+    Raises UnusableResultError: they must not be used; with what to do instead.
     """
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.results import answer_to

@@ -332,11 +332,8 @@ class _Reader:
 def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings after all that was printed, with G33's heights, and what else was probed.
 
-    The radius of the bed is NaN where the settings before it do not have it.
-
-    Raises:
-        InvalidFileError: everything that is wrong.
-        InputError: it holds no heights, or not their places.
+    The radius of the bed is NaN where the settings before it do not have it. Raises
+    InvalidFileError: everything that is wrong; InputError: no heights, or not their places.
     """
     faults, reader, remarks = Faults(document.path), _Reader(settings), []
     for number, line in enumerate(document.text.split("\n"), start=1):

@@ -52,9 +52,8 @@ def check_idle(address: str) -> None:
 def upload(address: str, data: bytes) -> None:
     """Put a printer.cfg in the place of the server's.
 
-    Raises:
-        UsageError: the printer prints.
-        InputError: the server does not take it, or holds something else afterwards.
+    Raises UsageError: the printer prints; InputError: the server does not take it, or holds
+    something else afterwards.
     """
     check_idle(address)
     mark = "----orthocal-" + os.urandom(16).hex()

@@ -62,9 +62,7 @@ def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
 def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
     """The bytes of a file, of standard input ("-"), or of the printer.cfg of a Moonraker server.
 
-    Raises:
-        UnreadableError: as `read_document`.
-        InputError: the server cannot be reached.
+    Raises UnreadableError as `read_document`; InputError: the server cannot be reached.
     """
     if address := moonraker.server(path):
         return moonraker.printer_cfg(address)

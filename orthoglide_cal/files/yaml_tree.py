@@ -56,10 +56,8 @@ def load_tree(file: FileText) -> Tree:
     """Parse a file without resolving anything.
 
     Work and memory are bounded by the size limit: aliases, anchors and tags are refused, as are
-    more than 20 levels or 60,000 nodes, before what follows them is looked at.
-
-    Raises:
-        InputError: not YAML, or something refused, with its line.
+    more than 20 levels or 60,000 nodes, before what follows them is looked at. Raises InputError:
+    not YAML, or something refused, with its line.
     """
     check_size(file.size, file.path, YAML_LIMIT)
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)

@@ -103,8 +103,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         covariance: of the offsets, shape (3, 3) [mm²].
         k: coverage factor for the uncertainty that remains.
 
-    Raises:
-        PostureError: a corner of the cube that the machine cannot reach.
+    Raises PostureError: a corner of the cube that the machine cannot reach.
     """
     axis, points = _grid(model, SAMPLES)
     before = np.linalg.norm(_reached(model, points, offsets)[1] - points, axis=-1)
@@ -148,9 +147,8 @@ class Compensation(ReadOnly):
 def compensation(model: Model, points: int) -> Compensation:
     """The table for the causes accepted for this machine, with `points` along each edge.
 
-    Raises:
-        UsageError: no accepted cause can be compensated, or the grid has a useless size.
-        UnreachableError: a leg is too short for a point.
+    Raises UsageError: no accepted cause can be compensated, or the grid has a useless size;
+    UnreachableError: a leg is too short for a point.
     """
     if not 2 <= points <= MOST_POINTS:
         what = f"A table has 2 to {MOST_POINTS} points along each edge, not {points}."

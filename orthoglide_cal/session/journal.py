@@ -117,9 +117,8 @@ class Journal:
     def resume(cls, path: Path) -> Journal:
         """The journal in `path`, to be continued.
 
-        Raises:
-            UsageError: there is none, or another session is using it.
-            InputError: it cannot be read, or is damaged.
+        Raises UsageError: there is none, or another session is using it; InputError: it cannot be
+        read, or is damaged.
         """
         try:
             descriptor = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
