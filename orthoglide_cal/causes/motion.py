@@ -40,8 +40,7 @@ class EncoderScale(Cause):
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """q = L + (1 + k)(ρ − L) + Δρ; theta (..., 3)."""
-        travel = command.joints - command.home
-        return joints + theta[..., None, :] * travel
+        return joints + theta[..., None, :] * (command.joints - command.home)
 
 
 class Backlash(Cause):

@@ -214,8 +214,7 @@ def read_input(
     given = read(path, known_machine(machine_file), folder_machine, data)
     require_printer(given.measured.source, data)
     if rule_out:
-        known = tuple(sorted(set(rule_out)))
-        given = replace(given, model=replace(given.model, ruled_out=known))
+        given = replace(given, model=replace(given.model, ruled_out=tuple(sorted(set(rule_out)))))
     try:
         return replace(given, keeper=own_machine_file(machine_file))
     except OrthocalError:

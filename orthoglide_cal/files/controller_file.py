@@ -149,8 +149,7 @@ def controller_file(target: str) -> ControllerFile:
             raise InputError(what, "Move it above the block.", file=target, line=number, value=line)
     found = _found(target, text.replace("\n#*#", "\n"), ":=", _KLIPPER, heading)
     included = "The file includes others. A value that is also in one of them is the one in force."
-    remarks = (included,) if "\n[include " in text else ()
-    return ControllerFile(target, data, found, remarks=remarks)
+    return ControllerFile(target, data, found, remarks=(included,) if "\n[include " in text else ())
 
 
 def replace_file(target: str, before: str, data: bytes) -> None:

@@ -93,8 +93,7 @@ class Faults:
         try:
             yield
         except InputError as error:
-            value = shortened(text)
-            self.add(error.what, error.remedy, line=line, column=column, value=value)
+            self.add(error.what, error.remedy, line, column, shortened(text))
 
     def take(
         self,
@@ -179,8 +178,7 @@ def unused(what: str, names: Iterable[str], known: Iterable[str]) -> list[str]:
     if not given:
         return []
     hints = "".join(nearest(name, words) for name in given[:10])
-    remark = f"{what} are not known and were not used: {listed(given)}. {hints}"
-    return [remark.strip()]
+    return [f"{what} are not known and were not used: {listed(given)}. {hints}".strip()]
 
 
 def _known(path: Steps, schema: object) -> list[str]:

@@ -186,8 +186,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
         faults.add(what, _AGAIN, line=4)
     faults.check()
     offset = np.nan_to_num(settings.probe)
-    lines_of = range(4, 4 + len(y))
-    grid = Stored.of_grid("heightmap", x, y, heights, lines_of, offset)
+    grid = Stored.of_grid("heightmap", x, y, heights, range(4, 4 + len(y)), offset)
     remark = f"If G30 was sent before G29, the map counts from that place: {ZERO_UNKNOWN}"
     mesh, source = replace(grid, remarks=(remark,)), document.source
     return replace(settings, probe=offset, mesh=mesh, source=source, firmware="reprapfirmware")

@@ -156,8 +156,7 @@ def check_file(
     kind = "session" if given.is_session else measured.kind
     input = input.changed(kind=kind, readings=len(measured))
     doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.instrument))
-    remarks = (*doubts, *measured.remarks)
-    return Check(input=input, machine=machine.name, remarks=remarks), given
+    return Check(input=input, machine=machine.name, remarks=(*doubts, *measured.remarks)), given
 
 
 def together(inputs: Sequence[Input]) -> Input:
@@ -405,5 +404,4 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     machine, remarks = probe_readings.known_printer(file, _delta(model, file.source.path))
     read = probe_readings.printer_readings(file, stored, machine)
     readings = replace(read, remarks=(*remarks, *read.remarks))
-    judge = replace(model, machine=machine)
-    return Input(readings, judge, conditions_in(readings))
+    return Input(readings, replace(model, machine=machine), conditions_in(readings))

@@ -323,8 +323,7 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     at[less, :2] -= offset[:2]
     at[~less, 2] -= offset[2]
     mesh = Stored.of_touches("console", touches[:, :4], offset[2])
-    source = document.source
-    return replace(settings, probe=offset, mesh=mesh, source=source, remarks=remarks)
+    return replace(settings, probe=offset, mesh=mesh, source=document.source, remarks=remarks)
 
 
 def _check_kind(settings: _Settings) -> None:

@@ -369,8 +369,7 @@ def with_history(
     Comments, order and blanks stay as they are; the digest is still that of the file.
     """
     held = {"offsets_mm": offsets_mm} if offsets_mm is not None else {}
-    machine = file.model.machine.changed(**held, history=history)
-    model = replace(file.model, machine=machine)
+    model = replace(file.model, machine=file.model.machine.changed(**held, history=history))
     values = machine_values(model)
     text = edited(file.document.text, {key: values[key] for key in (*held, "history")})
     with suppress(InputError):

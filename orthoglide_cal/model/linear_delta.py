@@ -211,8 +211,7 @@ class ProbePlan(Plan):
         ends = np.where(self.distance[:, None], self.other, 0.0)
         height = np.where(self.distance, self.place[:, 2], self.surface)
         kind = self.distance.astype(np.intp)
-        where = (*self.place[:, :2].T, height, *ends.T)
-        return alike(*where, self.weight, kind, self.part)[1]
+        return alike(*self.place[:, :2].T, height, *ends.T, self.weight, kind, self.part)[1]
 
     @cached_property
     def texture(self) -> Floats:

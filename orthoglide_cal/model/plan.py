@@ -179,8 +179,7 @@ class Plan(ABC):
 
     def subset(self, chosen: Ints | Bools) -> Self:
         """The plan of some of its readings (indices or mask)."""
-        parts = {item.name: getattr(self, item.name)[chosen] for item in fields(self)}
-        return type(self)(**parts)
+        return type(self)(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
     @abstractmethod
     def patterns(self, ordered: bool) -> Iterator[tuple[str, Floats]]:

@@ -176,8 +176,7 @@ class GaugePlan(Plan):
 
     @cached_property
     def repeats(self) -> Ints:
-        where = (self.setup, self.displacement, self.contact, self.gauge_at)
-        return alike(*where, *self.state)[1]
+        return alike(self.setup, self.displacement, self.contact, self.gauge_at, *self.state)[1]
 
     def subset(self, chosen: Ints | Bools) -> Self:
         """As of any plan; set-ups are renumbered, and begin at their first chosen reading."""

@@ -204,8 +204,7 @@ class ReadingsSoFar:
                 "temperature_c": opened.temperature_c,
                 **said,
             }
-        row = row_at(setting.plan, number - 1, str(step.posture))
-        return row.model_copy(update=said)
+        return row_at(setting.plan, number - 1, str(step.posture)).model_copy(update=said)
 
     @cached_property
     def rows(self) -> list[ReadingRow]:

@@ -84,8 +84,7 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
         ]
     else:
         words = []
-        before = first.rows if first else []
-        bars = [row.bar for row in before if row.leg == AXES[planned.leg]]
+        bars = [row.bar for row in (first.rows if first else []) if row.leg == AXES[planned.leg]]
         if planned.turned:
             sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))
             words = [
