@@ -4,8 +4,6 @@ An error carries its data as fields; only the command line turns it into text an
 Here, too, is how every message writes text from outside, files, and commands to type.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections.abc import Sequence

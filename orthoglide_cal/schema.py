@@ -8,8 +8,6 @@ What is wrong with a text is an `InputError` with what and remedy, without a pla
 the path, and `files.faults` the file, the line and the words for what pydantic itself refuses.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable

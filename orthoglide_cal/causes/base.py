@@ -4,8 +4,6 @@ A pattern cause adds a known pattern to the readings; a relabelling one exchange
 signs or their unit. All others act on the whole machine at once and are `Cause`s of the model.
 """
 
-from __future__ import annotations
-
 import functools
 from abc import ABC, abstractmethod
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """What can be wrong with what gauges and probes touch, with their stands, and with a bed."""
 
-from __future__ import annotations
-
 import math
 from types import MappingProxyType
 

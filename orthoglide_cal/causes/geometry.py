@@ -1,7 +1,5 @@
 """What can be wrong with where the rails and legs are."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 import numpy as np

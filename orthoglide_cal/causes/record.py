@@ -1,7 +1,5 @@
 """What can be wrong with what was written down."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 import numpy as np

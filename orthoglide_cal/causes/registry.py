@@ -1,7 +1,5 @@
 """The causes of all files in this folder, by id."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The `orthocal` program: its commands, and how errors become exit codes."""
 
-from __future__ import annotations
-
 import atexit
 import codecs
 import errno

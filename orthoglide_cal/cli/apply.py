@@ -1,7 +1,5 @@
 """`orthocal apply`: what goes into the controller, written there if wanted, and recorded."""
 
-from __future__ import annotations
-
 import sys
 from datetime import datetime
 from pathlib import Path
@@ -105,7 +103,7 @@ def apply(
     common.for_each([session or ""], judge, as_json=json)
 
 
-def _write(found: Application) -> None:
+def _write(found: "Application") -> None:
     """Write the record, then the controller's file; what is taken back, in the other order.
 
     So the record never lacks what a controller holds, whenever the program is killed.
@@ -127,8 +125,12 @@ def _write(found: Application) -> None:
 
 
 def _entered(
-    path: str, machine: File, to: ControllerFile | None, data: common.Data, rule_out: common.RuleOut
-) -> Application:
+    path: str,
+    machine: File,
+    to: "ControllerFile | None",
+    data: common.Data,
+    rule_out: common.RuleOut,
+) -> "Application":
     """What a measurement found, if it may be used. Raises UsageError, UnusableResultError."""
     from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.files.machine_file import new_machine_file

@@ -1,7 +1,5 @@
 """`orthocal diagnose`: what else is wrong, how sure that is, and what to do."""
 
-from __future__ import annotations
-
 from datetime import date
 from pathlib import Path
 from typing import Annotated

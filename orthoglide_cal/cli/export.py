@@ -1,7 +1,5 @@
 """`orthocal export`: the offsets for the controller, unless they must not be used."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -85,12 +83,12 @@ def export(
 
 
 def released(
-    given: Input,
+    given: "Input",
     machine: Path | None,
     method: str | None = None,
     force: bool | None = None,
     details: bool = False,
-) -> Case:
+) -> "Case":
     """The offsets of an input, if they may be used or are forced to (None: cannot be forced).
 
     Raises UnusableResultError: they must not be used; with what to do instead.

@@ -1,7 +1,5 @@
 """`orthocal guide`: the manual in the terminal; its pages are the Markdown files of `guide/`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`orthocal history`: did the machine change?"""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """`orthocal machine`: a machine file made by question and answer, and shown."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -146,7 +144,7 @@ def show(
     common.deliver(machine_document(common.read_machine_file(path).model), as_json=json)
 
 
-def _questions(schema: type[BaseModel], group: str = "") -> Iterator[tuple[str, str]]:
+def _questions(schema: "type[BaseModel]", group: str = "") -> Iterator[tuple[str, str]]:
     """What the fields' own metadata say."""
     for name, field in schema.model_fields.items():
         inner, extra = field.annotation, field.json_schema_extra

@@ -1,7 +1,5 @@
 """`orthocal measure`: a guided session, from the first set-up to the offsets."""
 
-from __future__ import annotations
-
 import errno
 import signal
 import sys
@@ -181,7 +179,7 @@ def measure(
 
 
 @contextmanager
-def _saved_when_interrupted() -> Iterator[list[Dialogue]]:
+def _saved_when_interrupted() -> "Iterator[list[Dialogue]]":
     """Whatever interrupts a session, it ends with exit code 130 and how to go on.
 
     The session is put into the list that this gives, once there is one.
@@ -218,7 +216,7 @@ def _saved_when_interrupted() -> Iterator[list[Dialogue]]:
     raise typer.Exit(INTERRUPTED)
 
 
-def _show_on(console: Console, aside: Console) -> Show:
+def _show_on(console: "Console", aside: "Console") -> "Show":
     """Shows a session on one console, and on the other what arrived unasked."""
     from orthoglide_cal.session.asking import Style
 

@@ -1,7 +1,5 @@
 """`orthocal paper`: the paper's tables computed again, next to the printed values."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, get_args
 
 import typer

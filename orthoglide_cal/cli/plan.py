@@ -1,7 +1,5 @@
 """`orthocal plan`: what a measurement will tell, before it is made; its program or places."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -116,7 +114,7 @@ def plan(
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
 
 
-def write_program(program: PostureProgram, target: Path, template: Path | None = None) -> None:
+def write_program(program: "PostureProgram", target: Path, template: Path | None = None) -> None:
     """Write a posture program as CSV or G-code, by the end of the name; "-" shows its table.
 
     The template of the G-code is the one of `orthocal template gcode` if None.
@@ -146,7 +144,7 @@ def write_program(program: PostureProgram, target: Path, template: Path | None =
     common.put(text, target, f"{len(program.blocks)} blocks written to {target}. {said}")
 
 
-def write_places(found: SessionForecast, target: Path) -> None:
+def write_places(found: "SessionForecast", target: Path) -> None:
     """Write the places of a layout as a file to be filled in; "-" shows it.
 
     Raises UsageError: another kind of file, a layout with distances, or the file exists.

@@ -1,7 +1,5 @@
 """`orthocal report`: the result in the hands of the people who need it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -82,7 +80,7 @@ def report(
     common.for_each([file or str(latest_session(Path()))], judge, as_json=json)
 
 
-def _best_last(case: Case) -> tuple[bool, ...]:
+def _best_last(case: "Case") -> tuple[bool, ...]:
     """Sorts the worst verdict first."""
     release = case.answer.release
     return bool(case.answer.parameters), release.sound, release.usable, not release.cautions

@@ -1,7 +1,5 @@
 """`orthocal solve`: from readings to joint offsets, and whether they may be entered."""
 
-from __future__ import annotations
-
 from orthoglide_cal.cli import common
 from orthoglide_cal.errors import UnusableResultError
 

@@ -1,7 +1,5 @@
 """`orthocal` alone: what lies in this folder, and what to type next."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -66,12 +64,12 @@ def start() -> None:
 
 
 def _next(
-    file: StoredMachine | None,
+    file: "StoredMachine | None",
     to: str | None,
     sessions: list[Path],
     waiting: list[Path],
     printers: list[Path],
-) -> Iterator[doc.Instruction | doc.Block]:
+) -> "Iterator[doc.Instruction | doc.Block]":
     """What comes next in the round: machine, measure, enter, measure again, verify, report.
 
     `to`: the controller's file of a change that is recorded and was not written.

@@ -1,7 +1,5 @@
 """`orthocal template`: an example file, to be overwritten with your own numbers."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from orthoglide_cal.cli.common import argument

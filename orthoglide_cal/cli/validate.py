@@ -1,7 +1,5 @@
 """`orthocal validate`: everything that is wrong with a file."""
 
-from __future__ import annotations
-
 from orthoglide_cal.cli import common
 from orthoglide_cal.errors import InputError, UnusableResultError
 

@@ -1,7 +1,5 @@
 """`orthocal verify`: did a correction help?"""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from orthoglide_cal.cli import common

@@ -6,8 +6,6 @@ byte stays, and so do line ends, encoding, file mode and links. The file is a pa
 of a Moonraker server.
 """
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections import defaultdict

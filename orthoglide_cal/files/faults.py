@@ -1,7 +1,5 @@
 """Everything that is wrong with one file, each fault with its place; pydantic's errors in words."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager

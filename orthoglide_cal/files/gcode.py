@@ -23,8 +23,6 @@ Sources: "GCode dictionary" and "Mesh bed compensation" of RepRapFirmware; Marli
 G29 (bilinear), G33, M420, M503, M665, M666 and M851.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Sequence

@@ -4,8 +4,6 @@ Lines that are a comment beginning with "orthocal" are settings, notes, or the m
 where the blocks go; all others are copied as they stand.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """The inputs that a user names: read, joined, or only checked; and the sessions of a folder."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 import re

@@ -15,8 +15,6 @@ Options, units, defaults and messages: Klipper's documents "Configuration refere
 calibration" and "Bed Mesh".
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import re

@@ -4,8 +4,6 @@
 (their manual pages). Nothing here can move a machine.
 """
 
-from __future__ import annotations
-
 import re
 import socket
 import subprocess

@@ -4,8 +4,6 @@ What a machine is made of its class says; here is what stands around it in the f
 depends on which causes there are.
 """
 
-from __future__ import annotations
-
 import functools
 import re
 from collections.abc import Mapping

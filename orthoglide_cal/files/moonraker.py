@@ -4,8 +4,6 @@ By Moonraker's "External API". A key that the server may want is taken from the 
 sent to this server only.
 """
 
-from __future__ import annotations
-
 import os
 import re
 

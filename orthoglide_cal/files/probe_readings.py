@@ -1,7 +1,5 @@
 """Touches of a linear delta's bed: from a CSV, or from what files of its firmware store."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -118,7 +116,7 @@ class Stored(ReadOnly):
     remarks: tuple[str, ...] = ()  # what to know about it
 
     @classmethod
-    def of_touches(cls, mesh: str, touches: Floats, trigger: float) -> Stored:
+    def of_touches(cls, mesh: str, touches: Floats, trigger: float) -> "Stored":
         """From line, x, y and height of each, in the order of time, shape (n, 4).
 
         Heights are those of the nozzle over where it is when the probe triggers, `trigger` [mm].
@@ -131,7 +129,7 @@ class Stored(ReadOnly):
     @classmethod
     def of_grid(
         cls, mesh: str, x: Floats, y: Floats, height: Floats, line: Sequence[int], offset: Floats
-    ) -> Stored:
+    ) -> "Stored":
         """From rows of heights (m, n), NaN where nothing was probed, at x (n,) and y (m,) [mm].
 
         These are places of the probe, whose offset from the nozzle is of shape (3,) [mm]. The first

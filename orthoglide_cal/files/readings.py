@@ -1,7 +1,5 @@
 """Rows of readings to columns of arrays, and back to rows; and files of differences."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence

@@ -4,8 +4,6 @@ A row comes as the texts of its cells; the same class writes it. Every cell is c
 here; what only shows across rows, where the rows become arrays.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Session files (`orthocal guide files`): the schema, read and written."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated
 

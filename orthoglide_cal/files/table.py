@@ -4,8 +4,6 @@ The delimiter is the one that the header line uses (tab, then semicolon, then co
 from the content goes wrong on `1,234;5,678`.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """A file's text, read and written."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import os

@@ -7,8 +7,6 @@ A file that people keep is edited, never dumped again: comments, order and blank
 Whoever edits one reads the result back, because YAML has forms that nobody writes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import count

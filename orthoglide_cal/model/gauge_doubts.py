@@ -5,8 +5,6 @@ times less than a gauge can. Both look like excellent data to a fit. Healthy rea
 once in a million sessions: every chance here is an upper bound, for a gauge as good as stated.
 """
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Iterator

@@ -13,8 +13,6 @@ Functions take matrix and vector indices as the first axes and the batch as the 
 (3, 3, ...): many small vectors are then handled as few long arrays. Methods have the batch first.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -155,7 +153,7 @@ class Points(NamedTuple):
     tool: Numbers  # p, shape (3, m, ...) [mm]
 
     @classmethod
-    def of(cls, geometry: Geometry, joints: Numbers, strict: bool) -> Points:
+    def of(cls, geometry: Geometry, joints: Numbers, strict: bool) -> "Points":
         """Direct kinematics for true joint positions (..., m, 3) [mm], as `Geometry.tool_for`."""
         rails = (geometry.points.ndim, geometry.directions.ndim, geometry.lengths.ndim + 1)
         batch = max(joints.ndim, *rails) - 2

@@ -10,8 +10,6 @@ calliper reads between two places of a printed object; its reading is the excess
 that was commanded. Both are zero on a perfect machine.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -461,7 +459,7 @@ class LinearDelta(Machine):
         named = zip(words, names, strict=True)
         return tuple(word for word, name in named if getattr(self, name) != getattr(after, name))
 
-    def believed(self, other: LinearDelta, place: Floats) -> Floats:
+    def believed(self, other: "LinearDelta", place: Floats) -> Floats:
         """Where this controller believes the nozzle to be, shape (n, 3) [mm].
 
         `place` is where the printer's controller of another date, `other`, believed it to be.

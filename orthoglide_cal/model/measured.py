@@ -1,7 +1,5 @@
 """What was measured, as arrays: readings, or differences of readings as the paper prints them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum

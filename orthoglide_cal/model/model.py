@@ -11,8 +11,6 @@ Predicted readings are those of gauges whose zero is the frame's origin; each re
 its own unknown zero, which the estimation removes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -40,16 +38,16 @@ class Model:
         """The machine, where gauges are read on legs; raises UsageError for another kind."""
         return Orthoglide.require(self.machine)
 
-    def extended(self, effects: Iterable[Effect]) -> Model:
+    def extended(self, effects: Iterable[Effect]) -> "Model":
         """The model with more causes, after those that it has."""
         return replace(self, accepted=(*self.accepted, *effects))
 
-    def holding(self, offsets_mm: tuple[float, float, float]) -> Model:
+    def holding(self, offsets_mm: tuple[float, float, float]) -> "Model":
         """The model of the machine with other offsets active in its controller (x, y, z) [mm]."""
         machine = self.orthoglide.changed(offsets_mm=JointOffsets(*offsets_mm))
         return replace(self, machine=machine)
 
-    def judging(self, then: Model) -> Model:
+    def judging(self, then: "Model") -> "Model":
         """`Machine.judging`, with the causes that are known now."""
         return replace(self, machine=self.machine.judging(then.machine))
 

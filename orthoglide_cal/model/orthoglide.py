@@ -5,8 +5,6 @@ which order. What the paper makes of them is a difference: the mean of some read
 of others of the same gauge set-up, d = R·readings with a matrix R of shape (k, n); zeros vanish.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence

@@ -4,8 +4,6 @@ It holds no measured value. Readings may share unknown zeros, and may differ in 
 are; what is estimated from them is estimated from combinations that no zero enters, weighted.
 """
 
-from __future__ import annotations
-
 import functools
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
@@ -42,7 +40,7 @@ class ReadOnly:
 
 
 # Of the arrays of a plan, by their annotations.
-_DTYPES = MappingProxyType({"Floats": np.float64, "Ints": np.intp, "Bools": np.bool_})
+_DTYPES: Mapping[object, type] = MappingProxyType({Floats: float, Ints: np.intp, Bools: bool})
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -65,7 +63,7 @@ class Plan(ABC):
     def __post_init__(self) -> None:
         n = np.shape(self.order)
         for item in fields(self):
-            array: Numbers = np.asarray(getattr(self, item.name), _DTYPES[str(item.type)])
+            array: Numbers = np.asarray(getattr(self, item.name), _DTYPES[item.type])
             shape = (*n, self.rows[item.name]) if item.name in self.rows else n
             if item.default_factory is not MISSING and array.ndim < len(shape):
                 array = np.broadcast_to(array, shape)
@@ -74,7 +72,7 @@ class Plan(ABC):
             object.__setattr__(self, item.name, read_only(array, array.dtype))
 
     @classmethod
-    def require(cls, plan: Plan) -> Self:
+    def require(cls, plan: "Plan") -> Self:
         """The plan, if it is of this kind; raises TypeError for another one."""
         if not isinstance(plan, cls):
             raise TypeError(f"{cls.__name__} is wanted, not {type(plan).__name__}")

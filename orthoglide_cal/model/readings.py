@@ -1,7 +1,5 @@
 """What gauges on the legs read: axes, postures, and the plan of such readings."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace

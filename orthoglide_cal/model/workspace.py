@@ -8,8 +8,6 @@ to p' = direct kinematics of the real machine at ρ + Δρ.
             uncertainty leaves: an upper bound
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 

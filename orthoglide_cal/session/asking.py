@@ -1,7 +1,5 @@
 """Where questions are put and answered: keyboard and gauge together, behind one `ask`."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -4,8 +4,6 @@ A reading is questioned when a reading as far off is as rare as one beyond LIMIT
 and the question names the blunder that explains it best. Nothing is altered.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

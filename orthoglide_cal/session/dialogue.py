@@ -1,7 +1,5 @@
 """The loop of a session: show a step, wait for an answer, check it, put it on the disk."""
 
-from __future__ import annotations
-
 import re
 import time
 from collections.abc import Callable, Sequence
@@ -174,7 +172,7 @@ class Dialogue:
             lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
         self.asker.show("\n".join(lines), Style.GOOD)
 
-    def reveal(self, found: Sequence[Parameter]) -> None:
+    def reveal(self, found: "Sequence[Parameter]") -> None:
         """After a simulated session, say what was hidden, and whether it was found."""
         if not isinstance(gauge := self.asker.gauge, SimulatedGauge):
             return

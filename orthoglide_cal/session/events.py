@@ -4,8 +4,6 @@ The journal is a list of these records. The state is a pure fold over them (`rep
 that was interrupted anywhere continues as if it had not been.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -265,7 +263,7 @@ class State:
     source: tuple[str, ...] = ()  # where readings come from now
     count: int = 1  # of records
     # The state to which an undo returns.
-    before: State | None = field(default=None, repr=False, compare=False)
+    before: "State | None" = field(default=None, repr=False, compare=False)
 
     def is_open(self, step: int) -> bool:
         """True if this step still has to be measured."""

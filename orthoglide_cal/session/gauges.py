@@ -1,7 +1,5 @@
 """Gauges: what each is for the dialogue; what it or a person says; serial lines; a simulation."""
 
-from __future__ import annotations
-
 import math
 import re
 import time
@@ -48,7 +46,7 @@ class Token(NamedTuple):
     elsewhere: str | None = None  # a sentence if not this gauge was asked: its value is not used
 
     @classmethod
-    def of(cls, match: re.Match[str], raw: str) -> Token:
+    def of(cls, match: re.Match[str], raw: str) -> "Token":
         """From a match with the group `value` and optionally `unit` and `channel`."""
         found = match.groupdict()
         digits = match["value"].replace(" ", "").replace(",", ".")

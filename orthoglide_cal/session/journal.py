@@ -6,8 +6,6 @@ moment its bytes are on the disk (fsync); what a power loss left of an unfinishe
 ignored and reported.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -104,7 +102,7 @@ class Journal:
         self._end = b"\n" if recovered.open_line else b""  # of the last record
 
     @classmethod
-    def create(cls, path: Path, *events: Event) -> Journal:
+    def create(cls, path: Path, *events: Event) -> "Journal":
         """A new journal of these records, all or none. Raises UsageError if the file exists."""
         text, checksum = "", 0
         for event in events:
@@ -114,7 +112,7 @@ class Journal:
         return cls.resume(path)
 
     @classmethod
-    def resume(cls, path: Path) -> Journal:
+    def resume(cls, path: Path) -> "Journal":
         """The journal in `path`, to be continued.
 
         Raises UsageError: there is none, or another session is using it; InputError: it cannot be

@@ -1,7 +1,5 @@
 """Lines from the terminal or from a pipe, one at a time, with the moment when each was begun."""
 
-from __future__ import annotations
-
 import codecs
 import os
 import sys

@@ -3,8 +3,6 @@
 Also what is measured next where earlier readings are continued, and where the session's file is.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import secrets
@@ -159,7 +157,7 @@ def _check_options(request: Request) -> None:
         raise UsageError(what, "Leave out one of them: what is read follows from what was begun.")
 
 
-def _confirmed(request: Request, asker: Asker) -> tuple[Model, Recommendation | None]:
+def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation | None]":
     """The machine, with the offsets that its controller holds, once the operator has agreed to it.
 
     With it, to the measurement that is recommended, if it is to be carried out. Nobody is asked
@@ -227,7 +225,7 @@ class Recommendation:
     plan: GaugePlan  # that is carried out
     change: str = ""  # what was entered since the first readings were taken, in a sentence
 
-    def holding(self, offsets_mm: Sequence[float]) -> Recommendation:
+    def holding(self, offsets_mm: Sequence[float]) -> "Recommendation":
         """What can be carried out with these offsets [mm] in the controller. Raises UsageError."""
         x, y, z = np.subtract(offsets_mm, self.model.orthoglide.offsets_mm).round(9).tolist()
         change = np.subtract((x, y, z), self.first.left_entered)

@@ -1,7 +1,5 @@
 """The readings of a session and those that it continues: as arrays, and as its file holds them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """The words that lead through a session, in plain characters."""
 
-from __future__ import annotations
-
 import textwrap
 from collections import Counter
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """The operating system that the program runs on, chosen once."""
 
-from __future__ import annotations
-
 import os
 from importlib import import_module
 

@@ -1,7 +1,5 @@
 """The few things that each operating system does in its own way, as the program wants them."""
 
-from __future__ import annotations
-
 import os
 from contextlib import suppress
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Linux, macOS and the like."""
 
-from __future__ import annotations
-
 import codecs
 import fcntl
 import os

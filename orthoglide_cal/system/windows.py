@@ -1,7 +1,5 @@
 """Windows: the console and locks of its C library, the module `msvcrt`."""
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path
