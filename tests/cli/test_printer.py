@@ -551,6 +551,7 @@ TWO_MACHINES = "two machines: arms 344 and 265 mm long, delta radius 162 and 130
          "of kind linear_delta; this machine is of kind orthoglide"),
         ("verify printer.cfg kossel.cfg", 2, TWO_MACHINES),
         ("diagnose printer.cfg --holdout kossel.cfg", 2, TWO_MACHINES),
+        ("diagnose printer.cfg kossel.cfg --together", 2, TWO_MACHINES),
         ("measure --machine v400.yaml", 2, "BED_MESH_CALIBRATE"),
         ("apply t41.csv --machine v400.yaml --yes", 2,
          "export t41.csv --machine v400.yaml --format"),

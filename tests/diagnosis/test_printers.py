@@ -9,7 +9,6 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose, extend
-from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.input import together
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
 from orthoglide_cal.model.plan import Floats
@@ -232,12 +231,3 @@ def test_a_probe_that_reads_on_its_way_shows_no_lost_motion() -> None:
     assert "backlash" in {cause.id for cause in touched.causes}
     assert "backlash" not in {cause.id for cause in scanned.causes} | set(scanned.ambiguous_with)
     assert "bed_shape" in {cause.id for cause in scanned.causes} | set(scanned.ambiguous_with)
-
-
-def test_other_machines_are_not_judged_together() -> None:
-    first, second = dates(1, (Layout(13), Layout(13)))
-    other = replace(second, machine=replace(second.machine, arms=(265.0,) * 3, radius=130.0))
-    with pytest.raises(UsageError, match="two machines"):
-        together([given(first), given(other)])
-    changed = replace(second, machine=replace(second.machine, arms=(341.0,) * 3))
-    assert len(together([given(first), given(changed)]).measured) == 26
