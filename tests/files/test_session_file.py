@@ -102,12 +102,6 @@ def test_recognised_by_content(tmp_path, name, before):
         assert len(read_input(path, MODEL).measured) == 4
 
 
-def test_an_unfinished_session_without_readings(tmp_path):
-    empty = values(readings=(), finished=None)
-    path = save(tmp_path, session_text(empty))
-    assert "no reading" in problems(read_input, path, MODEL)[0].what
-
-
 def test_the_machine_inside_is_used_unless_another_is_named(tmp_path):
     path = save(tmp_path, session_text(values(LARGE)))
     given = read_input(path)

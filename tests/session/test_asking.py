@@ -189,18 +189,6 @@ def test_an_answer_that_was_no_reading_begins_no_dead_time() -> None:
     assert asker.ask(ASKED, STEP) == "-0.64"
 
 
-def test_lines_from_a_pipe_and_from_a_simulated_gauge_are_never_too_soon() -> None:
-    asker, _, _ = at((0.0, "1", []), (0.0, "2", []), live=False, gauge=False)
-    assert asker.ask(ASKED, STEP) == "1"
-    asker.rest(driving=True)
-    assert asker.ask(ASKED, STEP) == "2"
-    scene = Scene([(0.0, "", [READ]), (0.0, "", [READ])])
-    asker = Asker(scene, Screen(), Gauge(scene, reads_itself=True), scene.clock)
-    for _ in range(2):
-        assert asker.ask(ASKED, STEP) == READ
-        asker.rest(driving=True)
-
-
 def test_a_gauge_in_the_dead_time_of_a_typed_reading_is_not_heard() -> None:
     late = (1.1 * AFTER_A_DRIVE_S, None, [READ])
     asker, screen, _ = at((9.0, "0.41", []), (0.5, None, [READ]), late, ALONE)
@@ -290,12 +278,3 @@ def test_the_end_of_input_is_the_end(live: bool, itself: bool) -> None:
     scene = Scene([], live)
     with pytest.raises(EOFError):
         Asker(scene, Screen(), Gauge(scene, itself), scene.clock).ask(ASKED, STEP)
-
-
-def test_a_gauge_that_reads_itself_goes_on_behind_the_end_of_a_pipe() -> None:
-    scene = Scene([], live=False)
-    gauge = Gauge(scene, reads_itself=True)
-    gauge.poll = lambda asked: [READ] if asked else []  # type: ignore[method-assign]
-    asker = Asker(scene, Screen(), gauge, scene.clock)
-    assert asker.ask(ASKED, STEP) == READ
-    assert asker.ask(WORDS) == ""

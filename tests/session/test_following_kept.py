@@ -16,7 +16,10 @@ HERE = Path(__file__).parent
 
 
 def test_a_killed_session_needs_nothing_but_its_journal(first: Path, tmp_path: Path) -> None:
-    """Killed in the program before any reading, and after several; FILE is gone meanwhile."""
+    """Killed in the program before any reading, and after several; FILE is gone meanwhile.
+
+    What is measured is said once at the beginning, and again where it is gone on with.
+    """
     copy = tmp_path / "a.yaml"
     copy.write_bytes(first.read_bytes())
     arguments = choice(copy, is_step)
@@ -30,7 +33,9 @@ def test_a_killed_session_needs_nothing_but_its_journal(first: Path, tmp_path: P
             terminal.child.kill(signal.SIGKILL)
         copy.unlink(missing_ok=True)
         options = ("--resume",)
-    finished(tmp_path, "k.yaml", "--resume")
+    shown = finished(tmp_path, "k.yaml", "--resume")
+    for text in (whole.stdout, shown):
+        assert " ".join(text.split()).count("Without touching the stands") == 1, text
     expected = without_times((tmp_path / "whole.yaml").read_text())
     assert without_times((tmp_path / "k.yaml").read_text()) == expected
 
@@ -54,15 +59,6 @@ def test_what_is_read_comes_back_as_it_was_written(first: Path, tmp_path: Path) 
     alone, *_ = (tmp_path / "s.journal").read_bytes().splitlines(keepends=True)
     (tmp_path / "1.journal").write_bytes(alone)
     assert "or another reading for it" in refused(3, tmp_path, "1.yaml", "--resume")
-
-
-def test_what_is_measured_is_said_once(first: Path, tmp_path: Path) -> None:
-    """At the beginning, and again where it is gone on with."""
-    what = "Without touching the stands"
-    begun = run_program(tmp_path, "s.yaml", *choice(first, is_step), stdin="\nq\n")
-    again = finished(tmp_path, "s.yaml", "--resume", stdin="\n" * 20)
-    for shown in (begun.stdout, again):
-        assert " ".join(shown.split()).count(what) == 1, shown
 
 
 def test_undo_retake_and_notes_are_those_of_any_session(first: Path, tmp_path: Path) -> None:
