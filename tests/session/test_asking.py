@@ -189,6 +189,14 @@ def test_an_answer_that_was_no_reading_begins_no_dead_time() -> None:
     assert asker.ask(ASKED, STEP) == "-0.64"
 
 
+def test_readings_of_a_simulated_gauge_are_never_too_soon() -> None:
+    scene = Scene([(0.0, "", [READ]), (0.0, "", [READ])])
+    asker = Asker(scene, Screen(), Gauge(scene, reads_itself=True), scene.clock)
+    for _ in range(2):
+        assert asker.ask(ASKED, STEP) == READ
+        asker.rest(driving=True)
+
+
 def test_a_gauge_in_the_dead_time_of_a_typed_reading_is_not_heard() -> None:
     late = (1.1 * AFTER_A_DRIVE_S, None, [READ])
     asker, screen, _ = at((9.0, "0.41", []), (0.5, None, [READ]), late, ALONE)
