@@ -131,14 +131,6 @@ def test_accepted_causes_belong_to_the_machine_inside(tmp_path):
     assert remark.endswith("in: identified. The machine given was used.")
 
 
-def test_a_fault_of_a_cause_inside_has_its_place(tmp_path):
-    text = session_text(values(extended(axis_gap=(0.3, 0.2, -0.1))))
-    changed = text.replace("cause: axis_gap", "cause: sign_flip")
-    (fault,) = problems(read_input, save(tmp_path, changed))
-    line = changed.split("\n").index("  - cause: sign_flip") + 1
-    assert places([fault]) == [(line, "machine.identified[0].cause", "sign_flip")]
-
-
 def without(text: str, key: str) -> str:
     return re.sub(rf" {key}: [^,}}]*,", "", text)
 

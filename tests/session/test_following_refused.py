@@ -49,12 +49,11 @@ def test_what_cannot_be_gone_on_with_is_refused(
     assert list(tmp_path.iterdir()) == [printer]
 
 
-def test_the_first_file_is_never_the_new_one(first: Path, tmp_path: Path) -> None:
+def test_the_first_file_is_never_the_new_one(first: Path) -> None:
     before = first.read_bytes()
     for name in ("a.yaml", "a"):
         assert "never changed" in refused(2, first.parent, name, "--then", "a.yaml", "--yes")
     assert first.read_bytes() == before
-    assert "--then FILE" in refused(2, tmp_path, "--choice", "2")
 
 
 def test_in_a_terminal_it_is_confirmed(first: Path, tmp_path: Path) -> None:

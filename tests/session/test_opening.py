@@ -146,6 +146,7 @@ def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
             ("--certificate", "7"), ("--gauges", "3"), ("--seed", "-1"),
         )),
         (("s.yaml", "--seed", "3"), "Add --gauge simulated"),
+        (("s.yaml", "--choice", "2"), "--then FILE"),
         (("s.yaml", "--gauge", "sylvac"), "FORMAT:PORT"),
         (("s.yaml", "--gauge", "nothing:/dev/x"), "sylvac"),
         (("s.yaml", "--gauge", "typed", "--gauge", "simulated"), "do not go together"),

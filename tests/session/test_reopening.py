@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.planning.steps import with_set_ups
 from orthoglide_cal.session.asking import Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import Retake, Skipped
@@ -110,11 +109,3 @@ def test_skipped_steps_of_another_set_up_bring_its_readings_with_them(tmp_path: 
     assert "24 earlier readings are taken again" in " ".join(screen.text.split())
     first, _ = answered(tmp_path / "t.journal", [*RIGHT[:9], "s cable", *RIGHT[10:25], "r 10", "y"])
     assert values(first) == {}  # the key r does the same
-
-
-def test_steps_of_the_set_up_in_hand_come_alone() -> None:
-    steps = steps_of()
-    chosen = [steps[3]]
-    assert with_set_ups(chosen, 1, steps, range(1, 10)) == chosen
-    both = with_set_ups(chosen, 2, steps, [1, 2, 21, 41])
-    assert [step.number for step in both] == [1, 2, 4, 21]
