@@ -178,9 +178,6 @@ def test_the_best_design_says_what_it_gives_up_and_keeps_its_steps(tmp_path: Pat
     assert len(planned.readings) == sum(isinstance(event, Taken) for event in taken)
 
 
-NEW = "X +0.5  Y -0.3  Z +0.2 mm"
-
-
 @pytest.mark.parametrize("wanted", [is_turn, None])
 def test_offsets_that_were_applied_meanwhile_are_no_error(
     first: Path, tmp_path: Path, wanted: Callable[[Option], object] | None
@@ -190,7 +187,7 @@ def test_offsets_that_were_applied_meanwhile_are_no_error(
     chosen = choice(first, wanted) if wanted else ("--then", str(first), "--yes")
     shown = finished(tmp_path, "b.yaml", *chosen, *active)
     words = " ".join(shown.split())
-    assert f"{' '.join(NEW.split())}: the new readings are written with that" in words
+    assert "X +0.5 Y -0.3 Z +0.2 mm: the new readings are written with that" in words
     assert "X +0.5 Y -0.3 Z +0.2 mm are in the controller now" in words
     new = read(tmp_path / "b.yaml")
     assert new.plan.entered[:24].tolist() == [[0.0] * 3] * 24

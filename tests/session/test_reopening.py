@@ -12,9 +12,9 @@ from orthoglide_cal.session.events import Retake, Skipped
 
 from .going_on import events_of
 from .terminal import Terminal, run_program
-from .virtual import SINGLE, a_dialogue, answered, readings_of, steps_of, typed, values
+from .virtual import SINGLE, a_dialogue, answered, opened, readings_of, steps_of, typed, values
 
-RIGHT = typed(readings_of(steps_of()))
+RIGHT, SHORT = (typed(readings_of(steps_of(cycles=cycles))) for cycles in (3, 1))
 ENDED = "the session was ended"
 
 
@@ -43,7 +43,7 @@ def test_in_a_terminal_s_all_is_confirmed_whatever_the_reason(tmp_path: Path) ->
 
 
 def reopened(path: Path, lines: list[str], agreed: bool = True) -> Dialogue:
-    dialogue, _, journal = a_dialogue(path, lines)
+    dialogue, _, journal = a_dialogue(path, lines, first=opened(cycles=1))
     with closing(journal):
         dialogue.offer_again(agreed)
         dialogue.run()
@@ -51,33 +51,35 @@ def reopened(path: Path, lines: list[str], agreed: bool = True) -> Dialogue:
     return dialogue
 
 
-def test_an_ended_session_goes_on_where_it_was_ended(tmp_path: Path) -> None:
-    path, file = tmp_path / "s.journal", tmp_path / "s.yaml"
-    reopened(path, [*RIGHT[:45], "s all power cut"])
+@pytest.fixture
+def ended(tmp_path: Path) -> Path:
+    """The journal of a session that was ended after 18 of 24 readings."""
+    reopened(tmp_path / "s.journal", [*SHORT[:18], "s all power cut"])
+    return tmp_path / "s.journal"
+
+
+def test_an_ended_session_goes_on_where_it_was_ended(ended: Path) -> None:
+    file = ended.with_suffix(".yaml")
     early = file.read_bytes()
-    again = reopened(path, RIGHT[45:])
-    whole, _ = answered(tmp_path / "w.journal", RIGHT)
-    assert values(again) == values(whole)
+    again = reopened(ended, SHORT[18:])
+    assert values(again) == dict(enumerate(map(float, SHORT), start=1))
     assert again.state.ended is not None
     assert again.state.skipped == {}
     assert file.read_bytes() != early
-    assert reopened(path, []).state.ended is not None  # nothing is missing: nothing is asked
+    assert reopened(ended, []).state.ended is not None  # nothing is missing: nothing is asked
 
 
-def test_a_session_file_that_somebody_changed_is_not_replaced(tmp_path: Path) -> None:
-    path, file = tmp_path / "s.journal", tmp_path / "s.yaml"
-    reopened(path, [*RIGHT[:45], "s all power cut"])
+def test_a_session_file_that_somebody_changed_is_not_replaced(ended: Path) -> None:
+    file = ended.with_suffix(".yaml")
     file.write_bytes(file.read_bytes() + b"# mine\n")
     before = file.read_bytes()
     with pytest.raises(UsageError, match="not overwritten"):
-        reopened(path, RIGHT[45:])
+        reopened(ended, SHORT[18:])
     assert file.read_bytes() == before
 
 
-def test_nobody_is_asked_without_a_terminal(tmp_path: Path) -> None:
-    path = tmp_path / "s.journal"
-    reopened(path, [*RIGHT[:45], "s all power cut"])
-    assert len(values(reopened(path, [], agreed=False))) == 45
+def test_nobody_is_asked_without_a_terminal(ended: Path) -> None:
+    assert len(values(reopened(ended, [], agreed=False))) == 18
 
 
 @pytest.mark.parametrize("answer", ["y", "n"])
