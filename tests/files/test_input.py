@@ -25,11 +25,6 @@ def write(folder, name, **given):
     (folder / name).write_text(session_text(session))
 
 
-def touch(path, year):
-    moment = datetime(year, 1, 1, tzinfo=UTC).timestamp()
-    os.utime(path, (moment, moment))
-
-
 def test_the_conditions_of_a_table_are_those_of_its_columns(tmp_path):
     path = tmp_path / "r.csv"
     path.write_text(
@@ -74,7 +69,7 @@ def test_the_latest_session_by_content_and_time(tmp_path):
         (2020, ["undated.yml", "old.yaml", "new.yaml"]),
         (2030, ["old.yaml", "new.yaml", "undated.yml"]),
     ):
-        touch(tmp_path / "undated.yml", year)
+        os.utime(tmp_path / "undated.yml", (datetime(year, 1, 1, tzinfo=UTC).timestamp(),) * 2)
         found = sessions_in(tmp_path)
         assert [path.name for path in found] == order
         assert latest_session(tmp_path).name == order[-1]
