@@ -16,7 +16,7 @@ from orthoglide_cal.session.gauges import SERIAL_FORMATS, SerialGauge, SerialPor
 from tests.session.terminal import Terminal, run_program
 from tests.session.virtual import answered, readings_of, steps_of, typed
 
-from .program import DOUBLE, SESSION, SIX, answer, refused, run
+from .program import DOUBLE, SESSION, SIX, answer, done, refused, run
 
 PROTOTYPE = (shipped_folder() / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
 DELTA = str(shipped_folder() / "linear_delta.yaml")
@@ -206,24 +206,11 @@ def test_the_end_of_measure_is_one_screen(tmp_path: Path, protocol: str, kept: b
     (tmp_path / "machine.yaml").write_text(PROTOTYPE, encoding="utf-8")
     given = ("--gauge", "simulated", "--seed", "1", "--protocol", protocol)
     stdin = "\n" * 8 + "3.3\nk\n" * kept
-    done = run_program(tmp_path, "s.yaml", *given, stdin=stdin)
-    assert done.returncode == (4 if kept else 0)
-    shown = done.stdout[done.stdout.index("Session complete") :].splitlines()
+    ended = run_program(tmp_path, "s.yaml", *given, stdin=stdin)
+    assert ended.returncode == (4 if kept else 0)
+    shown = ended.stdout[ended.stdout.index("Session complete") :].splitlines()
     assert 10 < len(shown) <= 24
     assert max(map(len, shown)) <= 80
-
-
-# One number is of another place: no offset is determined.
-WILD = """
-    x,iso,y,1,0.02,1,0 x,iso,z,1,0.9,2,0 x,max,y,1,0.03,3,0.4
-    x,max,z,1,0.9,4,0.4 x,min,y,1,0.02,5,0.8 x,min,z,1,0.9,6,0.8
-    x,iso,y,2,0.02,7,1.2 x,iso,z,2,0.9,8,1.2 y,iso,x,1,-0.71,9,5.6
-    y,iso,z,1,0.9,10,5.6 y,max,x,1,-0.71,11,6 y,max,z,1,0.9,12,6
-    y,min,x,1,-0.72,13,6.4 y,min,z,1,0.9,14,6.4 y,iso,x,2,-0.71,15,6.8
-    y,iso,z,2,0.9,16,6.8 z,iso,x,1,-0.37,17,11.2 z,iso,y,1,-0.15,18,11.2
-    z,max,x,1,-0.39,19,11.6 z,max,y,1,-123.4,20,11.6 z,min,x,1,-0.38,21,12
-    z,min,y,1,-0.16,22,12 z,iso,x,2,-0.38,23,12.4 z,iso,y,2,-0.15,24,12.4
-"""
 
 
 @pytest.mark.parametrize(
@@ -231,14 +218,11 @@ WILD = """
     [("diagnose {}", 0), ("diagnose {} --details", 0), ("report {} --markdown -", 4),
      ("history {} {six}", 4), ("history {six} {}", 4)],
 )  # fmt: skip
-def test_where_nothing_is_determined_no_table_is_empty(
-    words: str, code: int, tmp_path: Path
-) -> None:
-    """Nor does a history follow such a session."""
-    path = tmp_path / "wild.csv"
-    head = "leg,posture,direction,cycle,reading_mm,seq,minutes"
-    path.write_text("\n".join([head, *WILD.split()]), encoding="utf-8")
-    result = run(*(word.format(path, six=SIX) for word in words.split()))
+def test_where_nothing_is_determined_no_table_is_empty(words: str, code: int) -> None:
+    """One number is of another place. Nor does a history follow such a session."""
+    wild = ("--cycles", "1", "--seed", "1", "--cause", "misread@20=-123")
+    done("simulate", *wild, "-o", "wild.csv")
+    result = run(*(word.format("wild.csv", six=SIX) for word in words.split()))
     assert result.exit_code == code, result.output
     told = "wild.csv: The offsets would be" if "history" in words else "There is no result"
     assert told in result.output
