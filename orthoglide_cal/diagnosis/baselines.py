@@ -4,8 +4,6 @@ Both need no cause: the surface is fitted together with the calibrated parameter
 these leave. An extension that predicts other readings no better has shown nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """From what was measured to a verdict on the model, and to a model extended by a cause."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The result of a diagnosis: a verdict, the accepted causes, what they gain, what to do next."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum

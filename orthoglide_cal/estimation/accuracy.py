@@ -4,8 +4,6 @@ Covariance (eqs. 26–33), σ of one reading from three sources, intervals, the 
 and, where the rank is missing, which offsets stay free and which reading to add.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from dataclasses import dataclass

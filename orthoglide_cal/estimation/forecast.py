@@ -11,8 +11,6 @@ this machine shows only in the readings, so several sizes are carried along, eac
 likelihood that the readings give it. Everything is batched over leading axes of the readings.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@
 Leading axes (...) are many models at once. Values are vectors (k,) or columns (..., k, q).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

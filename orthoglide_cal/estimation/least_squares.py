@@ -10,8 +10,6 @@ sessions. The exact Jacobian of the forward model is used, not the one of eqs. (
 holds at zero offsets only.
 """
 
-from __future__ import annotations
-
 import functools
 import os
 from dataclasses import dataclass

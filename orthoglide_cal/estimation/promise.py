@@ -1,7 +1,5 @@
 """The promise: what the gauges will read once offsets are entered. Computed here and only here."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """From what was measured to joint offsets, how sure they are, and whether the model fits."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
