@@ -37,12 +37,6 @@ def test_a_second_session_on_the_same_file_is_refused(tmp_path: Path) -> None:
         assert first.step() == 2
 
 
-def test_an_unfinished_session_is_not_begun_anew(tmp_path: Path) -> None:
-    before = begun(tmp_path)
-    assert "orthocal measure s.yaml --resume" in refused(2, tmp_path, "s.yaml")
-    assert (tmp_path / "s.journal").read_bytes() == before
-
-
 def test_control_characters_in_names_are_shown_and_never_obeyed(tmp_path: Path) -> None:
     """In the first lines, at an interruption, in what to run after the last reading; and they make
     a session that can be read."""
@@ -90,11 +84,13 @@ def test_resuming_another_session_is_refused(
     assert (tmp_path / "s.journal").read_bytes() == before
 
 
-def test_resume_finds_the_only_unfinished_session(tmp_path: Path) -> None:
-    begun(tmp_path)
+def test_resume_finds_the_only_unfinished_session_which_is_not_begun_anew(tmp_path: Path) -> None:
+    before = begun(tmp_path)
+    assert "orthocal measure s.yaml --resume" in refused(2, tmp_path, "s.yaml")
+    assert (tmp_path / "s.journal").read_bytes() == before
     done = run_program(tmp_path, "--resume", stdin="-0.95\n")
     assert "Resumed: 2 readings" in done.stdout
-    (tmp_path / "t.journal").write_bytes((tmp_path / "s.journal").read_bytes())
+    (tmp_path / "t.journal").write_bytes(before)
     assert "s.journal, t.journal" in refused(2, tmp_path, "--resume")
 
 
@@ -125,15 +121,10 @@ def test_a_cut_journal_says_what_was_ignored(tmp_path: Path) -> None:
 
 
 def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
-    cause = (
-        "identified: [{cause: axis_gap, where: '', date: 2025-01-01, data_sha256: "
-        + "a" * 64
-        + ", parameters: {nonsense: {value: 0.1, std: 0.01, unit: mm}}}]"
-    )
     folder = tmp_path / "empty"
     folder.mkdir()
-    other = machine_file(tmp_path, "identified: []", cause)
-    refused(3, folder, "s.yaml", "--machine", other)
+    other = machine_file(tmp_path, "identified: []", "identified: [{cause: nonsense}]")
+    assert "not a cause id" in refused(3, folder, "s.yaml", "--machine", other)
     assert list(folder.iterdir()) == []
 
 
