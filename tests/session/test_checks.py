@@ -213,13 +213,6 @@ def test_every_question_speaks_in_the_unit_of_the_reading(unit: Unit) -> None:
     assert shown[unit] in texts[0]
 
 
-def test_a_finer_scale_that_was_confirmed_once_is_believed() -> None:
-    fine = questioned(taken(1, 0.125), Doubt.GRID, "mistyped?")
-    state = state_of([fine, Answered(at=AT, keep=True)])
-    past = compared(state, steps_of(), 1, 0.2)
-    assert check_number(past, 0.345) is None
-
-
 def test_a_preset_that_was_confirmed_once_moves_the_range_with_it() -> None:
     preset = questioned(taken(1, 100.0), Doubt.RANGE, "mistyped?")
     state = state_of([preset, Answered(at=AT, keep=True)])

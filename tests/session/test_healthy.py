@@ -10,14 +10,13 @@ from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, gather
 from orthoglide_cal.session.events import advance
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
-from tests import machines
 from tests.diagnosis.sessions import model_of
 from tests.truth.machines import DIAL, LARGE, MICRON, PROTOTYPE
 from tests.truth.machines import Gauge as TrueGauge
 from tests.truth.machines import Machine as TrueMachine
 from tests.truth.session import make_session
 
-from .virtual import both_protocols, play, readings_of, setting_of, state_of, steps_of, taken
+from .virtual import both_protocols, play, setting_of, state_of, steps_of, taken
 
 
 def healthy_values(
@@ -78,13 +77,3 @@ def test_sessions_of_an_independent_truth_are_left_alone(
         session.plan.minutes.tolist(),
     )
     assert asked == []
-
-
-def test_a_noisier_gauge_than_stated_is_not_questioned_all_the_time() -> None:
-    """Twice the stated noise: after a few repeats their own scatter is the measure."""
-    noisy = machines.PROTOTYPE.changed(
-        gauge=machines.PROTOTYPE.gauge.changed(repeatability_mm=0.014)
-    )
-    steps = steps_of()
-    counts = [len(play(readings_of(steps, seed, noisy), steps)) for seed in range(5)]
-    assert sum(counts) <= 8
