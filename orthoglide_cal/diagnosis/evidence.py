@@ -131,14 +131,15 @@ class Gaussian:
         return np.asarray(self.log_density(residual[:, None])[..., 0])
 
     def against(self, patterns: Floats, residual: Floats) -> tuple[Floats, Floats]:
-        """How columns c of (k, q) weigh and match one residual (k,).
+        """How columns c of (..., k, q) weigh and match one residual (..., k).
 
         Returns:
             cᵀ S⁻¹ c and cᵀ S⁻¹ r, each of shape (..., g, q).
         """
         inside = self._inside(patterns)
-        outside = (np.swapaxes(patterns, -1, -2) @ residual)[..., None, :]
-        match = (outside - self._shrink @ (inside * self._inside(residual[:, None]))) / self._sigma2
+        outside = np.swapaxes(np.swapaxes(patterns, -1, -2) @ residual[..., None], -1, -2)
+        match = outside - self._shrink @ (inside * self._inside(residual[..., None]))
+        match /= self._sigma2
         return self._quadratic(patterns, inside), match
 
     def _inside(self, vectors: Floats) -> Floats:
@@ -180,12 +181,12 @@ class Patchy(Gaussian):
 
     def against(self, patterns: Floats, residual: Floats) -> tuple[Floats, Floats]:
         """As of `Gaussian`."""
-        weighed, power, match = self._weight * residual, [], []
-        own = self._inside(residual[:, None])
+        power, match, own = [], [], self._inside(residual[..., None])
         for g, weight in enumerate(self._weight):
             inside = self._inside_at(g, patterns)
             power.append(weight @ patterns**2 - (inside**2).sum(axis=-2))
-            match.append(weighed[g] @ patterns - (inside * own[..., g, :, :]).sum(axis=-2))
+            weighed = ((weight * residual)[..., None, :] @ patterns)[..., 0, :]
+            match.append(weighed - (inside * own[..., g, :, :]).sum(axis=-2))
         return np.stack(power, axis=-2), np.stack(match, axis=-2)
 
     def _turned(self, vectors: Floats) -> Floats:

@@ -229,24 +229,27 @@ def all_or_one(
     """
     if not acting:
         return []
-    counts = [len(each.cause.names) for each in acting]
     k, always = acting[0].others.shape
-    width = always + 1 + max(len(each.cause.nuisance) for each in acting)
-    columns = np.zeros((sum(counts), k, width))
-    rows = np.split(columns, np.cumsum(counts)[:-1])
-    for each, named, filled in zip(acting, counts, rows, strict=True):
-        filled[..., :always] = each.others
-        filled[..., always] = each.own[:, :named].T
-        filled[..., always + 1 : always + 1 + len(each.cause.nuisance)] = each.own[:, named:]
-    sizes = np.ones((len(scales), width))
-    sizes[:, always:] = np.array(list(scales))[:, None]
+    nuisance = max(len(each.cause.nuisance) for each in acting)
+    named = max(len(each.cause.names) for each in acting)
+    columns = np.zeros((len(acting), k, always + nuisance))
+    ones = np.zeros((len(acting), 1, k, named))
+    for each, filled, own in zip(acting, columns, ones[:, 0], strict=True):
+        mine, others = np.split(each.own, [len(each.cause.names)], axis=1)
+        own[:, : mine.shape[1]] = mine
+        filled[:, : always + others.shape[1]] = np.hstack([each.others, others])
+    tried = np.array(list(scales))[:, None]
+    sizes = np.ones((len(scales), columns.shape[-1]))
+    sizes[:, always:] = tried
     density = noise.density(columns, sizes, np.log(list(scales.values())))
-    residuals = np.repeat(np.stack([each.residual for each in acting]), counts, axis=0)
-    logs = log_sum(density.log_density(residuals[:, None, :, None]), (1, 2, 3))
-    singles = np.split(logs, np.cumsum(counts)[:-1])
+    residuals = np.stack([each.residual for each in acting])[:, None]
+    log = of_any_size(*density.against(ones, residuals), tried[:, None] ** 2)
+    log += density.log_density(residuals[..., None])
+    by_one = log_sum(log, (1, 2))
     return [
-        float(np.logaddexp(each.log_all + LOG_ALL, log_mean(ones) + math.log(1.0 - ALL)))
-        for each, ones in zip(acting, singles, strict=True)
+        float(np.logaddexp(each.log_all + LOG_ALL, log_mean(own) + math.log(1.0 - ALL)))
+        for each, row in zip(acting, by_one, strict=True)
+        for own in (row[: len(each.cause.names)],)
     ]
 
 
@@ -294,15 +297,20 @@ def pattern_density(
         share = np.log(list(cause.counts.values()))
     else:
         scales = np.array(BLUNDER_SCALES)
-        variance = ((cause.prior_std(machine)[0] * scales) ** 2)[:, None]
-        widened = variance * power
-        widened += 1.0
-        log = match**2 * variance
-        log /= widened
-        log -= np.log(widened)
-        log *= 0.5
+        log = of_any_size(power, match, ((cause.prior_std(machine)[0] * scales) ** 2)[:, None])
         share = np.full(len(scales), -math.log(len(scales)))
     log += (without[..., None] + share)[..., None]
+    return log
+
+
+def of_any_size(power: Floats, match: Floats, variance: Floats) -> Floats:
+    """What a column c of size N(0, variance) adds to a log density, from cᵀ S⁻¹ c and cᵀ S⁻¹ r."""
+    widened = variance * power
+    widened += 1.0
+    log = match**2 * variance
+    log /= widened
+    log -= np.log(widened)
+    log *= 0.5
     return log
 
 

@@ -32,6 +32,8 @@ SHORT_STEP = 1e-7
 ROUNDING_MM = 1e-12
 ROUNDING = 1e-12
 FIRST_DAMPING = 1e-3
+# So few data are solved sooner in one call than by cofactors.
+SMALL = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +131,8 @@ def _reduce(matrix: Floats, values: Floats, axis: int) -> Floats:
 
 
 def normal_step(jacobian: Floats, residual: Floats, damping: Floats | float = 0.0) -> Floats:
-    """Solve (JᵀJ + λ diag JᵀJ) s = Jᵀr by cofactors: (..., k, 3), (..., k) → (..., 3)."""
-    if jacobian.shape[-1] != 3:
+    """Solve (JᵀJ + λ diag JᵀJ) s = Jᵀr: (..., k, 3), (..., k) → (..., 3); of much by cofactors."""
+    if jacobian.shape[-1] != 3 or residual.size < SMALL:
         return _many_step(jacobian, residual, damping)
     columns = [jacobian[..., i] for i in range(3)]
     gradient = [(column * residual).sum(axis=-1) for column in columns]
