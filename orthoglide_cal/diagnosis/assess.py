@@ -86,9 +86,10 @@ def probabilities(
 ) -> tuple[Mapping[Ids, float], Mapping[str, float]]:
     """Bayes' rule; `unlisted` holds evidence and prior weight together."""
     logs = {ids: value + log_prior[ids] for ids, value in log_evidence.items()}
-    total = log_sum(np.array([*logs.values(), *unlisted.values()]))
-    listed = {ids: float(np.exp(value - total)) for ids, value in logs.items()}
-    return listed, {what: float(np.exp(value - total)) for what, value in unlisted.items()}
+    values = np.array([*logs.values(), *unlisted.values()])
+    shares = np.exp(values - log_sum(values)).tolist()
+    beyond = zip(unlisted, shares[len(logs) :], strict=True)
+    return dict(zip(logs, shares, strict=False)), dict(beyond)
 
 
 @dataclass(frozen=True)

@@ -270,12 +270,13 @@ def _at_best_place(at: Linearised, bases: Bases, placed: Placed, log: Floats) ->
     if not cause.counts:
         shares = shares.reshape(len(shares), -1, len(placed.tried)).sum(axis=1)
     scores = {}
-    each = zip(bases, by_scale, best.tolist(), total.tolist(), shares, strict=True)
-    for base, own, number, value, share in each:
-        scale = list(at.scales)[own[:, number].argmax()]
+    likeliest = by_scale[np.arange(len(bases)), :, best].argmax(axis=1)
+    scales = np.array(list(at.scales))[likeliest].tolist()
+    each = zip(bases, scales, kept[best].tolist(), total.tolist(), shares, strict=True)
+    for base, scale, number, value, share in each:
         log_all = LOG_ALL if base else 0.0
         scores[ids_of(*base, cause)] = Score(
-            at, value + log_all, base, scale, placed.numbered(int(kept[number])), by_place=share
+            at, value + log_all, base, scale, placed.numbered(number), by_place=share
         )
     return scores
 

@@ -125,7 +125,9 @@ def _at_point(
 
 
 def _reduce(matrix: Floats, values: Floats, axis: int) -> Floats:
-    """Apply R (k, n) along one axis; keeps the order of the batch in memory."""
+    """Apply R (k, n) along one axis; of much the order of the batch in memory is kept."""
+    if values.size < SMALL:
+        return np.asarray(values @ matrix.T if axis == -1 else matrix @ values)
     reduced = np.tensordot(matrix, values, axes=(1, values.ndim + axis))
     return np.moveaxis(reduced, 0, axis)
 
