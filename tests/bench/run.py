@@ -9,9 +9,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from tests.diagnosis.sessions import texts_of
 from tests.machines import ROOT
-from tests.truth import Session, machine_yaml, readings_csv
-from tests.truth.delta import DeltaSession, delta_csv, delta_yaml
+from tests.truth import Session, readings_csv
 
 from .accuracy import HeldOut, another_day
 from .cases import Case
@@ -30,17 +30,11 @@ class Bench(NamedTuple):
     later: Sequence[HeldOut] = ()
 
 
-def files_of(session: Session | DeltaSession) -> tuple[str, str]:
-    if isinstance(session, DeltaSession):
-        return delta_yaml(session.machine), delta_csv(session)
-    return machine_yaml(session.machine, session.gauge), readings_csv(session)
-
-
 def diagnose(where: Path, cases: Iterable[Case], extra: Sequence[str] = ()) -> list[Judged]:
     """Answers to records of one machine: one run of `diagnose --json` on all, on one thread."""
     asked = {f"{case.name}.csv": case for case in cases}
     for name, case in asked.items():
-        machine, record = files_of(case.session)
+        machine, record = texts_of(case.session)
         (where / MACHINE_FILE).write_text(machine, encoding="utf-8")
         (where / name).write_text(record, encoding="utf-8")
     done = subprocess.run(
@@ -72,7 +66,7 @@ def run_bench(
         where.mkdir(parents=True, exist_ok=True)
         of_machine: dict[str, list[Case]] = {}
         for case in drawn:
-            of_machine.setdefault(files_of(case.session)[0], []).append(case)
+            of_machine.setdefault(texts_of(case.session)[0], []).append(case)
         judged = [item for cases in of_machine.values() for item in diagnose(where, cases)]
 
         def ask(item: Judged, later: Session) -> Answer:

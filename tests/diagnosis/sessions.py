@@ -10,8 +10,9 @@ from orthoglide_cal.estimation.gaussian import condition
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import machine_from_text
 from orthoglide_cal.files.text import document_from_bytes
-from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings
 from orthoglide_cal.model.model import Model, differentiate
+from orthoglide_cal.model.orthoglide import reduction
 from tests import truth
 from tests.truth.delta import DeltaSession, delta_csv, delta_yaml
 
@@ -20,10 +21,21 @@ OPTIMAL = 0.5
 deviation."""
 
 
+def texts_of(session: truth.Session | DeltaSession) -> tuple[str, str]:
+    """Machine file and record."""
+    if isinstance(session, DeltaSession):
+        return delta_yaml(session.machine), delta_csv(session)
+    return truth.machine_yaml(session.machine, session.gauge), truth.readings_csv(session)
+
+
 @cache
+def model_from(text: str) -> Model:
+    return machine_from_text(text, "machine.yaml")
+
+
 def model_of(hidden: truth.Machine, gauge: truth.Gauge) -> Model:
     """The machine file that states the truth's machine, gauge and tolerances."""
-    return machine_from_text(truth.machine_yaml(hidden, gauge), "machine.yaml")
+    return model_from(truth.machine_yaml(hidden, gauge))
 
 
 def read(text: str, model: Model) -> Readings:
@@ -38,15 +50,22 @@ def readings_of(session: truth.Session) -> Readings:
     return read(truth.readings_csv(session), model_of(session.machine, session.gauge))
 
 
-def given(session: DeltaSession) -> Input:
-    """Touches of a printer and its machine, through the texts of their files."""
-    model = machine_from_text(delta_yaml(session.machine), "machine.yaml")
-    return read_input(document_from_bytes(delta_csv(session).encode(), "touches.csv"), model)
+def given(session: truth.Session | DeltaSession) -> Input:
+    """Record and machine, through the texts of their files."""
+    machine, record = texts_of(session)
+    return read_input(document_from_bytes(record.encode(), "session.csv"), model_from(machine))
 
 
 def known(session: truth.Session) -> tuple[Readings, Model]:
     """Record and model of a session."""
     return readings_of(session), model_of(session.machine, session.gauge)
+
+
+def reduced(kind: DataKind, readings: Readings, model: Model) -> Differences:
+    """The differences that the paper prints of such readings."""
+    which = DIFFERENCES[kind]
+    matrix = reduction(kind, which, model.machine, readings.plan)
+    return Differences(kind, which, matrix @ readings.value, readings.source)
 
 
 def step_left(fit: Fitted, white: Whitened) -> float:

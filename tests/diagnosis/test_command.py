@@ -21,8 +21,7 @@ from tests import truth
 from tests.cli.program import answer as answered
 from tests.cli.program import lines, words
 from tests.diagnosis.command import GAP, HEALTHY, SECOND, THIRD, diagnose, shown, told, written
-from tests.diagnosis.sessions import known
-from tests.results.sessions import given
+from tests.diagnosis.sessions import given, known
 
 
 class TestHeldOut:
@@ -173,9 +172,8 @@ class TestText:
 
     def test_a_faint_cause_leaves_room_for_nothing(self) -> None:
         """Beside a cause that hardly shows stands how likely it is that nothing is wrong."""
-        readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
-        read = given(readings, model)
-        diagnosis = analysed(readings, model)
+        read = given(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
+        diagnosis = analysed(read.measured, read.model)
         for found, faint in (diagnosis, False), (sound_with(diagnosis, 0.217), True):
             case = Case(read, answer_to(read, diagnosed=found))
             text = markdown(diagnosis_document(case).page())

@@ -27,12 +27,6 @@ def with_legs(legs: tuple[float, float, float], stated: float, seed: int) -> Dia
     return diagnose(readings, replace(model, machine=model.machine.changed(tolerances=sizes)))
 
 
-def large(
-    cause: str, times: float, seed: int, machine: truth.Machine, gauge: truth.Gauge
-) -> truth.Session:
-    return truth.make_session(seed, machine, gauge, (cause,), times=(times, times))
-
-
 def told(found: Diagnosis) -> set[str]:
     far = (each.id for each in found.beyond_tolerance)
     aliases = (alias for cause in found.causes for alias in cause.aliases)
@@ -70,7 +64,7 @@ def test_what_only_a_size_beyond_all_scales_explains_is_named_as_such() -> None:
 @pytest.mark.parametrize("cause", [c for c in MACHINE_CAUSES if c != "leg_length"])
 def test_ten_and_thirty_times_the_stated_size_are_named(cause: str) -> None:
     for times, gauge in ((10.0, truth.MICRON), (30.0, truth.DIAL)):
-        session = large(cause, times, 31, truth.PROTOTYPE, gauge)
+        session = truth.make_session(31, truth.PROTOTYPE, gauge, (cause,), times=(times, times))
         found = diagnose(*known(session))
         assert truth.separation(session).distance >= FAR
         assert (found.verdict, ids(found)) == (Verdict.NAMED, {cause})
@@ -105,7 +99,7 @@ def test_large_causes_are_told(times: float) -> None:
     count: Counter[str] = Counter()
     setups = product(MACHINE_CAUSES, truth.MACHINES.values(), truth.GAUGES.values(), range(70, 75))
     for cause, machine, gauge, seed in setups:
-        session = large(cause, times, seed, machine, gauge)
+        session = truth.make_session(seed, machine, gauge, (cause,), times=(times, times))
         found = diagnose(*known(session))
         wrong = found.verdict is Verdict.NAMED and cause not in told(found)
         count["all"] += 1

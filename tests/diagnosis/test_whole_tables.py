@@ -12,10 +12,10 @@ from orthoglide_cal.diagnosis.candidates import Candidates
 from orthoglide_cal.diagnosis.explanations import OFFSETS_MM, Whitened
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.model.cause import Place
-from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings
+from orthoglide_cal.model.measured import DataKind, Readings
 from orthoglide_cal.results.making import release
 from tests import truth
-from tests.diagnosis.sessions import OPTIMAL, known, model_of, read, step_left
+from tests.diagnosis.sessions import OPTIMAL, known, model_of, read, reduced, step_left
 from tests.diagnosis.test_evidence import dense
 
 both_gauges = pytest.mark.parametrize("gauge", [truth.DIAL, truth.MICRON], ids=lambda g: g.name)
@@ -62,20 +62,7 @@ def test_differences_with_leg_and_direction_exchanged(kind: DataKind) -> None:
     """dx_y was written for dy_x: six numbers leave three beyond the offsets."""
     session = truth.make_session(2, truth.PROTOTYPE, truth.MICRON, offset_sd=1.5)
     readings, model = known(session)
-    plan, shown = readings.plan, {}
-    for which in DIFFERENCES[kind]:
-        own = plan.of(which.series._replace(leg=which.series.direction, direction=which.series.leg))
-        mean = {
-            posture: float(readings.value[own & (np.array(readings.posture) == posture)].mean())
-            for posture in ("iso", "max", "min")
-        }
-        if which.posture is None:
-            shown[which] = mean["max"] - mean["min"]
-        else:
-            shown[which] = mean[which.posture.value] - mean["iso"]
-    values = np.array(list(shown.values()))
-    given = Differences(kind, tuple(shown), values, readings.source)
-    found = diagnose(given, model)
+    found = diagnose(reduced(kind, exchanged(readings, session), model), model)
     assert found.verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     assert "exchanged_columns" in {cause.id for cause in found.causes} | set(found.ambiguous_with)
 

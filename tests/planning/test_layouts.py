@@ -14,9 +14,10 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.plan import CERTAIN_SIGMA, Wanted, measurement_plan
 from orthoglide_cal.planning.separation import separations
+from tests.diagnosis.sessions import model_from
 from tests.estimation.sessions import solved
 from tests.machines import NOMINAL
-from tests.printers import UNEVEN, printer, readings_of_touches, true_values
+from tests.printers import UNEVEN, readings_of_touches, true_values
 from tests.truth.delta import (
     TOLERANCES,
     V400,
@@ -24,6 +25,7 @@ from tests.truth.delta import (
     DeltaSession,
     Surface,
     Truth,
+    delta_yaml,
     distances,
     touches,
 )
@@ -39,12 +41,7 @@ WITHIN = 0.03
 QUICK = ("blocks-7", "print-7")  # to draw so often
 
 
-def model_of(machine: Delta) -> Model:
-    made = printer(machine, TOLERANCES)
-    return Model(made.changed(probe=made.probe.changed(texture_mm=machine.texture)))
-
-
-V400_MODEL = model_of(V400)
+V400_MODEL = model_from(delta_yaml(V400))
 PLAN = measurement_plan(V400_MODEL, Wanted())
 LAYOUTS = {each.name: each for each in PLAN.by_cycles}
 
@@ -136,7 +133,7 @@ def true_separation(machine: Delta, layout: SessionForecast) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("machine", [V400, UNEVEN], ids=lambda each: each.name)
 def test_the_separation_of_frame_and_bed_is_that_of_the_truth(machine: Delta) -> None:
-    plan = measurement_plan(model_of(machine), Wanted())
+    plan = measurement_plan(model_from(delta_yaml(machine)), Wanted())
     names = {each.name: each for each in plan.by_cycles}
     true = {
         name: true_separation(machine, names[name]) for name in ("bed-49", "blocks-13", "telling")
@@ -252,7 +249,7 @@ def test_time_says_little_of_the_place(count: int) -> None:
 
 def test_a_simulated_bed_is_touched_at_the_same_places() -> None:
     """In the same mixed order at each height, one place or many."""
-    machine = model_of(V400).machine
+    machine = V400_MODEL.machine
     wanted = SimulationOptions(places=25, heights=(0.0, 40.0), cycles=2)
     plan = ProbePlan.require(machine.simulated_plan(wanted))
     places = mixed(rings(25, 0.95 * V400.bed))

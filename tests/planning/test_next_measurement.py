@@ -11,8 +11,6 @@ from orthoglide_cal.diagnosis.assess import Assessment, assess
 from orthoglide_cal.diagnosis.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.text import document_from_bytes
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model, differentiate, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
@@ -23,10 +21,8 @@ from orthoglide_cal.planning.next_measurement import _pair, options, predictions
 from orthoglide_cal.results import answer_to
 from tests import truth
 from tests.bench.ambiguous import continued
-from tests.diagnosis.sessions import known, model_of
-from tests.printers import plan_of_session, printer, readings_of_touches
-from tests.results.sessions import given
-from tests.truth.delta import TOLERANCES, V400, Layout, make_delta_session
+from tests.diagnosis.sessions import given, known, model_of
+from tests.truth.delta import DeltaSession, Layout, make_delta_session
 from tests.truth.effects import state_with
 from tests.truth.forward import signals
 
@@ -187,23 +183,15 @@ def test_what_u_will_be_is_what_solve_prints(
 def test_what_is_taken_from_the_firmware_stays_as_unsure_as_it_is() -> None:
     """Arms of a printer: most of U of its endstops and radius, whatever is touched next."""
     session = make_delta_session(5, layout=Layout(81))
-    nominal = printer(V400, TOLERANCES)
-    model = Model(nominal.changed(probe=nominal.probe.changed(texture_mm=V400.texture)))
-    measured = readings_of_touches(
-        plan_of_session(session, session.readings), session.readings - session.block
-    )
-    now = np.array([each.expanded for each in answer_to(given(measured, model)).parameters])
-    for following in ranked(diagnose(measured, model)):
+    read, now = given(session), printed_u(session)
+    for following in ranked(diagnose(read.measured, read.model)):
         ratio = following.expanded / now
         assert np.all((ratio > 0.9) & (ratio < 1.05))
 
 
-def printed_u(session: truth.Session) -> Floats:
-    """U of the offsets that `solve` gives out, shape (3,) [mm]."""
-    document = document_from_bytes(truth.readings_csv(session).encode(), "session.csv")
-    model = model_of(session.machine, session.gauge)
-    answer = answer_to(read_input(document, model))
-    return np.array([each.expanded for each in answer.parameters])
+def printed_u(session: truth.Session | DeltaSession) -> Floats:
+    """U of the parameters that `solve` gives out [mm, deg]."""
+    return np.array([each.expanded for each in answer_to(given(session)).parameters])
 
 
 def test_readings_are_expected_as_the_truth_has_them() -> None:

@@ -10,21 +10,12 @@ import pytest
 
 from orthoglide_cal.diagnosis import Verdict, diagnose
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings
-from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import reduction
+from orthoglide_cal.model.measured import DataKind, Readings
 from orthoglide_cal.planning import Option, best_next, ranked
 from tests import truth
 from tests.bench.ambiguous import continued
-from tests.diagnosis.sessions import known, readings_of
+from tests.diagnosis.sessions import known, readings_of, reduced
 from tests.readings import some
-
-
-def six(readings: Readings, model: Model) -> Differences:
-    """The differences that the paper prints of such readings."""
-    which = DIFFERENCES[DataKind.SIX]
-    matrix = reduction(DataKind.SIX, which, model.machine, readings.plan)
-    return Differences(DataKind.SIX, which, matrix @ readings.value, readings.source)
 
 
 def measured(session: truth.Session, option: Option, seed: int) -> Readings:
@@ -50,7 +41,7 @@ def test_a_gap_and_a_skewed_bar_are_told_apart_afterwards(cause: str, seed: int)
     (rival,) = {"axis_gap", "bar_skew"} - {cause}
     session = truth.make_session(seed, truth.PROTOTYPE, truth.MICRON, (cause,))
     readings, model = known(session)
-    found = diagnose(six(readings, model), model)
+    found = diagnose(reduced(DataKind.SIX, readings, model), model)
     assert found.verdict is Verdict.AMBIGUOUS
     following = best_next(found)
     assert following is not None
@@ -69,7 +60,7 @@ def test_u_is_that_of_the_session_alone(gauge: truth.Gauge) -> None:
     """On average over sessions of it, whatever the differences knew before."""
     session = truth.make_session(5, truth.PROTOTYPE, gauge)
     readings, model = known(session)
-    for following in ranked(diagnose(six(readings, model), model)):
+    for following in ranked(diagnose(reduced(DataKind.SIX, readings, model), model)):
         sessions = [measured(session, following.option, seed) for seed in range(6)]
         reach = [solve(readings, model).expanded_mm.max() for readings in sessions]
         assert following.expanded.max() == pytest.approx(np.mean(reach), rel=0.1)
@@ -80,7 +71,7 @@ def test_readings_along_the_leg_are_not_gone_on_with_either() -> None:
     session = truth.make_session(5, truth.PROTOTYPE, truth.DIAL)
     readings, model = known(session)
     assert {each.option.session for each in ranked(diagnose(readings, model))} == {None}
-    found = ranked(diagnose(six(readings, model), model))
+    found = ranked(diagnose(reduced(DataKind.SIX, readings, model), model))
     told = {each.option.session for each in found}
     assert told == {"--cycles 1", "--cycles 2", "", "--cycles 5"}
     assert not any(each.option.continues for each in found)

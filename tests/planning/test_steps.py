@@ -6,7 +6,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.planning.steps import (
@@ -29,9 +28,8 @@ def usual(
     cycles: int,
     order: Order = Order.PAPER,
     stands: int = 2,
-    machine: Machine = PROTOTYPE,
 ) -> tuple[SessionStep, ...]:
-    return sequence(machine, protocol, cycles, order, stands)
+    return sequence(PROTOTYPE, protocol, cycles, order, stands)
 
 
 def test_the_double_posture_session_is_that_of_section_4_1() -> None:

@@ -24,7 +24,7 @@ from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import verify
 from tests.machines import NOMINAL
 from tests.results import cases
-from tests.results.cases import CASES, GAP, HOSTILE, ISSUED, case_of, identity_of
+from tests.results.cases import CASES, GAP, GAPED, HOSTILE, ISSUED, case_of, identity_of
 from tests.results.sessions import FINE, TRUE, given, session
 
 
@@ -46,9 +46,8 @@ def as_left() -> Document:
 
 def verified() -> Document:
     """A correction with exchanged axes, a change of the machine, and a limit."""
-    moved = FINE.extended([CAUSES["axis_gap"].at(GAP)])
     before = given(session(TRUE, 12, FINE), FINE)
-    after = given(session(TRUE - TRUE[[1, 0, 2]], 13, moved), FINE)
+    after = given(session(TRUE - TRUE[[1, 0, 2]], 13, GAPED), FINE)
     found = verify(before, after, TRUE.tolist(), limit_mm=0.05)
     identity = Identity(number="OC-012345-ABCDEF", issued=ISSUED, software="orthocal 0")
     return verification_document(found, identity)

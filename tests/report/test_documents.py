@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines
 from orthoglide_cal.files.input import check_file, read_input
 from orthoglide_cal.files.machine_file import machine_text, read_machine_file
@@ -31,8 +30,8 @@ from orthoglide_cal.words import difference_decimals, signed, two_figures
 from tests.machines import NOMINAL, ROOT, SAMPLES, both_models
 from tests.report.cases import documents, report_of
 from tests.results import cases
-from tests.results.cases import case_of
-from tests.results.sessions import FINE, TRUE, given, session
+from tests.results.cases import GAPED, case_of
+from tests.results.sessions import TRUE, given, session
 
 # What a renderer may know: the document, and how its texts are made harmless.
 KNOWN = {f"orthoglide_cal.{name}" for name in (
@@ -62,8 +61,7 @@ def test_renderers_know_nothing_of_calibration(renderer: str) -> None:
 
 def test_the_green_tick_is_for_what_the_offsets_put_right() -> None:
     """Offsets do not remove an accepted gap: said on every page, with the table that does."""
-    gaped = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
-    found = case_of(given(session(TRUE, 11, gaped), gaped))
+    found = case_of(given(session(TRUE, 11, GAPED), GAPED))
     left = f"Offsets do not remove axis_gap: {two_figures(found.answer.expected.rms_mm)} mm r.m.s."
     for document in (solution_document(found), report_of(found)):
         page = document.page()
@@ -164,9 +162,8 @@ def test_the_page_expects_what_the_answer_does() -> None:
 
 def beyond_the_limit() -> doc.Document:
     """Adjusted as promised, and the gap that offsets do not put right is more than the limit."""
-    gaped = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
-    before = given(session(TRUE, 16, gaped), gaped)
-    after = given(session(np.zeros(3), 17, gaped), gaped)
+    before = given(session(TRUE, 16, GAPED), GAPED)
+    after = given(session(np.zeros(3), 17, GAPED), GAPED)
     found = verify(before, after, TRUE.tolist(), limit_mm=0.02)
     case = replace(case_of(before), machine_file=Path("mine.yaml"))
     return calibration_document(case, cases.identity_of(case), found)

@@ -2,16 +2,14 @@
 
 import re
 import shutil
-from contextlib import chdir
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import pytest
 from rich.cells import cell_len
 
 from orthoglide_cal.diagnosis import Verdict, diagnose
-from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import machine_text, read_machine_file, shipped_folder
 from orthoglide_cal.planning import ranked
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
@@ -24,6 +22,7 @@ from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import Remedy, answer_to
 from tests import truth
 from tests.cli.program import done
+from tests.diagnosis.sessions import given
 from tests.machines import NOMINAL, SAMPLES
 from tests.report.test_terminal import shown, unwrapped
 from tests.results.cases import as_left, identity_of
@@ -68,34 +67,26 @@ def both_screens(case: Case) -> str:
     return f"{said}\n\n" + "\n".join(lines)
 
 
-def simulated(written: str, machine: str) -> Case:
-    """What was written, judged by the machine that was written; the answer of a plain screen."""
-    with TemporaryDirectory() as folder, chdir(folder):
-        Path("before.csv").write_text(written, encoding="utf-8")
-        Path("machine.yaml").write_text(machine, encoding="utf-8")
-        given = read_input("before.csv", read_machine_file(Path("machine.yaml")).model)
-        return Case(given, answer_to(given))
+def answered(read: Input) -> Case:
+    """With the answer of a plain screen."""
+    return Case(read, answer_to(read))
 
 
 @cache
 def of_orthoglide(hidden: tuple[str, ...], seed: int, gauge: str, outside: str | None) -> Case:
     session = truth.make_session(seed, truth.PROTOTYPE, truth.GAUGES[gauge], hidden, outside)
-    return simulated(
-        truth.readings_csv(session), truth.machine_yaml(session.machine, session.gauge)
-    )
+    return answered(given(session))
 
 
 @cache
 def of_printer(hidden: tuple[str, ...], seed: int, places: int) -> Case:
     layout = delta.Layout(places)
-    session = delta.make_delta_session(seed, hidden=hidden, layout=layout)
-    return simulated(delta.delta_csv(session), delta.delta_yaml(session.machine))
+    return answered(given(delta.make_delta_session(seed, hidden=hidden, layout=layout)))
 
 
 @pytest.mark.parametrize("name", SAMPLE_FILES)
 def test_samples(name: str) -> None:
-    given = read_input(str(SAMPLES / name), None, lambda: NOMINAL)
-    both_screens(Case(given, answer_to(given)))
+    both_screens(answered(read_input(str(SAMPLES / name), None, lambda: NOMINAL)))
 
 
 @pytest.mark.parametrize(
@@ -158,14 +149,14 @@ def test_what_was_questioned_and_kept_is_retaken_first() -> None:
     release = case.answer.release
     kept = case.answer.changed(release=release.changed(remedies=(again, *release.remedies)))
     for said in both_screens(Case(case.given, kept)).split("\nNext\n")[1:]:
-        assert re.match(r" +1\. Retake: r 14 +orthocal measure before.csv --resume", said), said
+        assert re.match(r" +1\. Retake: r 14 +orthocal measure session.csv --resume", said), said
 
 
 def test_what_to_measure_next() -> None:
-    given = read_input(str(SAMPLES / "experiment1.csv"), None, lambda: NOMINAL)
-    diagnosis = diagnose(given.measured, given.model)
-    plan = measurement_plan(given.model, Wanted(), ranked(diagnosis))
-    begun = Case(given, answer_to(given, diagnosed=diagnosis))
+    read = read_input(str(SAMPLES / "experiment1.csv"), None, lambda: NOMINAL)
+    diagnosis = diagnose(read.measured, read.model)
+    plan = measurement_plan(read.model, Wanted(), ranked(diagnosis))
+    begun = Case(read, answer_to(read, diagnosed=diagnosis))
     screen(plan_document(plan, None, begun), MOST["plan"])
 
 

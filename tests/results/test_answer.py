@@ -32,11 +32,10 @@ from orthoglide_cal.results.making import release
 from tests.machines import NOMINAL, PROTOTYPE, sure
 from tests.printers import plan_of_session, printer, readings_of_touches
 from tests.results import cases
+from tests.results.cases import GAPED
 from tests.results.sessions import FINE, TRUE, given, session
 from tests.truth.delta import V400, Layout, Truth, probe_bed
 from tests.truth.plan import frozen
-
-GAPED = FINE.extended([CAUSES["axis_gap"].at(cases.GAP)])
 
 
 def diagnosis_of(case: Case) -> Diagnosis:

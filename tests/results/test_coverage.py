@@ -9,8 +9,7 @@ from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.results import Answer, answer_to
 from tests import truth
 from tests.bench.scoring import band
-from tests.diagnosis.sessions import known
-from tests.results.sessions import given
+from tests.diagnosis.sessions import given
 
 # Standard deviation of the hidden joint offsets [mm]: one in twenty is beyond 2 mm.
 OFFSETS = 1.0
@@ -45,7 +44,7 @@ def test_healthy_sessions_are_consistent_and_their_intervals_hold(
             offset_sd=OFFSETS,
             cycles=cycles,
         )
-        found = answer_to(given(*known(session)))
+        found = answer_to(given(session))
         covered += inside(found, session)
         verdicts[str(found.verdict)] += 1
     low, high = band(count, 0.93, 0.97)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.methods import pose
@@ -28,6 +27,7 @@ from tests.diagnosis.sessions import known
 from tests.estimation.sessions import of_values
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, extended
 from tests.readings import readings_of, some
+from tests.results.cases import GAPED
 from tests.results.sessions import FINE, TRUE, given, session
 from tests.truth import again
 
@@ -171,13 +171,12 @@ def test_a_gauge_with_another_gain_shows_in_the_coefficient():
 
 
 def test_a_change_of_the_machine_is_noticed():
-    shimmed = FINE.extended([CAUSES["axis_gap"].at(np.array([0.3, -0.2, 0.25]))])
     first, same, other = (
         given(session(offsets, seed, model), FINE)
         for offsets, seed, model in (
             (TRUE, 12, FINE),
             (TRUE * 0.0, 14, FINE),
-            (TRUE * 0.0, 13, shimmed),
+            (TRUE * 0.0, 13, GAPED),
         )
     )
     change = verify(first, other, TRUE).other_change
@@ -187,9 +186,8 @@ def test_a_change_of_the_machine_is_noticed():
 
 
 def test_what_an_accepted_cause_leaves_is_named():
-    gaped = FINE.extended([CAUSES["axis_gap"].at(np.array([0.3, -0.2, 0.25]))])
     first, second = (
-        given(session(offsets, seed, gaped), gaped) for offsets, seed in ((TRUE, 1), (TRUE * 0, 2))
+        given(session(offsets, seed, GAPED), GAPED) for offsets, seed in ((TRUE, 1), (TRUE * 0, 2))
     )
     assert "Offsets do not remove axis_gap: 0.0" in str(verify(first, second, TRUE).remains)
 
