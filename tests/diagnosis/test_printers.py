@@ -17,7 +17,6 @@ from tests.diagnosis.sessions import given
 from tests.printers import true_values
 from tests.truth.delta import (
     V400,
-    Delta,
     DeltaSession,
     Layout,
     Surface,
@@ -25,7 +24,6 @@ from tests.truth.delta import (
     grain,
     places_of,
     probe_bed,
-    touches,
 )
 from tests.truth.delta_separation import GRAIN
 from tests.truth.plan import frozen
@@ -48,38 +46,21 @@ def quartic(rng: np.random.Generator, size: float, radius: float = 150.0) -> Sur
     return Surface(radius, dict(zip(powers, sizes.tolist(), strict=True)))
 
 
-def calibrated(machine: Delta, truth: Truth) -> Truth:
-    """The same with the six parameters as a calibration of the controller would leave them."""
-    at = places_of(Layout(25), machine.bed)
-    nothing = np.zeros(len(at))
-
-    def moved(values: Floats) -> Truth:
-        angles = frozen(np.append(values[4:], 0.0))
-        return replace(truth, endstops=frozen(values[:3]), radius=values[3], angles=angles)
-
-    def read(values: Floats) -> Floats:
-        return touches(machine, moved(values), *at.T, nothing, nothing)
-
-    arms = np.array(machine.arms)
-    raised = np.sqrt(arms**2 - machine.radius**2)
-    values = np.append(raised - np.sqrt((arms + truth.arms) ** 2 - machine.radius**2), np.zeros(3))
-    for _ in range(5):
-        left = read(values)
-        slope = [(read(values + step) - left) / 1e-3 for step in 1e-3 * np.eye(6)]
-        values = values - np.linalg.lstsq(np.stack(slope, axis=1), left)[0]
-    return moved(values)
-
-
 def stored_arms(
     arms: tuple[float, float, float], bent: bool, seed: int, places: int = 149
 ) -> DeltaSession:
-    """Touches, 10 µm noise, of a sound machine whose firmware has these arms."""
+    """Touches, 10 µm noise, of a sound machine whose firmware has these arms.
+
+    It is homed so that the height in the middle of the bed is right.
+    """
     rng = np.random.default_rng([seed, int(1e3 * arms[0]), bent])
     machine = replace(V400, arms=arms, noise=0.010)
+    stored, true = (np.sqrt(np.square(a) - V400.radius**2) for a in (arms, TRUE_ARM))
     truth = Truth(
-        arms=frozen(TRUE_ARM - np.array(arms)), bed=quartic(rng, BENT_MM) if bent else None
-    )
-    return probe_bed(machine, calibrated(machine, truth), (), Layout(places), rng)
+        arms=frozen(TRUE_ARM - np.array(arms)), endstops=frozen(stored - true),
+        bed=quartic(rng, BENT_MM) if bent else None,
+    )  # fmt: skip
+    return probe_bed(machine, truth, (), Layout(places), rng)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import csv
 import io
 import re
+from configparser import ConfigParser
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,6 +44,13 @@ def released() -> Case:
     return case_of(replace(healthy, model=model))
 
 
+def sections(text: str) -> ConfigParser:
+    """Sections of an ini file, with "#" comments."""
+    found = ConfigParser(delimiters="=", comment_prefixes="#", interpolation=None)
+    found.read_string(text)
+    return found
+
+
 def changes(found: Case) -> list[float]:
     answer = found.answer
     return [each.change(answer.decimals) for each in answer.parameters]
@@ -51,18 +59,10 @@ def changes(found: Case) -> list[float]:
 def test_linuxcnc_snippet_is_an_ini_with_one_offset_per_joint(released: Case) -> None:
     """Read back as LinuxCNC would: sections, keys, "#" comments."""
     text = controller.as_linuxcnc(*export(released))
-    section, found = "", {}
-    for line in text.splitlines():
-        if not line or line.startswith("#"):
-            continue
-        if header := re.fullmatch(r"\[(JOINT_\d)\]", line):
-            section = header[1]
-        else:
-            key, value = re.fullmatch(r"(\w+) = (-?\d+\.\d+)", line).groups()
-            assert key == "HOME_OFFSET"
-            found[section] = float(value)
-    new = np.array([0.1, -0.2, 0.3]) + changes(released)
-    assert found == pytest.approx({f"JOINT_{k}": value for k, value in enumerate(new)})
+    settings = sections(text)
+    found = [float(settings[f"JOINT_{k}"]["HOME_OFFSET"]) for k in range(3)]
+    assert found == pytest.approx(np.array([0.1, -0.2, 0.3]) + changes(released))
+    assert [len(settings[name]) for name in settings.sections()] == [1, 1, 1]
     assert "re-home all three axes" in text
     assert "previous +0.100" in text
     assert "Check, gauge at the middle of leg" in text
@@ -143,18 +143,11 @@ def numbers(text: str, code: str) -> dict[str, list[float]]:
 
 def klipper(text: str) -> tuple[np.ndarray, ...]:
     """Arms, radius, angles, and heights of the nozzle at which the endstops trigger."""
-    found: dict[str, dict[str, float]] = {}
-    section: dict[str, float] = {}
-    for line in re.findall(r"^#\*# ?(.*)$", text, re.MULTILINE):
-        if header := re.fullmatch(r"\[(\w+)\]", line):
-            section = found.setdefault(header[1], {})
-        elif line:
-            key, value = line.split(" = ")
-            section[key] = float(value)
+    found = sections("\n".join(re.findall(r"^#\*# ?(.*)$", text, re.MULTILINE)))
     towers = [found[f"stepper_{tower}"] for tower in "abc"]
     keys = "arm_length", "angle", "position_endstop"
-    arms, angles, ends = (np.array([tower[key] for tower in towers]) for key in keys)
-    return arms, np.array(found["printer"]["delta_radius"]), angles, ends
+    arms, angles, ends = (np.array([float(tower[key]) for tower in towers]) for key in keys)
+    return arms, np.array(float(found["printer"]["delta_radius"])), angles, ends
 
 
 def reprapfirmware(text: str) -> tuple[np.ndarray, ...]:

@@ -20,7 +20,7 @@ from orthoglide_cal.report.case import Case
 from orthoglide_cal.results import Identity, answer_to, identify
 from orthoglide_cal.results.verification import Verification, verify
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
-from tests.readings import readings_of, some
+from tests.readings import some
 from tests.results.sessions import FINE, TRUE, given, session
 
 # Of a session to which nobody can object.
@@ -92,9 +92,7 @@ def named_in_machine() -> Case:
 def named_in_measurement() -> Case:
     """One reading is wrong by three revolutions' tenth."""
     good = session(TRUE, 5)
-    value = good.value.copy()
-    value[11] += 0.30
-    return _made(readings_of(PROTOTYPE, good.plan, value))
+    return _made(replace(good, value=good.value + 0.30 * (np.arange(len(good)) == 11)))
 
 
 @listed
@@ -107,12 +105,8 @@ def ambiguous() -> Case:
 def unexplained() -> Case:
     """Each posture of each leg deviates in its own way, again and again."""
     good = session(TRUE, 6, FINE)
-    plan = good.plan
-    keys = np.stack((plan.setup, plan.displacement), axis=1)
-    _, cell = np.unique(keys, axis=0, return_inverse=True)
-    deviation = np.random.default_rng(1).normal(0.0, 0.08, int(cell.max()) + 1)
-    deviating = readings_of(FINE.machine, plan, good.value + deviation[cell.reshape(-1)])
-    return _made(deviating, FINE)
+    deviation = np.random.default_rng(1).normal(0.0, 0.08, len(good))[good.plan.cells]
+    return _made(replace(good, value=good.value + deviation), FINE)
 
 
 @listed
