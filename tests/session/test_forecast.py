@@ -82,36 +82,26 @@ def test_the_covariance_is_that_of_the_formula() -> None:
     assert found.base == pytest.approx(simulate(NOMINAL, np.zeros(3), plan), abs=1e-12)
 
 
-def test_a_selection_is_the_forecast_of_that_part() -> None:
-    """Any readings in any order, with their own zeros and times, as a plan of just those."""
+@pytest.mark.parametrize("cause", [None, "axis_gap", "backlash", "thermal_drift"])
+def test_a_selection_is_the_forecast_of_that_part(cause: str | None) -> None:
+    """Any readings in any order, with their own zeros and times, as a plan of just those.
+
+    Known causes are expected where and when they act.
+    """
     rng = np.random.default_rng(3)
-    whole = timed_plan()
-    rows = rng.permutation(60)[:25]
+    known = [CAUSES[cause]] if cause else []
+    effects = [each.at(np.linspace(-0.3, 0.4, each.unknowns)) for each in known]
+    model, whole = NOMINAL.extended(effects), timed_plan()
+    rows, order = rng.permutation(60)[:25], np.arange(25)
     setup, hours = rng.integers(0, 6, 25), np.sort(rng.uniform(0.0, 1.0, 25))
-    selected = PlanForecast(NOMINAL, whole).forecast(
-        rows, setup, np.arange(25), hours, scatter_mm=0.02
-    )
-    alone = replace(whole.subset(rows), setup=setup, order=np.arange(25), hours=hours)
-    exact = PlanForecast(NOMINAL, alone).forecast(
-        np.arange(25), setup, np.arange(25), hours, scatter_mm=0.02
-    )
+    selected = PlanForecast(model, whole).forecast(rows, setup, order, hours, scatter_mm=0.02)
+    alone = replace(whole.subset(rows), setup=setup, order=order, hours=hours)
+    exact = PlanForecast(model, alone).forecast(order, setup, order, hours, scatter_mm=0.02)
     for name in ("base", "common", "cells", "misfits"):
         assert np.array_equal(getattr(selected, name), getattr(exact, name)), name
-
-
-@pytest.mark.parametrize("cause", ["axis_gap", "backlash", "thermal_drift"])
-def test_known_causes_are_expected_where_and_when_they_act(cause: str) -> None:
-    """Also those that depend on the order and the time in which the readings are really taken."""
-    count = 6 if cause == "backlash" else 3  # with the places that the carriages came from
-    effect = CAUSES[cause].at(np.array([0.3, -0.2, 0.4, 0.1, 0.2, -0.1])[:count])
-    rows = np.array([5, 2, 4, 0, 24, 23, 50, 41])
-    order, hours = np.arange(8), np.linspace(0.1, 2.0, 8)
-    whole = timed_plan()
-    model = NOMINAL.extended([effect])
-    found = PlanForecast(model, whole).forecast(rows, whole.setup[rows], order, hours)
-    alone = replace(whole.subset(rows), order=order, hours=hours)
-    assert np.array_equal(found.base, simulate(model, np.zeros(3), alone))
-    assert np.abs(found.base - simulate(NOMINAL, np.zeros(3), alone)).max() > 1e-3
+    assert np.array_equal(selected.base, simulate(model, np.zeros(3), alone))
+    moved = np.abs(selected.base - simulate(NOMINAL, np.zeros(3), alone)).max()
+    assert (moved > 1e-3) == bool(cause)
 
 
 def test_predictions_are_conditional_normal_distributions() -> None:

@@ -153,6 +153,7 @@ def test_resuming_after_a_cut_goes_on_behind_the_last_whole_record(tmp_path: Pat
         path.write_bytes(data[:cut])
         with closing(Journal.resume(path)) as journal:
             kept = list(journal.recovered.events)
+            assert path.read_bytes() == data[:cut]  # looking at it changes nothing
             journal.append(Noted(at=AT, step=1, text="after"))
             journal.append(Noted(at=AT, step=1, text="again"))
         found = decode(path.read_bytes(), "j")
@@ -162,14 +163,6 @@ def test_resuming_after_a_cut_goes_on_behind_the_last_whole_record(tmp_path: Pat
             Noted(at=AT, step=1, text="again"),
         ]
         assert found.lost == 0
-
-
-def test_looking_at_a_cut_journal_changes_nothing(tmp_path: Path) -> None:
-    data, ends = written(eventful()[:4])
-    path = tmp_path / "s.journal"
-    path.write_bytes(data[: ends[3] - 5])
-    Journal.resume(path).close()
-    assert path.read_bytes() == data[: ends[3] - 5]
 
 
 def test_an_existing_file_is_never_replaced(tmp_path: Path) -> None:

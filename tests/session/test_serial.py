@@ -50,10 +50,3 @@ def test_two_gauges_on_a_multiplexer(tmp_path: Path, line: SerialLine) -> None:
         assert terminal.step() == 2
         line.send(b"02A+0000.410\r")
         terminal.expect(r"saved \+0\.410")
-
-
-def test_a_port_that_is_not_there_leaves_no_file(tmp_path: Path) -> None:
-    with Terminal(tmp_path, "s.yaml", "--gauge", "plain:/dev/ttyNOPE") as terminal:
-        assert terminal.finish() == 3
-        assert "cannot be reached" in terminal.seen
-    assert list(tmp_path.iterdir()) == []
