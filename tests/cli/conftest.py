@@ -4,9 +4,20 @@ from pathlib import Path
 
 import pytest
 
+from tests import truth
+from tests.cli.program import COMMENT, FIRST
+
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The present folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def to_apply(folder: Path) -> None:
+    """A machine file that somebody wrote, and a first measurement."""
+    machine = truth.machine_yaml(truth.LARGE, truth.MICRON)
+    Path("machine.yaml").write_text(COMMENT + machine, encoding="utf-8")
+    truth.write_readings(FIRST, Path("before.csv"))

@@ -20,6 +20,8 @@ DOUBLE = str(SAMPLES / "double_posture_session.csv")
 SINGLE = str(SAMPLES / "single_posture_session.csv")
 SESSION = str(SAMPLES / "session.yaml")
 READINGS, MACHINE = "my readings.csv", "my machine.yaml"
+COMMENT = "# of the foundry, not to be lost\n"
+FIRST = truth.make_session(31, truth.LARGE, truth.MICRON)
 UNDETERMINED = "difference,value_mm\ndx_y,0.1\ndy_x,0.2\n"
 
 

@@ -27,13 +27,13 @@ from tests.cli.program import (
     run,
     words,
 )  # fmt: skip
+from tests.printers import CONFIG
 
 COMMANDS = (
     "measure", "solve", "diagnose", "plan", "apply", "verify", "history", "report", "export",
     "simulate", "validate", "paper", "template", "guide", "machine",
 )  # fmt: skip
 FILES = {"SIX": SIX, "DOUBLE": DOUBLE}
-HEAVY = {"numpy", "scipy", "matplotlib", "jinja2", "rich", "yaml", "serial"}
 
 
 def worded(command: str) -> list[str]:
@@ -58,15 +58,20 @@ def test_every_command_has_help(command: str) -> None:
     assert shown == done(*command.split(), "-h")
 
 
-@pytest.mark.parametrize("arguments", [("--help",), ("--version",), ("solve", "--help")])
-def test_help_and_version_load_nothing_heavy(arguments: tuple[str, ...]) -> None:
-    assert not HEAVY & modules_after(*arguments)
-
-
-def test_solving_loads_no_optimiser_and_no_plots() -> None:
-    loaded = modules_after("solve", DOUBLE)
-    assert "numpy" in loaded
-    assert not {"scipy.optimize", "scipy.stats", "matplotlib", "jinja2"} & loaded
+@pytest.mark.parametrize(
+    ("command", "heavy"),
+    [
+        *((f"{command}", "numpy scipy matplotlib jinja2 rich yaml serial")
+          for command in ("--help", "--version", "solve --help")),
+        ("guide signs", "numpy scipy yaml"),
+        *((command, "scipy.optimize scipy.stats matplotlib jinja2")
+          for command in ("solve DOUBLE", "plan", f"plan --machine {CONFIG}")),
+    ],
+)  # fmt: skip
+def test_no_command_loads_what_it_does_not_need(command: str, heavy: str) -> None:
+    loaded = modules_after(*worded(command))
+    assert "orthoglide_cal.cli.app" in loaded
+    assert not set(heavy.split()) & loaded
 
 
 def test_version_is_one_line_and_quick() -> None:

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,29 +13,24 @@ import yaml
 from orthoglide_cal.files.machine_file import shipped_folder
 from tests import truth
 
-from .program import UNDETERMINED, answer, done, parameters, refused, run, words
+from .program import COMMENT, FIRST, UNDETERMINED, answer, done, parameters, refused, run, words
 
-COMMENT = "# of the foundry, not to be lost\n"
-FIRST = truth.make_session(31, truth.LARGE, truth.MICRON)
-
-
-@pytest.fixture(autouse=True)
-def _here(folder: Path) -> None:
-    """A machine file that somebody wrote, and a first measurement."""
-    machine = truth.machine_yaml(truth.LARGE, truth.MICRON)
-    Path("machine.yaml").write_text(COMMENT + machine, encoding="utf-8")
-    truth.write_readings(FIRST, Path("before.csv"))
+pytestmark = pytest.mark.usefixtures("to_apply")
 
 
-def machine_file() -> dict[str, object]:
+def machine_file() -> dict[str, Any]:
     """As any other program reads it."""
-    content: dict[str, object] = yaml.safe_load(Path("machine.yaml").read_text(encoding="utf-8"))
+    content: dict[str, Any] = yaml.safe_load(Path("machine.yaml").read_text(encoding="utf-8"))
     return content
+
+
+def history() -> list[dict[str, Any]]:
+    return machine_file().get("history") or []
 
 
 def active() -> np.ndarray:
     """Offsets in the controller, says the machine file."""
-    return np.array(list(machine_file()["offsets_mm"].values()))  # type: ignore[attr-defined]
+    return np.array(list(machine_file()["offsets_mm"].values()))
 
 
 def applied() -> None:
@@ -55,7 +51,7 @@ def test_what_was_entered_is_recorded_and_the_rest_of_the_file_stays() -> None:
     changed = [line for line in before.splitlines() if line not in after.splitlines()]
     assert changed == ["offsets_mm: {x: 0.0, y: 0.0, z: 0.0}"]
     np.testing.assert_allclose(active(), FIRST.offsets, atol=0.01)
-    (entry,) = machine_file()["history"]  # type: ignore[misc]
+    (entry,) = history()
     assert list(entry) == ["date", "before", "after", "data_sha256"]
     assert {key: said[key] for key in entry} == entry
     assert said["machine_file"] == "machine.yaml"
@@ -84,7 +80,7 @@ def test_new_values_are_absolute_and_nobody_says_what_was_applied() -> None:
     # The second correction adds to the first.
     first = active()
     done("apply", "after.csv", "--yes")
-    one, other = machine_file()["history"]  # type: ignore[misc]
+    one, other = history()
     assert other["before"] == one["after"] == dict(zip("xyz", first.tolist(), strict=True))
     np.testing.assert_allclose(active(), FIRST.offsets, atol=0.01)
 
@@ -97,7 +93,7 @@ def test_undo_takes_the_last_entry_back() -> None:
     assert COMMENT in Path("machine.yaml").read_text(encoding="utf-8")
     assert run("apply", "--undo", "--yes").exit_code == 2
     applied()
-    assert len(machine_file()["history"]) == 1  # type: ignore[arg-type]
+    assert len(history()) == 1
 
 
 @pytest.mark.parametrize(
@@ -207,4 +203,4 @@ def test_a_simulated_machine_is_measured_again_with_its_seed() -> None:
 def test_a_session_may_come_from_standard_input() -> None:
     simulated_session()
     done("apply", "-", "--yes", text=Path("s.yaml").read_text(encoding="utf-8"))
-    assert len(machine_file()["history"]) == 1  # type: ignore[arg-type]
+    assert len(history()) == 1

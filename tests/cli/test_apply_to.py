@@ -1,6 +1,7 @@
 """`orthocal apply --to`: three values in the controller's file, and the way back."""
 
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -9,49 +10,33 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from orthoglide_cal.files.controller_file import ControllerFile, replace_file
 from tests import truth
 from tests.files.test_controller_file import CFG, INI
 from tests.linuxcnc import LinuxCnc, missing
 
-from .program import answer, done, refused, run, words
+from .program import FIRST, answer, done, refused, run, words
+from .test_apply import history
 
 PROGRAM = (sys.executable, "-m", "orthoglide_cal", "apply", "--to", "mill.ini", "--yes")
-FIRST = truth.make_session(31, truth.LARGE, truth.MICRON)
 
 
 @pytest.fixture(autouse=True)
-def _here(folder: Path) -> None:
-    """A machine file, a measurement and a controller's file."""
-    machine = truth.machine_yaml(truth.LARGE, truth.MICRON)
-    Path("machine.yaml").write_text(machine, encoding="utf-8")
-    truth.write_readings(FIRST, Path("before.csv"))
+def controller(to_apply: None) -> None:
+    """A controller's file beside them."""
     Path("mill.ini").write_text(INI, encoding="utf-8")
 
 
-def offsets(path: str = "mill.ini") -> list[float]:
+def offsets() -> list[float]:
     """The three home offsets, as another reader takes them."""
-    found, section = [], ""
-    for line in Path(path).read_text(encoding="utf-8").splitlines():
-        section = line.strip() if line.strip().startswith("[") else section
-        if (
-            section.startswith("[JOINT_")
-            and line.strip().startswith("HOME_OFFSET")
-            and "EXTRA" not in line
-        ):
-            found.append(float(line.split("=")[1].split("#")[0]))
-    return found
+    joints, _ = Path("mill.ini").read_text(encoding="utf-8").split("[SPINDLE_0]")
+    return [float(text) for text in re.findall(r"^ *HOME_OFFSET ?= ?(\S+)", joints, re.MULTILINE)]
 
 
 def to_enter() -> list[float]:
     """What is found in the first measurement."""
     return [each["enter"] for each in answer("solve", "before.csv")["parameters"]]
-
-
-def history() -> list[dict]:
-    return yaml.safe_load(Path("machine.yaml").read_text(encoding="utf-8")).get("history") or []
 
 
 def test_what_is_found_is_added_and_recorded_and_comes_back() -> None:
@@ -63,11 +48,7 @@ def test_what_is_found_is_added_and_recorded_and_comes_back() -> None:
     assert offsets() == pytest.approx(expected, abs=1e-9)
     (entry,) = history()
     assert entry["written"]["target"] == str(Path("mill.ini").resolve())
-    assert [each["after"] for each in entry["written"]["values"]] == [
-        line.split("=")[1].split("#")[0].strip()
-        for line in Path("mill.ini").read_text(encoding="utf-8").splitlines()
-        if line not in INI.splitlines()
-    ]
+    assert [float(each["after"]) for each in entry["written"]["values"]] == offsets()
     assert "--to" in refused(2, "apply", "--undo", "--yes")
     done("apply", "--undo", "--to", "mill.ini", "--yes")
     assert Path("mill.ini").read_text(encoding="utf-8") == INI

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from tests.cli.program import done, modules_after, process, refused, run
+from tests.cli.program import done, process, refused, run
 from tests.guide.test_pages import PAGES
 from tests.markdown import blocks
 
@@ -38,16 +38,12 @@ def test_a_wide_screen_is_not_used_to_its_end(monkeypatch: pytest.MonkeyPatch) -
 
 def test_in_a_pipe_it_is_the_page_as_written() -> None:
     assert process("guide", "signs").stdout == PAGES["signs"]
-    assert not {"numpy", "scipy", "yaml"} & modules_after("guide", "signs")
-
-
-def test_without_a_topic_the_list_is_shown() -> None:
-    assert run("guide").stdout == PAGES["index"]
 
 
 @pytest.mark.parametrize(
     ("typed", "name"),
     [
+        ((), "index"),
         (("What", "to", "do", "when"), "what-to-do-when"),
         (("what-to-do when",), "what-to-do-when"),
         (("AXIS-GAP",), "axis_gap"),

@@ -46,20 +46,6 @@ def test_apply_says_nothing_is_entered_before_it_asks(tmp_path: Path) -> None:
         assert (Path("machine.yaml").read_bytes() == unasked) == (answers == "n")
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "column", "words"),
-    [
-        ("{x: 0, y: 0, z: 0}", "{x: 0, y: -161, z: 0}", "offsets_mm.y", "travel of 160 mm"),
-        ("width_mm: 80", "width_mm: 311", "parallelogram_width_mm", "wider than it is long"),
-    ],
-)
-def test_a_machine_that_cannot_be_is_refused(old: str, new: str, column: str, words: str) -> None:
-    assert old in PROTOTYPE
-    with pytest.raises(InputError, match=words) as caught:
-        machine_from_text(PROTOTYPE.replace(old, new), "m.yaml")
-    assert caught.value.column == column
-
-
 def test_the_same_time_for_all_is_none(tmp_path: Path) -> None:
     path = tmp_path / "r.csv"
     head, rows = "x_mm,y_mm,reading_mm,minutes\n", "1,0,0.1,{0}\n0,1,0.2,{0}\n0,0,0.1,{1}\n"
@@ -114,13 +100,6 @@ def test_pasted_lines_are_not_lost_in_silence(tmp_path: Path) -> None:
         terminal.expect(r"ignored: [123] lines? typed too soon")
         terminal.expect("Drive to")
         terminal.step()
-
-
-def test_a_number_beyond_the_travel_is_called_so_whatever_came_before(tmp_path: Path) -> None:
-    right = typed(readings_of(steps_of()))
-    _, screen = answered(tmp_path / "s.journal", [*right[:8], "45"])
-    assert "further from" in screen.text
-    assert "travel of 10 mm" in screen.text
 
 
 def test_topics_of_the_guide_complete() -> None:

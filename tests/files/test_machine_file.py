@@ -63,20 +63,14 @@ def changed(text: str, *pairs: tuple[str, str]) -> str:
     return text
 
 
-def test_how_well_a_gauge_stands_and_counts_may_be_stated():
-    """What nobody stated stays out of the file."""
-    revolution = "revolution_mm: 1.0 "
-    stated = (revolution, "placement_mm: 0.4\n  scale_u: 0.0003\n  " + revolution)
-    model = read(changed(TEXT, stated))
-    gauge = model.machine.gauge
-    assert (gauge.placement_mm, gauge.scale_u) == (0.4, 0.0003)
-    assert (gauge.placement_std_mm, gauge.scale_std) == (0.4, 0.0003)
+def test_what_nobody_stated_of_a_gauge_stays_out_of_the_file():
     silent = default_machine()
-    assert (silent.machine.gauge.placement_mm, silent.machine.gauge.scale_u) == (None, None)
-    assert (silent.machine.gauge.placement_std_mm, silent.machine.gauge.scale_std) == (1.0, 0.001)
+    gauge = silent.machine.gauge
+    assert (gauge.placement_mm, gauge.scale_u) == (None, None)
+    assert (gauge.placement_std_mm, gauge.scale_std) == (1.0, 0.001)
     assert not {"placement_mm", "scale_u"} & set(machine_values(silent)["gauge"])
-    with pytest.raises(InputError, match="placement_mm"):
-        read(changed(TEXT, (revolution, "placement_mm: -1\n  " + revolution)))
+    stated = gauge.changed(placement_mm=0.4, scale_u=0.0003)
+    assert (stated.placement_std_mm, stated.scale_std) == (0.4, 0.0003)
 
 
 L = "leg_length_mm: 310.25"
@@ -109,6 +103,11 @@ BAD = [
     (L, "leg_length_mm: 1e-300", 7, "leg_length_mm", "1e-300", "at least", "unit"),
     ("resolution_mm: 0.01", "resolution_mm: 1e-9", 15, "gauge.resolution_mm", "1e-9", "at least",
      "unit"),
+    ("revolution_mm: 1.0", "scale_u: -1", 17, "gauge.scale_u", "-1", "negative", "zero"),
+    ("{x: 0, y: 0, z: 0}", "{x: 0, y: -161, z: 0}", 21, "offsets_mm.y", "-161",
+     "travel of 160 mm", "Check"),
+    ("width_mm: 80", "width_mm: 311", 8, "parallelogram_width_mm", "311", "wider than it is long",
+     "Check d and L"),
 ]  # fmt: skip
 
 

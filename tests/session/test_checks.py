@@ -59,6 +59,8 @@ def tenfold(value: float) -> float:
         *((DOUBLE, at, turned, {Doubt.SIGN, Doubt.EXCHANGED, Doubt.REVOLUTION}, "opposite sign")
           for at in (9, 28, 46, 56)),
         (DOUBLE, 7, tenfold, {Doubt.POINT}, "decimal point"),
+        # Whatever else it contradicts.
+        (DOUBLE, 8, slip(45), {Doubt.RANGE}, "than the gauge's travel of 10 mm"),
         (SINGLE, 9, slip(1), {Doubt.REVOLUTION}, "one revolution"),
     ],
 )  # fmt: skip

@@ -87,25 +87,19 @@ def test_a_known_step_is_commanded_and_seen(first: Path, tmp_path: Path) -> None
     assert new.cycle[iso].tolist() == [1, 2, 1, 2]
 
 
-def test_a_bar_is_turned_by_words_of_its_leg(first: Path, tmp_path: Path) -> None:
-    shown = finished(tmp_path, "t.yaml", *choice(first, is_turn))
-    words = " ".join(shown.split())
-    assert "Turn the bar of leg Y, unless it is turned already: loosen both ends" in words
-    assert "(what faced +X and +Z then faces away)" in words
-    assert "Before the next session, turn the bar of leg Y back." in shown
-    assert max(map(len, shown.split("\n"))) <= 80
-    new = read(tmp_path / "t.yaml")
-    assert new.plan.turned.tolist() == [False] * 24 + [True] * (len(new) - 24)
-    assert new.plan.part.tolist() == [0] * 24 + [1] * (len(new) - 24)
-
-
 def test_a_joined_session_is_gone_on_with_as_part_three(first: Path, tmp_path: Path) -> None:
     """A bar turned in part 2 is turned back for part 3; every command takes all three parts."""
-    shown = finished(tmp_path, "b.yaml", *choice(first, is_turn))
+    turned = finished(tmp_path, "b.yaml", *choice(first, is_turn))
+    words = " ".join(turned.split())
+    assert "Turn the bar of leg Y, unless it is turned already: loosen both ends" in words
+    assert "(what faced +X and +Z then faces away)" in words
+    assert "Before the next session, turn the bar of leg Y back." in turned
+    assert max(map(len, turned.split("\n"))) <= 80
     shown = finished(tmp_path, "c.yaml", *choice(tmp_path / "b.yaml", is_usual))
     assert "0. Turn the bar of leg Y back" in shown
     b, c = read(tmp_path / "b.yaml"), read(tmp_path / "c.yaml")
     assert c.plan.part.tolist() == [0] * 24 + [1] * (len(b) - 24) + [2] * (len(c) - len(b))
+    assert b.plan.turned.tolist() == (b.plan.part == 1).tolist()
     assert c.value[: len(b)].tolist() == b.value.tolist()
     assert c.plan.order.tolist() == list(range(len(c)))
     assert np.all(np.diff(c.plan.hours) >= 0.0)
