@@ -4,7 +4,6 @@ import json
 import re
 
 import pytest
-import yaml
 
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.input import read_input
@@ -16,7 +15,6 @@ from orthoglide_cal.files.machine_file import (
 )
 from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.files.session_file import Session, session_json, session_text
-from orthoglide_cal.files.text import write_text
 from tests.machines import extended
 
 from .helpers import MODEL, PROTOTYPE, places, problems, saved
@@ -52,23 +50,6 @@ def values(model=MODEL, **changes) -> Session:
 
 def save(tmp_path, text, name="session.yaml"):
     return saved(tmp_path, text, name)
-
-
-def test_the_file_holds_every_key_in_order_and_no_blanks(tmp_path):
-    path = tmp_path / "s.yaml"
-    write_text(path, session_text(values()))
-    content = yaml.safe_load(path.read_text())
-    assert list(content) == [
-        "schema_version", "machine", "protocol", "operator", "gauges", "started", "finished",
-        "environment", "readings", "retaken", "skipped",
-    ]  # fmt: skip
-    assert content["finished"] is None
-    assert list(content["readings"][1]) == [
-        "leg", "posture", "direction", "cycle", "reading_mm", "seq", "minutes", "temperature_c",
-        "gauge", "gauge_at", "timestamp",
-    ]  # fmt: skip
-    assert content == session_json(values())
-    assert path.read_text() == session_text(values())
 
 
 def test_the_conditions_are_those_of_the_file(tmp_path):

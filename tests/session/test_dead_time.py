@@ -10,7 +10,7 @@ from orthoglide_cal.session.asking import BETWEEN_GAUGES_S, BY_HAND_S, DeadTime
 from orthoglide_cal.session.events import State, replay
 
 from .going_on import events_of
-from .terminal import PROGRAM, PROMPT, QUESTION, Terminal
+from .terminal import PROGRAM, PROMPT, Terminal
 
 
 def state_in(folder: Path) -> State:
@@ -35,21 +35,6 @@ def test_a_second_press_is_no_reading(tmp_path: Path) -> None:
         terminal.type("0.41")
         terminal.expect("saved")
     assert kept(tmp_path) == {1: -0.64, 2: 0.41}
-
-
-def test_a_second_press_answers_no_question(tmp_path: Path) -> None:
-    with Terminal(tmp_path, "s.yaml", program=PROGRAM) as terminal:
-        assert terminal.step() == 1
-        terminal.type("55.5")  # beyond the gauge's travel
-        time.sleep(0.12)
-        terminal.type("k")
-        terminal.expect("ignored: k")
-        terminal.expect(QUESTION)
-        assert state_in(tmp_path).pending is not None
-        assert kept(tmp_path) == {}
-        time.sleep(BETWEEN_GAUGES_S + 0.2)
-        terminal.type("k")
-        terminal.expect("saved")
 
 
 def test_a_gauge_in_continuous_output_stores_nothing(tmp_path: Path) -> None:

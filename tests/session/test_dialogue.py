@@ -46,8 +46,9 @@ def test_a_drive_takes_longer_than_turning_to_the_other_gauge(
 ) -> None:
     drives: list[bool] = []
     monkeypatch.setattr(Asker, "rest", lambda _, driving: drives.append(driving))
-    answered(tmp_path / "s.journal", typed(readings_of(steps_of()))[:4])
-    assert drives == [False, True, False, True]
+    lines = [*typed(readings_of(steps_of()))[:4], "55.5"]  # beyond the gauge's travel: a question
+    answered(tmp_path / "s.journal", lines)
+    assert drives == [False, True, False, True, False]
 
 
 def test_every_screenful_fits_24_lines(tmp_path: Path) -> None:
