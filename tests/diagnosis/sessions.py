@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 
+from orthoglide_cal.diagnosis import Diagnosis
 from orthoglide_cal.diagnosis.explanations import Whitened, as_read, unit_of
 from orthoglide_cal.diagnosis.fit import Fitted
 from orthoglide_cal.estimation.gaussian import condition
@@ -59,6 +60,11 @@ def given(session: truth.Session | DeltaSession) -> Input:
 def known(session: truth.Session) -> tuple[Readings, Model]:
     """Record and model of a session."""
     return readings_of(session), model_of(session.machine, session.gauge)
+
+
+def ids(found: Diagnosis) -> list[str]:
+    """What is named, likeliest first."""
+    return [cause.id for cause in found.causes]
 
 
 def reduced(kind: DataKind, readings: Readings, model: Model) -> Differences:

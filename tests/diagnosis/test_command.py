@@ -161,15 +161,6 @@ class TestText:
         assert "orthocal measure" in text
         assert "--accept" not in text
 
-    def test_a_fault_of_the_measurement_offers_none_either(self, tmp_path: Path) -> None:
-        session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("misread",))
-        readings, machine = written(tmp_path, session)
-        ran = diagnose(readings, "--machine", machine)
-        text = words(ran.stdout)
-        assert "Cause found: one reading is wrong (misread," in text
-        assert "Take this reading again" in text
-        assert "--accept" not in text
-
     def test_a_faint_cause_leaves_room_for_nothing(self) -> None:
         """Beside a cause that hardly shows stands how likely it is that nothing is wrong."""
         read = given(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))

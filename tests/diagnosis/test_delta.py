@@ -17,7 +17,7 @@ from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.planning import best_next
 from orthoglide_cal.results import answer_to
-from tests.diagnosis.sessions import given
+from tests.diagnosis.sessions import given, ids
 from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import (
     V400,
@@ -196,10 +196,7 @@ def test_a_series_that_drifts_is_named_drift(drift: float, layout: Layout, seed:
     rng = np.random.default_rng(seed)
     session = probe_bed(V400, Truth(drift=drift), ("probe_drift",), layout, rng)
     found = diagnosed(session)
-    assert (found.verdict, [cause.id for cause in found.causes]) == (
-        Verdict.NAMED,
-        ["probe_drift"],
-    )
+    assert (found.verdict, ids(found)) == (Verdict.NAMED, ["probe_drift"])
     (estimate,) = found.causes[0].parameters
     assert abs(estimate.value - drift) < 3.0 * estimate.std
 

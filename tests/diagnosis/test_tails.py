@@ -11,8 +11,8 @@ import pytest
 from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
 from orthoglide_cal.diagnosis.assess import SPEAKS, WITHOUT_SIZE, Posterior, judge
 from tests import truth
-from tests.diagnosis.sessions import known
-from tests.diagnosis.test_certainty import ids, measured
+from tests.diagnosis.sessions import ids, known
+from tests.diagnosis.test_certainty import measured
 from tests.truth.effects import Effect
 from tests.truth.forward import MACHINE_CAUSES
 
@@ -37,7 +37,7 @@ def told(found: Diagnosis) -> set[str]:
 def test_a_stated_size_hides_nothing(seed: int) -> None:
     """Legs 1.4 mm off: visible although 1 mm is stated; 0.3 mm are not, and count in U."""
     found = with_legs((1.4, -0.3, 0.5), 1.0, seed)
-    assert (found.verdict, ids(found)) == (Verdict.NAMED, {"leg_length"})
+    assert (found.verdict, ids(found)) == (Verdict.NAMED, ["leg_length"])
     assert found.causes[0].times_stated is None
     lack = found.lack_of_fit
     assert lack.p_value < 1e-6
@@ -67,7 +67,7 @@ def test_ten_and_thirty_times_the_stated_size_are_named(cause: str) -> None:
         session = truth.make_session(31, truth.PROTOTYPE, gauge, (cause,), times=(times, times))
         found = diagnose(*known(session))
         assert truth.separation(session).distance >= FAR
-        assert (found.verdict, ids(found)) == (Verdict.NAMED, {cause})
+        assert (found.verdict, ids(found)) == (Verdict.NAMED, [cause])
         stated = found.causes[0].times_stated
         assert stated is not None
         assert 0.4 * times < stated < 1.1 * times
@@ -107,7 +107,7 @@ def test_large_causes_are_told(times: float) -> None:
         if truth.separation(session).distance >= FAR:
             count["far"] += 1
             count["told"] += cause in told(found)
-            count["named"] += (found.verdict, ids(found)) == ("named", {cause})
+            count["named"] += (found.verdict, ids(found)) == ("named", [cause])
     assert count["far"] >= 60
     assert count["told"] >= 0.97 * count["far"], count
     assert count["named"] >= 0.97 * count["far"], count

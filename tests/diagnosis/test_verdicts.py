@@ -7,7 +7,7 @@ import pytest
 
 from orthoglide_cal.diagnosis import Diagnosis, diagnose
 from tests import truth
-from tests.diagnosis.sessions import known
+from tests.diagnosis.sessions import ids, known
 
 # Seeds whose truth stands 5 to 60 σ from every rival (checked below); odd ones on the
 # prototype, even ones on the large machine; the slow causes at 2.5 min per posture.
@@ -45,16 +45,12 @@ def judged(session: truth.Session) -> Diagnosis:
     return diagnose(*known(session))
 
 
-def ids(found: Diagnosis) -> tuple[str, ...]:
-    return tuple(cause.id for cause in found.causes)
-
-
 @pytest.mark.parametrize(("cause", "gauge", "seed"), cases)
 def test_a_clear_cause_is_named(cause: str, gauge: truth.Gauge, seed: int) -> None:
     session = drawn(cause, gauge, seed)
     assert truth.separation(session).distance >= 5.0
     found = judged(session)
-    assert ids(found) == (cause,)
+    assert ids(found) == [cause]
     assert found.verdict in ("named", "ambiguous")
     if found.verdict == "ambiguous":
         # Only a blunder of the same reading may compete with a blunder; and beside skewed bars no

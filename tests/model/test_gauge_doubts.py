@@ -175,15 +175,20 @@ def test_a_wrong_unit_is_named(
         assert not kinds(readings, stated)
 
 
+def in_inches(session: truth.Session, division: float) -> str:
+    """The record of a gauge in inches, still headed millimetres."""
+    header, *rows = truth.readings_csv(session).splitlines()
+    shown = np.rint(session.readings / 25.4 / division) * division
+    cells = zip((row.rpartition(",")[0] for row in rows), shown.tolist(), strict=True)
+    return "\n".join((header, *(f"{head},{inches:.4f}" for head, inches in cells), ""))
+
+
 def test_readings_in_inches_are_judged_in_inches() -> None:
     """0.0005 in are not whole divisions of 0.01 mm."""
-    session = truth.make_session(5, truth.PROTOTYPE, truth.DIAL)
-    header, *rows = truth.readings_csv(session).replace("reading_mm", "reading_in").splitlines()
-    cells = [row.rpartition(",") for row in rows]
-    text = [f"{head},{np.rint(float(mm) / 25.4 * 2000.0) / 2000.0:.4f}" for head, _, mm in cells]
+    text = in_inches(truth.make_session(5, truth.PROTOTYPE, truth.DIAL), 0.0005)
     model = model_of(truth.PROTOTYPE, truth.DIAL)
-    found = gauge_doubts(read("\n".join((header, *text)), model), model.machine.gauge)
-    assert found == ()
+    measured = read(text.replace("reading_mm", "reading_in"), model)
+    assert gauge_doubts(measured, model.machine.gauge) == ()
 
 
 @pytest.mark.parametrize("kind", [DataKind.SIX, DataKind.TWELVE])
@@ -218,12 +223,7 @@ def test_doubtful_readings_are_not_released() -> None:
 
 def test_every_command_says_so(tmp_path: Path) -> None:
     session, path = truth.make_session(1, truth.PROTOTYPE, truth.DIAL), tmp_path / "inches.csv"
-    header, *rows = truth.readings_csv(session).splitlines()
-    exact = [
-        f"{row.rpartition(',')[0]},{value / 25.4:.4f}"
-        for row, value in zip(rows, session.readings.tolist(), strict=True)
-    ]
-    text = "\n".join((header, *exact, ""))
+    text = in_inches(session, 0.0001)
     path.write_text(text, encoding="utf-8")
     (checked,) = lines(run("validate", str(path), "--json"))
     assert any("reading_in" in remark for remark in checked["remarks"])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.estimation import fit_offsets, solve
 from orthoglide_cal.model.cause import Effect, Estimate, Place
 from orthoglide_cal.model.kinematics import Command
@@ -126,7 +127,9 @@ def test_values_are_frozen_to_the_last_array() -> None:
     session = synthetic_session(NOMINAL, PLAN, OFFSETS, np.random.default_rng(1))
     wanted = DIFFERENCES[DataKind.SIX]
     known = extended(axis_gap=(0.1, 0.2, -0.1))
-    solution = solve(session, known)
+    solution, diagnosis = solve(session, known), diagnose(session, known, sensitivity=True)
+    with pytest.raises(TypeError):
+        diagnosis.sensitivity["halved"] = None  # type: ignore[index]
     values = (
         PLAN,
         standard_plan(),
@@ -139,6 +142,7 @@ def test_values_are_frozen_to_the_last_array() -> None:
         known.real.geometry,
         NOMINAL.machine.command(PLAN),
         solution,
+        diagnosis,
         fit_offsets(solution.posed.problem, np.stack((solution.posed.data,) * 2)),
     )
     for value in values:

@@ -60,13 +60,6 @@ def test_order_in_time_and_set_ups() -> None:
     assert plan.subset([]).setups == len(plan.subset([])) == 0
 
 
-def test_a_subset_renumbers_its_set_ups() -> None:
-    part = small_plan().subset(np.array([2, 3]))
-    assert part.setup.tolist() == [1, 0]
-    assert part.gauge_at.tolist() == [0.4, 0.5]
-    assert part.setups == 2
-
-
 def test_readings_alike_share_their_cell_and_their_moment() -> None:
     """A cell is where and how is read; a moment where the carriages stand; iso is one for all."""
     ends = [(0, 1, 0.0), (0, 1, 60.0), (0, 2, 60.0), (1, 2, 0.0), (1, 2, 60.0), (1, 2, 60.0)]

@@ -13,7 +13,7 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import Contact
-from orthoglide_cal.planning.design import MARGIN, bar_warning, places, reach_mm, require_on_bar
+from orthoglide_cal.planning.design import MARGIN, bar_warning, reach_mm, require_on_bar
 from orthoglide_cal.planning.next_measurement import options
 from tests.cli.program import run
 from tests.cli.test_plan import machine
@@ -68,11 +68,6 @@ def test_options_never_leave_the_bar(machine: Machine, at: float) -> None:
             assert np.all((touched >= -1e-9) & (touched <= 1.0 + 1e-9))
             if not option.continues:
                 assert np.all((touched >= MARGIN - 1e-9) & (touched <= 1.0 - MARGIN + 1e-9))
-
-
-def test_gauge_places_are_round_numbers() -> None:
-    assert places(PROTOTYPE) == (0.45, 0.7)
-    assert places(SHORT) == ()
 
 
 def test_no_command_is_silent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,7 @@ from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.html import html
-from tests.machines import NOMINAL, SAMPLES
+from tests.machines import NOMINAL
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import printer
 from tests.report.cases import documents, report_of
@@ -111,11 +111,6 @@ def test_every_number_of_a_solution_and_of_a_diagnosis_is_in_its_json(name: str)
     case = CASES[name]()
     assert missing(solution_document(case)) == []
     assert missing(diagnosis_document(case), drawn(case)) == []
-
-
-@pytest.mark.parametrize("name", ["session.yaml", "experiment2.csv", "single_posture_session.csv"])
-def test_every_number_of_a_sample_is_in_its_json(name: str) -> None:
-    assert missing(report_of(case_of(read_input(str(SAMPLES / name))))) == []
 
 
 @pytest.mark.parametrize("data", ["calibration", "mesh"])
