@@ -50,10 +50,8 @@ def test_a_shared_shape_is_a_dense_covariance() -> None:
     """Evidence, and how patterns weigh and match, with every covariance written out."""
     rng = np.random.default_rng(8)
     columns, residual = rng.normal(size=(2, 9, 4)), rng.normal(scale=0.02, size=9)
-    patterns, sizes = (
-        rng.normal(size=(9, 3)),
-        np.array([[1.0, 1.0, 0.1, 0.1], [1.0, 1.0, 0.8, 0.8]]),
-    )
+    patterns = rng.normal(size=(9, 3))
+    sizes = np.array([[1.0, 1.0, 0.1, 0.1], [1.0, 1.0, 0.8, 0.8]])
     shares = np.log([0.4, 0.6])
     grid = NoiseGrid.around(0.01, rng.uniform(0.0, 0.001, size=9))
     assert grid.spectrum is not None

@@ -13,16 +13,15 @@ from orthoglide_cal.diagnosis.explanations import Whitened
 from orthoglide_cal.diagnosis.fit import Fitted
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.cause import Effect
-from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import without_zeros
-from orthoglide_cal.paper.tables import EXPERIMENTS
+from orthoglide_cal.paper.tables import experiment
 from tests import truth
 from tests.diagnosis.sessions import OPTIMAL, known, step_left
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, sure
 
-NOWHERE = Source("-", "")
 SIX = DIFFERENCES[DataKind.SIX]
 
 
@@ -86,16 +85,10 @@ def test_what_is_known_is_simulated() -> None:
 
 
 def test_differences_are_shown_in_the_order_of_the_file() -> None:
-    values = dict(zip(SIX, EXPERIMENTS[2].measured, strict=True))
-    straight, reverse = (
-        diagnose(
-            Differences(DataKind.SIX, order, np.array([values[each] for each in order]), NOWHERE),
-            NOMINAL,
-        )
-        for order in (SIX, SIX[::-1])
-    )
-    assert straight.measured.value.tolist() == [values[each] for each in SIX]
-    assert reverse.measured.value.tolist() == [values[each] for each in SIX[::-1]]
+    data = experiment(2)
+    backwards = replace(data, which=data.which[::-1], value=data.value[::-1])
+    straight, reverse = (diagnose(each, NOMINAL) for each in (data, backwards))
+    assert reverse.measured.value.tolist() == data.value.tolist()[::-1]
     np.testing.assert_allclose(reverse.nominal_mm[::-1], straight.nominal_mm, atol=1e-9)
     np.testing.assert_allclose(reverse.explained_mm[::-1], straight.explained_mm, atol=1e-6)
     assert np.ptp(straight.nominal_mm) > 0.5

@@ -141,10 +141,8 @@ def faults(found: Assessment, cause: Cause, residual: Floats) -> Iterator[tuple[
     plan, machine = white.plan, white.machine
     places = cause.places(plan, machine)
     if isinstance(cause, RelabelCause):
-        shares, begin = (
-            [cause.share(place) for place in places],
-            found.at.extras[cause.id].own.start,
-        )
+        shares = [cause.share(place) for place in places]
+        begin = found.at.extras[cause.id].own.start
         left = found.at.residuals[begin : begin + len(places)]
         yield np.log(shares) - np.log(sum(shares)), np.transpose(left), none
         return

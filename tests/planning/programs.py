@@ -19,7 +19,7 @@ from orthoglide_cal.cli.plan import write_program
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.planning.program import posture_program
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order, SessionStep, sequence
-from tests.cli.program import run
+from tests.cli.program import done
 from tests.machines import NOMINAL
 from tests.truth.forward import tool_from_carriages
 
@@ -167,9 +167,7 @@ def gcode(
 
 
 def default_template() -> str:
-    shown = run("template", "gcode")
-    assert shown.exit_code == 0
-    return shown.stdout
+    return done("template", "gcode")
 
 
 def true_tool(length: float, joints: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -123,10 +123,7 @@ def true_separation(machine: Delta, layout: SessionForecast) -> float:
         found = [delta_separation(session(machine, truth, own, layout)) for truth in truths]
         return sum(each.distances[rival] ** 2 - each.distances[own] ** 2 for each in found)
 
-    pairs = (
-        apart(leans, "tower_lean", "bed_shape"),
-        apart(beds, "bed_shape", "tower_lean"),
-    )
+    pairs = apart(leans, "tower_lean", "bed_shape"), apart(beds, "bed_shape", "tower_lean")
     return float(np.sqrt(max(min(pairs), 0.0)))
 
 
@@ -153,11 +150,8 @@ def test_a_flat_bed_does_not_tell_and_the_telling_layout_does() -> None:
     assert all(sigma[f"bed-{count}"] < 1.0 for count in (7, 13, 25, 49, 121))
     assert sigma["telling"] >= CERTAIN_SIGMA
     # Nothing that can be touched in less time does as well.
-    quicker = [
-        layout
-        for layout in V400_MODEL.machine.distinguishing_layouts()
-        if layout.minutes < best.minutes
-    ]
+    layouts = V400_MODEL.machine.distinguishing_layouts()
+    quicker = [layout for layout in layouts if layout.minutes < best.minutes]
     assert len(quicker) > 5
     for layout in quicker:
         (pair,) = separations(V400_MODEL, layout.plan, V400_MODEL.machine.rivals).pairs

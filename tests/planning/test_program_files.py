@@ -184,8 +184,8 @@ def test_the_command_writes_the_program_of_measure(tmp_path: Path) -> None:
     """The blocks and steps are those of a session with the same options."""
     target = tmp_path / "made.nc"
     common = ("--protocol", "single", "--cycles", "2", "--order", "fewest-moves")
-    shown = run("plan", *common, "--program", str(target), "--travel", "-105", "65",
-                "--approach", "2")  # fmt: skip
+    moves = ("--travel", "-105", "65", "--approach", "2")
+    shown = run("plan", *common, *moves, "--program", str(target))
     assert shown.exit_code == 0, shown.stderr
     assert shown.stdout == ""
     assert f"blocks written to {target}" in shown.stderr
@@ -195,7 +195,6 @@ def test_the_command_writes_the_program_of_measure(tmp_path: Path) -> None:
     for wait in done.readings:
         way = wait.arrival.end - wait.arrival.start
         np.testing.assert_allclose(way, 2.0, rtol=0.0, atol=MICROMETRE)
-    moves = ("--travel", "-105", "65", "--approach", "2")
     table = tmp_path / "made.csv"
     assert run("plan", *common, *moves, "--program", str(table)).exit_code == 0
     shown = run("plan", *common, *moves, "--program", "-")

@@ -26,7 +26,7 @@ from tests import truth
 from tests.diagnosis.sessions import known
 from tests.estimation.sessions import of_values
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, extended
-from tests.readings import readings_of, some
+from tests.readings import readings_of
 from tests.results.cases import GAPED
 from tests.results.sessions import FINE, TRUE, given, session
 from tests.truth import again
@@ -171,14 +171,9 @@ def test_a_gauge_with_another_gain_shows_in_the_coefficient():
 
 
 def test_a_change_of_the_machine_is_noticed():
-    first, same, other = (
-        given(session(offsets, seed, model), FINE)
-        for offsets, seed, model in (
-            (TRUE, 12, FINE),
-            (TRUE * 0.0, 14, FINE),
-            (TRUE * 0.0, 13, GAPED),
-        )
-    )
+    first = given(session(TRUE, 12, FINE), FINE)
+    same = given(session(TRUE * 0.0, 14, FINE), FINE)
+    other = given(session(TRUE * 0.0, 13, GAPED), FINE)
     change = verify(first, other, TRUE).other_change
     assert change.found
     assert change.rms_mm > 3.0 * change.noise_mm
@@ -257,13 +252,9 @@ def test_usage_errors():
     heights = of_values(DataKind.SINGLE, [0.1, 0.2, 0.3, 0.1, 0.2, 0.4])
     with pytest.raises(UsageError, match="different things"):
         verify(paper(2), Input(heights, NOMINAL, Conditions()), TRUE)
-    halves = [session(TRUE, k) for k in (23, 24)]
-    near = [
-        some(one, np.flatnonzero(one.plan.displacement != PROTOTYPE.displacement_mm(Posture.MAX)))
-        for one in halves
-    ]
+    near = double_posture(PROTOTYPE, postures=(Posture.ISO, Posture.MIN))
     with pytest.raises(UsageError, match="no difference between the ends"):
-        verify(given(near[0]), given(near[1]), TRUE)
+        verify(before(23, plan=near), before(24, plan=near), TRUE)
 
 
 # Sessions of several parts: the machine is compared as it was found.
