@@ -78,12 +78,6 @@ def test_tolerances_are_asked_for_with_their_reasons(tmp_path: Path) -> None:
     assert tolerances == {**known, "backlash": 0.01, "axis_squareness": 0.4}
 
 
-def test_travel_and_workspace_follow_the_leg() -> None:
-    run("machine", "new", "--leg-length", "620.5", "--yes")
-    machine = read_machine_file("machine.yaml").model.machine
-    assert (machine.joint_limits_mm, machine.workspace_mm) == ((-200.0, 120.0), 400.0)
-
-
 def test_an_existing_file_and_a_script_without_yes() -> None:
     refused(2, "machine", "new")
     Path("machine.yaml").write_text("mine")
@@ -164,7 +158,8 @@ def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
         assert terminal.finish() == 0, terminal.seen
     machine = read_machine_file(tmp_path / "machine.yaml").model.machine
     assert (machine.name, machine.leg_length_mm) == ("Mill 3", 620.5)
-    assert machine.joint_limits_mm == (-150.0, 90.0)
+    assert (machine.joint_limits_mm, machine.workspace_mm) == ((-150.0, 90.0), 400.0)
+    assert "[-200 120]" in terminal.seen  # offered, as they follow from the leg, too
     for words in ("This is not a number.", "greater than zero", "beyond the leg's length"):
         assert words in " ".join(terminal.seen.split())
     assert terminal.seen.count("L, length of a leg") == 3

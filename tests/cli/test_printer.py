@@ -19,7 +19,18 @@ import yaml
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import read_machine_file
-from tests.cli.program import SIX, answer, done, lines, once, parameters, refused, run, words
+from tests.cli.program import (
+    SESSION,
+    SIX,
+    answer,
+    done,
+    lines,
+    once,
+    parameters,
+    refused,
+    run,
+    words,
+)
 from tests.machines import ROOT
 from tests.printer_files import OFF, exact, printer_cfg
 from tests.truth.delta import (
@@ -542,6 +553,8 @@ TWO_MACHINES = "two machines: arms 344 and 265 mm long, delta radius 162 and 130
 @pytest.mark.parametrize(
     ("command", "code", "said"),
     [
+        *((f"{verb} SESSION --machine v400.yaml", 3, "machine of kind linear_delta has none")
+          for verb in ("solve", "diagnose", "plan", "report", "export")),
         ("solve SIX --machine v400.yaml", 3,
          "readings of gauges. truth-v400 is of kind linear_delta."),
         ("solve SIX --data mesh --machine PROTOTYPE", 2, "--data is for a printer's file"),
@@ -563,7 +576,7 @@ TWO_MACHINES = "two machines: arms 344 and 265 mm long, delta radius 162 and 130
     ],
 )  # fmt: skip
 def test_what_is_not_of_printers_is_refused(command: str, code: int, said: str) -> None:
-    names = {"SIX": SIX, "PROTOTYPE": PROTOTYPE}
+    names = {"SIX": SIX, "SESSION": SESSION, "PROTOTYPE": PROTOTYPE}
     assert said in refused(code, *(names.get(word, word) for word in command.split()))
 
 

@@ -9,25 +9,16 @@ from typer.testing import CliRunner
 
 from orthoglide_cal.cli.app import app
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.machine_file import machine_from_text, shipped_folder
+from orthoglide_cal.files.machine_file import shipped_folder
 from orthoglide_cal.files.text import write_text
 from orthoglide_cal.session.gauges import SERIAL_FORMATS, SerialGauge, SerialPort
 from tests.session.terminal import Terminal, run_program
 from tests.session.virtual import answered, readings_of, steps_of, typed
 
-from .program import DOUBLE, SESSION, SIX, answer, done, refused, run
+from .program import DOUBLE, SIX, answer, done, refused, run
 
 PROTOTYPE = (shipped_folder() / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
 DELTA = str(shipped_folder() / "linear_delta.yaml")
-
-
-@pytest.mark.parametrize("verb", ["solve", "diagnose", "plan", "report", "export", "validate"])
-def test_a_session_is_not_judged_by_a_machine_of_another_kind(verb: str) -> None:
-    result = run(verb, SESSION, "--machine", DELTA)
-    assert result.exit_code == 3
-    said = result.stdout + result.stderr
-    assert all(word in " ".join(said.split()) for word in ("session.yaml", "linear_delta", "kind"))
 
 
 def test_apply_says_nothing_is_entered_before_it_asks(tmp_path: Path) -> None:
@@ -44,16 +35,6 @@ def test_apply_says_nothing_is_entered_before_it_asks(tmp_path: Path) -> None:
             terminal.type(answers)
             assert terminal.finish() == 0
         assert (Path("machine.yaml").read_bytes() == unasked) == (answers == "n")
-
-
-def test_the_same_time_for_all_is_none(tmp_path: Path) -> None:
-    path = tmp_path / "r.csv"
-    head, rows = "x_mm,y_mm,reading_mm,minutes\n", "1,0,0.1,{0}\n0,1,0.2,{0}\n0,0,0.1,{1}\n"
-    machine = machine_from_text(Path(DELTA).read_text(encoding="utf-8"), "m.yaml")
-    for last, same in (("0", True), ("1", False)):
-        path.write_text(head + rows.format("0", last))
-        remarks = read_input(str(path), machine).measured.remarks
-        assert any("same" in remark for remark in remarks) == same
 
 
 def test_a_folder_that_is_read_only_is_told_once(

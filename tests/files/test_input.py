@@ -79,7 +79,6 @@ def test_the_latest_session_by_content_and_time(tmp_path):
     ("name", "text", "kind", "count"),
     [
         ("r.csv", "leg,posture,direction,reading_mm\nx,iso,y,0.1\n", "readings", 1),
-        ("d.csv", "difference,value_mm\ndx_y,0.1\ndx_z,0.1\n", "six", 2),
         ("m.yaml", machine_text(MODEL), "machine", 0),
         ("s.yaml", session_text(Session(machine=MODEL, readings=READINGS)),
          "session", 1),

@@ -70,6 +70,13 @@ def test_the_order_in_time_is_that_of_the_numbers(tmp_path: Path) -> None:
     assert read.plan.hours == pytest.approx(np.array([2, 0, 1]) * MINUTES_PER_TOUCH / 60.0)
 
 
+@pytest.mark.parametrize(("last", "same"), [("0", True), ("1", False)])
+def test_the_same_time_for_all_is_none(tmp_path: Path, last: str, same: bool) -> None:
+    text = f"x_mm,y_mm,reading_mm,minutes\n1,0,0.1,0\n0,1,0.2,0\n0,0,0.1,{last}\n"
+    remarks = read_input(saved(tmp_path, text), MODEL).measured.remarks
+    assert any("same" in remark for remark in remarks) == same
+
+
 H = "x_mm,y_mm,reading_mm\n0,0,0.1\n"
 S, M = (f"{name},x_mm,y_mm,reading_mm\n1,0,0,0.1\n" for name in ("seq", "minutes"))
 BAD = [

@@ -61,6 +61,7 @@ def ended(tmp_path: Path) -> Path:
 def test_an_ended_session_goes_on_where_it_was_ended(ended: Path) -> None:
     file = ended.with_suffix(".yaml")
     early = file.read_bytes()
+    assert len(values(reopened(ended, [], agreed=False))) == 18  # nobody is asked there
     again = reopened(ended, SHORT[18:])
     assert values(again) == dict(enumerate(map(float, SHORT), start=1))
     assert again.state.ended is not None
@@ -76,10 +77,6 @@ def test_a_session_file_that_somebody_changed_is_not_replaced(ended: Path) -> No
     with pytest.raises(UsageError, match="not overwritten"):
         reopened(ended, SHORT[18:])
     assert file.read_bytes() == before
-
-
-def test_nobody_is_asked_without_a_terminal(ended: Path) -> None:
-    assert len(values(reopened(ended, [], agreed=False))) == 18
 
 
 @pytest.mark.parametrize("answer", ["y", "n"])

@@ -44,8 +44,10 @@ def test_a_narrow_screen_breaks_no_word(tmp_path: Path, monkeypatch: pytest.Monk
 
 def test_a_table_has_the_last_readings(tmp_path: Path) -> None:
     lines = typed(readings_of(steps_of()))[:26]
-    given = [*(f"{line} mm" for line in lines), "t"]
+    given = [f"{float(lines[0]) / 25.4:.4f}", *(f"{line} mm" for line in lines[1:]), "t"]
     _, screen = answered(tmp_path / "s.journal", given, unit=Unit.INCH)
+    assert f"saved +{given[0]} in ({25.4 * float(given[0]):+.3f} mm)" in screen.text
+    assert value_text(-0.00127, Unit.INCH) == "-0.00005 in (-0.001 mm)"
     (text,) = (text for text, _ in screen.shown if text.startswith("The last readings"))
     shown = text.splitlines()
     assert (len(shown), shown[0]) == (21, "The last readings of 26:")
@@ -92,10 +94,3 @@ def test_what_is_typed_after_the_end_does_not_reach_the_shell(tmp_path: Path) ->
     shell.send("\r")
     assert shell.expect([r"\[\]", r"\[rm"]) == 0
     shell.close(force=True)
-
-
-def test_an_inch_session_shows_what_was_typed(tmp_path: Path) -> None:
-    _, screen = answered(tmp_path / "s.journal", ["0.005", "2.0"], unit=Unit.INCH)
-    assert "saved +0.0050 in (+0.127 mm)" in screen.text
-    assert "Step 2, +2.0000 in (+50.800 mm)" in screen.text
-    assert value_text(-0.00127, Unit.INCH) == "-0.00005 in (-0.001 mm)"
