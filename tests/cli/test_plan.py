@@ -18,7 +18,6 @@ from tests.printers import CONFIG
 
 OWN = [id for id, cause in CAUSES.items() if Orthoglide in cause.sizes]
 
-SHIPPED = ROOT / "configs" / "orthoglide_prototype.yaml"
 KEYS = {
     "schema_version", "machine", "protocol", "gauges", "cycles", "by_cycles", "budget", "limits",
     "target", "compare", "separation", "invisible", "design",
@@ -26,7 +25,8 @@ KEYS = {
 
 
 def machine(folder: Path, **changes: object) -> str:
-    given = {**yaml.safe_load(SHIPPED.read_text("utf-8")), **changes}
+    shipped = (ROOT / "configs" / "orthoglide_prototype.yaml").read_text("utf-8")
+    given = {**yaml.safe_load(shipped), **changes}
     path = folder / "mine.yaml"
     kept = {name: value for name, value in given.items() if value is not None}
     path.write_text(yaml.safe_dump(kept), encoding="utf-8")

@@ -61,11 +61,6 @@ def test_the_sample_sessions_give_their_true_offsets(file: str) -> None:
         assert abs(each["found"] - value) < 3.0 * each["std"]
 
 
-def read(cell: str) -> float:
-    """A number with a true minus."""
-    return float(cell.replace("−", "-"))
-
-
 def test_without_spare_readings_nothing_is_not_a_number() -> None:
     text = "difference,value_mm\ndx_y,0.1\ndy_x,0.2\ndz_x,-0.3\n"
     found = answer("solve", "-", text=text)
@@ -91,7 +86,7 @@ def test_text_says_what_to_type_into_the_controller(tmp_path: Path) -> None:
     for each, active in zip(found["parameters"], (0.25, -1.5), strict=False):
         row = cells[each["name"]]
         assert float(row[1]) == active
-        assert read(row[2]) == pytest.approx(each["found"], abs=5e-4)
+        assert float(row[2].replace("−", "-")) == pytest.approx(each["found"], abs=5e-4)
         assert float(row[3]) == pytest.approx(each["expanded"], rel=0.05)
         assert float(row[4]) == each["enter"] == pytest.approx(active + each["found"], abs=5e-4)
     details = run("solve", "--machine", str(machine), DOUBLE, "--details").stdout

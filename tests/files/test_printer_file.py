@@ -270,11 +270,9 @@ def test_what_makes_no_difference(text):
 # Old text, new text, start of the line that is at fault (None: no line), words of the message.
 BROKEN = [
     ("kinematics: delta", "kinematics: corexy", "kinematics", "not a linear delta"),
-    ("kinematics: delta", "kinematics: rotary_delta", "kinematics", "not a linear delta"),
     ("kinematics: delta", "kinematic: delta", "[printer]", "missing"),
     ("delta_radius: 130.5\n", "", "[printer]", "missing"),
     ("delta_radius: 130.5", "delta_radius: 13O.5", "delta_radius", "not a number"),
-    ("delta_radius: 130.5", "delta_radius: nan", "delta_radius", "not a number"),
     ("delta_radius: 130.5", "delta_radius: -130.5", "delta_radius", "outside"),
     ("delta_radius: 130.5", "delta_radius 130.5", "delta_radius 1", "not an option"),
     ("arm_length: 250.25", "arm_length: 100", "arm_length: 100", "outside"),

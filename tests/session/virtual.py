@@ -1,6 +1,7 @@
 """A virtual technician for the tests: readings of a whole session, blunders, scripted answers."""
 
 import contextlib
+import itertools
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import datetime, timedelta
@@ -205,14 +206,8 @@ class Screen:
 
 def a_clock() -> Callable[[], str]:
     """A clock that goes on by ten seconds at each look."""
-    now = datetime.fromisoformat(AT)
-
-    def look() -> str:
-        nonlocal now
-        now += timedelta(seconds=10.0)
-        return now.isoformat(timespec="milliseconds")
-
-    return look
+    began, looks = datetime.fromisoformat(AT), itertools.count(1)
+    return lambda: (began + next(looks) * timedelta(seconds=10)).isoformat(timespec="milliseconds")
 
 
 def a_dialogue(
