@@ -71,7 +71,7 @@ def system_words(error: object) -> str:
 class OrthocalError(Exception):
     """Base of all errors."""
 
-    what: str  # is wrong, one sentence
+    what: str  # what is wrong, one sentence
     remedy: str = ""  # how to fix it, one sentence; empty when there is nothing to add
 
     exit_code: ClassVar[int] = 1  # the process's exit status for it

@@ -502,7 +502,10 @@ def weigh(at: Linearised, unlisted: tuple[Unlisted, ...]) -> Assessment:
     noise_found = at.local
     posterior = weighed(())
     if posterior.surely_sound and not noise_found:
-        posterior = weighed([(), *posterior.hidden(white.machine)])
+        # Linear scores know no bounds: one of what cannot be negative may fall short of its fit.
+        positive = [(cause.id,) for cause in candidates.broad if cause.positive]
+        hidden = posterior.hidden(white.machine)
+        posterior = weighed(dict.fromkeys([(), *hidden, *positive]))
         if posterior.surely_sound:
             return Assessment(at, scores, fits, unlisted, posterior, judge(posterior, 1.0))
     near = (ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)

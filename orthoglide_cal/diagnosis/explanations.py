@@ -387,14 +387,9 @@ class Linearised:
         """`shown` where the offsets-only model fits best, shape (k, b) [mm]."""
         return self.shown(self.uncertain, self.jacobian)
 
-    @cached_property
-    def _by_version(self) -> tuple[Influence, ...]:
-        """What is uncertain of each version of the data, with columns of shape (v, k, p)."""
-        return self.white.uncertain(self.offsets)
-
     def uncertain_of(self, version: int) -> tuple[Influence, ...]:
         """`uncertain` of a version of the data."""
-        return tuple(one.at(version) for one in self._by_version) if version else self.uncertain
+        return self.white.uncertain(self.offsets[version]) if version else self.uncertain
 
     def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:
         """What is uncertain of the data and shows, with as few columns as tell it, (k, b) [mm].

@@ -139,8 +139,9 @@ def fit_explanations(scores: Sequence[Score], scale_factor: float | None = None)
     """Fit explanations by Gauss–Newton with their priors, then judge each there.
 
     First with the linear model that it was scored with; where that leads farther than noise would,
-    with that of the fit this gives, which is enough for ranking; of causes far beyond their size
-    again. `scale_factor` is as of `Fitted`; as large as these data make it if None.
+    and be it the offsets beside a misreading, with that of the fit this gives, which is enough for
+    ranking; of causes far beyond their size again. `scale_factor` is as of `Fitted`; as large as
+    these data make it if None.
     """
     searches = [_Search(score.replanned or score, scale_factor) for score in scores]
     # One simulation gives the next linear models of all; the second is enough but for large causes.

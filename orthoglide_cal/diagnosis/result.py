@@ -69,7 +69,9 @@ class Explanation(Schema):
 
     ids: Ids = Field((), description="causes that act together; empty: nothing is wrong")
     pattern: str | None = Field(None, description="that no listed cause makes, in words")
-    probability: float
+    probability: float = Field(
+        description="of a sound machine those of exchanges are estimates, a little too large"
+    )
     rms_mm: float | None = Field(None, description="what it leaves; null: not fitted")
     parameters: tuple[Estimated, ...] = ()
 

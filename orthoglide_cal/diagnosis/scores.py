@@ -259,7 +259,8 @@ def _at_best_place(at: Linearised, bases: Bases, placed: Placed, log: Floats) ->
     kept = np.arange(len(weights))
     if cause.counts:
         most = log.max(axis=(1, 2))
-        kept = np.flatnonzero(np.any(most > most.max(axis=1, keepdims=True) - LOST, axis=0))
+        lost = most < most.max(axis=1, keepdims=True) - LOST
+        kept = np.flatnonzero(~np.all(lost, axis=0))
         log = log.take(kept, axis=-1)
     by_scale = log_sum(log, 2) + weights[kept]
     by_place = log_sum(by_scale, 1)

@@ -32,7 +32,7 @@ SHORT_STEP = 1e-7
 ROUNDING_MM = 1e-12
 ROUNDING = 1e-12
 FIRST_DAMPING = 1e-3
-# So few data are solved sooner in one call than by cofactors.
+# Of no more numbers the order in memory does not matter.
 SMALL = 4096
 
 
@@ -133,8 +133,8 @@ def _reduce(matrix: Floats, values: Floats, axis: int) -> Floats:
 
 
 def normal_step(jacobian: Floats, residual: Floats, damping: Floats | float = 0.0) -> Floats:
-    """Solve (JᵀJ + λ diag JᵀJ) s = Jᵀr: (..., k, 3), (..., k) → (..., 3); of much by cofactors."""
-    if jacobian.shape[-1] != 3 or residual.size < SMALL:
+    """Solve (JᵀJ + λ diag JᵀJ) s = Jᵀr by cofactors: (..., k, 3), (..., k) → (..., 3)."""
+    if jacobian.shape[-1] != 3:
         return _many_step(jacobian, residual, damping)
     columns = [jacobian[..., i] for i in range(3)]
     gradient = [(column * residual).sum(axis=-1) for column in columns]

@@ -16,6 +16,7 @@ from typing import Annotated, Any, cast
 
 import numpy as np
 from pydantic import BeforeValidator, ValidationError, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
@@ -58,12 +59,19 @@ def kind_of(keys: Mapping[str, object]) -> str:
     return max(own, key=lambda kind: len(own[kind]))
 
 
+def _group(value: object) -> object:
+    if not isinstance(value, Mapping | Estimate):
+        raise PydanticCustomError("model_type", "not a group")
+    return value
+
+
 class Identified(Schema):
     """An accepted cause as the file holds it; the context is the class of the machine."""
 
     cause: str
     where: Annotated[str, _NOWHERE] | None = ""  # always the whole machine
-    parameters: Mapping[Word, Estimate]  # by their names on this kind of machine
+    # By their names on this kind of machine.
+    parameters: Mapping[Word, Annotated[Estimate, BeforeValidator(_group)]]
     date: Day  # of its acceptance
     data_sha256: Digest  # of the readings that it was accepted from
     correlation: tuple[tuple[Number, ...], ...] = ()  # of the parameters; () for independent ones

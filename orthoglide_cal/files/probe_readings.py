@@ -133,7 +133,7 @@ class Stored(ReadOnly):
         """From rows of heights (m, n), NaN where nothing was probed, at x (n,) and y (m,) [mm].
 
         These are places of the probe, whose offset from the nozzle is of shape (3,) [mm]. The first
-        row was probed in the direction of +x, the second of -x, and so on.
+        row was probed in the direction of +x, the second of -x, and so on; `line` is of each row.
         """
         probed = np.isfinite(height)
         turn = np.arange(probed.size).reshape(probed.shape)

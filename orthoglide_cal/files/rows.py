@@ -58,11 +58,11 @@ class Record:
 class Reading:
     """How the cells of one file are read."""
 
-    number: Callable[[str], float] = yaml_number  # that a text writes; raises InputError
+    number: Callable[[str], float] = yaml_number  # the one that a text writes; raises InputError
     # Column → the longest length [mm], what it is, and than what it must not be larger.
     longest: Mapping[str, tuple[float, str, str]] = field(default_factory=dict)
     travel: tuple[float, float] = (-math.inf, math.inf)  # of a carriage, lowest and highest [mm]
-    wanted: bool = True  # each row has its reading; one that was skipped has none
+    wanted: bool = True  # whether each row must have its reading, which a skipped one has not
 
 
 class _Inches(str):

@@ -192,9 +192,6 @@ class Influence(ReadOnly):
         """The same in data R·readings, R of shape (k, n)."""
         return replace(self, columns=matrix @ self.columns)
 
-    def at(self, number: int) -> Influence:
-        return replace(self, columns=self.columns[number])
-
 
 @dataclass(frozen=True)
 class Vocabulary:

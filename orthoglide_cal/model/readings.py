@@ -62,7 +62,10 @@ class Contact(IntEnum):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GaugePlan(Plan):
-    """Readings of gauges that touch the legs; arrays have shape (n,), entered (n, 3)."""
+    """Readings of gauges that touch the legs; arrays have shape (n,), entered (n, 3).
+
+    What has a default may also be given once for all of them.
+    """
 
     leg: Ints  # 0, 1, 2 for the x-, y-, z-leg, whose carriage is displaced
     direction: Ints  # 0, 1, 2: the axis along which the gauge measures

@@ -1,4 +1,5 @@
-"""What all pages say alike: of which data and whose machine, may it be entered, what to do next.
+"""What is shown, and what all pages say alike: of which data and machine, may it be entered, what
+to do next, and the facts about machine, gauges and circumstances.
 
 They say it in the words of the kind of machine.
 """

@@ -7,7 +7,8 @@ The parameters are those under the verdict:
     ambiguous      their mean over the open explanations, widened by that choice
     unexplained    alone, widened by the unexplained part
 
-and with a method that was asked for always the parameters alone, as the paper has them.
+and with a method that was asked for always the parameters alone, as the paper has them. Whether
+they may be entered, and if not what to do, is decided here, too.
 """
 
 import math

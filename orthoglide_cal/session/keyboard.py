@@ -47,7 +47,7 @@ class Keyboard:
 
     @property
     def live(self) -> bool:
-        """Whether it is a terminal: what is typed before a prompt does not belong to it."""
+        """Whether it is a terminal, where what is typed before a prompt is no answer to it."""
         return sys.stdin is not None and sys.stdin.isatty()
 
     @property

@@ -399,6 +399,7 @@ OTHER = {"value": 1, "std": 1, "unit": "mm"}
         ("axis_gap", {"cause": "gap"}, "cause", "gap", "not a cause id"),
         ("axis_gap", {"parameters.yz.std": -1}, "parameters.yz.std", "-1", "not be negative"),
         ("axis_gap", {"parameters.zx.value": "x"}, "parameters.zx.value", "x", "not a number"),
+        ("axis_gap", {"parameters.zx": [0.1, 0.01, "mm"]}, "parameters.zx", None, "group of keys"),
         ("axis_gap", {"parameters.xy.unit": "mrad"}, "parameters.xy.unit", "mrad",
          "measured in mm, not 'mrad'"),
         ("axis_gap", {"where": None, "whre": ""}, "whre", "", "not known"),
