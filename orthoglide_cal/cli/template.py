@@ -14,11 +14,6 @@ def template(
     """Print an example file to fill in with your own numbers."""
     from importlib.resources import files
 
-    from orthoglide_cal.files.machine_file import new_machine
-
-    if kind == "machine":
-        print(new_machine({"name": "my machine"}, "-"), end="")
-    else:
-        ending = "nc" if kind == "gcode" else "csv"
-        shipped = files("orthoglide_cal.files") / "templates" / f"{kind}.{ending}"
-        print(shipped.read_text(encoding="utf-8"), end="")
+    ending = {"machine": "yaml", "gcode": "nc"}.get(kind, "csv")
+    shipped = files("orthoglide_cal") / "files" / "templates" / f"{kind}.{ending}"
+    print(shipped.read_text(encoding="utf-8"), end="")

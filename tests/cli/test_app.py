@@ -61,7 +61,7 @@ def test_every_command_has_help(command: str) -> None:
     [
         *((f"{command}", "numpy scipy matplotlib jinja2 rich yaml serial")
           for command in ("--help", "--version", "solve --help")),
-        ("guide signs", "numpy scipy yaml"),
+        *((command, "numpy scipy") for command in ("guide signs", "template machine")),
         *((command, "scipy.optimize scipy.stats matplotlib jinja2")
           for command in ("solve DOUBLE", "plan", "plan --machine PRINTER")),
     ],

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.files.machine_file import default_machine, read_machine_file
+from orthoglide_cal.files.machine_file import default_machine, new_machine, read_machine_file
 from orthoglide_cal.model.orthoglide import Orthoglide
 from tests.printers import CONFIG
 from tests.session.terminal import Terminal
@@ -127,6 +127,8 @@ def test_a_template_is_a_file_that_the_program_takes(kind: str) -> None:
     assert "note:" not in done("validate", "template", *known)
     data = SIX if kind == "machine" else "template"
     assert run("solve", data, *known).exit_code in (0, 4)
+    # The one that is shipped is the one that would be made.
+    assert kind != "machine" or shown == new_machine({"name": "my machine"}, "-")
 
 
 def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
