@@ -387,10 +387,6 @@ class Linearised:
         """`shown` where the offsets-only model fits best, shape (k, b) [mm]."""
         return self.shown(self.uncertain, self.jacobian)
 
-    def uncertain_of(self, version: int) -> tuple[Influence, ...]:
-        """`uncertain` of a version of the data."""
-        return self.white.uncertain(self.offsets[version]) if version else self.uncertain
-
     def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:
         """What is uncertain of the data and shows, with as few columns as tell it, (k, b) [mm].
 

@@ -238,7 +238,8 @@ class _Search:
         self.by_noise = score.by_noise  # as long as it stays where it was scored
         # A cause of this explanation is not counted as uncertain again.
         ids = ids_of(*self.base)
-        uncertain = at.uncertain_of(self.version)
+        offsets = at.offsets[self.version]
+        uncertain = at.white.uncertain(offsets) if self.version else at.uncertain
         self.uncertain = tuple(each for each in uncertain if each.source not in ids)
         nothing = np.zeros((len(at.white), 0))
         self.carried = np.hstack([nothing, *(each.columns for each in self.uncertain)])
@@ -251,7 +252,7 @@ class _Search:
         self.sizes = np.concatenate([own_sizes, free_size, np.ones(local.size)])
         ends = np.cumsum([width, *(cause.unknowns for cause in self.base), free_size.size])
         self.slots = tuple(slice(*pair) for pair in pairwise(ends.tolist()))
-        self.offsets = at.offsets[self.version]
+        self.offsets = offsets
         self.linear = at.residuals[self.version] - self.added
         self.local = np.flatnonzero(local) + self.own.shape[1] + free_size.size
         # Few touches cannot tell a local shape from a fault.
