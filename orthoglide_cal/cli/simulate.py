@@ -147,6 +147,7 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
     import numpy as np
 
     from orthoglide_cal.schema import parse_number
+    from orthoglide_cal.words import counted
 
     names = list(machine.named(cause.names).values())
     try:
@@ -157,7 +158,8 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
     if len(values) != len(names) and not (cause.shares and 0 < len(values) < len(names)):
         unit = f" in {cause.unit}" if cause.unit else ""
         wanted = f"={','.join(names)}" if names else ""
-        what = f"--cause {cause.id} takes {len(names)} values{unit}, not {len(values)}."
+        wants = counted(len(names), "value") + unit
+        what = f"--cause {cause.id} takes {wants}, not {len(values)}."
         raise UsageError(what, f"Write {cause.id}{wanted}, a number for each name.")
     if cause.positive and min(values) < 0.0:
         raise UsageError(f"{cause.id} cannot be negative.", "Give sizes from 0.")

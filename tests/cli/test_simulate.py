@@ -90,6 +90,7 @@ def test_a_placed_cause_acts_there_and_nowhere_else() -> None:
         ("--cause rust=1", "There is no cause 'rust'"),
         ("--cause axis_gap=1,2", "takes 3 values in mm, not 2. Write axis_gap=xy,yz,zx"),
         ("--cause axis_gap", "takes 3 values"),
+        ("--cause misread@12", "takes 1 value in mm, not 0"),
         ("--cause axis_gap=1,2,x", "This is not a number."),
         ("--cause axis_gap@x=1,2,3", "axis_gap cannot act at 'x'"),
         ("--cause backlash=-1,0,0", "cannot be negative"),
