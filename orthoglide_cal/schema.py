@@ -10,7 +10,7 @@ the path, and `files.faults` the file, the line and the words for what pydantic 
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import date, datetime
 from typing import Annotated, Self
@@ -22,6 +22,9 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainSerializer,
+    SerializationInfo,
+    WithJsonSchema,
+    model_serializer,
 )
 from pydantic.fields import FieldInfo
 
@@ -50,6 +53,29 @@ class Schema(BaseModel):
         if unknown := fields.keys() - type(self).model_fields.keys():
             raise TypeError(f"{type(self).__name__} has no {', '.join(sorted(unknown))}.")
         return self.model_copy(update=fields)
+
+
+class Reason(Schema):
+    """Something to know of a result: a code with its data; `report` has the sentence for it.
+
+    It is printed as that sentence where a dump is given, as its context, what composes it.
+    """
+
+    code: str
+    data: Mapping[str, object] = Field(default_factory=dict)
+
+    @classmethod
+    def of(cls, code: str, **data: object) -> Self:
+        return cls(code=code, data=data)
+
+    @model_serializer
+    def sentence(self, info: SerializationInfo) -> str:
+        """The sentence, or the code where nothing composes it."""
+        return info.context(self) if callable(info.context) else self.code
+
+
+# A reason, as other programs see it.
+Sentence = Annotated[Reason, WithJsonSchema({"type": "string"})]
 
 
 def told(title: str, why: str, unit: str = "mm") -> FieldInfo:

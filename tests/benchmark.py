@@ -27,6 +27,7 @@ COMMANDS = (
     ("measure", "{folder}/s.yaml", "--gauge", "simulated", "--seed", "1"),
 )
 ROUNDS, FILES, SESSIONS, SAMPLE = 7, 40, 20_000, 20
+MANY = (17, 167, 1667)  # cycles of some hundred, thousand and ten thousand readings
 ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -34,6 +35,16 @@ def spent() -> float:
     """Processor time of this process and its children so far [s]; a child counts from its end."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + children.ru_utime + children.ru_stime
+
+
+def needed(*arguments: str) -> tuple[float, float]:
+    """Processor time [s] of one run of the interpreter, and its largest memory [MB]."""
+    with subprocess.Popen(
+        [sys.executable, *arguments], cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+    ) as child:
+        _, _, usage = os.wait4(child.pid, 0)
+        child.returncode = 0
+    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0
 
 
 def in_turn(*runs: Callable[[], object], rounds: int = ROUNDS) -> list[float]:
@@ -133,6 +144,38 @@ def solves(method: str) -> None:
     row(f"one of {SESSIONS} solves, {method}, against scipy", batched / SESSIONS, alone / SAMPLE)
 
 
+def growth(folder: Path) -> None:
+    """Seconds and memory of sessions of many cycles: healthy, and with a wrong reading.
+
+    The demands: 3,000 readings in 3 s and 300 MB, 30,000 in 20 s and 1 GB, at most 12-fold.
+    """
+    import numpy as np
+
+    from orthoglide_cal.causes import CAUSES
+    from orthoglide_cal.files.machine_file import default_machine
+    from orthoglide_cal.files.readings import readings_csv
+    from orthoglide_cal.model.model import synthetic_session
+    from orthoglide_cal.model.orthoglide import double_posture
+
+    model = default_machine()
+    print(f"{'many readings, solve --json':52}{'rows':>8}{'s':>8}{'MB':>8}{'growth':>8}")
+    for what, effects in (
+        ("healthy", ()),
+        ("misread", (CAUSES["misread"].at(np.array([0.5]), (200,)),)),
+    ):
+        before = 0.0
+        for cycles in MANY:
+            plan = double_posture(model.machine, cycles)
+            rng, offsets = np.random.default_rng(1), np.array([0.4, -0.3, 0.2])
+            made = synthetic_session(model.extended(effects), plan, offsets, rng)
+            path = folder / f"{what}{cycles}.csv"
+            path.write_text(readings_csv(made))
+            seconds, peak = needed("-m", "orthoglide_cal", "solve", "--json", str(path))
+            grown = f"{seconds / before:.1f}" if before else ""
+            print(f"{what:52}{len(plan):>8}{seconds:>8.1f}{peak:>8.0f}{grown:>8}", flush=True)
+            before = seconds
+
+
 def row(what: str, ours: float, unit: float) -> None:
     print(f"{what:52}{1e3 * ours:>12.4f}{1e3 * unit:>12.3f}{ours / unit:>12.4f}", flush=True)
 
@@ -144,6 +187,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         commands(Path(folder))
         one_more_file(Path(folder))
+        growth(Path(folder))
     for method in ("six", "twelve", "readings"):
         solves(method)
 

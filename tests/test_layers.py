@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = "orthoglide_cal"
 # From the top down: a room may import those below it.
 ROOMS = (
-    "__main__", "cli", "report", "session", "results", "planning", "diagnosis",
+    "__main__", "cli", "report", "session", "results", "planning", "inference",
     "paper", "estimation", "files", "causes", "model", "schema", "errors", "words", "system",
 )  # fmt: skip
 # What is imported by these rooms only, whatever its place in the order.
@@ -21,25 +21,12 @@ PRINTING = {"cli"}
 SEEDING = {"cli", "session"}
 KIND_TESTS = {"isinstance", "issubclass"}
 MOST_ANY = 60  # mentions of `Any`
-# The kinds of machines, with what reads them; who needs a class of one outside `model`, and why.
-KINDS = ({"Orthoglide", "Gauge", "GaugePlan"}, {"LinearDelta", "Probe", "ProbePlan"})
-NEEDS_ONE = {
-    "files": "a reader makes a machine or its plan, or reads what only such a machine gives",
-    "planning": "sessions of gauges; places that a printer is sent to",
-    "session": "guides through readings of gauges",
-    "estimation.forecast": "sessions of gauges",
-    "diagnosis.baselines": "compares with a surface of the bed",
-    "results.verification": "contrasts of gauges before and after",
-    "results.history": "maps of a bed",
-    "report.documents.pictures": "maps of a bed",
-    "report.controller": "what the firmware of a printer is told",
-    "cli.plan": "writes the places that a printer is sent to",
-}
-NEEDS_BOTH = {
-    "causes": "a cause states how large it plausibly is on each kind",
-    "files.machine_file": "which of them a machine file describes",
-    "cli.start": "an empty folder is of an Orthoglide, a printer.cfg of a linear delta",
-}
+# The kinds of machine and what reads them; their files, which alone may know which one it is.
+KINDS = {"Orthoglide", "Gauge", "GaugePlan", "LinearDelta", "Probe", "ProbePlan"}
+KIND_FILES = {f"{PACKAGE}.model.{file}" for file in ("machine", "orthoglide", "linear_delta")}
+# Questions for the kind: a class that is required, what only one kind has.
+QUESTIONS = {"require", "layouts", "of_bed", "keeps_itself"}
+MOST_QUESTIONS = 10  # lines
 
 
 def name_of(path: Path) -> str:
@@ -131,35 +118,34 @@ def test_hardly_anything_is_of_any_type() -> None:
     none(found if len(found) > MOST_ANY else ())
 
 
-def test_nobody_asks_for_the_kind_of_machine() -> None:
-    """What kinds do differently is theirs: fields and methods of the machine, the plan, the data.
+def test_nobody_compares_the_kind_of_machine() -> None:
+    """What kinds do differently is theirs: fields and methods of machine, plan and instrument.
 
-    Outside `model` no `isinstance`, `match` or comparison names a class of one kind, or its `kind`,
-    and only the files above import one.
+    Outside `model` no `isinstance`, `match` or comparison names a class of one kind, or its `kind`.
     """
-    faults, idle = [], {*NEEDS_ONE, *NEEDS_BOTH}
-    every = set.union(*KINDS, {"'orthoglide'", "'linear_delta'"})
-    for name in (name for name in FILES if room_of(name) != "model"):
-        needed = set()
-        for node in nodes_of(name):
-            asked: list[ast.AST] = []
-            if isinstance(node, ast.ImportFrom) and str(node.module).startswith(PACKAGE):
-                needed |= {entry.name for entry in node.names}
-            elif isinstance(node, ast.Call) and ast.unparse(node.func) in KIND_TESTS:
-                asked = list(ast.walk(node.args[-1]))
-            elif isinstance(node, ast.MatchClass):
-                asked = [node.cls]
-            elif isinstance(node, ast.Compare):
-                asked = [node.left, *node.comparators]
-            if every & {ast.unparse(each).rpartition(".")[2] for each in asked}:
-                faults.append(f"{name}:{node.lineno}: {ast.unparse(node)}")
-        for kind in KINDS:
-            listed = [place for place in (*NEEDS_ONE, *NEEDS_BOTH) if f".{place}" in name]
-            idle -= {*listed} if kind & needed else set()
-            alone = not (every - kind) & needed or {*listed} & {*NEEDS_BOTH}
-            if kind & needed and not (listed and alone):
-                faults.append(f"{name} needs {', '.join(sorted(every & needed))}")
-    none([*faults, *(f"nobody needs one in {place}" for place in sorted(idle))])
+    named = {*KINDS, "'orthoglide'", "'linear_delta'"}
+    faults = []
+    for name, node in nodes(ast.Call, ast.MatchClass, ast.Compare):
+        asked: list[ast.AST] = []
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in KIND_TESTS:
+            asked = list(ast.walk(node.args[-1]))
+        elif isinstance(node, ast.MatchClass):
+            asked = [node.cls]
+        elif isinstance(node, ast.Compare):
+            asked = [node.left, *node.comparators]
+        if named & {ast.unparse(part).rpartition(".")[2] for part in asked}:
+            faults.append(f"{name}:{node.lineno}: {ast.unparse(node)}")
+    none(fault for fault in faults if room_of(fault.partition(":")[0]) != "model")
+
+
+def test_hardly_anybody_asks_for_the_kind_of_machine() -> None:
+    """Where readers and writers of one kind begin, and where gauges are planned."""
+    lines = {
+        f"{name}:{node.lineno}"
+        for name, node in nodes(ast.Attribute)
+        if node.attr in QUESTIONS and name not in KIND_FILES
+    }
+    none(sorted(lines) if len(lines) > MOST_QUESTIONS else ())
 
 
 def test_every_file_is_reached_from_the_program() -> None:

@@ -6,15 +6,14 @@ signs or their unit. All others act on the whole machine at once and are `Cause`
 
 import functools
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Effect, Place, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan
+from orthoglide_cal.model.patterns import Patterns
+from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Ints, Numbers, Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
 
 
@@ -22,12 +21,8 @@ class PatternCause(Cause, ABC):
     """A cause of one parameter that adds a known pattern of readings, at one of many places."""
 
     names = ("size",)
-    # Sizes that it can take where they are whole numbers → how plausible each is; empty for a size
-    # of any value.
-    counts: Mapping[int, float] = MappingProxyType({})
-    hides_reading: bool = False  # the reading at its place says nothing any more
 
-    def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
+    def to_read_again(self, plan: AnyPlan, place: Place) -> tuple[int, ...]:
         return tuple(self.spoiled(place, plan).tolist()) if self.stage is Stage.RECORD else ()
 
     def millimetres(self, machine: Machine) -> float:
@@ -35,29 +30,33 @@ class PatternCause(Cause, ABC):
         return 1.0
 
     @abstractmethod
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
+    def patterns(self, plan: AnyPlan, places: tuple[Place, ...]) -> Patterns:
         """Readings added by one internal unit at each place, shape (n, places)."""
 
-    def spoiled(self, place: Place, plan: Plan) -> Ints:
-        return np.flatnonzero(self.patterns(plan, (place,))[:, 0])
+    def spoiled(self, place: Place, plan: AnyPlan) -> Ints:
+        return np.flatnonzero(self._pattern(place, plan))
+
+    def _pattern(self, place: Place, plan: AnyPlan) -> Floats:
+        """Readings added by one internal unit at one place, shape (n,)."""
+        return self.patterns(plan, (place,)).columns(slice(None))[:, 0]
 
     def contact(
-        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: AnyPlan, machine: Machine
     ) -> Numbers:
         """Reading += pattern · theta, shape (..., 1), if it acts in this stage."""
         acts = self.stage is Stage.CONTACT
         return heights + self._added(effect, plan, machine) if acts else heights
 
-    def record(self, readings: Numbers, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
+    def record(self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
         """Reading += pattern · theta, shape (..., 1), if it acts in this stage."""
         acts = self.stage is Stage.RECORD
         return readings + self._added(effect, plan, machine) if acts else readings
 
-    def inverted(self, readings: Floats, effect: Effect, plan: Plan, machine: Machine) -> Floats:
+    def inverted(self, readings: Floats, effect: Effect, plan: AnyPlan, machine: Machine) -> Floats:
         return readings - self._added(effect, plan, machine)
 
-    def _added(self, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
-        pattern = self.patterns(plan, (effect.place,))[:, 0]
+    def _added(self, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
+        pattern = self._pattern(effect.place, plan)
         return np.asarray(self.millimetres(machine) * (effect.theta * pattern))
 
 
@@ -65,40 +64,23 @@ class RelabelCause(Cause):
     """A cause without size: readings written down with another sign, label or unit."""
 
     unit = ""
-    counts: Mapping[int, float] = MappingProxyType({})
     size_reason = "it happens or it does not"
 
-    def share(self, place: Place) -> float:
-        """How likely it is at a place; 1 at most places."""
-        return 1.0
-
-    def unit_mm(self, place: Place) -> float:
-        """The unit that was written down [mm]."""
-        return 1.0
-
-    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: AnyPlan, place: Place) -> tuple[np.ndarray, Floats]:
         """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""
         return np.arange(len(plan)), np.ones(len(plan))
 
-    def reversible(self, plan: Plan, place: Place) -> bool:
-        """Whether `relabel` can express it: each reading was written down in place of another."""
-        return True
-
-    def really_read(self, plan: Plan, place: Place) -> Plan:
-        """The plan with each reading under the leg and direction that was really read."""
-        return plan
-
-    def spoiled(self, place: Place, plan: Plan) -> Ints:
+    def spoiled(self, place: Place, plan: AnyPlan) -> Ints:
         index, sign = self.relabel(plan, place)
         moved = (index != np.arange(len(plan))) | (sign != 1.0)
-        asked, read = map(GaugePlan.require, (plan, self.really_read(plan, place)))
-        return np.flatnonzero(moved | (read.direction != asked.direction))
+        really = self.really_read(plan, place).direction
+        return np.flatnonzero(moved | (really != plan.direction))
 
-    def record(self, readings: Numbers, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
+    def record(self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
         index, sign = self.relabel(plan, effect.place)
         return np.asarray(sign * readings[..., index] / self.unit_mm(effect.place))
 
-    def inverted(self, readings: Floats, effect: Effect, plan: Plan, machine: Machine) -> Floats:
+    def inverted(self, readings: Floats, effect: Effect, plan: AnyPlan, machine: Machine) -> Floats:
         index, sign = self.relabel(plan, effect.place)
         return np.asarray(sign * readings[index] * self.unit_mm(effect.place))
 
@@ -110,7 +92,7 @@ class ExchangeCause(RelabelCause, ABC):
     same part. Where these do not pair up, the readings are looked at under another plan.
     """
 
-    def concerned(self, plan: Plan, place: Place) -> Bools:
+    def concerned(self, plan: GaugePlan, place: Place) -> Bools:
         """In which readings labels were exchanged, shape (n,)."""
         return np.full(len(plan), True)
 
@@ -118,17 +100,16 @@ class ExchangeCause(RelabelCause, ABC):
     def really(self, series: Series, place: Place) -> Series:
         """What was read where this was written down; twice is not at all."""
 
-    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
         own, signs = super().relabel(plan, place)
         index = _partners(self, plan, place)
         return own if index is None else index, signs
 
-    def reversible(self, plan: Plan, place: Place) -> bool:
+    def reversible(self, plan: GaugePlan, place: Place) -> bool:
         return _partners(self, plan, place) is not None
 
-    def really_read(self, plan: Plan, place: Place) -> Plan:
+    def really_read(self, plan: GaugePlan, place: Place) -> GaugePlan:
         """Each reading under the leg and direction that was read, at the posture of that leg."""
-        plan = GaugePlan.require(plan)
         really = np.array([self.really(series, place) for series in plan.series])
         asked = np.stack((plan.leg, plan.direction), axis=1)
         leg, direction = np.where(self.concerned(plan, place)[:, None], really, asked).T
@@ -137,9 +118,8 @@ class ExchangeCause(RelabelCause, ABC):
 
 # Asked again and again of one plan while it is diagnosed.
 @functools.lru_cache(maxsize=64)
-def _partners(cause: ExchangeCause, plan: Plan, place: Place) -> np.ndarray | None:
+def _partners(cause: ExchangeCause, plan: GaugePlan, place: Place) -> np.ndarray | None:
     """The partner of each reading, shape (n,); None if they do not pair up, or none has one."""
-    plan = GaugePlan.require(plan)
     index, concerned = np.arange(len(plan)), cause.concerned(plan, place)
     for series in set(plan.series):
         own, other = (
@@ -169,9 +149,9 @@ def place_in(part: int, *where: int) -> Place:
     return (*where, part) if part else where
 
 
-def series_places(plan: Plan) -> tuple[Place, ...]:
+def series_places(plan: GaugePlan) -> tuple[Place, ...]:
     """One place for each (leg, direction) that was read, in each part."""
-    found = sorted(set(zip(plan.part.tolist(), GaugePlan.require(plan).series, strict=True)))
+    found = sorted(set(zip(plan.part.tolist(), plan.series, strict=True)))
     return tuple(place_in(part, *series) for part, series in found)
 
 
@@ -180,14 +160,13 @@ def _part(place: Place, width: int) -> int:
     return place[width] if len(place) > width else 0
 
 
-def there(plan: Plan, place: Place, width: int = 2) -> Bools:
+def there(plan: GaugePlan, place: Place, width: int = 2) -> Bools:
     """Which readings are at a place that begins with `width` indices, shape (n,)."""
-    plan = GaugePlan.require(plan)
     same = np.stack((plan.leg, plan.direction), axis=1)[:, :width] == place[:width]
     return np.asarray(same.all(axis=1) & (plan.part == _part(place, width)))
 
 
-def words_of(plan: Plan, place: Place, width: int = 2) -> str:
+def words_of(plan: GaugePlan, place: Place, width: int = 2) -> str:
     """Such a place for people: "leg x, direction y"; with the part where the plan has several."""
     where = Series(*place[:2]).words if width == 2 else f"leg {AXES[place[0]]}"
     return where + part_words(plan, _part(place, width))
@@ -198,12 +177,13 @@ def apart(plan: Plan, readings: Ints) -> tuple[int, ...]:
 
     A step that leaves one reading behind is one wrong reading, as is one that moves one.
     """
-    rest = np.setdiff1d(np.flatnonzero(plan.same[readings[0]]), readings)
+    rest = np.setdiff1d(np.flatnonzero(plan.shared == plan.shared[readings[0]]), readings)
     fewer = rest if 0 < rest.size <= readings.size else readings
     return tuple(fewer.tolist())
 
 
 def later_readings(plan: Plan) -> list[int]:
     """Readings that have an earlier one in their set-up."""
-    earlier = plan.same & (plan.order[:, None] > plan.order)
-    return np.flatnonzero(earlier.any(axis=1)).tolist()
+    rows, first = plan.sequence
+    later: list[int] = np.sort(rows[~first]).tolist()
+    return later

@@ -14,10 +14,11 @@ from orthoglide_cal.causes.base import (
     words_of,
 )
 from orthoglide_cal.model.cause import Cause, Effect, Place, Stage
-from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Floats, Numbers, Plan
+from orthoglide_cal.model.patterns import Patterns
+from orthoglide_cal.model.plan import Numbers
 from orthoglide_cal.model.readings import GaugePlan, Series, other_axes
 
 # Parameters in the order (leg, direction): x_y is what a gauge along x meets on leg y.
@@ -42,15 +43,18 @@ class BarSkew(Cause):
         " other bar of the parallelogram."
     )
 
+    def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
+        """The leg travels under the gauge."""
+        return self.scale * self.size(machine) * travel_mm
+
     def contact(
-        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: GaugePlan, machine: Machine
     ) -> Numbers:
         """Reading += slope · distance from the carriage joint; theta (..., 6) [rad]."""
-        plan = GaugePlan.require(plan)
         own = np.array([plan.of(series) for series in _SERIES])
         # Turned half round, a bar rises where it fell.
         slope: Numbers = effect.theta @ (own * np.where(plan.turned, -1.0, 1.0))
-        return heights + slope * where * Orthoglide.require(machine).leg_length_mm
+        return np.asarray(heights + slope * where * machine.nominal_rails.lengths[plan.leg])
 
 
 class GaugeDrift(PatternCause):
@@ -67,14 +71,15 @@ class GaugeDrift(PatternCause):
     instrument = "the gauge left on its bar for an hour, machine standing"
     advice = "Clamp the stand of {where} again on a clean surface, and repeat this leg."
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return series_places(plan)
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         return words_of(plan, place)
 
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
-        return np.stack([there(plan, at) * plan.hours for at in places], axis=1)
+    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Patterns:
+        hours = [there(plan, at) * plan.hours for at in places]
+        return Patterns.of(plan, np.stack(hours, axis=1))
 
 
 class StandShift(PatternCause):
@@ -94,24 +99,24 @@ class StandShift(PatternCause):
         " isotropic reading."
     )
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return tuple((i,) for i in later_readings(plan))
 
-    def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
+    def to_read_again(self, plan: GaugePlan, place: Place) -> tuple[int, ...]:
         """The only reading before it, or the only one after it with the stand gone; else none.
 
         That is one wrong reading: nothing that is read later can show that it was a knock.
         """
         (knocked,) = place
         again = apart(plan, self.spoiled(place, plan))
-        will_show = bool(GaugePlan.require(plan).standing[knocked]) and knocked in again
+        will_show = bool(plan.standing[knocked]) and knocked in again
         return () if will_show or len(again) > 1 else again
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         return f"from {machine.reading_words(plan, place[0])} on"
 
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
-        return plan.onwards[:, [place[0] for place in places]]
+    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Patterns:
+        return Patterns.at(plan, np.array([place[0] for place in places]), True)
 
 
 def _zernike(name: str) -> dict[tuple[int, int], float]:
@@ -152,10 +157,10 @@ class _Surface(Cause):
         self._terms = np.array([[each.get(p, 0.0) for p in self._powers] for each in terms])
 
     def contact(
-        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: ProbePlan, machine: Machine
     ) -> Numbers:
         """Reading of a touch += height of the surface; theta (..., terms) [mm at the edge]."""
-        x, y, _ = np.moveaxis(where / LinearDelta.require(machine).bed_radius_mm, -1, 0)
+        x, y, _ = np.moveaxis(where, -1, 0)
         # The first terms alone where fewer are given, as files of old have them.
         sizes = effect.theta @ self._terms[: effect.theta.shape[-1]]
         shape = sum(
@@ -191,6 +196,7 @@ class BedShape(_Surface):
     names = _TERMS
     shares = (_falling(0.1, above=3), *map(_falling, (0.25, 0.35, 0.5, 0.7, 1.0)))
     instrument = "a straight edge and feeler gauges on the bed"
+    no_setting = "a bed mesh follows it; make a new one"
     advice = (
         "A bed mesh follows it. Touches of one height do not show what makes it (the bed, leaning"
         " towers, unequal arms, the probe): lay a straight edge on the bed, turn the plate by a"
@@ -229,7 +235,7 @@ class ProbeDrift(Cause):
     advice = "Let bed and probe reach their temperature, wait ten minutes, and probe again."
 
     def contact(
-        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: ProbePlan, machine: Machine
     ) -> Numbers:
         """Reading += rate · hours; theta (..., 1) [mm/h]."""
         return heights + plan.touches * effect.theta * plan.hours

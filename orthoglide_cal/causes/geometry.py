@@ -10,6 +10,7 @@ from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers
+from orthoglide_cal.model.readings import AXES
 
 # Shift of rail i in direction j per unit of gap: rails x and y are g_xy apart along z, y and z
 # are g_yz apart along x, z and x are g_zx apart along y, half of it each. This symmetry fixes
@@ -36,6 +37,14 @@ class AxisGap(Cause):
     compensable = True
     instrument = "a dial indicator carried along one rail, run against the next"
     advice = "Shim the rails until their axes meet in one point, then measure again."
+
+    def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
+        return self.size(machine) / 6.0
+
+    def shim(self, name: str, value: float) -> tuple[str, str]:
+        """Rail x lies g_xy above rail y, along z: rail y rises by that, and so on."""
+        along = next(axis for axis in AXES if axis not in name)
+        return name[1], f"{'-' if value < 0.0 else '+'}{along}"
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Move the rails apart; theta (..., 3) [mm]."""
@@ -69,6 +78,9 @@ class AxisSquareness(Cause):
         "Check the squareness of the linear drives with a master square and re-align them, or"
         " accept the angles as part of the model and compensate them in the controller."
     )
+
+    def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
+        return self.scale * self.size(machine) * machine.expanding_mm / 7.0
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lean the rails towards each other; theta (..., 3) [rad]."""

@@ -7,6 +7,7 @@ import numpy as np
 from orthoglide_cal.model.cause import Cause, Stage
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Numbers
 
@@ -26,6 +27,7 @@ class EncoderScale(Cause):
     compensable = True
     instrument = "gauge blocks against the carriage over its whole travel"
     advice = "Check the travel of the carriage against gauge blocks and correct the axis scale."
+    no_setting = "correct the steps per millimetre of each tower"
     elsewhere = MappingProxyType(
         {
             LinearDelta: {
@@ -35,6 +37,9 @@ class EncoderScale(Cause):
             }
         }
     )
+
+    def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
+        return self.scale * self.size(machine) * travel_mm / 3.0
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """q = L + (1 + k)(ρ − L) + Δρ; theta (..., 3)."""
@@ -59,6 +64,7 @@ class Backlash(Cause):
     positive = True
     lasting = True
     timed = True
+    settles = True
     instrument = "a dial indicator on the carriage, approached from both sides"
     advice = "Adjust the nut or belt of the carriage, or approach every posture from the same side."
     elsewhere = MappingProxyType(

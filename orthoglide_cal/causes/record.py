@@ -9,7 +9,6 @@ from orthoglide_cal.causes.base import (
     PatternCause,
     RelabelCause,
     apart,
-    later_readings,
     place_in,
     series_places,
     there,
@@ -20,6 +19,7 @@ from orthoglide_cal.model.gauge_doubts import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.patterns import Patterns
 from orthoglide_cal.model.plan import Bools, Floats, Plan
 from orthoglide_cal.model.readings import GaugePlan, Series
 
@@ -51,8 +51,8 @@ class Misread(PatternCause):
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         return machine.reading_words(plan, place[0])
 
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
-        return np.eye(len(plan))[:, [place[0] for place in places]]
+    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Patterns:
+        return Patterns.at(plan, np.array([place[0] for place in places]), False)
 
 
 class GaugeSlip(PatternCause):
@@ -73,30 +73,27 @@ class GaugeSlip(PatternCause):
     advice = "Count the turns again: {where}. Correct it in the file by whole revolutions."
 
     def possible(self, machine: Machine) -> bool:
-        return (
-            super().possible(machine)
-            and Orthoglide.require(machine).gauge.revolution_mm is not None
-        )
+        return super().possible(machine) and machine.instrument.turn_mm > 0.0
 
     def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
         return apart(plan, self.spoiled(place, plan))
 
     def millimetres(self, machine: Machine) -> float:
-        return Orthoglide.require(machine).gauge.revolution_mm or 0.0
+        return machine.instrument.turn_mm
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        followed = plan.onwards.sum(axis=0) > 1
-        kept = [i for i in later_readings(plan) if followed[i]]
+        rows, first = plan.sequence
+        last = np.append(first[1:], True)
+        kept = np.sort(rows[~first & ~last]).tolist()
         return (*((i, 0) for i in range(len(plan))), *((i, 1) for i in kept))
 
     def label(self, place: Place, plan: Plan, machine: Machine) -> str:
         reading = machine.reading_words(plan, place[0])
         return f"from {reading} on" if place[1] else reading
 
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Floats:
-        both = np.stack((np.eye(len(plan)), plan.onwards))
+    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Patterns:
         reading, onward = np.array(places).T
-        return both[onward, :, reading].T
+        return Patterns.at(plan, reading, onward == 1)
 
 
 class SignFlip(RelabelCause):
@@ -112,17 +109,17 @@ class SignFlip(RelabelCause):
     instrument = "a feeler gauge under each plunger: its reading must grow"
     advice = "Check which way + is on the gauge of {where}, and turn the sign of its readings."
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return (*series_places(plan), *whole_table(plan))
 
     def share(self, place: Place) -> float:
         """All gauges are the wrong way round, or a spreadsheet turned them: rare."""
         return CLERICAL if place == EVERYWHERE else 1.0
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         return "all readings" if place == EVERYWHERE else words_of(plan, place)
 
-    def relabel(self, plan: Plan, place: Place) -> tuple[np.ndarray, Floats]:
+    def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
         turned = True if place == EVERYWHERE else there(plan, place)
         return np.arange(len(plan)), np.where(turned, -1.0, np.ones(len(plan)))
 
@@ -144,15 +141,14 @@ class SwappedGauges(ExchangeCause):
         " the file. If they were right, the other two legs stand in each other's place."
     )
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
-        direction = GaugePlan.require(plan).direction
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         legs = (place_in(part, leg) for part in range(plan.parts) for leg in range(3))
-        return tuple(at for at in legs if np.unique(direction[there(plan, at, 1)]).size == 2)
+        return tuple(at for at in legs if np.unique(plan.direction[there(plan, at, 1)]).size == 2)
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         return words_of(plan, place, 1)
 
-    def concerned(self, plan: Plan, place: Place) -> Bools:
+    def concerned(self, plan: GaugePlan, place: Place) -> Bools:
         return there(plan, place, 1)
 
     def really(self, series: Series, place: Place) -> Series:
@@ -172,7 +168,7 @@ class ExchangedColumns(ExchangeCause):
     instrument = "one plunger pushed at a time: its own row must change"
     advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return whole_table(plan)
 
     def really(self, series: Series, place: Place) -> Series:
@@ -191,10 +187,10 @@ class WrongUnit(RelabelCause):
     instrument = "a gauge block under the plunger"
     advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return tuple((k,) for _ in whole_table(plan) for k in range(len(UNITS)))
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
         return UNITS[place[0]].mistake
 
     def unit_mm(self, place: Place) -> float:

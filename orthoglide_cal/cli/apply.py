@@ -56,6 +56,7 @@ def apply(
     from orthoglide_cal.files.input import read_input
     from orthoglide_cal.files.linuxcnc import is_live
     from orthoglide_cal.files.moonraker import restart, server
+    from orthoglide_cal.report.case import NOT_NEEDED
     from orthoglide_cal.report.documents.short import application_document
     from orthoglide_cal.results import take_back
 
@@ -69,12 +70,16 @@ def apply(
 
     def judge(path: str) -> None:
         controller = controller_file(to) if to else None
+        found: Application | None
         if undo:
             file = common.own_machine_file(machine)
             source = read_input(path, file.model).measured.source if path else None
             found = take_back(file, source.sha256 if source else None, controller)
         else:
             found = _entered(path, machine, controller, data, rule_out)
+            if found is None:
+                common.tell(f"{NOT_NEEDED}. Nothing was changed.")
+                return
         document = application_document(found, path)
         if not json:
             common.deliver(document)
@@ -130,28 +135,29 @@ def _entered(
     to: "ControllerFile | None",
     data: common.Data,
     rule_out: common.RuleOut,
-) -> "Application":
-    """What a measurement found, if it may be used. Raises UsageError, UnusableResultError."""
+) -> "Application | None":
+    """What is entered of a measurement; None where nothing needs to be.
+
+    Raises UsageError, UnusableResultError.
+    """
     from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.files.machine_file import new_machine_file
-    from orthoglide_cal.report.case import SETTLED
     from orthoglide_cal.report.controller import told_by_name
     from orthoglide_cal.results import apply as application
 
     file = None  # what is written to a printer needs none
     if machine or to is None or to.adds or machine_in_folder(Path()):
         file = common.own_machine_file(machine)
-    if file and file.model.machine.keeps_itself and to is None:
+    if file and to is None:
         known = file.model.machine
         options = f"--format {known.controller_formats[0]}"
         shown = command("export", path, machine=machine, options=options)
         written = command("apply", path, machine=machine, options="--to printer.cfg")
         remedy = f"See what to give it: {shown}; or write it: {written}"
-        raise UsageError(known.keeps_itself, remedy)
+        known.check_recorded(remedy)
     case = released(common.read_input(path, machine, data, rule_out), machine)
     given, answer = case.given, case.answer
-    if answer.release.settled:
-        raise UsageError(f"{SETTLED}.", "Leave everything as it is.")
     file = file or new_machine_file(given.model)
-    values = told_by_name(case) if file.model.machine.keeps_itself else None
-    return application(given, answer, file, datetime.now().astimezone(), to, values)
+    now = datetime.now().astimezone()
+    found = application(given, answer, file, now, to, lambda: told_by_name(case))
+    return found if answer.release.needed else None

@@ -10,7 +10,9 @@ import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TextIO
@@ -22,6 +24,7 @@ from orthoglide_cal.errors import InputError, OrthocalError, UsageError, file_wo
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.status import Status
 
     from orthoglide_cal.files.input import Input
     from orthoglide_cal.files.machine_file import StoredMachine
@@ -36,6 +39,7 @@ Stored = Literal["calibration", "mesh"]
 NO_COLOUR = "no_colour"
 # Numbers on the command line are lengths in mm, or degrees: none of them is as large.
 _LARGEST = 1e5
+SLOW_S = 2.0
 
 
 class PlainCommand(TyperCommand):
@@ -213,12 +217,17 @@ def read_input(
             raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(CAUSES)}.")
     given = read(path, known_machine(machine_file), folder_machine, data)
     require_printer(given.measured.source, data)
-    if rule_out:
-        given = replace(given, model=replace(given.model, ruled_out=tuple(sorted(set(rule_out)))))
-    try:
-        return replace(given, keeper=own_machine_file(machine_file))
-    except OrthocalError:
-        return given  # nothing can be recorded; what was measured stands for itself
+    keeper = None
+    with suppress(OrthocalError):  # nothing can be recorded; what was measured stands for itself
+        keeper = own_machine_file(machine_file)
+    others = (_completed(other, keeper, rule_out) for other in given.others)
+    return replace(_completed(given, keeper, rule_out), others=tuple(others))
+
+
+def _completed(given: Input, keeper: StoredMachine | None, rule_out: Sequence[str] | None) -> Input:
+    """With where it is recorded, and what was looked for and is not there."""
+    model = replace(given.model, ruled_out=tuple(sorted(set(rule_out or ()))))
+    return replace(given, keeper=keeper, model=model if rule_out else given.model)
 
 
 def require_printer(source: Source, data: Stored | None) -> None:
@@ -373,11 +382,16 @@ def put(text: str, target: Path | None, told: str, overwrite: bool = False) -> N
     tell(told)
 
 
-def print_json(value: Mapping[str, object]) -> None:
-    """One JSON object on one line of standard output; NaN is refused."""
+def json_line(value: Mapping[str, object]) -> str:
+    """One JSON object on one line; NaN is refused."""
     import json
 
-    print(json.dumps(value, allow_nan=False, ensure_ascii=False), flush=True)
+    return f"{json.dumps(value, allow_nan=False, ensure_ascii=False)}\n"
+
+
+def print_json(value: Mapping[str, object]) -> None:
+    """The same on standard output."""
+    print(json_line(value), end="", flush=True)
 
 
 def console(*, stderr: bool = False) -> Console:
@@ -397,6 +411,30 @@ def console(*, stderr: bool = False) -> Console:
         markup=False,
         emoji=False,
     )
+
+
+@contextmanager
+def working(path: str) -> Iterator[None]:
+    """Show on standard error that a file is being worked on, from `SLOW_S` on; on a terminal."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    shown: list[Status] = []
+
+    def show() -> None:
+        shown.append(console(stderr=True).status(f"{path} …"))
+        shown[0].start()
+
+    timer = threading.Timer(SLOW_S, show)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()
+        for status in shown:
+            status.stop()
 
 
 def tell(message: str) -> None:

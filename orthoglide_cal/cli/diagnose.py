@@ -45,7 +45,7 @@ def diagnose(
     """Find what else is wrong, how sure that is, and what to do."""
     import numpy as np
 
-    from orthoglide_cal import diagnosis
+    from orthoglide_cal import inference
     from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.files.input import read_input
     from orthoglide_cal.files.input import together as as_one
@@ -78,16 +78,19 @@ def diagnose(
         named = common.known_machine(machine) if holdout else None
         by = named if isinstance(named, PrinterFile) else given.model
         later = read_input(holdout, by, stored=data) if holdout else None
-        diagnosed = diagnosis.diagnose(
-            given.measured,
-            given.model,
-            holdout=later.measured if later else None,
-            applied=np.array(applied or (0.0, 0.0, 0.0)),
-            then=later.model if later else None,
-            sensitivity=full,
-            recalibrated=True if recalibrated else None,
-        )
-        found = answer_to(given, diagnosed=diagnosed, holdout=holdout, details=full, promised=full)
+        with common.working(path):
+            diagnosed = inference.diagnose(
+                given.measured,
+                given.model,
+                holdout=later.measured if later else None,
+                applied=np.array(applied or (0.0, 0.0, 0.0)),
+                then=later.model if later else None,
+                sensitivity=full,
+                recalibrated=True if recalibrated else None,
+            )
+            found = answer_to(
+                given, diagnosed=diagnosed, holdout=holdout, details=full, promised=full
+            )
         if together:
             found = with_dates(found, diagnosed, dates)
         document = diagnosis_document(Case(given, found, machine))
@@ -97,7 +100,7 @@ def diagnose(
         target = output or Path(f"{machine.stem if machine else 'machine'}-{accept}.yaml")
         try:
             diagnosed.require_recommended(accept)
-            extended = diagnosis.extend(given.measured, given.model, accept, date.today())
+            extended = inference.extend(given.measured, given.model, accept, date.today())
             write_text(target, machine_text(extended))
         except OrthocalError as error:
             # The diagnosis stands; only the extension is refused.

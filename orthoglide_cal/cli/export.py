@@ -43,7 +43,7 @@ def export(
     json: common.AsJson = False,
 ) -> None:
     """Print the new offsets for the controller, if released."""
-    from orthoglide_cal.files.machine_file import MACHINES
+    from orthoglide_cal.model.kinds import MACHINES
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
     from orthoglide_cal.report.controller import FIRMWARES, as_firmware
@@ -71,11 +71,9 @@ def export(
         elif format == "linuxcnc":
             text = controller.as_linuxcnc(case, identity)
         else:
-            text = (
-                f"{case.answer.model_dump_json()}\n" if json else controller.as_text(case, identity)
-            )
+            text = common.json_line(case.data()) if json else controller.as_text(case, identity)
         if case.answer.release.reasons:
-            common.tell(f"FORCED: {' '.join(case.answer.release.reasons)}")
+            common.tell(f"FORCED: {' '.join(map(case.says, case.answer.release.reasons))}")
         title = f"{case.words.title} {identity.number}"
         common.put(text, target, f"{title} written to {target}")
 
@@ -100,14 +98,14 @@ def released(
     case = Case(given, answer, machine)
     if not answer.parameters or not (answer.release.usable or force):
         remedies = [
-            f"{each.sentence} {case.remedied(each) or ''}".rstrip()
+            f"{case.says(each.sentence)} {case.remedied(each) or ''}".rstrip()
             for each in case.answer.release.remedies
         ]
         if force is not None and answer.parameters:
             remedies.append("To export it anyway, marked as FORCED: --force")
         raise UnusableResultError(
             f"{'Nothing is recorded' if force is None else 'Export refused'}."
-            f" {' '.join(answer.release.reasons)}",
+            f" {' '.join(map(case.says, answer.release.reasons))}",
             "\n".join(remedies),
         )
     return case

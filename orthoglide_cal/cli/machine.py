@@ -76,8 +76,8 @@ def new(
     json: common.AsJson = False,
 ) -> None:
     """Make a machine file. It asks for what no option gives."""
-    from orthoglide_cal.files.machine_file import MACHINES
     from orthoglide_cal.files.text import write_text
+    from orthoglide_cal.model.kinds import MACHINES
 
     # Each option with the keys that it gives, on machines of this or that kind.
     given: dict[str, tuple[Value | None, *tuple[str, ...]]] = {
@@ -158,17 +158,18 @@ def _questions(schema: "type[BaseModel]", group: str = "") -> Iterator[tuple[str
 def _ask_tolerances(answers: Answers, target: Path) -> None:
     """Ask how large each error plausibly is, unless the usual will do."""
     from orthoglide_cal.causes import CAUSES
-    from orthoglide_cal.files.machine_file import MACHINES
+    from orthoglide_cal.model.kinds import MACHINES
     from orthoglide_cal.words import unit_words
 
     common.tell("`diagnose` must know how large each error plausibly is.")
     if typer.confirm("Take the usual tolerances", default=True, err=True):
         return
     common.tell("Return keeps the value; 0 rules the cause out. The causes: orthocal guide causes")
-    for cause in (each for each in CAUSES.values() if MACHINES[answers["kind"]] in each.sizes):
+    kind = MACHINES[answers["kind"]]
+    for cause in CAUSES.values():
         key = f"tolerances.{cause.id}"
         # What has no unit has no size: it happens or does not.
-        if cause.unit and key not in answers:
+        if cause.usual(kind) is not None and cause.unit and key not in answers:
             common.tell(f"{cause.title} ({cause.size_reason})")
             _ask(answers, key, f"{cause.id}, {unit_words(cause.unit)}", target)
 

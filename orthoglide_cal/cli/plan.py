@@ -60,7 +60,7 @@ def plan(
     json: common.AsJson = False,
 ) -> None:
     """Predict readings, minutes and U; rank what to measure next."""
-    from orthoglide_cal.diagnosis import diagnose
+    from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning import ranked
     from orthoglide_cal.planning.design import require_on_bar
     from orthoglide_cal.planning.plan import Wanted, chosen_session, measurement_plan
@@ -85,18 +85,19 @@ def plan(
     given = None if file is None else common.read_input(file, machine, data)
     model = given.model if given else common.given_machine(machine) or common.folder_machine()
     if program is not None:
-        if json or html or overwrite or (given and not model.machine.layouts()):
+        chosen = chosen_session(model, wanted)
+        follows = chosen.name in list(MeasuringProtocol)  # a protocol, and no layout
+        if json or html or overwrite or (given and follows):
             what = "--program writes nothing but the posture program."
             raise UsageError(what, "Leave out --json, --html, --overwrite and FILE.")
-        chosen = chosen_session(model, wanted)
-        if model.machine.layouts():
+        if not follows:
             if moves != (None,) * 4:
                 raise UsageError(
                     "A printer's places are written as a table.", "Leave these options out."
                 )
             write_places(chosen, program)
             return
-        careful = require_on_bar(chosen.plan, model.orthoglide)
+        careful = require_on_bar(chosen.plan, model.machine)
         if careful is not None:
             common.tell(" ".join(careful.lines))
         turn = Order(order or "paper")
@@ -150,7 +151,6 @@ def write_places(found: "SessionForecast", target: Path) -> None:
     Raises UsageError: another kind of file, a layout with distances, or the file exists.
     """
     from orthoglide_cal.files.probe_readings import places_csv
-    from orthoglide_cal.model.linear_delta import ProbePlan
 
     if not found.plan.touches.all():
         raise UsageError(
@@ -162,7 +162,7 @@ def write_places(found: "SessionForecast", target: Path) -> None:
         raise _unknown(target, f"End it in {_CSV}: places to probe are a table.")
     said = "Fill in reading_mm, the height at which the probe triggers, bed mesh off."
     told = f"{len(found.plan)} places written to {target}: {found.what}. {said}"
-    common.put(places_csv(ProbePlan.require(found.plan)), target, told)
+    common.put(places_csv(found.plan), target, told)
 
 
 def _unknown(target: Path, remedy: str) -> UsageError:

@@ -1,14 +1,11 @@
 """`orthocal report`: the result in the hands of the people who need it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import MEASURED, Text, argument, option
-from orthoglide_cal.errors import InputError, UnusableResultError, UsageError
-
-if TYPE_CHECKING:
-    from orthoglide_cal.report.case import Case
+from orthoglide_cal.errors import UnusableResultError, UsageError
 
 
 def report(
@@ -38,6 +35,7 @@ def report(
 ) -> None:
     """Write the calibration report."""
     from orthoglide_cal.files.input import latest_session
+    from orthoglide_cal.model.measured import DataKind
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.results import answer_to, identify
@@ -47,21 +45,14 @@ def report(
         raise UsageError("--applied goes with --after.", "Name the later readings.")
 
     def judge(path: str) -> int:
-        cases = [common.read_input(path, machine, data, rule_out)]
-        excerpt = cases[0].measured.source.excerpt
-        for stored in excerpt.also if excerpt and data is None and path != "-" else ():
-            try:
-                cases.append(common.read_input(path, machine, stored, rule_out))
-            except InputError as error:
-                common.tell_error(error, path)  # the rest of the file is judged without it
-        answers = [Case(each, answer_to(each, method, details=True), machine) for each in cases]
-        case, *others = sorted(answers, key=_best_last)
-        given, verification = case.given, None
-        if limit is not None and given.measured.of_bed:
+        given, verification = common.read_input(path, machine, data, rule_out), None
+        case = Case(given, answer_to(given, method, details=True), machine)
+        no_differences = given.measured.kinds == (DataKind.READINGS,)
+        if limit is not None and no_differences:
             raise UsageError("--limit applies to differences of readings only.", "Leave it out.")
         if after is not None:
             later = common.read_input(after, machine, data)
-            if given.measured.of_bed:
+            if no_differences:
                 compare = case.typed("verify", other=after)
                 raise UsageError(
                     "The report of a printer shows one file.", f"Compare them: {compare}"
@@ -71,16 +62,12 @@ def report(
             )
         inputs, options = (verification.inputs, verification.options) if verification else ((), ())
         options = options or (() if limit is None else (limit,))
-        own = [(each.source, each.given.model) for each in (case, *others)]
+        own = [(each.source, each.given.model) for each in (case, *case.others)]
         identity = identify([*own, *inputs], case.answer.method, *options)
-        document = calibration_document(case, identity, verification, others, limit)
+        document = calibration_document(case, identity, verification, limit)
         common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
-        return 0 if case.answer.release.usable else UnusableResultError.exit_code
+        failed = verification is not None and verification.failed
+        usable = case.answer.release.usable and not failed
+        return 0 if usable else UnusableResultError.exit_code
 
     common.for_each([file or str(latest_session(Path()))], judge, as_json=json)
-
-
-def _best_last(case: "Case") -> tuple[bool, ...]:
-    """Sorts the worst verdict first."""
-    release = case.answer.release
-    return bool(case.answer.parameters), release.sound, release.usable, not release.cautions

@@ -133,7 +133,7 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
 
     head, _, tail = text.partition("=")
     name, _, place = (part.strip() for part in head.partition("@"))
-    possible = [id for id, each in CAUSES.items() if type(machine) in each.sizes]
+    possible = [id for id, each in CAUSES.items() if each.usual(type(machine)) is not None]
     if name not in possible:
         where = f" of kind {machine.kind}" if name in CAUSES else ""
         raise UsageError(
@@ -170,8 +170,6 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
 
 
 def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
-    from orthoglide_cal.causes import RelabelCause
-
     places = cause.places(plan, machine)
     parts = [part.strip() for part in text.removesuffix("+").split(",")]
     place: Place = ()
@@ -181,9 +179,7 @@ def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
         reading = int(plan.in_time[int(parts[0]) - 1])
         place = (reading, int(text.endswith("+"))) if len(places[0]) == 2 else (reading,)
     fits = place in places and bool(text) == bool(place)
-    if fits and isinstance(cause, RelabelCause):
-        fits = cause.reversible(plan, place)
-    if not fits:
+    if not (fits and cause.reversible(plan, place)):
         here = f" at {text!r}" if text else ""
         one = "12 (a reading) or x (a leg, a tower)"
         example = {0: "no place", 1: one, 2: "x,y (leg, direction) or 12"}

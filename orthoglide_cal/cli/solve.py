@@ -20,7 +20,8 @@ def solve(
 
     def judge(path: str) -> int:
         given = common.read_input(path, machine, data, rule_out)
-        found = answer_to(given, method, details=details or json)
+        with common.working(path):
+            found = answer_to(given, method, details=details or json)
         document = solution_document(Case(given, found, machine))
         common.deliver(document, as_json=json, details=details)
         return 0 if found.release.usable else UnusableResultError.exit_code

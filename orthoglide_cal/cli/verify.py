@@ -4,6 +4,7 @@ from typing import Annotated
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import MEASURED, argument
+from orthoglide_cal.errors import UnusableResultError
 
 
 def verify(
@@ -26,12 +27,13 @@ def verify(
     from orthoglide_cal.results import identify
     from orthoglide_cal.results.verification import verify as verified
 
-    def judge(path: str) -> None:
+    def judge(path: str) -> int:
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
         found = verified(*inputs, applied, limit)
         shown = verification_document(found, identify(found.inputs, *found.options))
         common.deliver(
             shown, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
         )
+        return UnusableResultError.exit_code if found.failed else 0
 
     common.for_each([before], judge, as_json=json)

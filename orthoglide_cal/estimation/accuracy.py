@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import chdtrc, stdtrit
 
 from orthoglide_cal.errors import RankDeficientError
-from orthoglide_cal.estimation.gaussian import unexplained, whiten
+from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import Model
@@ -31,8 +31,7 @@ def unit_covariance(problem: Problem, jacobian: Floats) -> Floats:
 
     `jacobian` is J at the solution, shape (..., k, 3).
     """
-    matrix = np.linalg.pinv(jacobian)
-    return np.asarray(matrix @ problem.covariance() @ matrix.swapaxes(-1, -2))
+    return problem.spread(np.asarray(np.linalg.pinv(jacobian), np.float64))
 
 
 def rms(values: Floats) -> float:
@@ -65,7 +64,7 @@ def sum_of_squares(problem: Problem, jacobian: Floats, residual: Floats, ratio: 
         residual: r, shape (k,) [mm].
         ratio: C/σ: what the influences add, in standard deviations of one reading, shape (k, p).
     """
-    left = unexplained(*whiten(problem.covariance() + ratio @ ratio.T, jacobian, residual))
+    left = unexplained(*problem.whitened(ratio, jacobian, residual))
     return float(left @ left)
 
 

@@ -5,14 +5,19 @@
 Leading axes (...) are many models at once. Values are vectors (k,) or columns (..., k, q).
 """
 
+from __future__ import annotations
+
 import math
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import erfc
 
-from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
 
 # A common size is found to within this share of it, or in so many rounds.
 SIZE_WITHIN, SIZE_ROUNDS = 0.02, 20
+TINY = 1e-12  # a variance of log odds
 
 
 def whiten(covariance: Floats, *values: Floats) -> tuple[Floats, ...]:
@@ -40,6 +45,21 @@ def whiten(covariance: Floats, *values: Floats) -> tuple[Floats, ...]:
     return tuple(
         part[..., 0] if each.ndim == 1 else part for each, part in zip(values, parts, strict=True)
     )
+
+
+def shrinking(columns: Floats) -> tuple[Floats, Floats]:
+    """U, orthonormal (k, q), and f (q,) with S⁻¹ = (I − U diag(1 − f) Uᵀ)² of S = I + C Cᵀ (k, k).
+
+    It makes values independent of which only a few unknowns are in common, C of shape (k, c).
+    """
+    axes, size, _ = np.linalg.svd(columns, full_matrices=False)
+    return axes, 1.0 / np.sqrt(1.0 + size**2)
+
+
+def whiten_shared(columns: Floats, *values: Floats) -> tuple[Floats, ...]:
+    """Values, each (k,) or (k, q), in units of independent noise of S = I + C Cᵀ, C (k, c)."""
+    axes, factors = shrinking(columns)
+    return tuple(value - axes @ ((1.0 - factors) * (axes.T @ value).T).T for value in values)
 
 
 def log_density(covariance: Floats, residuals: Floats) -> Floats:
@@ -138,3 +158,88 @@ def log_sum(values: Floats, axis: int | tuple[int, ...] | None = None) -> Floats
 def log_mean(values: Floats) -> float:
     """ln of the mean of exp of all entries."""
     return float(log_sum(values)) - math.log(values.size)
+
+
+@dataclass(frozen=True, eq=False)
+class Mixture(ReadOnly):
+    """A prediction of m values: a normal distribution for each of t explanations.
+
+    From q data sets, which differ in means and weights only.
+    """
+
+    means: Floats  # shape (t, m, q)
+    covariance: Floats  # noise included, shape (t, m, m)
+    log_weight: Floats  # ln of the probability of each explanation, shape (t, q)
+
+    def by_explanation(self, values: Floats, rows: Ints) -> Floats:
+        """ln p of some of the values (k, q), at `rows` (k,), under each, shape (t, q)."""
+        return log_density(self.covariance[:, rows[:, None], rows], values - self.means[:, rows])
+
+    def log_density(self, values: Floats, rows: Ints) -> Floats:
+        """ln p of the same, whichever explanation holds, shape (q,)."""
+        return log_sum(self.log_weight + self.by_explanation(values, rows), 0)
+
+    def given(self, values: Floats, rows: Ints, others: Ints) -> Mixture:
+        """The prediction of the values at `others` once those at `rows`, (k, q), are known."""
+        seen, shared, prior = (
+            self.covariance[:, one[:, None], other]
+            for one, other in ((rows, rows), (rows, others), (others, others))
+        )
+        moved, covariance = predict(seen, values - self.means[:, rows], shared, prior)
+        weight = self.log_weight + self.by_explanation(values, rows)
+        return Mixture(self.means[:, others] + moved, covariance, weight - log_sum(weight, 0))
+
+    def part(self, some: slice, values: slice) -> Mixture:
+        """Some of the explanations and of the values."""
+        covariance = self.covariance[some, values, values]
+        return Mixture(self.means[some, values], covariance, self.log_weight[some])
+
+    def log_odds(self, judged: Mixture) -> tuple[Floats, Floats]:
+        """By how much values raise the log odds of the true explanation over a rival.
+
+        Values as this mixture predicts them, weighed by the densities of `judged`, of the same
+        explanations, both from one data set.
+
+        Returns:
+            Mean and standard deviation, each of shape (t, t), the true one first.
+        """
+        covariance, gap = self.covariance[:, None], (self.means[:, None] - judged.means)[..., 0]
+        precision = np.linalg.inv(judged.covariance)
+        weighed = (precision @ gap[..., None])[..., 0]
+        true = np.arange(len(gap))
+        cost = np.trace(precision @ covariance, axis1=-2, axis2=-1) + (gap * weighed).sum(axis=-1)
+        cost += np.linalg.slogdet(judged.covariance)[1]
+        other = (precision - precision[:, None]) @ covariance
+        square = (other * other.swapaxes(-1, -2)).sum(axis=(-1, -2))
+        slope = weighed - weighed[true, true][:, None]
+        spread = (slope * (covariance @ slope[..., None])[..., 0]).sum(axis=-1)
+        mean = 0.5 * (cost - cost[true, true][:, None])
+        return mean, np.sqrt(np.maximum(0.5 * square + spread, TINY))
+
+    @property
+    def distances(self) -> Floats:
+        """Between the predictions by two explanations, (t, t) [standard deviations]."""
+        gap = self.means[:, None] - self.means
+        (white,) = whiten(0.5 * (self.covariance[:, None] + self.covariance), gap)
+        return np.asarray(np.sqrt((white[..., 0] ** 2).sum(axis=-1)))
+
+    @property
+    def std_by_explanation(self) -> Floats:
+        """Standard deviation of each value under each explanation, shape (t, m, 1)."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=-2, axis2=-1))[..., None]
+
+    @property
+    def mean(self) -> Floats:
+        """Expected values, shape (m, q)."""
+        return np.asarray((np.exp(self.log_weight)[:, None] * self.means).sum(axis=0))
+
+    @property
+    def std(self) -> Floats:
+        """Standard deviations of the prediction errors, shape (m, q)."""
+        spread = self.std_by_explanation**2 + (self.means - self.mean) ** 2
+        return np.asarray(np.sqrt((np.exp(self.log_weight)[:, None] * spread).sum(axis=0)))
+
+    def tail(self, values: Floats) -> Floats:
+        """Chance of each value being at least as far off as in (m, q), shape (m, q)."""
+        far = np.abs(values - self.means) / self.std_by_explanation
+        return np.asarray((np.exp(self.log_weight)[:, None] * erfc(far / 2.0**0.5)).sum(axis=0))

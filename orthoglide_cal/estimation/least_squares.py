@@ -17,8 +17,18 @@ from functools import cached_property
 
 import numpy as np
 
+from orthoglide_cal.estimation.gaussian import whiten, whiten_shared
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
-from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, known_plan, read_only
+from orthoglide_cal.model.plan import (
+    Contrasts,
+    Floats,
+    Ints,
+    Plan,
+    ReadOnly,
+    Reduction,
+    known_plan,
+    read_only,
+)
 
 # A fit is an optimum if the step that is left is at most this [standard deviations].
 OPTIMAL = 1e-3
@@ -34,6 +44,8 @@ ROUNDING = 1e-12
 FIRST_DAMPING = 1e-3
 # Of no more numbers the order in memory does not matter.
 SMALL = 4096
+# More kinds of readings are predicted one by one: to fold them would take a matrix of that width.
+MOST_KINDS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +54,7 @@ class Problem(ReadOnly):
 
     model: Model
     plan: Plan  # n readings
-    matrix: Floats  # R, shape (k, n)
+    matrix: Reduction  # R, shape (k, n)
 
     def predict(self, offsets: Floats) -> Floats:
         """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""
@@ -77,24 +89,38 @@ class Problem(ReadOnly):
         return read_only(predicted), read_only(jacobian)
 
     @cached_property
-    def _folded(self) -> tuple[Plan, Floats]:
+    def _folded(self) -> tuple[Plan, Reduction]:
         """Plan and R with readings that repeat each other predicted once.
 
         With a cause that may distinguish them nothing is folded.
         """
-        if not self.model.repeats:
-            return self.plan, self.matrix
         first, kind = self.plan.distinct
+        if not self.model.repeats or len(first) > MOST_KINDS:
+            return self.plan, self.matrix
         fold = kind[:, None] == np.arange(len(first))
         return known_plan(self.plan.subset(first)), read_only(self.matrix @ fold)
 
     def covariance(self) -> Floats:
         """R Rᵀ: covariance of the data for unit variance of one reading (eqs. 28, 31), (k, k).
 
-        Of one as precise as most; others have more or less noise.
+        Of one as precise as most; others have more or less noise. Of differences: contrasts are
+        independent.
         """
-        matrix = self.matrix / self.plan.precision
-        return np.asarray(matrix @ matrix.T)
+        return self.spread(np.eye(len(self.matrix)))
+
+    def spread(self, estimator: Floats) -> Floats:
+        """M R Rᵀ Mᵀ: the same of what an estimator M (..., p, k) makes of the data, (..., p, p)."""
+        moved = (estimator @ self.matrix) / self.plan.precision
+        return np.asarray(moved @ moved.swapaxes(-1, -2))
+
+    def whitened(self, ratio: Floats, *values: Floats) -> tuple[Floats, ...]:
+        """Values, each (k,) or (k, q), made independent if their covariance is R Rᵀ + C Cᵀ.
+
+        `ratio` is C, shape (k, c), in standard deviations of one reading.
+        """
+        if not isinstance(self.matrix, Contrasts):
+            return whiten(self.covariance() + ratio @ ratio.T, *values)
+        return whiten_shared(ratio, *values)
 
     def remaining(self, data: Floats, offsets: Floats) -> Floats:
         """How far the offsets are from the least-squares optimum, recomputed from the data.
@@ -124,9 +150,9 @@ def _at_point(
     return read_only(readings), read_only(jacobian)
 
 
-def _reduce(matrix: Floats, values: Floats, axis: int) -> Floats:
+def _reduce(matrix: Reduction, values: Floats, axis: int) -> Floats:
     """Apply R (k, n) along one axis; of much the order of the batch in memory is kept."""
-    if values.size < SMALL:
+    if values.size < SMALL or isinstance(matrix, Contrasts):
         return np.asarray(values @ matrix.T if axis == -1 else matrix @ values)
     reduced = np.tensordot(matrix, values, axes=(1, values.ndim + axis))
     return np.moveaxis(reduced, 0, axis)
@@ -170,7 +196,7 @@ def _many_step(jacobian: Floats, residual: Floats, damping: Floats | float) -> F
 
 
 @dataclass(frozen=True, eq=False)
-class Fit(ReadOnly):
+class LeastSquaresFit(ReadOnly):
     """Offsets of a batch of sessions."""
 
     offsets_mm: Floats  # (..., 3)
@@ -184,7 +210,7 @@ class Fit(ReadOnly):
         return np.asarray(self.remaining <= OPTIMAL)
 
 
-def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> Fit:
+def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> LeastSquaresFit:
     """Minimise |d − R·h(Δρ)|² for each data set.
 
     Args:
@@ -220,7 +246,7 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     offsets, residuals, remaining, iterations = (
         np.concatenate(part) for part in zip(*parts, strict=True)
     )
-    return Fit(
+    return LeastSquaresFit(
         offsets.reshape(*batch, offsets.shape[-1]),
         residuals.reshape(data.shape),
         remaining.reshape(batch),

@@ -18,12 +18,20 @@ from enum import StrEnum
 import numpy as np
 
 from orthoglide_cal.errors import RankDeficientError, UsageError
-from orthoglide_cal.estimation.gaussian import whiten
+from orthoglide_cal.estimation.gaussian import shrinking
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
-from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, cell_contrasts, zero_free
+from orthoglide_cal.model.plan import (
+    Contrasts,
+    Floats,
+    Plan,
+    ReadOnly,
+    Reduction,
+    cell_contrasts,
+    zero_free,
+)
 from orthoglide_cal.model.readings import Posture
 
 DESCRIPTIONS = {
@@ -111,10 +119,14 @@ class Posed(ReadOnly):
 
         `ratio` is C/σ, what else is uncertain of the data, shape (k, p).
         """
-        problem = self.problem
-        covariance = problem.covariance() + ratio @ ratio.T
-        matrix, data = whiten(covariance, problem.matrix, self.data)
-        return replace(self, problem=replace(problem, matrix=matrix), data=data)
+        matrix: Reduction = self.problem.matrix
+        if isinstance(matrix, Contrasts):
+            axes, factors = shrinking(ratio)
+            matrix = replace(matrix, axes=axes, factors=factors)
+            (data,) = self.problem.whitened(ratio, self.data)
+        else:
+            matrix, data = self.problem.whitened(ratio, matrix, self.data)
+        return replace(self, problem=replace(self.problem, matrix=matrix), data=data)
 
 
 @functools.lru_cache(maxsize=8)

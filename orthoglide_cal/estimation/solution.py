@@ -19,14 +19,14 @@ from orthoglide_cal.estimation.accuracy import (
     sum_of_squares,
 )
 from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
-from orthoglide_cal.estimation.least_squares import OPTIMAL, Fit, fit_offsets
+from orthoglide_cal.estimation.least_squares import OPTIMAL, LeastSquaresFit, fit_offsets
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
-from orthoglide_cal.model.gauge_doubts import GaugeDoubt, gauge_doubts
-from orthoglide_cal.model.machine import Influence, Instrument
+from orthoglide_cal.model.machine import GaugeDoubt, Influence, Instrument
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only, without_zeros
+from orthoglide_cal.schema import Reason
 
 # Below this chance the residuals are called larger than the gauge's noise.
 SUSPICIOUS = 0.001
@@ -45,6 +45,7 @@ class Solution(ReadOnly):
     residuals_mm: Floats  # what the solver left of the data it compared, shape (k,)
     budget: Budget  # where the offsets' uncertainty comes from
     scatter: Scatter | None  # of one reading, from the residuals; None without degrees of freedom
+    stated_mm: float  # of one reading, as stated, with what of a local shape is too fine to show
 
     @property
     def model(self) -> Model:
@@ -70,7 +71,7 @@ class Solution(ReadOnly):
         """Standard deviation of one reading that the uncertainty rests on [mm]."""
         gauge = self.model.machine.instrument
         if self.scatter is None:
-            return gauge.noise_mm
+            return self.stated_mm
         return max(self.scatter.sigma_mm, gauge.rounding_mm)
 
     @property
@@ -97,8 +98,7 @@ class Solution(ReadOnly):
         if self.scatter is None:
             return None
         sum_of_squares = self.scatter.dof * self.scatter.sigma_mm**2
-        noise_mm = self.model.machine.instrument.noise_mm
-        return chance_of_residual(sum_of_squares, self.scatter.dof, noise_mm)
+        return chance_of_residual(sum_of_squares, self.scatter.dof, self.stated_mm)
 
     @property
     def noise(self) -> Scatter:
@@ -117,8 +117,8 @@ class Solution(ReadOnly):
         return promise(self.measured, known, change, self.noise, right)
 
     @cached_property
-    def _fit(self) -> tuple[float, float, Floats]:
-        """r.m.s. before and after, and what is predicted for each entry of the file.
+    def _fit(self) -> tuple[float, Floats]:
+        """r.m.s. before, and what is predicted for each entry of the file.
 
         Of readings about the model with fitted gauge zeros; else of the differences that the
         method uses, as in Table 4.
@@ -126,21 +126,20 @@ class Solution(ReadOnly):
         measured, model = self.measured, self.model
         if isinstance(measured, Differences):
             every = pose(measured, model, measured.kind)
-            order = [every.which.index(each) for each in measured.which]
+            order = [every.which.index(difference) for difference in measured.which]
             predicted = every.problem.predict(self.offsets_mm)[order]
-            return rms(self.posed.data), rms(self.residuals_mm), read_only(predicted)
+            return rms(self.posed.data), read_only(predicted)
         zeros, both = measured.plan.zeros, np.stack((0.0 * self.offsets_mm, self.offsets_mm))
         simulated = simulate(model, both, measured.plan)
         fitted = np.linalg.lstsq(zeros, (measured.value - simulated).T, rcond=None)[0]
         before, after = simulated + (zeros @ fitted).T
         # Of readings that are less precise than most, as much less counts.
-        left = measured.plan.precision * (measured.value - np.stack((before, after)))
-        return rms(left[0]), rms(left[1]), read_only(after)
+        return rms(measured.plan.precision * (measured.value - before)), read_only(after)
 
     @property
     def predicted_mm(self) -> Floats:
         """For each entry of the file, with fitted gauge zeros, shape (count,) [mm]."""
-        return self._fit[2]
+        return self._fit[1]
 
     @property
     def rms_before_mm(self) -> float:
@@ -150,26 +149,29 @@ class Solution(ReadOnly):
     @property
     def rms_after_mm(self) -> float:
         """Root mean square of the residuals."""
-        return self._fit[1]
+        if isinstance(self.measured, Differences):
+            return rms(self.residuals_mm)
+        return rms(self.measured.plan.precision * (self.measured.value - self.predicted_mm))
+
+    def at(self, offsets: Floats) -> "Solution":
+        """The same model at other offsets, shape (3,) [mm], with what they leave."""
+        left = self.posed.data - self.posed.problem.predict(offsets)
+        return replace(self, offsets_mm=offsets, residuals_mm=left)
 
     @cached_property
     def doubts(self) -> tuple[GaugeDoubt, ...]:
         """What no such gauge can have shown."""
-        return gauge_doubts(self.measured, self.model.machine.instrument)
+        return self.model.machine.instrument.doubts(self.measured)
 
     @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences for the user."""
-        found, floor = self.sigma_residuals_mm, self.model.machine.instrument.rounding_mm
-        said = (*(str(doubt) for doubt in self.doubts), *self.measured.remarks)
-        if found is None or found >= floor:
-            return said
-        limit = (
-            f"The residuals are smaller than the {self.model.machine.vocabulary.noise}'s"
-            f" resolution allows ({floor:.2g} mm);"
-            " the intervals use the resolution."
-        )
-        return (*said, limit)
+    def warnings(self) -> tuple[Reason, ...]:
+        """What to know of the data."""
+        scatter, floor = self.sigma_residuals_mm, self.model.machine.instrument.rounding_mm
+        doubts = (Reason.of("doubtful_readings", **doubt._asdict()) for doubt in self.doubts)
+        remarks = (Reason.of("remark", text=text) for text in self.measured.remarks)
+        if scatter is None or scatter >= floor:
+            return (*doubts, *remarks)
+        return (*doubts, *remarks, Reason.of("below_resolution", floor_mm=floor))
 
     @cached_property
     def remaining(self) -> float:
@@ -201,30 +203,16 @@ class Solution(ReadOnly):
         return self.lack_of_fit_p is not None and self.lack_of_fit_p < SUSPICIOUS
 
     @property
-    def judgement(self) -> str:
-        """One sentence: are the residuals what this gauge's noise would give?"""
-        machine = self.model.machine
-        noise, beside = machine.vocabulary.noise, machine.vocabulary.also
-        stated = f"{machine.instrument.noise_mm:.2g} mm"
-        if self.sigma_residuals_mm is None or self.lack_of_fit_p is None:
-            return (
-                "There are no spare readings: these data cannot show whether the model fits, and"
-                f" U rests on the {noise}'s stated noise ({stated})."
-            )
-        sizes = f"one reading scatters by {self.sigma_residuals_mm:.2g} mm against {stated}"
-        if self.suspicious:
-            return (
-                f"The residuals are larger than the {noise}'s noise{beside} ({sizes}): the model"
-                " leaves something out, and U does not cover it."
-            )
-        if self.lack_of_fit_p < UNUSUAL:
-            return (
-                f"The residuals are larger than usual for the {noise}'s noise{beside}, not large"
-                f" enough to call the model wrong ({sizes}; p < 0.01)."
-            )
-        return (
-            f"The residuals agree with the {noise}'s noise{beside} (p = {self.lack_of_fit_p:.2g})."
-        )
+    def judgement(self) -> Reason:
+        """Are the residuals what this gauge's noise would give?"""
+        stated, p_value = self.stated_mm, self.lack_of_fit_p
+        if p_value is None:
+            return Reason.of("no_spare_readings", stated_mm=stated)
+        code = "residuals_agree"
+        if p_value < UNUSUAL:
+            code = "residuals_too_large" if self.suspicious else "residuals_unusual"
+        sizes = {"scatter_mm": self.sigma_residuals_mm, "stated_mm": stated, "p_value": p_value}
+        return Reason.of(code, **sizes)
 
 
 def solve(
@@ -279,7 +267,8 @@ def solve(
         if effect.data_sha256 == measured.source.sha256
     }
     left = [each for each in uncertain if each.source not in here]
-    ratios = [(each.source, each.columns / gauge.noise_mm) for each in left]
+    stated_mm = math.hypot(gauge.noise_mm, math.sqrt(sum(each.rest for each in left)))
+    ratios = [(each.source, each.columns / stated_mm) for each in left]
     if chosen is Method.READINGS:
         posed = posed.weighted(posed.problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
         found = _search(posed, start=offsets)
@@ -308,10 +297,11 @@ def solve(
             (*uncertain, *fixed_influences(model, offsets, plan)),
         ),
         scatter=scatter,
+        stated_mm=stated_mm,
     )
 
 
-def _search(posed: Posed, start: Floats | None = None) -> Fit:
+def _search(posed: Posed, start: Floats | None = None) -> LeastSquaresFit:
     """The offsets of one data set by least squares. Raises NotConvergedError."""
     fit = fit_offsets(posed.problem, posed.data, start)
     if not fit.converged:

@@ -57,8 +57,13 @@ class ControllerFile:
     data: bytes
     settings: Mapping[str, WrittenValue]  # by parameter, in the order of the joints; as they stand
     unit_mm: float = 1.0  # length of the unit of its values [mm]
-    adds: bool = False  # a change is added to what stands there; otherwise the value replaces it
+    format: str = "klipper"  # whose the file is, as an export names it
     remarks: tuple[str, ...] = ()  # what to know before it is written
+
+    @property
+    def adds(self) -> bool:
+        """Whether a change is added to what stands there; otherwise the value replaces it."""
+        return self.format == "linuxcnc"
 
     @property
     def sha256(self) -> str:
@@ -132,7 +137,7 @@ def controller_file(target: str) -> ControllerFile:
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
         found = _found(target, text, "=", _LINUXCNC, 0)
         unit_mm = _UNITS[found.pop(_UNIT).before.lower()]
-        return ControllerFile(target, data, found, unit_mm, adds=True)
+        return ControllerFile(target, data, found, unit_mm, "linuxcnc")
     if "\n[printer]" not in text:
         raise InputError(
             "This is not the file of a known controller.",

@@ -131,13 +131,13 @@ def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile
     both = (files[-1], measured) if measured else ()
     found = [_DATE.search(file.text.split("\n", 1)[0]) for file in both]
     dates = [date[0] for date in found if date]
+    stale = ""
     if len(dates) == 2 and dates[1] < dates[0]:
-        remarks.append(
+        stale = (
             f"The height map ({dates[1]}) is older than the calibration in force"
-            f" ({PurePath(files[-1].path).name}, {dates[0]}): the result is wrong. Probe the"
-            " bed again (G29)."
+            f" ({PurePath(files[-1].path).name}, {dates[0]}): probe the bed again (G29)."
         )
-    return replace(read_codes(*files), remarks=tuple(remarks))
+    return replace(read_codes(*files), remarks=tuple(remarks), stale=stale)
 
 
 def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:

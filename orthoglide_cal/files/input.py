@@ -29,11 +29,9 @@ from orthoglide_cal.files.session_file import session_from_tree
 from orthoglide_cal.files.table import read_table
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, read_document
 from orthoglide_cal.files.yaml_tree import load_tree
-from orthoglide_cal.model.gauge_doubts import gauge_doubts
-from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
+from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import Excerpt, Measured, Readings, Source
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.model.plan import joined
 from orthoglide_cal.schema import Schema
 
 # The machine that the user names, or the settings of its firmware.
@@ -58,6 +56,7 @@ class Input:
     conditions: Conditions
     recorded: Model | None = None  # the machine as a session itself holds it; None for no session
     keeper: machine_file.StoredMachine | None = None  # where what was entered is recorded
+    others: tuple["Input", ...] = ()  # the other measurements that the same file stores
 
     @property
     def is_session(self) -> bool:
@@ -153,44 +152,31 @@ def check_file(
     measured, machine = given.measured, given.model.machine
     kind = "session" if given.is_session else measured.kind
     input = input.changed(kind=kind, readings=len(measured))
-    doubts = (str(doubt) for doubt in gauge_doubts(measured, machine.instrument))
+    doubts = [str(doubt) for doubt in machine.instrument.doubts(measured)]
+    if (excerpt := measured.source.excerpt) and excerpt.stale:
+        doubts.append(excerpt.stale)
     return Check(input=input, machine=machine.name, remarks=(*doubts, *measured.remarks)), given
 
 
 def together(inputs: Sequence[Input]) -> Input:
     """One measurement of one machine, whose calibrated parameters are others on each date.
 
-    Each touch stands where the settings of the last date would have put the nozzle with its
-    carriages at the same heights. What the parameters of another date differ by beyond that is
+    What the parameters of another date differ by beyond that is
     unknown, and has no part in the evidence.
 
     The latest date is the last. Raises UsageError: they are not all touches of one printer.
     """
     last = inputs[-1]
-    if not all(each.measured.of_bed for each in inputs):
-        what = "--together is for touches of one printer's bed on several dates."
-        raise UsageError(what, "Leave it out: each file is then judged alone.")
-    machine = LinearDelta.require(last.model.machine)
+    machine = last.model.machine
     zero = np.zeros(len(machine.parameter_names))
-    start = 0  # how many readings the dates before have
-    reads, plans, values = [], [], []
-    for number, each in enumerate(inputs):
-        own, read = LinearDelta.require(each.model.machine), each.measured
-        own.check_same(machine)
-        assert isinstance(read, Readings)
-        plan = ProbePlan.require(read.plan)
-        day = np.full(len(plan), number)
-        place, other = (machine.believed(own, at) for at in (plan.place, plan.other))
-        now = replace(plan, place=place, other=other, order=plan.order + start, part=day)
-        grown = plan.wanted - now.wanted
-        values.append(np.where(plan.distance, read.value + grown, place[:, 2] - plan.surface))
-        slope = differentiate(last.model, zero, now, ())[1] * (each is not last)
-        plans.append(replace(now, slope=slope, date=day))
-        reads.append(read)
-        start += len(plan)
+    plan, value = machine.together(
+        [(each.model.machine, each.measured) for each in inputs],
+        lambda now: differentiate(last.model, zero, now, ())[1],
+    )
+    reads = [each.measured for each in inputs if isinstance(each.measured, Readings)]
     sources = [read.source for read in reads]
     excerpt = sources[-1].excerpt
-    words = f"{start} readings of {len(inputs)} dates"
+    words = f"{len(plan)} readings of {len(inputs)} dates"
     source = Source(
         sources[-1].path,
         hashlib.sha256("".join(each.sha256 for each in sources).encode()).hexdigest(),
@@ -204,14 +190,14 @@ def together(inputs: Sequence[Input]) -> Input:
         if (names := before.model.machine.differing(after.model.machine))
     )
     measured = Readings(
-        joined(*plans),
-        np.concatenate(values),
+        plan,
+        value,
         np.concatenate([read.line for read in reads]),
         all(read.timed for read in reads),
         source,
         remarks=tuple(dict.fromkeys((*changed, *(r for read in reads for r in read.remarks)))),
     )
-    return replace(last, measured=measured)
+    return replace(last, measured=measured, others=())
 
 
 def sessions_in(folder: Path) -> list[Path]:
@@ -301,8 +287,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     probed = bool(places) and not columns & {"leg", "difference"}
     try:
         if probed:
-            machine = LinearDelta.require(judge.machine)
-            readings = probe_readings.probe_readings_from_table(table, machine)
+            readings = probe_readings.probe_readings_from_table(table, judge.machine.bed)
         elif "difference" in columns:
             return Input(differences_from_table(table, judge.orthoglide), judge, Conditions())
         else:
@@ -377,17 +362,17 @@ def _firmware_file(
     else:
         what = "The file does not say which printer it is from."
         nothing = InputError(what, f"Name its settings: {named}", file=document.path)
-        machine = LinearDelta.require((known or otherwise()).machine, nothing)
+        machine = _delta(known or otherwise(), document.path, nothing)
         remark = "The probe's offset from the nozzle is not known: x and y of it are taken as 0."
         settings = PrinterFile(machine, np.full(3, np.nan), document.source, remarks=(remark,))
     return read(document, settings)
 
 
-def _delta(model: Model, path: str) -> LinearDelta:
-    """The machine that the user names for a printer's file; raises UsageError for another kind."""
-    what = f"{path} is of a linear delta; the machine given is of kind"
+def _delta(model: Model, path: str, refused: InputError | None = None) -> LinearDelta:
+    """The machine that the user names for a printer's file; raises an error for another kind."""
+    what = f"{path} is of a linear delta; the machine given is of kind {model.machine.kind}."
     remedy = "Leave --machine out, or give a file of kind linear_delta."
-    return LinearDelta.require(model.machine, UsageError(f"{what} {model.machine.kind}.", remedy))
+    return LinearDelta.require(model.machine, refused or UsageError(what, remedy))
 
 
 def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Input:
@@ -400,6 +385,17 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
         file = _with_bed(file, float(np.hypot(*each.plan.place.T[:2]).max()))
     model = _as_model(known) or Model(file.machine)
     machine, remarks = probe_readings.known_printer(file, _delta(model, file.source.path))
-    read = probe_readings.printer_readings(file, stored, machine)
-    readings = replace(read, remarks=(*remarks, *read.remarks))
-    return Input(readings, replace(model, machine=machine), conditions_in(readings))
+    model = replace(model, machine=machine)
+
+    def read(name: str | None) -> Input:
+        readings = probe_readings.printer_readings(file, name, machine)
+        readings = replace(readings, remarks=(*remarks, *readings.remarks))
+        return Input(readings, model, conditions_in(readings))
+
+    given, others = read(stored), []
+    for name in file.stored:
+        if name != (stored or file.stored[0]):
+            # What cannot be used of the rest says nothing of these data.
+            with suppress(InputError):
+                others.append(read(name))
+    return replace(given, others=tuple(others))

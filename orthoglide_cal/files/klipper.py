@@ -442,11 +442,11 @@ def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Stored | None:
             " are left out."
         )
     mesh = Stored.of_grid(profile, x, y, np.where(probed, rows, math.nan), lines, offset)
-    return replace(mesh, remarks=tuple(remarks))
+    return replace(mesh, remarks=tuple(remarks), stale=_stale(settings, section))
 
 
 def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[str]:
-    """What to know about the places, the heights and the age of a mesh."""
+    """What to know about the places and the heights of a mesh."""
     unstated = [axis for axis in ("x_offset", "y_offset") if (sensor, axis) not in settings.options]
     if settings.included and unstated:
         yield (
@@ -459,16 +459,21 @@ def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[st
                 f"By line {settings.options['bed_mesh', option].line}, {option}, the mesh counts"
                 f" from one of its own places: {ZERO_UNKNOWN}"
             )
+
+
+def _stale(settings: _Settings, section: str) -> str:
+    """Why a mesh may be older than the calibration in force; empty if nothing says so."""
     # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
     mesh = settings.options.get((section, "points"))
     stored = settings.options_of(_CALIBRATION).items()
     first = min((value.line for option, value in stored if _STORED.match(option)), default=0)
-    if mesh and first > mesh.line:
-        yield (
-            f"The calibration (line {first}) was stored after this mesh was saved first (line"
-            f" {mesh.line}). If BED_MESH_CALIBRATE was not run again since then, the mesh is older"
-            " than the calibration in force: the result is wrong."
-        )
+    if not mesh or first <= mesh.line:
+        return ""
+    return (
+        f"The calibration (line {first}) was stored after this mesh was saved first (line"
+        f" {mesh.line}). If BED_MESH_CALIBRATE was not run again since then, the mesh is older"
+        " than the calibration in force: the result is wrong."
+    )
 
 
 def _grid(settings: _Settings, section: str, axis: str) -> Floats:

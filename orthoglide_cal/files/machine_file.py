@@ -11,7 +11,6 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated, Any, cast
 
 import numpy as np
@@ -24,19 +23,15 @@ from orthoglide_cal.files.faults import WORDS, Steps, nearest
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes, read_document
 from orthoglide_cal.files.yaml_tree import Tree, edited, load_tree, yaml_text
 from orthoglide_cal.model.cause import Effect, Estimate
-from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Entered, JointOffsets, Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that, yaml_number
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
     r"^(#\*# )?\[\s*(printer|stepper_\w+|mcu|bed_mesh|gcode_macro|include)\b",
     re.MULTILINE | re.IGNORECASE,
-)
-MACHINES: Mapping[str, type[Machine]] = MappingProxyType(
-    {"orthoglide": Orthoglide, "linear_delta": LinearDelta}
 )
 DEFAULT_NAME = "orthoglide_prototype.yaml"
 # Tolerances: the smallest, and the largest in usual sizes.
@@ -265,7 +260,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
         if id not in causes:
             tree.note(at, *_unknown_cause(id, causes), id)
             continue
-        usual = CAUSES[id].sizes[own]
+        usual = CAUSES[id].usual(own) or 0.0
         size = 0.0
         with suppress(InputError):  # said of the machine
             size = yaml_number(text)
@@ -284,7 +279,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
 
 def _causes_of(machine: type[Machine]) -> list[str]:
     """Ids of the causes that a machine of this kind can have."""
-    return [id for id, cause in CAUSES.items() if machine in cause.sizes]
+    return [id for id, cause in CAUSES.items() if cause.usual(machine) is not None]
 
 
 def _unknown_cause(id: str, known: list[str]) -> tuple[str, str]:

@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from typing import Literal
 
 import numpy as np
 
@@ -14,8 +13,9 @@ from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, ProbePlan, touching
+from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
-from orthoglide_cal.model.plan import Floats, Ints, ReadOnly
+from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
 from orthoglide_cal.schema import parse_number
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
@@ -38,7 +38,7 @@ ZERO_UNKNOWN = (
 LARGEST_MM = 10_000.0
 
 
-def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
+def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
     """The touches of a CSV. Raises InvalidFileError with everything that is wrong."""
     faults = table.faults
     remarks = table.check_header((*PLACE_COLUMNS, "reading_mm"), PROBE_COLUMNS)
@@ -50,17 +50,17 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
         line = table.rows[0].line
         faults.add("No reading was filled in.", remedy, line=line, column="reading_mm")
         faults.check()
-    away = (2.0 * machine.bed_radius_mm, "coordinate", "the bed is wide")
-    high = (max(machine.arm_length_mm), "height", "an arm is long")
+    away = (2.0 * bed.radius_mm, "coordinate", "the bed is wide")
+    high = (bed.highest_mm, "height", "an arm is long")
     longest = {"x_mm": away, "y_mm": away, "reading_mm": high, "z_mm": high}
     checking = Rows(table.rows, ProbeRow, Reading(table.number, longest), faults)
     checking.check_complete(("seq", "minutes"))
     check_order(checking)
     for index, row in checking.sound:
         apart = math.hypot(row.x_mm, row.y_mm)
-        if apart > BEYOND * machine.bed_radius_mm:
+        if apart > BEYOND * bed.radius_mm:
             what = f"The place is {apart:.0f} mm from the middle of the bed."
-            remedy = f"Check it, or bed_radius_mm ({machine.bed_radius_mm:g}) in the machine file."
+            remedy = f"Check it, or bed_radius_mm ({bed.radius_mm:g}) in the machine file."
             checking.note(index, "x_mm", what, remedy)
     rows = checking.checked()
     times = {row.minutes for row in rows}
@@ -84,10 +84,9 @@ def probe_readings_from_table(table: Table, machine: LinearDelta) -> Readings:
     )
 
 
-def places_csv(plan: ProbePlan) -> str:
+def places_csv(plan: Plan) -> str:
     """The touches of a plan as a file to be filled in: their places, and no reading yet."""
-    touches = np.column_stack((plan.place[:, :2], plan.surface))[~plan.distance]
-    rows = [f"{x:g},{y:g},{high:g}," for x, y, high in touches.tolist()]
+    rows = [f"{x:g},{y:g},{high:g}," for x, y, high in plan.spots[plan.touches].tolist()]
     return "\n".join((",".join((*PLACE_COLUMNS, "z_mm", "reading_mm")), *rows)) + "\n"
 
 
@@ -114,6 +113,7 @@ class Stored(ReadOnly):
     line: Ints  # in the file, shape (n,)
     mesh: str | None = None  # its name; None for heights stored with positions of the carriages
     remarks: tuple[str, ...] = ()  # what to know about it
+    stale: str = ""  # as of `Excerpt`
 
     @classmethod
     def of_touches(cls, mesh: str, touches: Floats, trigger: float) -> "Stored":
@@ -159,6 +159,13 @@ class PrinterFile(ReadOnly):
     mesh: Stored | None = None
     remarks: tuple[str, ...] = ()  # what to know about it, but for its mesh
     firmware: str = "klipper"  # as an export names it
+    stale: str = ""  # as of `Excerpt`
+
+    @property
+    def stored(self) -> tuple[str, ...]:
+        """Names of what it stores, the first taken where nobody says."""
+        both = {"calibration": self.heights, "mesh": self.mesh}
+        return tuple(name for name, readings in both.items() if readings is not None)
 
 
 def delta_of(
@@ -236,8 +243,7 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     words = f"{len(found.plan) - distances} {'points of a mesh' if chosen == 'mesh' else 'heights'}"
     if distances:
         words += f" and {distances} distances"
-    also: tuple[Literal["mesh"], ...] = ("mesh",) if file.mesh and chosen != "mesh" else ()
-    excerpt = Excerpt(chosen, words, also, file.firmware)
+    excerpt = Excerpt(chosen, words, file.firmware, found.stale or file.stale)
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
     return Readings(
         replace(found.plan, weight=np.where(found.plan.distance, ratio, 1.0)),

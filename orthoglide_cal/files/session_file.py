@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import ConfigDict, InstanceOf, PlainSerializer, ValidationError
 
-from orthoglide_cal.errors import InputError
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.faults import WORDS, Steps, unused
 from orthoglide_cal.files.readings import (
@@ -20,7 +20,6 @@ from orthoglide_cal.files.rows import Reading, ReadingRow, Record, Rows
 from orthoglide_cal.files.yaml_tree import Tree, yaml_text
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Version
 
 _COLUMNS = (*READING_COLUMNS, "timestamp")
@@ -60,9 +59,12 @@ def session_from_tree(
         remedy = f"A CSV has a header with {header}; a session has `readings:`."
         raise InputError(what, remedy, file=tree.file.path, line=1)
     if model:
-        what = f"The session was read with gauges; a machine of kind {model.machine.kind} has none."
-        refused = InputError(what, "Leave --machine out.", file=tree.file.path)
-        Orthoglide.require(model.machine, refused)
+        try:
+            model.machine.check_guided()
+        except UsageError as error:
+            none = f"a machine of kind {model.machine.kind} has none."
+            what = f"The session was read with gauges; {none}"
+            raise InputError(what, "Leave --machine out.", file=tree.file.path) from error
     recorded = machine_file.machine_in(tree, ("machine",))
     session = _recorded(tree, recorded)
     records = _records(tree, "readings")

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from orthoglide_cal.model.kinematics import Command, Geometry
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, ReadOnly
+from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Numbers, ReadOnly
 from orthoglide_cal.schema import Number
 
 
@@ -37,6 +37,7 @@ class CauseWords(NamedTuple):
     title: str
     instrument: str
     advice: str
+    no_setting: str  # what to do where no line of a firmware takes it
 
 
 # Where a cause acts, as indices that the cause understands.
@@ -52,6 +53,9 @@ class Estimate(NamedTuple):
     unit: str
 
 
+PER_HOUR = "mm/h"  # unit of rates
+
+
 class Cause:
     """Base of all causes; overrides exactly one of geometry, motion, contact and record."""
 
@@ -60,7 +64,7 @@ class Cause:
     stage: Stage
     unit: str  # of its parameters and of its size in the machine file
     # Kind of machine → plausible size of a parameter (one standard deviation, in `unit`) where the
-    # machine file gives none; it does not happen on other kinds.
+    # machine file gives none; of another kind its class says it, or it does not happen there.
     sizes: Mapping[type[Machine], float] = MappingProxyType({})
     size_reason: str  # why that is its size, in a few words
     scale: float = 1.0  # one unit in internal units (mm, rad, mm/h, 1)
@@ -69,27 +73,37 @@ class Cause:
     nuisance: tuple[float, ...] = ()
     # Plausible sizes of the named parameters, in sizes of the cause; a fit chooses one of these.
     shares: tuple[tuple[float, ...], ...] = ()
+    # Sizes that it can take where they are whole numbers → how plausible each is; empty for a size
+    # of any value.
+    counts: Mapping[int, float] = MappingProxyType({})
     positive: bool = False  # its parameters cannot be negative
     lasting: bool = False  # the same machine still has it in the next session
     compensable: bool = False  # a controller can compensate it
     timed: bool = False  # it can only be seen in readings whose time order is known
+    hides_reading: bool = False  # the reading at its place says nothing any more
+    settles: bool = False  # readings before a carriage's first motion differ from all later ones
     weight: float = 1.0  # how likely it is before anything is read
     same_remedy_as: str | None = None  # id of another cause: they are one answer
     instrument: str  # what shows it where these readings leave no trace of it
     advice: str  # what a technician can do about it; "{where}" stands for its place in words
+    no_setting: str = "it has no setting for that: correct the fault"
     # Kind of machine → key of the machine file whose wrong number would look like it.
     number: Mapping[type[Machine], str] = MappingProxyType({})
-    # Kind of machine → those of title, instrument and advice that are others there.
+    # Kind of machine → those of its `words` that are others there.
     elsewhere: Mapping[type[Machine], Mapping[str, str]] = MappingProxyType({})
 
     def words(self, machine: Machine) -> CauseWords:
-        """Title, instrument and advice for this kind of machine."""
-        usual = CauseWords(self.title, self.instrument, self.advice)
+        """Words for this kind of machine."""
+        usual = CauseWords(self.title, self.instrument, self.advice, self.no_setting)
         return usual._replace(**self.elsewhere.get(type(machine), {}))
+
+    def usual(self, kind: type[Machine]) -> float | None:
+        """Its plausible size on a kind of machine, in `unit`; None where it does not happen."""
+        return self.sizes.get(kind, kind.usual_sizes.get(self.id))
 
     def stated(self, machine: Machine) -> float:
         """Plausible size of a parameter (one standard deviation), in `unit`; 0 rules it out."""
-        return machine.tolerances.get(self.id, self.sizes.get(type(machine), 0.0))
+        return machine.tolerances.get(self.id, self.usual(type(machine)) or 0.0)
 
     def size(self, machine: Machine) -> float:
         """The same, wider where the controller's own values are doubted."""
@@ -98,7 +112,7 @@ class Cause:
 
     def assumed(self, machine: Machine) -> bool:
         """Whether that size is the default of its kind: the machine file gives none."""
-        return type(machine) in self.sizes and self.id not in machine.tolerances
+        return self.usual(type(machine)) is not None and self.id not in machine.tolerances
 
     def beyond_words(self, machine: Machine, times: float) -> str:
         """How many times the plausible one its size is, and what to look at."""
@@ -111,6 +125,17 @@ class Cause:
     def possible(self, machine: Machine) -> bool:
         """Whether it can happen on this machine and its gauge."""
         return self.size(machine) > 0.0
+
+    def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
+        """About how much a plausible size changes a reading when the posture changes [mm].
+
+        A carriage is displaced by up to `travel_mm`. 0 where a change returns with no posture.
+        """
+        return 0.0
+
+    def shim(self, name: str, value: float) -> tuple[str, str] | None:
+        """The rail to be moved, and which way, to undo a parameter; None if no shim undoes it."""
+        return None
 
     def admissible(self, value: float) -> float:
         """The nearest value that a parameter can have: a width is not negative."""
@@ -136,21 +161,37 @@ class Cause:
         """The same without those that are smaller than the first."""
         return self.shares[0].count(1.0) if self.shares else self.unknowns
 
-    def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
+    def places(self, plan: AnyPlan, machine: Machine) -> tuple[Place, ...]:
         """Where it may act on these readings; the whole machine by default."""
         return (EVERYWHERE,)
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
+    def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
         """A place in words; empty for the whole machine."""
         return ""
 
-    def spoiled(self, place: Place, plan: Plan) -> Ints:
+    def spoiled(self, place: Place, plan: AnyPlan) -> Ints:
         """Indices of the readings that it spoils at a place; none for the whole machine."""
         return np.zeros(0, dtype=np.intp)
 
-    def to_read_again(self, plan: Plan, place: Place) -> tuple[int, ...]:
+    def to_read_again(self, plan: AnyPlan, place: Place) -> tuple[int, ...]:
         """Indices of the readings that taking again would correct; () if that corrects nothing."""
         return ()
+
+    def share(self, place: Place) -> float:
+        """How likely it is at a place; 1 at most places."""
+        return 1.0
+
+    def unit_mm(self, place: Place) -> float:
+        """The unit that was written down [mm]."""
+        return 1.0
+
+    def reversible(self, plan: AnyPlan, place: Place) -> bool:
+        """Whether the data can express it: no reading was taken of something else than the plan."""
+        return True
+
+    def really_read(self, plan: AnyPlan, place: Place) -> AnyPlan:
+        """The plan with each reading under the leg and direction that was really read."""
+        return plan
 
     def prior_std(self, machine: Machine, choice: int = 0) -> Floats:
         """Plausible size (one standard deviation) of each parameter, in internal units.
@@ -189,16 +230,16 @@ class Cause:
         return joints
 
     def contact(
-        self, heights: Numbers, effect: Effect, where: Numbers, plan: Plan, machine: Machine
+        self, heights: Numbers, effect: Effect, where: Numbers, plan: AnyPlan, machine: Machine
     ) -> Numbers:
         """Gauge positions (..., n) [mm]; `where` as in `GaugeResponse`."""
         return heights
 
-    def inverted(self, readings: Floats, effect: Effect, plan: Plan, machine: Machine) -> Floats:
+    def inverted(self, readings: Floats, effect: Effect, plan: AnyPlan, machine: Machine) -> Floats:
         """Readings (n,) [mm] without a fault of contact or record, where that can be undone."""
         return readings
 
-    def record(self, readings: Numbers, effect: Effect, plan: Plan, machine: Machine) -> Numbers:
+    def record(self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
         """What was written down (..., n) [mm]."""
         return readings
 

@@ -9,12 +9,11 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache, lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.model.machine import Instrument
-from orthoglide_cal.model.measured import Measured, Readings
+from orthoglide_cal.model.machine import GaugeDoubt, Instrument, MistakenUnit
+from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.plan import Floats, Ints, read_only
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.words import MM, MM_PER_INCH
@@ -32,24 +31,6 @@ _MEDIAN = 0.6745  # of |x| of a normal x, in standard deviations
 _EQUAL_MM = 1e-9  # readings that differ by less are equal but for the rounding of a computer
 
 
-class GaugeDoubt(NamedTuple):
-    """Something that this gauge can hardly have shown."""
-
-    what: str  # one sentence, with the place
-    remedy: str  # what to do
-
-    def __str__(self) -> str:
-        return f"{self.what} {self.remedy}"
-
-
-class MistakenUnit(NamedTuple):
-    """A unit that may have been taken for millimetres."""
-
-    mm: float  # one of it in mm
-    mistake: str  # what happened
-    remedy: str  # what to do
-
-
 UNITS = (
     MistakenUnit(MM_PER_INCH, "inches written as mm", "Name the column reading_in."),
     MistakenUnit(1.0 / MM_PER_INCH, "mm written as inches", "Name the column reading_mm."),
@@ -58,26 +39,15 @@ UNITS = (
 )
 
 
-def gauge_doubts(measured: Measured, gauge: Instrument) -> tuple[GaugeDoubt, ...]:
-    """What this gauge can hardly have shown; of differences only the decimals say something.
-
-    Nothing is known of how the firmware of a printer writes what its probe found.
-    """
-    if not isinstance(measured, Readings):
-        return tuple(_finer_differences(measured.value, gauge))
-    if measured.of_bed:
-        return ()
-    if unit := other_unit(measured, gauge):
+def reading_doubts(readings: Readings, plan: GaugePlan, gauge: Instrument) -> Iterator[GaugeDoubt]:
+    """Repeats that differ too little, decimals that it does not show, travel that it has not."""
+    if unit := other_unit(readings, plan, gauge):
         # Where another unit makes all of it ordinary, the rest need not be said.
         what = f"This gauge cannot show these readings in mm. Are they {unit.mistake}?"
-        return (GaugeDoubt(what, unit.remedy),)
-    return tuple(_of_readings(measured, gauge))
-
-
-def _of_readings(readings: Readings, gauge: Instrument) -> Iterator[GaugeDoubt]:
-    """Repeats that differ too little, decimals that it does not show, travel that it has not."""
-    plan, value, step = GaugePlan.require(readings.plan), readings.value, gauge.resolution_mm
-    ordinary = _ordinary(readings, 1.0, gauge)
+        yield GaugeDoubt(what, unit.remedy)
+        return
+    value, step = readings.value, gauge.resolution_mm
+    ordinary = _ordinary(readings, plan, 1.0, gauge)
     found = None if ordinary else too_steady(value, plan.setup, plan.cells, gauge)
     if found is not None:
         setup, scatter = found
@@ -218,7 +188,7 @@ def off_scale(value: Floats, step: float) -> np.ndarray:
     return np.asarray(np.abs(value / step - np.rint(value / step)) > OFF_SCALE)
 
 
-def _finer_differences(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]:
+def difference_doubts(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]:
     """Decimals that neither differences of readings nor of means of up to ten have."""
     step = gauge.resolution_mm
     if step <= 0.0:
@@ -238,31 +208,29 @@ def _finer_differences(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]
 
 
 @lru_cache(maxsize=4)
-def other_unit(measured: Measured, gauge: Instrument) -> MistakenUnit | None:
+def other_unit(readings: Readings, plan: GaugePlan, gauge: Instrument) -> MistakenUnit | None:
     """The unit in which readings that cannot be in mm are what this gauge shows.
 
-    None if they are in mm, or in no unit; differences do not show it.
+    None if they are in mm, or in no unit.
     """
-    if not isinstance(measured, Readings) or measured.of_bed:
-        return None
-    if _ordinary(measured, 1.0, gauge):
+    if _ordinary(readings, plan, 1.0, gauge):
         return None
     for unit in UNITS:
-        scaled = measured.value * unit.mm
+        scaled = readings.value * unit.mm
         # The divisions of an inch gauge are not those of the machine file.
         on_scale = unit.mm == MM_PER_INCH or not np.any(off_scale(scaled, gauge.resolution_mm))
-        if on_scale and _ordinary(measured, unit.mm, gauge):
+        if on_scale and _ordinary(readings, plan, unit.mm, gauge):
             return unit
     return None
 
 
 @lru_cache(maxsize=4)
-def _ordinary(readings: Readings, unit_mm: float, gauge: Instrument) -> bool:
+def _ordinary(readings: Readings, plan: GaugePlan, unit_mm: float, gauge: Instrument) -> bool:
     """Whether the readings repeat and range as this gauge does if they are in a unit [mm].
 
     Not where none repeat.
     """
-    plan, value = GaugePlan.require(readings.plan), readings.value * unit_mm
+    value = readings.value * unit_mm
     left, repeat = _about_means(value, plan.setup, plan.cells)
     again = np.bincount(repeat)[repeat] > 1
     if not again.any():

@@ -119,7 +119,7 @@ class GaugeResponse(NamedTuple):
 
     readings: Numbers  # shape (..., n) [mm]
     # What they touch then, as the kind of machine has it: the place along the leg, from carriage
-    # joint (0) to tool (1), shape (..., n); or the tool, shape (..., n, 3) [mm].
+    # joint (0) to tool (1), shape (..., n); or the tool, in radii of the bed, shape (..., n, 3).
     where: Numbers
     jacobian: Floats | None  # by the parameters, shape (..., n, p); None where it was not computed
 

@@ -11,7 +11,7 @@ that was commanded. Both are zero on a perfect machine.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -39,6 +39,7 @@ from orthoglide_cal.model.kinematics import (
     behind_batch,
 )
 from orthoglide_cal.model.machine import (
+    Bed,
     DoubtedValue,
     FirstStep,
     Influence,
@@ -52,8 +53,9 @@ from orthoglide_cal.model.machine import (
     SimulationOptions,
     Vocabulary,
 )
-from orthoglide_cal.model.measured import Readings, Source
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan, alike, read_only
+from orthoglide_cal.model.measured import Measured, Readings, Source
+from orthoglide_cal.model.patterns import Patterns
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan, alike, joined, read_only
 from orthoglide_cal.schema import Number, told
 
 TOWERS = ("a", "b", "c")
@@ -80,6 +82,8 @@ DECIMALS = 1  # with which places are sent to a printer [mm]
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
 PATCH = 1.0 / 3.0  # side of the patches that are left out together, in radii of the bed
 GRAIN_MM = 20.0  # over this distance the local shape of a bed is forgotten: glue, magnets, dirt
+# The local shape under more touches is described by that at so many places at most.
+MOST_TOUCHES, KNOTS = 600, 200
 FINER = (7, 8)  # degrees of shapes that are finer than `bed_shape`
 MOMENTS = 24  # at which readings that wander take a step
 
@@ -189,11 +193,20 @@ class ProbePlan(Plan):
     def touches(self) -> Bools:
         return ~self.distance
 
+    @property
+    def spots(self) -> Floats:
+        return self.place
+
+    @property
+    def days(self) -> Ints:
+        return self.date
+
     @cached_property
-    def same(self) -> np.ndarray:
-        """Whether two readings are touches of one part, shape (n, n)."""
-        own = np.where(self.distance, -1 - np.arange(len(self)), self.part)
-        return read_only(own[:, None] == own, np.bool_)
+    def shared(self) -> Ints:
+        """The part of a touch; each distance is alone."""
+        alone = self.parts + np.arange(len(self))
+        _, number = np.unique(np.where(self.distance, alone, self.part), return_inverse=True)
+        return read_only(number, np.intp)
 
     @property
     def flat(self) -> bool:
@@ -213,17 +226,30 @@ class ProbePlan(Plan):
 
     @cached_property
     def texture(self) -> Floats:
-        """Local shape of the bed under each touch, columns of unit size, shape (n, touches).
+        """Local shape of the bed under each touch, columns of unit size, shape (n, m).
 
-        Neighbours share it: its covariance falls off as exp(−r/λ), λ = `GRAIN_MM`.
+        Neighbours share it: its covariance falls off as exp(−r/λ), λ = `GRAIN_MM`. Of more than
+        `MOST_TOUCHES` it is what the shape at no more than `KNOTS` places says of them (Nyström);
+        finer than that it counts as noise.
         """
         touches = np.flatnonzero(self.touches)
         place = self.place[touches, :2]
-        local = np.zeros((len(self), len(touches)))
-        apart = np.linalg.norm(place[:, None] - place, axis=-1)
-        size2, vectors = np.linalg.eigh(np.exp(-apart / GRAIN_MM))
-        local[touches] = vectors * np.sqrt(np.maximum(size2, 0.0))
+        knots = place if len(place) <= MOST_TOUCHES else _knots(place)
+        size2, vectors = np.linalg.eigh(_alikeness(knots, knots))
+        size = np.sqrt(np.maximum(size2, 0.0))
+        shape = vectors * size
+        if knots is not place:
+            axes, size, _ = np.linalg.svd(_alikeness(place, knots) @ (vectors / size), False)
+            shape = axes * size
+        local = np.zeros((len(self), len(size)))
+        local[touches] = shape
         return read_only(local)
+
+    @property
+    def texture_rest(self) -> float:
+        """Variance of the local shape that is finer than `texture`, mean of the touches."""
+        square = (self.texture[self.touches] ** 2).sum(axis=1)
+        return max(1.0 - float(square.mean()), 0.0) if len(square) > MOST_TOUCHES else 0.0
 
     @cached_property
     def cells(self) -> Ints:
@@ -253,7 +279,7 @@ class ProbePlan(Plan):
         if ordered and touch.any():
             moments = self.in_time[touch[self.in_time]]
             steps = moments[:: max(len(moments) // MOMENTS, 1)]
-            wander = self.onwards[:, steps] / np.sqrt(len(steps))
+            wander = Patterns.at(self, steps, True).columns(slice(None)) / np.sqrt(len(steps))
             # A steady drift is a cause's own.
             steady = touch[:, None] * np.stack((np.ones(len(self)), self.hours), axis=1)
             wander -= steady @ np.linalg.lstsq(steady, wander)[0]
@@ -293,8 +319,7 @@ class LinearDelta(Machine):
     # No firmware has a setting for these, yet once they are known what is calibrated is found right
     # together with them.
     recommended = ("tower_lean", "tower_radius", "bed_shape", "probe_tilt")
-    may_be_settled, homed = True, len(TOWERS)
-    keeps_itself = "The firmware of a printer keeps what it is given; nothing is recorded here."
+    homed = len(TOWERS)
     decimals = 4
     has_cube = False
     controller_formats = ("klipper", "reprapfirmware", "marlin")
@@ -372,6 +397,10 @@ class LinearDelta(Machine):
         return self.probe
 
     @property
+    def bed(self) -> Bed:
+        return Bed(self.bed_radius_mm, self.tower_angles_deg, max(self.arm_length_mm))
+
+    @property
     def unobservable(self) -> tuple[str, ...]:
         """What depends on the approach is not lost motion where the probe reads while it moves."""
         return ("backlash",) if self.probe.scanning else ()
@@ -422,9 +451,8 @@ class LinearDelta(Machine):
         """Height of the carriages, about, with the tool in the middle of the bed [mm]."""
         return float(np.mean(self._above(self.delta_radius_mm)))
 
-    def command(self, plan: Plan) -> Command:
+    def command(self, plan: ProbePlan) -> Command:
         """Where the controller sends the carriages: all first places, then all second ones."""
-        plan = ProbePlan.require(plan)
         rails = self.nominal_rails
         places = np.concatenate((plan.place, plan.other))
         # On the way from place to place the height does not depend on what is touched.
@@ -469,9 +497,33 @@ class LinearDelta(Machine):
         joints = other.nominal_rails.joints_for(place) + ends - others
         return np.asarray(self.nominal_rails.tool_for(joints))
 
+    def together(
+        self, dates: Sequence[tuple[Machine, Measured]], slope: Callable[[Plan], Floats]
+    ) -> tuple[Plan, Floats]:
+        """Touches stand where these settings would have put the nozzle, carriages as they were."""
+        plans: list[ProbePlan] = []
+        values: list[Floats] = []
+        for day, (then, read) in enumerate(dates):
+            plan = read.plan if isinstance(read, Readings) else None
+            if not (isinstance(then, LinearDelta) and isinstance(plan, ProbePlan)):
+                return super().together(dates, slope)
+            then.check_same(self)
+            place, other = (self.believed(then, at) for at in (plan.place, plan.other))
+            order, at = plan.order + sum(map(len, plans)), np.full(len(plan), day)
+            now = replace(plan, place=place, other=other, order=order, part=at)
+            grown = plan.wanted - now.wanted
+            values.append(np.where(plan.distance, read.value + grown, place[:, 2] - plan.surface))
+            last = day == len(dates) - 1
+            plans.append(replace(now, slope=slope(now) * (not last), date=at))
+        return joined(*plans), np.concatenate(values)
+
     def judging(self, then: Machine) -> Machine:
         """As it was then: where a carriage stood follows from the settings in force."""
         return then if then.kind == self.kind else self
+
+    def check_recorded(self, remedy: str = "") -> None:
+        what = "The firmware of a printer keeps what it is given; nothing is recorded here."
+        raise UsageError(what, remedy)
 
     def check_guided(self) -> None:
         raise UsageError("A printer measures itself.", self.vocabulary.probing)
@@ -490,9 +542,13 @@ class LinearDelta(Machine):
             )
 
     def sensed(
-        self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
+        self,
+        real: RealMachine,
+        parameters: Numbers,
+        plan: ProbePlan,
+        strict: bool,
+        derivative: bool,
     ) -> GaugeResponse:
-        plan = ProbePlan.require(plan)
         geometry, offsets = self.calibrated_as(real.geometry, parameters)
         points = Points.of(geometry, real.joints(self.command(plan), offsets), strict)
         tool = behind_batch(points.tool, 2).swapaxes(-1, -2)
@@ -502,18 +558,17 @@ class LinearDelta(Machine):
             # In addition to a touch a length of one, whose derivative is finite.
             apart = np.sqrt(((second - first) ** 2).sum(axis=-1) + ~plan.distance)
             readings = np.where(plan.distance, apart - plan.wanted, readings)
-        return GaugeResponse(readings, first, None)
+        return GaugeResponse(readings, first / self.bed_radius_mm, None)
 
-    def reading_words(self, plan: Plan, index: int) -> str:
+    def reading_words(self, plan: ProbePlan, index: int) -> str:
         """Such as "x 12.5, y -30 mm (touch 12)"."""
-        plan = ProbePlan.require(plan)
         # Without a negative zero.
         x, y, _ = (f"{value:g}" for value in (plan.place[index].round(2) + 0.0).tolist())
         number = int(np.sum(plan.order <= plan.order[index]))
         what = "distance" if plan.distance[index] else "touch"
         return f"x {x}, y {y} mm ({what} {number})"
 
-    def uncertain(self, plan: Plan, predict: Predicted) -> Iterator[Influence]:
+    def uncertain(self, plan: ProbePlan, predict: Predicted) -> Iterator[Influence]:
         yield self.local_shape(plan)
 
     def simulated_plan(self, wanted: SimulationOptions) -> Plan:
@@ -526,12 +581,14 @@ class LinearDelta(Machine):
         return layout_of("simulated", "", parts).plan
 
     def synthetic(
-        self, plan: Plan, predict: Predicted, rng: np.random.Generator, gauge: Instrument
+        self, plan: ProbePlan, predict: Predicted, rng: np.random.Generator, gauge: Instrument
     ) -> Readings:
         """With a local shape of the bed of its own."""
-        plan = touched = ProbePlan.require(plan)
+        touched = plan
         n = len(plan)
-        local = self.local_shape(plan).columns @ rng.standard_normal(n)
+        shape = self.local_shape(plan)
+        local = shape.columns @ rng.standard_normal(shape.columns.shape[1])
+        local += np.sqrt(shape.rest) * rng.standard_normal(n) if shape.rest else 0.0
         for _ in range(_STEPS):
             # The nozzle is sent lower or higher until it touches.
             height = plan.surface + predict(touched)
@@ -541,13 +598,12 @@ class LinearDelta(Machine):
         lines = np.arange(2, n + 2)
         return Readings(touched, value, lines, timed=True, source=Source("simulate", ""))
 
-    def further(self, plan: Plan) -> Iterator[tuple[str, Plan, float]]:
+    def further(self, plan: ProbePlan) -> Iterator[tuple[str, ProbePlan, float]]:
         """What can be touched next: in words, its plan, and its minutes.
 
         On a flat bed a frame that is out of square and a bed that is bent read the same; higher up
         only the effect of the frame changes.
         """
-        plan = ProbePlan.require(plan)
         touches = np.flatnonzero(~plan.distance)
         some = plan.subset(touches[_spread(plan.place[touches, :2], FEW)])
         for height in BLOCKS_MM:
@@ -601,11 +657,11 @@ class LinearDelta(Machine):
     def _rings(self, count: int) -> Floats:
         return rings(count, REACH * self.bed_radius_mm)
 
-    def local_shape(self, plan: Plan) -> Influence:
+    def local_shape(self, plan: ProbePlan) -> Influence:
         assumed = self.probe.texture_mm is None
         size = TEXTURE_MM if self.probe.texture_mm is None else self.probe.texture_mm
-        columns = size * ProbePlan.require(plan).texture
-        return Influence(Origin.BED_TEXTURE, size, "mm", assumed, columns, local=True)
+        columns, rest = size * plan.texture, size**2 * plan.texture_rest
+        return Influence(Origin.BED_TEXTURE, size, "mm", assumed, columns, local=True, rest=rest)
 
     def _above(self, radius: Numbers | float) -> Numbers:
         """Height of each carriage over the tool in the middle, (..., 3) [mm]."""
@@ -619,6 +675,23 @@ def _spread(place: Floats, count: int) -> Ints:
         apart = np.linalg.norm(place[:, None] - place[chosen], axis=-1).min(axis=1)
         chosen.append(int(np.argmax(apart)))
     return np.sort(np.array(chosen, dtype=np.intp))
+
+
+def _alikeness(place: Floats, other: Floats) -> Floats:
+    """Covariance of the local shape at places (n, 2) and others (m, 2), of unit size, (n, m)."""
+    apart = np.hypot(*(place[:, None, axis] - other[:, axis] for axis in (0, 1)))
+    return np.asarray(np.exp(-apart / GRAIN_MM))
+
+
+def _knots(place: Floats) -> Floats:
+    """Middles of the touches (n, 2) in each square of the finest grid of no more than `KNOTS`."""
+    side = float(np.ptp(place, axis=0).max()) / KNOTS
+    while True:
+        square, count = np.unique(np.floor(place / side), axis=0, return_inverse=True)
+        if len(square) <= KNOTS:
+            sums = [np.bincount(count.reshape(-1), weights=along) for along in place.T]
+            return np.stack(sums, axis=1) / np.bincount(count.reshape(-1))[:, None]
+        side *= 1.05
 
 
 def _on_circle(radius: Numbers | float, angles: Numbers) -> Numbers:

@@ -21,8 +21,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from orthoglide_cal.errors import OrthocalError, UsageError
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
-from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.plan import Floats, Numbers, Plan, ReadOnly
+from orthoglide_cal.model.measured import Measured, Readings
+from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Day, Digest, Number, Schema, Word, told
 
@@ -129,11 +129,44 @@ class Layout(NamedTuple):
     gauge_moves: int = 0  # how often a stand is put to another place
 
 
+class Bed(NamedTuple):
+    """What a probe touches, seen from above."""
+
+    radius_mm: float
+    tower_angles_deg: tuple[float, ...]  # where what carries the tool stands around it
+    highest_mm: float  # no reading is larger
+
+
+class BarWarning(NamedTuple):
+    """Plungers that leave their bar, or come near its end."""
+
+    lines: tuple[str, str]  # what is wrong, and the remedy
+    leaves: bool
+
+
 class DoubtedValue(NamedTuple):
     """Values of the controller that can hardly be right."""
 
     size: float  # how far they may be off, one standard deviation, in the unit of the cause
     words: str  # why, in a sentence
+
+
+class GaugeDoubt(NamedTuple):
+    """Something that this gauge can hardly have shown."""
+
+    what: str  # one sentence, with the place
+    remedy: str  # what to do
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.remedy}"
+
+
+class MistakenUnit(NamedTuple):
+    """A unit that may have been taken for millimetres."""
+
+    mm: float  # one of it in mm
+    mistake: str  # what happened
+    remedy: str  # what to do
 
 
 class Instrument(Schema):
@@ -147,6 +180,20 @@ class Instrument(Schema):
     def travel_mm(self) -> float:
         """The largest difference of two of its readings [mm]."""
         return math.inf
+
+    @property
+    def turn_mm(self) -> float:
+        """Travel of one turn of its dial [mm]; 0 where no turns can be miscounted."""
+        return 0.0
+
+    def doubts(self, measured: Measured) -> tuple[GaugeDoubt, ...]:
+        """What it can hardly have shown; nothing is known of how firmware writes what it read."""
+        return ()
+
+    def mistaken_unit(self, measured: Measured) -> MistakenUnit | None:
+        """The unit in which it shows readings that cannot be in mm; None if they can, or if
+        nothing tells."""
+        return None
 
     @property
     def rounding_mm(self) -> float:
@@ -187,8 +234,9 @@ class Influence(ReadOnly):
     columns: Floats  # what one standard deviation of each adds to the data, (..., n, p) [mm]
     # As many unknowns as readings, shared by neighbours: what is put down to them is not explained.
     local: bool = False
+    rest: float = 0.0  # variance of what else it adds to each reading, as noise does [mm²]
 
-    def reduced(self, matrix: Floats) -> Influence:
+    def reduced(self, matrix: Reduction) -> Influence:
         """The same in data R·readings, R of shape (k, n)."""
         return replace(self, columns=matrix @ self.columns)
 
@@ -253,14 +301,14 @@ class Machine(Schema):
     # A tolerance is a standard deviation, yet some faults are several times as large: scale of the
     # sizes of a fault → its share.
     tolerance_scales: ClassVar[Mapping[float, float]]
+    # Cause id → its usual size, for causes that do not state one for this kind.
+    usual_sizes: ClassVar[Mapping[str, float]] = MappingProxyType({})
     homed: ClassVar[int] = 0  # so many of the parameters, the first, homing may set again
     caution: ClassVar[float] = 1.0  # so many times more evidence is needed to name a fault
     # Id of a cause that may act together with any other one → what is not claimed with it.
     companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     # Ids that no controller compensates, but that are worth knowing for what is calibrated.
     recommended: ClassVar[tuple[str, ...]] = ()
-    may_be_settled: ClassVar[bool]  # nothing is entered where readings agree with the controller
-    keeps_itself: ClassVar[str] = ""  # why the machine file does not record what was entered
     decimals: ClassVar[int | None] = None  # of what is entered; None for as many as U asks for
     first_steps: ClassVar[tuple[FirstStep, ...]]
     has_cube: ClassVar[bool]  # the error of its tool is shown over a cube of its workspace
@@ -326,6 +374,26 @@ class Machine(Schema):
         """What reads it."""
 
     @property
+    def bed(self) -> Bed:
+        """What its probe touches; raises UsageError for a machine without one."""
+        raise UsageError(
+            f"{self.name} is of kind {self.kind}.",
+            "Give the file of a machine of kind linear_delta: --machine FILE",
+        )
+
+    def together(
+        self, dates: Sequence[tuple[Machine, Measured]], slope: Callable[[Plan], Floats]
+    ) -> tuple[Plan, Floats]:
+        """Readings of several dates as if all were taken with the settings in force on the last.
+
+        `slope` gives their derivatives by the calibrated parameters, (n, p). Returns a plan whose
+        parameters have values of their own on each date, and the readings, (n,) [mm]. Raises
+        UsageError for what cannot be joined.
+        """
+        what = "--together is for touches of one printer's bed on several dates."
+        raise UsageError(what, "Leave it out: each file is then judged alone.")
+
+    @property
     def unobservable(self) -> tuple[str, ...]:
         """Ids of causes that its readings cannot distinguish from something else."""
         return ()
@@ -377,13 +445,13 @@ class Machine(Schema):
 
     @abstractmethod
     def sensed(
-        self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
+        self, real: RealMachine, parameters: Numbers, plan: AnyPlan, strict: bool, derivative: bool
     ) -> GaugeResponse:
         """What gauges or probes are pushed to, and its derivative where that is asked for and
         known in closed form; arguments and errors as of `simulate`."""
 
     @abstractmethod
-    def reading_words(self, plan: Plan, index: int) -> str:
+    def reading_words(self, plan: AnyPlan, index: int) -> str:
         """One reading of a plan in words."""
 
     def differing(self, after: Machine) -> tuple[str, ...]:
@@ -391,6 +459,17 @@ class Machine(Schema):
 
         It was homed again with them: what the real ones exceed them by is then unknown again.
         """
+        return ()
+
+    def bar_warning(self, plan: AnyPlan) -> BarWarning | None:
+        """What is wrong where plungers touch their bars; None if nothing is, or none does."""
+        return None
+
+    def check_recorded(self, remedy: str = "") -> None:
+        """Raises UsageError, with this remedy, if its file does not keep what is entered."""
+
+    def home_words(self, changes: Mapping[str, float], decimals: int) -> tuple[str, ...]:
+        """What the controller says at home, and what is true then; () where it does not say."""
         return ()
 
     def check_guided(self) -> None:
@@ -403,7 +482,7 @@ class Machine(Schema):
     def check_same(self, later: Machine) -> None:
         """Raises UsageError for a machine that no calibration makes of this one."""
 
-    def further(self, plan: Plan) -> Iterator[tuple[str, Plan, float]]:
+    def further(self, plan: AnyPlan) -> Iterator[tuple[str, Plan, float]]:
         """What can be measured next besides its protocols: in words, its plan, its minutes."""
         return iter(())
 
@@ -415,12 +494,12 @@ class Machine(Schema):
         """Ways to measure that distinguish its rivals more or less, quickest first."""
         return ()
 
-    def local_shape(self, plan: Plan) -> Influence | None:
+    def local_shape(self, plan: AnyPlan) -> Influence | None:
         """What neighbouring readings share, and what nobody calls an error; None for nothing."""
         return None
 
     @abstractmethod
-    def uncertain(self, plan: Plan, predict: Predicted) -> Iterator[Influence]:
+    def uncertain(self, plan: AnyPlan, predict: Predicted) -> Iterator[Influence]:
         """What nobody knows exactly of gauges, or of what they touch, in the readings of a plan."""
 
     @abstractmethod
@@ -429,6 +508,6 @@ class Machine(Schema):
 
     @abstractmethod
     def synthetic(
-        self, plan: Plan, predict: Predicted, rng: np.random.Generator, gauge: Instrument
+        self, plan: AnyPlan, predict: Predicted, rng: np.random.Generator, gauge: Instrument
     ) -> Readings:
         """What this instrument would show of a plan; arguments as of `synthetic_session`."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import product
 from types import MappingProxyType
-from typing import ClassVar, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -58,8 +58,8 @@ class Excerpt:
 
     data: str  # its name: "calibration" or "mesh"
     words: str  # how much of what
-    also: tuple[Literal["mesh"], ...] = ()  # what else the file stores
     firmware: str = "klipper"  # whose the file is, as an export names it
+    stale: str = ""  # why it is older than the settings in force, in a sentence
 
 
 @dataclass(frozen=True)
@@ -110,11 +110,6 @@ class Readings(ReadOnly):
         return (self.kind, *map(DataKind, self.plan.reductions))
 
     @property
-    def of_bed(self) -> bool:
-        """Whether a probe touched a bed: heights, at places that are others on another day."""
-        return bool(self.plan.touches.any())
-
-    @property
     def weight(self) -> Floats:
         """How much an error of each counts in a root mean square compared to a common one, (n,)."""
         return self.plan.precision
@@ -126,8 +121,6 @@ class Readings(ReadOnly):
 @dataclass(frozen=True, eq=False)
 class Differences(ReadOnly):
     """Differences of readings, as the paper prints them."""
-
-    of_bed: ClassVar[bool] = False  # they are of gauges
 
     kind: DataKind
     which: tuple[Difference, ...]  # in the order of the file

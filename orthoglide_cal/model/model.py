@@ -74,6 +74,8 @@ class Model:
 
 # Step of complex-step derivatives: its square vanishes against 1, so they are exact.
 STEP = 1e-30
+# So many readings, of all machines together, are simulated at a time.
+AT_ONCE = 1 << 16
 
 
 def simulate(model: Model, offsets: Numbers, plan: Plan) -> Numbers:
@@ -162,8 +164,13 @@ def differentiate_each(
             empty = np.zeros((starts[-1], effect.theta.size), dtype=np.complex128)
             theta = thetas.setdefault((effect.cause, effect.place), empty)
             theta[start:end] = effect.theta + block
-    stepped = [cause.at(theta, place) for (cause, place), theta in thetas.items()]
-    readings = np.split(simulate(model.extended(stepped), moved, plan), starts[1:-1])
+    every = np.empty((len(moved), len(plan)), dtype=np.complex128)
+    some = max(AT_ONCE // max(len(plan), 1), 1)
+    for at in range(0, len(moved), some):
+        block = slice(at, at + some)
+        stepped = [cause.at(theta[block], place) for (cause, place), theta in thetas.items()]
+        every[block] = simulate(model.extended(stepped), moved[block], plan)
+    readings = np.split(every, starts[1:-1])
     return [(own[0].real, own[1:].imag.T / STEP) for own in readings]
 
 

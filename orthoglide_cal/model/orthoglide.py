@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from orthoglide_cal.errors import InputError, PostureError, UnreachableError, UsageError
+from orthoglide_cal.model.gauge_doubts import difference_doubts, other_unit, reading_doubts
 from orthoglide_cal.model.kinematics import (
     Command,
     GaugeResponse,
@@ -28,12 +29,15 @@ from orthoglide_cal.model.kinematics import (
     tool_derivative,
 )
 from orthoglide_cal.model.machine import (
+    BarWarning,
     FirstStep,
+    GaugeDoubt,
     Influence,
     Instrument,
     JointOffsets,
     Length,
     Machine,
+    MistakenUnit,
     Named,
     Origin,
     Predicted,
@@ -41,10 +45,11 @@ from orthoglide_cal.model.machine import (
     Vocabulary,
     empty,
 )
-from orthoglide_cal.model.measured import DataKind, Difference, Readings, Source
+from orthoglide_cal.model.measured import DataKind, Difference, Measured, Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, other_axes, part_words
 from orthoglide_cal.schema import Number, told
+from orthoglide_cal.words import plain
 
 # Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
 OFFSET_MM = 0.5
@@ -53,6 +58,11 @@ _ZERO = dict.fromkeys(AXES, 0.0)
 # Pace assumed where nobody measured the time: readings, and moves of the stand [min].
 MINUTES_PER_POSTURE = 0.4
 MINUTES_PER_SETUP = 4.0
+# The plunger keeps this share of the leg from both joints: forks, bolts and the stand's arm.
+MARGIN = 0.1
+# Gauge places and limits are given in steps of this share of the leg.
+PLACE_STEP = 0.05
+ROUNDING = 1e-9
 POSTURES = (Posture.ISO, Posture.MAX, Posture.MIN)
 HEIGHT = 2  # single-posture gauges can stand on the xy-surface only, so they measure along z
 
@@ -90,6 +100,22 @@ class Gauge(Instrument):
         return self.range_mm
 
     @property
+    def turn_mm(self) -> float:
+        return self.revolution_mm or 0.0
+
+    def doubts(self, measured: Measured) -> tuple[GaugeDoubt, ...]:
+        """Of differences only the decimals say something."""
+        if not isinstance(measured, Readings):
+            return tuple(difference_doubts(measured.value, self))
+        return tuple(reading_doubts(measured, GaugePlan.require(measured.plan), self))
+
+    def mistaken_unit(self, measured: Measured) -> MistakenUnit | None:
+        """Differences do not show it."""
+        if not isinstance(measured, Readings):
+            return None
+        return other_unit(measured, GaugePlan.require(measured.plan), self)
+
+    @property
     def placement_std_mm(self) -> float:
         """`placement_mm`, or its default."""
         return PLACEMENT_MM if self.placement_mm is None else self.placement_mm
@@ -110,7 +136,6 @@ class Orthoglide(Machine):
     linearization_points = read_only(
         OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)])
     )
-    may_be_settled = False
     has_cube = True
     controller_formats = ("linuxcnc", "table")
     vocabulary = Vocabulary(
@@ -235,6 +260,12 @@ class Orthoglide(Machine):
         low, high = self.joint_limits_mm
         return {Posture.ISO: 0.0, Posture.MAX: high, Posture.MIN: low}[posture]
 
+    def home_words(self, changes: Mapping[str, float], decimals: int) -> tuple[str, ...]:
+        says = plain(self.home_mm, decimals)
+        truly = {axis: plain(self.home_mm + moved, decimals) for axis, moved in changes.items()}
+        lines = (f"{a}: the controller says {says} mm, truly {mm} mm" for a, mm in truly.items())
+        return ("At the isotropic posture, as the controller is set now:", *lines, "")
+
     def posture_at(self, displacement: float) -> Posture | None:
         """The named posture at a displacement [mm]; None for any other."""
         return next((p for p in Posture if self.displacement_mm(p) == displacement), None)
@@ -300,14 +331,69 @@ class Orthoglide(Machine):
         excess = max(high - low - self.workspace_mm, 0.0) / 2.0
         return low + excess, high - excess
 
-    def command(self, plan: Plan) -> Command:
+    def reach_mm(self, gauge_at: float) -> tuple[float, float]:
+        """Lowest and highest displacement within the limits at which the plunger keeps `MARGIN`.
+
+        A carriage displaced by d takes its leg along under the gauge, which stands fixed in space:
+        the plunger then touches the bar at gauge_at + d/L (sec. 2.5). The isotropic posture is
+        always within reach: there the gauge was set up.
+        """
+        low, high = self.joint_limits_mm
+        near, far = ((at - gauge_at) * self.leg_length_mm for at in (MARGIN, 1.0 - MARGIN))
+        return min(max(low, near), 0.0), max(min(high, far), 0.0)
+
+    @property
+    def gauge_places(self) -> tuple[float, ...]:
+        """The places farthest along the leg where the plunger stays on the bar over all travel.
+
+        Nearest to the carriage first; none if the travel is too long.
+        """
+        low, high = (limit / self.leg_length_mm for limit in self.joint_limits_mm)
+        near = math.ceil((MARGIN - low) / PLACE_STEP - ROUNDING)
+        far = math.floor((1.0 - MARGIN - high) / PLACE_STEP + ROUNDING)
+        if near > far:
+            return ()
+        return tuple(round(at * PLACE_STEP, 9) for at in sorted({near, far}))
+
+    def bar_warning(self, plan: GaugePlan) -> BarWarning | None:
+        rows = np.flatnonzero(plan.contact == Contact.FIXED)
+        if not rows.size:
+            return None
+        at = plan.gauge_at[rows] + plan.displacement[rows] / self.leg_length_mm
+        # From the nearer joint, as a share of the leg; negative off the bar.
+        keeps = np.minimum(at, 1.0 - at)
+        worst = int(np.argmin(keeps))
+        if keeps[worst] >= MARGIN - ROUNDING:
+            return None
+        row, left = rows[worst], float(keeps[worst]) * self.leg_length_mm
+        where = f"with carriage {AXES[plan.leg[row]]} at {plan.displacement[row]:+g} mm"
+        what = f"The plunger comes near the end of the bar: {left:.3g} mm from it {where}."
+        if left < 0.0:
+            end = "carriage joint" if at[worst] < 0.5 else "tool"
+            what = f"The plunger leaves the bar: {where} the gauge is {-left:.3g} mm beyond the"
+            what += f" {end}."
+        # In whole millimetres that are no farther out, if there are any.
+        reach = self.reach_mm(0.5)
+        low, high = (math.trunc(end + math.copysign(ROUNDING, end)) or end for end in reach)
+        remedy = (
+            "Measure with --design best, whose postures and gauge place fit; or make"
+            f" joint_limits_mm in the machine file smaller: [{low:g}, {high:g}] is safe with the"
+            " gauges half-way."
+        )
+        return BarWarning((what, remedy), left < 0.0)
+
+    def command(self, plan: GaugePlan) -> Command:
         """Where the carriages are sent; raises UnreachableError for a posture out of reach."""
-        return _command(self, GaugePlan.require(plan))
+        return _command(self, plan)
 
     def sensed(
-        self, real: RealMachine, parameters: Numbers, plan: Plan, strict: bool, derivative: bool
+        self,
+        real: RealMachine,
+        parameters: Numbers,
+        plan: GaugePlan,
+        strict: bool,
+        derivative: bool,
     ) -> GaugeResponse:
-        plan = GaugePlan.require(plan)
         joints, moments = _joints(real, self.command(plan), plan, parameters)
         try:
             points = Points.of(real.geometry, joints, strict)
@@ -321,9 +407,8 @@ class Orthoglide(Machine):
             raise type(error)(f"{named}: {error.what}", error.remedy) from error
         return _touched(points, plan, moments, derivative and real.still)
 
-    def reading_words(self, plan: Plan, index: int) -> str:
+    def reading_words(self, plan: GaugePlan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
-        plan = GaugePlan.require(plan)
         moved = float(plan.displacement[index])
         posture = self.posture_at(moved) or f"{moved:g} mm"
         alike = (plan.setup == plan.setup[index]) & (plan.displacement == moved)
@@ -341,9 +426,9 @@ class Orthoglide(Machine):
         return double_posture(self, wanted.cycles or 3, gauge_at=at)
 
     def synthetic(
-        self, plan: Plan, predict: Predicted, rng: np.random.Generator, gauge: Instrument
+        self, plan: GaugePlan, predict: Predicted, rng: np.random.Generator, gauge: Instrument
     ) -> Readings:
-        plan, signal = GaugePlan.require(plan), predict(plan)
+        signal = predict(plan)
         zeros = rng.uniform(-ZERO_RANGE_MM, ZERO_RANGE_MM, plan.setups)[plan.setup]
         noise = gauge.repeatability_mm * rng.standard_normal(len(plan))
         return Readings(
@@ -357,8 +442,7 @@ class Orthoglide(Machine):
             source=Source("simulate", ""),
         )
 
-    def uncertain(self, plan: Plan, predict: Predicted) -> Iterator[Influence]:
-        plan = GaugePlan.require(plan)
+    def uncertain(self, plan: GaugePlan, predict: Predicted) -> Iterator[Influence]:
         gauge, predicted = self.gauge, predict(plan)
         scale = gauge.scale_std * predicted[..., None]
         yield Influence(Origin.GAUGE_SCALE, gauge.scale_std, "", gauge.scale_u is None, scale)

@@ -21,6 +21,8 @@ Bools = NDArray[np.bool_]
 # Real in use; complex only while a derivative is taken by a complex step.
 Numbers = NDArray[Any]
 PlanT = TypeVar("PlanT", bound="Plan")
+# A plan of the kind of machine whose methods take it; these name its class, the base cannot.
+AnyPlan = Any
 
 
 def read_only(values: ArrayLike, dtype: DTypeLike = np.float64) -> Numbers:
@@ -31,12 +33,27 @@ def read_only(values: ArrayLike, dtype: DTypeLike = np.float64) -> Numbers:
 
 
 class ReadOnly:
-    """Base of frozen dataclasses that hold arrays: each is replaced by a read-only copy."""
+    """Base of frozen dataclasses that hold arrays: each is replaced by a read-only copy.
+
+    One that owns its numbers and can no longer be written to is kept.
+    """
 
     def __post_init__(self) -> None:
         for name, given in list(vars(self).items()):
-            if isinstance(given, np.ndarray):
+            if isinstance(given, np.ndarray) and (given.flags.writeable or given.base is not None):
                 object.__setattr__(self, name, read_only(given, given.dtype))
+
+
+class Structure(ABC):
+    """A pattern of so many columns that they are not written out: Σ = σ² I + a² P Pᵀ."""
+
+    @abstractmethod
+    def products(self, values: Floats) -> Floats:
+        """Pᵀ v of columns (n, c), shape (q, c)."""
+
+    @abstractmethod
+    def weigh(self, values: Floats, noise2: Floats, size2: Floats) -> tuple[Floats, Floats]:
+        """Vᵀ Σ⁻¹ V of columns (n, c), shape (g, c, c), and ln det Σ, (g,); of each σ² and a²."""
 
 
 # Of the arrays of a plan, by their annotations.
@@ -118,6 +135,30 @@ class Plan(ABC):
         return np.zeros(len(self), dtype=np.bool_)
 
     @property
+    def spots(self) -> Floats:
+        """Where the tool is sent for each of them, (n, 3) [mm]; NaN for a gauge on a leg."""
+        return np.full((len(self), 3), np.nan)
+
+    @property
+    def texture(self) -> Floats:
+        """Local shape of what is touched, columns of unit size, shape (n, m); none by default."""
+        return np.zeros((len(self), 0))
+
+    @property
+    def days(self) -> Ints:
+        """On which day, 0 …, each is taken, shape (n,); all on one by default."""
+        return np.zeros(len(self), dtype=np.intp)
+
+    @property
+    def as_found(self) -> Bools:
+        """Which are of the machine as it was found, nothing entered since, (n,); all by default."""
+        return np.ones(len(self), dtype=np.bool_)
+
+    def at_once(self) -> Self:
+        """The same readings, as if they were taken in one set-up and at one moment."""
+        return replace(self, order=np.arange(len(self)), hours=np.zeros(len(self)))
+
+    @property
     def reductions(self) -> tuple[str, ...]:
         """Kinds of differences that can be made of such readings; none by default."""
         return ()
@@ -139,13 +180,16 @@ class Plan(ABC):
 
     @property
     @abstractmethod
-    def same(self) -> np.ndarray:
-        """Whether two readings share what creeps or is knocked, shape (n, n)."""
+    def shared(self) -> Ints:
+        """Number, from 0, of what creeps or is knocked together with each reading, shape (n,)."""
 
     @cached_property
-    def onwards(self) -> Floats:
-        """Column i is 1 at reading i and all later ones that share what it shares, (n, n)."""
-        return read_only(self.same & (self.order[:, None] >= self.order))
+    def sequence(self) -> tuple[Ints, Bools]:
+        """Indices of the readings by what they share, then in time; which come first, both (n,)."""
+        rows = np.lexsort((self.order, self.shared))
+        number = self.shared[rows]
+        first = np.append(True, number[1:] != number[:-1])[: len(rows)]
+        return read_only(rows, np.intp), read_only(first, np.bool_)
 
     @property
     @abstractmethod
@@ -180,7 +224,7 @@ class Plan(ABC):
         return type(self)(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
     @abstractmethod
-    def patterns(self, ordered: bool) -> Iterator[tuple[str, Floats]]:
+    def patterns(self, ordered: bool) -> Iterator[tuple[str, Floats | Structure]]:
         """What readings may hold that no cause describes: in words, columns of unit size (n, q).
 
         With what changes in time only where that order is known: `ordered`.
@@ -207,19 +251,124 @@ def alike(*keys: Floats | Ints) -> tuple[Ints, Ints]:
     return read_only(first, np.intp), read_only(kind.reshape(-1), np.intp)
 
 
+@dataclass(frozen=True, eq=False)
+class Contrasts(ReadOnly):
+    """W of shape (k, n), as what it does to readings: combinations that no zero enters.
+
+        W y = D (Qᵀ F y)[s:],   D = I − U diag(1 − f) Uᵀ,   Q = I − V T Vᵀ
+
+    F takes the readings as precise as they are, or their means. Q is orthogonal, and its first s
+    columns span the zeros (Householder). It costs n·s steps and numbers instead of n².
+    """
+
+    zeros: Floats  # s columns that span the zeros of m readings or means, orthonormal, (m, s)
+    precision: Floats  # of each reading, shape (n,)
+    # Where only means count: the mean that each reading is in, (n,), and ratio of the mean's
+    # standard deviation to that of its sum, (m,).
+    mean: Ints | None = None
+    share: Floats | None = None
+    axes: Floats | None = None  # U, orthonormal columns, (k, q); None where D = I
+    factors: Floats | None = None  # f, (q,)
+
+    # Arrays leave `values @ W` to this class.
+    __array_ufunc__ = None
+
+    @cached_property
+    def _reflected(self) -> tuple[Floats, Floats]:
+        """V, shape (m, s), and T, shape (s, s)."""
+        own = self.zeros.shape[1]
+        packed, _ = np.linalg.qr(self.zeros, mode="raw")
+        v = np.tril(packed.T, -1)
+        v[np.arange(own), np.arange(own)] = 1.0
+        inner = v.T @ v
+        t = np.linalg.inv(np.triu(inner, 1) + np.diag(0.5 * np.diag(inner)))
+        return read_only(v), read_only(t)
+
+    def __len__(self) -> int:
+        return len(self.zeros) - int(self.zeros.shape[1])
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return len(self), len(self.precision)
+
+    def __matmul__(self, values: Floats) -> Floats:
+        """W y of readings (n,), or of columns (..., n, q)."""
+        if values.ndim == 1:
+            return np.asarray((self @ values[:, None])[:, 0])
+        values = self.precision[:, None] * values
+        if self.mean is not None and self.share is not None:
+            in_turn = np.argsort(self.mean, kind="stable")
+            starts = np.searchsorted(self.mean[in_turn], np.arange(len(self.zeros)))
+            sums = np.add.reduceat(values[..., in_turn, :], starts, axis=-2)
+            values = self.share[:, None] * sums
+        v, t = self._reflected
+        own = v.shape[1]
+        return self._weighed(values[..., own:, :] - v[own:] @ (t.T @ (v.T @ values)))
+
+    def __rmatmul__(self, values: Floats) -> Floats:
+        """Y W of rows (..., q, k)."""
+        return np.asarray(np.swapaxes(self.T @ np.swapaxes(values, -1, -2), -1, -2))
+
+    @property
+    def T(self) -> "Adjoint":
+        return Adjoint(self)
+
+    def adjoint(self, values: Floats) -> Floats:
+        """Wᵀ d of data (k,), or of columns (..., k, q)."""
+        if values.ndim == 1:
+            return np.asarray(self.adjoint(values[:, None])[:, 0])
+        values = self._weighed(values)
+        v, t = self._reflected
+        own = v.shape[1]
+        spread = -v @ (t @ (v[own:].T @ values))
+        spread[..., own:, :] += values
+        if self.mean is not None and self.share is not None:
+            spread = (self.share[:, None] * spread)[..., self.mean, :]
+        return np.asarray(self.precision[:, None] * spread)
+
+    def _weighed(self, values: Floats) -> Floats:
+        """D d of columns (..., k, q)."""
+        if self.axes is None or self.factors is None:
+            return np.asarray(values)
+        along = (1.0 - self.factors)[:, None] * (self.axes.T @ values)
+        return np.asarray(values - self.axes @ along)
+
+
+class Adjoint:
+    """Wᵀ of shape (n, k)."""
+
+    __array_ufunc__ = None
+
+    def __init__(self, contrasts: Contrasts) -> None:
+        self.T = contrasts
+        self.shape = contrasts.shape[::-1]
+
+    def __matmul__(self, values: Floats) -> Floats:
+        return self.T.adjoint(values)
+
+    def __rmatmul__(self, values: Floats) -> Floats:
+        """Y Wᵀ of rows (..., q, n), or of one row (n,)."""
+        if values.ndim == 1:
+            return self.T @ values
+        return np.asarray(np.swapaxes(self.T @ np.swapaxes(values, -1, -2), -1, -2))
+
+
+# What reduces readings (n,) to data (k,): a few differences, or contrasts of all of them.
+Reduction = Floats | Contrasts
+
+
 @functools.lru_cache(maxsize=8)
-def zero_free(plan: Plan) -> Floats:
+def zero_free(plan: Plan) -> Contrasts:
     """Contrasts that no zero enters, of independent, equal noise, shape (n − setups, n).
 
     Orthonormal where all readings are equally precise. Least squares on the contrasts is
     generalised least squares on the readings with one unknown zero per set-up.
     """
-    q, _ = np.linalg.qr(plan.zeros, mode="complete")
-    return read_only(np.ascontiguousarray(q[:, plan.setups :].T) * plan.precision)
+    return Contrasts(np.linalg.qr(plan.zeros)[0], plan.precision)
 
 
 @functools.lru_cache(maxsize=8)
-def cell_contrasts(plan: Plan) -> Floats:
+def cell_contrasts(plan: Plan) -> Contrasts:
     """`zero_free` for readings that repeat each other exactly: contrasts of cells.
 
     Where the model says the same of all repeats of one reading, only their mean matters: least
@@ -229,8 +378,8 @@ def cell_contrasts(plan: Plan) -> Floats:
     cell = plan.repeats
     _, first, count = np.unique(cell, return_index=True, return_counts=True)
     weight = np.sqrt(count)
-    q, _ = np.linalg.qr(weight[:, None] * plan.zeros[first], mode="complete")
-    return read_only((q[:, plan.setups :].T / weight)[:, cell] * plan.precision)
+    basis = np.linalg.qr(weight[:, None] * plan.zeros[first])[0]
+    return Contrasts(basis, plan.precision, cell, 1.0 / weight)
 
 
 def without_zeros(plan: Plan, values: Floats) -> Floats:

@@ -11,7 +11,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, alike, read_only
+from orthoglide_cal.model.patterns import Groups, Wander
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, Structure, alike, read_only
 
 AXES = ("x", "y", "z")
 
@@ -86,9 +87,9 @@ class GaugePlan(Plan):
     def setups(self) -> int:
         return int(self.setup.max()) + 1 if len(self) else 0
 
-    @cached_property
-    def same(self) -> np.ndarray:
-        return read_only(self.setup[:, None] == self.setup, np.bool_)
+    @property
+    def shared(self) -> Ints:
+        return self.setup
 
     @cached_property
     def standing(self) -> Bools:
@@ -150,7 +151,7 @@ class GaugePlan(Plan):
 
     @property
     def as_found(self) -> Bools:
-        """Readings with nothing entered, then and when their gauge was set up, shape (n,)."""
+        """With nothing entered, then and when their gauge was set up."""
         return np.asarray(~(self.entered.any(axis=1) | self.stood.any(axis=1)))
 
     @cached_property
@@ -184,6 +185,9 @@ class GaugePlan(Plan):
         part = super().subset(chosen)
         return replace(part, setup=np.unique(part.setup, return_inverse=True)[1])
 
+    def at_once(self) -> Self:
+        return replace(super().at_once(), setup=np.zeros_like(self.setup))
+
     def entry(self, index: int) -> Mapping[str, object]:
         return {
             "leg": AXES[self.leg[index]],
@@ -201,17 +205,16 @@ class GaugePlan(Plan):
         moved = np.flatnonzero(np.diff(self.displacement[rows]))
         return rows[moved[-1] :] if moved.size else rows[-1:]
 
-    def patterns(self, ordered: bool) -> Iterator[tuple[str, Floats]]:
+    def patterns(self, ordered: bool) -> Iterator[tuple[str, Structure]]:
         """What returns with its posture; with time: what wanders; more scatter on one leg."""
-        repeatable = self.cells[:, None] == np.arange(self.cells.max() + 1)
-        yield "the same deviation whenever a posture returns", repeatable.astype(np.float64)
+        yield "the same deviation whenever a posture returns", Groups(self.cells)
         if not ordered:
             return
-        onwards = self.onwards
-        yield "readings that wander with time", onwards / np.sqrt(onwards.sum(axis=0).max())
+        yield "readings that wander with time", Wander(self)
         for leg in np.unique(self.leg):
-            own = np.flatnonzero(self.leg == leg)
-            yield f"more scatter on leg {AXES[leg]}", np.eye(len(self))[:, own]
+            own = self.leg == leg
+            alone = np.where(own, np.cumsum(own) - 1, -1)
+            yield f"more scatter on leg {AXES[leg]}", Groups(alone)
 
     @cached_property
     def series(self) -> tuple[Series, ...]:

@@ -16,11 +16,6 @@ Readings that cannot be solved together with the first ones are judged alone: y 
 of h has it, but p(y | r) and p(y | h) are N(μ, P), of causes that may have any plausible size. With
 D = P_r⁻¹ − P_h⁻¹ and b = P_r⁻¹ (m_h − μ_r) − P_h⁻¹ (m_h − μ_h) the variance is ½ tr (D S_h)² +
 bᵀ S_h b.
-
-New readings are looked at in combinations that no new gauge zero enters and whose noise is
-independent of that of the first readings: in a new set-up their deviations from its mean, in one
-that goes on from the mean of what was read there. Of these only the few in which the explanations
-can differ count.
 """
 
 import functools
@@ -31,18 +26,17 @@ from operator import ne
 
 import numpy as np
 from pydantic import Field
-from scipy.special import ndtr
 
-from orthoglide_cal.diagnosis import Diagnosis, NextMeasurement
-from orthoglide_cal.diagnosis.assess import bound
-from orthoglide_cal.diagnosis.candidates import Ids
-from orthoglide_cal.diagnosis.explanations import UNSEEN, as_read
-from orthoglide_cal.diagnosis.fit import Fitted, known_then
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.budget import fixed_influences, influences
-from orthoglide_cal.estimation.gaussian import predict, root_of, whiten
+from orthoglide_cal.estimation.gaussian import Mixture
+from orthoglide_cal.inference import Diagnosis, NextMeasurement
+from orthoglide_cal.inference.candidates import Ids
+from orthoglide_cal.inference.decision import SITTING, STILL_OPEN, keep_ratio, loss_after
+from orthoglide_cal.inference.fit import Fit
+from orthoglide_cal.inference.prediction import chance_of_one_answer, expect, predict
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.model import Model, differentiate
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
@@ -51,10 +45,10 @@ from orthoglide_cal.model.orthoglide import (
     double_posture,
     plan_of,
 )
-from orthoglide_cal.model.plan import Bools, Floats, Plan, PlanT, ReadOnly, joined, without_zeros
+from orthoglide_cal.model.plan import Bools, Floats, Plan, PlanT, joined
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
-from orthoglide_cal.planning.design import bar_warning, places, reach_mm
 from orthoglide_cal.planning.forecast import estimator_for, lengths
+from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import (
     MeasuringProtocol,
     Order,
@@ -76,18 +70,8 @@ ANOTHER_PLACE = 0.08
 LEGS = (0, 1, 2)
 TIMES = ((1, "one cycle"), (5, "five cycles"))
 ALONE = (1, 2, 3, 5)  # cycles of a session of its own
-# Explanations nearer than this to each other under every option cannot be distinguished [σ].
-WORTHLESS_SIGMA = 1.0
-# Where no option has such a chance to leave one answer, none is worth its time: what is likeliest
-# cannot be distinguished from its rival, whatever else can be.
-WORTH_TRYING = 0.1
-# What a session takes besides its readings: stands fetched, the machine stopped, warmed up [min].
-MINUTES_PER_SITTING = 30.0
-# What one costs that leaves the answer open: coming back another day, a shift later [min].
-MINUTES_TO_COME_BACK = 480.0
 # So many explanations are looked at, the likeliest.
 MOST = 8
-TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +126,7 @@ def _walks(machine: Orthoglide, gauge_at: float) -> tuple[tuple[str, tuple[float
 
     Each in words, and one cycle of displacements [mm], of which the first closes the last.
     """
-    low, high = reach_mm(machine, gauge_at)
+    low, high = machine.reach_mm(gauge_at)
     least, most = (machine.posture_at(at) or f"{at:+.4g} mm" for at in (low, high))
     return (
         (f"iso, {most}, {least} and iso", (0.0, high, low)),
@@ -190,10 +174,10 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     still = f"Without touching the stands at leg {AXES[leg]}"
     last = float(first.displacement[first.in_time[-1]])
     again = f"read its last posture ({machine.posture_at(last) or f'{last:g} mm'}) again"
-    once = option(f"{still}, {again}.", [last])
-    warning = bar_warning(once.plan, machine)
+    there = replace(first.subset(np.array(rows)), displacement=np.full(len(rows), last))
+    warning = machine.bar_warning(there)
     if warning is None or not warning.leaves:
-        yield once
+        yield option(f"{still}, {again}.", [last])
         yield option(f"{still}, {again} after a quarter of an hour.", [last], wait_min=WAIT_MIN)
     for times, how_often in TIMES:
         for words, stops in walks:
@@ -213,7 +197,7 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
 def _alone(machine: Orthoglide) -> Iterator[Option]:
     """Sessions as `measure` guides them, of the best design where plungers would leave the bar."""
     usual = double_posture(machine)
-    protocol = MeasuringProtocol.BEST if bar_warning(usual, machine) else MeasuringProtocol.DOUBLE
+    protocol = MeasuringProtocol.BEST if machine.bar_warning(usual) else MeasuringProtocol.DOUBLE
     for cycles in ALONE:
         session = (protocol, cycles, Order.PAPER, 2)
         plan, minutes = timed_plan(sequence(machine, *session), MINUTES_PER_SETUP)
@@ -247,7 +231,7 @@ def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
             yield _session(first, machine, LEGS, what, (*stops * times, 0.0))
         what = f"Turn every bar {turn}, and r{repeat}{half_way}."
         yield _session(first, machine, LEGS, what, (*usual * times, 0.0), turned=True)
-        for at in places(machine):
+        for at in machine.gauge_places:
             if np.any(np.abs(fixed - at) <= ANOTHER_PLACE):
                 continue
             from_joint = at * machine.leg_length_mm
@@ -299,19 +283,6 @@ class RankedMeasurement(NextMeasurement):
     expanded_mm: dict[str, float]  # of those that are lengths
 
 
-@dataclass(frozen=True, eq=False)
-class Predictions(ReadOnly):
-    """What f explanations predict of one option, in r combinations of its readings."""
-
-    mean: Floats  # (f, r) [mm]
-    covariance: Floats  # with noise, (f, r, r) [mm²]
-    offsets: Floats  # covariance of the p parameters once it is read, (f, p, p) [mm²]
-
-    def of(self, some: slice) -> "Predictions":
-        """Those of some of the explanations."""
-        return Predictions(self.mean[some], self.covariance[some], self.offsets[some])
-
-
 # `plan FILE` asks for all, and so does the calibration that it shows as well.
 @functools.lru_cache(maxsize=1)
 def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
@@ -320,173 +291,151 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
     For differences and readings along a leg, which no others can be solved together with, these
     are sessions of their own.
 
-    By the probability of one answer per minute, the time to come back included. Where readings can
-    decide nothing that is open, by the reduction of the parameters' U per minute.
+    By the expected loss after it. Where readings can decide nothing that is open, by the reduction
+    of the parameters' U per minute.
     """
     model, measured = diagnosis.model, diagnosis.measured
     plan = measured.plan if isinstance(measured, Readings) else None
     choice = further(plan, model)
     first = plan if choice or (plan is not None and plan.fixed) else None
     choice = choice or options(first, model.orthoglide)
-    likeliest = sorted(diagnosis.by_place, key=lambda each: -each[0])[:MOST]
-    shares = np.array([share for share, _ in likeliest])
-    fits = [fit for _, fit in likeliest]
+    # With many readings a probability may be too small for a number: such a one decides nothing.
+    possible = [(share, fit) for share, fit in diagnosis.by_place if share > 0.0]
+    likeliest = sorted(possible, key=lambda pair: -pair[0])[:MOST]
+    # Readings that cannot be solved together with the first ones are judged alone.
+    alone = [] if first is not None else [(share, fit.unread) for share, fit in likeliest]
+    predicted = predictions(model, first, choice, [*likeliest, *alone])
+    true, judged = slice(len(likeliest)), slice(-len(likeliest), None)
+    readings = slice(-len(model.machine.parameter_names))
+    odds = [p.part(true, readings).log_odds(p.part(judged, readings)) for p in predicted]
+    # Distances; of readings that are judged alone those that change the log odds by as much.
+    apart = np.stack([
+        np.sqrt(np.maximum(mean + mean.T, 0.0)) if alone else p.part(true, readings).distances
+        for p, (mean, _) in zip(predicted, odds, strict=True)
+    ])  # fmt: skip
+    shares, fits = np.array([share for share, _ in likeliest]), [fit for _, fit in likeliest]
     ids = [_ids(fit, again=first is None) for fit in fits]
     # Whether two explanations are different answers: other causes, another remedy, (f, f).
-    answers = [(frozenset(own), fit.remedy) for fit, own in zip(fits, ids, strict=True)]
+    answers = [(frozenset(names), fit.remedy) for fit, names in zip(fits, ids, strict=True)]
     differ = [[all(map(ne, one, other)) for other in answers] for one in answers]
     others = np.array(differ) & diagnosis.undecided
-    if first is not None:
-        judged = predictions(model, first, choice, fits)
-        odds, known = [_odds(each, each) for each in judged], shares
-        apart = np.stack([_apart(each) for each in judged])
-    else:
-        both = predictions(model, first, choice, [*fits, *(fit.unread for fit in fits)])
-        seen, alone = slice(len(fits)), slice(len(fits), None)
-        judged, known = [each.of(alone) for each in both], np.ones_like(shares)
-        odds = [_odds(each.of(seen), each.of(alone)) for each in both]
-        # Distances that change the log odds by as much.
-        apart = np.stack([np.sqrt(np.maximum(mean + mean.T, 0.0)) for mean, _ in odds])
     # ln of how far below its bound a rival (second index) is against the true one; one that may be
     # at several places keeps at each its part of what its name may keep.
-    places = Counter(ids)
-    bounds = np.array([[bound(other, true) / places[other] for other in ids] for true in ids])
-    spare = np.log(known[:, None] / known * bounds)
-    chances = np.array([_chance(*each, shares, spare, others) for each in odds])
-    told = others & (apart.max(axis=0) >= WORTHLESS_SIGMA) & (chances.max() >= WORTH_TRYING)
-    chances *= told.any()
+    places, known = Counter(ids), np.ones_like(shares) if alone else shares
+    bounds = np.array([[keep_ratio(other, one) / places[other] for other in ids] for one in ids])
+    spare, shares = np.log(known[:, None] / known * bounds), shares / shares.sum()
+    chances = [chance_of_one_answer(pair, spare, shares, others) for pair in odds]
+    losses = [loss_after(o.minutes, chance) for o, chance in zip(choice, chances, strict=True)]
+    open_pairs = others & (apart.max(axis=0) >= TRACE_SIGMA) & (min(losses) < STILL_OPEN)
+    decides = bool(open_pairs.any())
     total = sum(share for share, _ in diagnosis.left_open)
-    within_now = sum(share * fit.offsets_covariance for share, fit in diagnosis.left_open) / total
-    between = diagnosis.covariance_mm2 - within_now
+    within = sum(share * fit.offsets_covariance for share, fit in diagnosis.left_open) / total
+    between = np.diag(diagnosis.covariance_mm2 - within)
     taken = 0.0 if first is None else _fixed(model, first, fits[0])
     now = half_width(np.inf) * np.sqrt((np.diag(diagnosis.covariance_mm2) + taken).max())
-    found = []
-    for option, each, sigma, chance in zip(choice, judged, apart, chances.tolist(), strict=True):
-        pair = _pair(told, sigma, ids)
-        within = np.tensordot(shares / shares.sum(), each.offsets, axes=1)
+    ranking = []
+    for number, option in enumerate(choice):
+        chance = chances[number] if decides else 0.0
+        then = predicted[number].part(judged, slice(None))
+        split = np.split(np.arange(then.means.shape[1]), [readings.stop])
+        spreads = then.given(then.means[0, readings], *split).covariance
+        variance = shares @ np.diagonal(spreads, axis1=1, axis2=2) + (1.0 - chance) * between
         whole = option.plan if first is None else joined(first, option.plan)
-        variance = np.diag(within + (1.0 - chance) * between) + _fixed(model, whole, fits[0])
-        reach = half_width(np.inf) * np.sqrt(np.maximum(variance, 0.0))
-        lacking: tuple[Ids, ...] = ()
-        if pair is not None:
-            one, other = (ids[number] for number in pair)
-            only_one = tuple(id for id in one if id not in other)
-            only_other = tuple(id for id in other if id not in one)
-            lacking = (only_one, only_other) if only_one and only_other else (one, other)
-        ranking = RankedMeasurement(
+        variance = np.maximum(variance + _fixed(model, whole, fits[0]), 0.0)
+        expanded = half_width(np.inf) * np.sqrt(variance)
+        pair = _pair(open_pairs, apart[number], ids)
+        lacking = () if pair is None else _lacking(*(ids[k] for k in pair))
+        measurement = RankedMeasurement(
             option=option,
-            expanded=reach,
+            expanded=expanded,
             what=option.what,
             minutes=option.minutes,
             session=option.session,
             between=lacking,
             # Of each the first cause that the other lacks, or has as well.
             separates=tuple(
-                min(ids, key=rival.__contains__, default="")
-                for ids, rival in zip(lacking, lacking[::-1], strict=True)
+                min(one, key=other.__contains__, default="")
+                for one, other in zip(lacking, lacking[::-1], strict=True)
             ),
-            separation_sigma=0.0 if pair is None else float(sigma[pair]),
+            separation_sigma=0.0 if pair is None else float(apart[number][pair]),
             chance=chance,
-            expanded_mm=lengths(model, reach),
+            expanded_mm=lengths(model, expanded),
         )
-        gained = float(reach.max() - now) / (option.minutes + MINUTES_PER_SITTING)
-        worth = -chance / (option.minutes + MINUTES_TO_COME_BACK) if told.any() else 0.0
-        found.append((worth, gained, ranking))
-    return tuple(each for *_, each in sorted(found, key=lambda each: each[:2]))
+        gained = float(expanded.max() - now) / (SITTING + option.minutes)
+        ranking.append((losses[number] if decides else 0.0, gained, measurement))
+    return tuple(measurement for *_, measurement in sorted(ranking, key=lambda row: row[:2]))
+
+
+def _lacking(one: Ids, other: Ids) -> tuple[Ids, Ids]:
+    """Causes of each of two explanations that the other lacks; all of both if one has no more."""
+    only_one = tuple(id for id in one if id not in other)
+    only_other = tuple(id for id in other if id not in one)
+    return (only_one, only_other) if only_one and only_other else (one, other)
 
 
 def best_next(diagnosis: Diagnosis) -> RankedMeasurement | None:
-    """What distinguishes the explanations that are left open, or that would not show but matter;
-    None if nothing does."""
-    first = ranked(diagnosis)[0] if diagnosis.undecided else None
-    return first if first is not None and first.separates else None
+    """The measurement that best distinguishes what is left open, or would not show but matters.
 
-
-def _apart(seen: Predictions) -> Floats:
-    """Distances between all predictions, shape (f, f) [standard deviations]."""
-    gap = seen.mean[:, None] - seen.mean
-    (white,) = whiten(0.5 * (seen.covariance[:, None] + seen.covariance), gap[..., None])
-    return np.asarray(np.sqrt((white[..., 0] ** 2).sum(axis=-1)))
-
-
-def _odds(seen: Predictions, judged: Predictions) -> tuple[Floats, Floats]:
-    """By how much readings as `seen` raise the log odds of the true explanation over a rival.
-
-    Mean and standard deviation, each of shape (f, f), the true one first.
+    None if none does.
     """
-    covariance, gap = seen.covariance[:, None], seen.mean[:, None] - judged.mean
-    precision = np.linalg.inv(judged.covariance)
-    weighed = (precision @ gap[..., None])[..., 0]
-    each = np.arange(len(gap))
-    cost = np.trace(precision @ covariance, axis1=-2, axis2=-1) + (gap * weighed).sum(axis=-1)
-    cost += np.linalg.slogdet(judged.covariance)[1]
-    other = (precision - precision[:, None]) @ covariance
-    square = (other * other.swapaxes(-1, -2)).sum(axis=(-1, -2))
-    slope = weighed - weighed[each, each][:, None]
-    spread = (slope * (covariance @ slope[..., None])[..., 0]).sum(axis=-1)
-    mean = 0.5 * (cost - cost[each, each][:, None])
-    return mean, np.sqrt(np.maximum(0.5 * square + spread, TINY))
+    best = ranked(diagnosis)[0] if diagnosis.undecided else None
+    return best if best is not None and best.separates else None
 
 
-def _chance(mean: Floats, std: Floats, shares: Floats, spare: Floats, others: Bools) -> float:
-    """Chance that new readings dismiss all other answers than the true explanation."""
-    if not others.any():
-        return 0.0
-    dismissed = np.where(others, ndtr((spare + mean) / std), 1.0).min(axis=1)
-    return float(shares @ dismissed / shares.sum())
+def _fixed(model: Model, plan: Plan, answer: Fit) -> Floats:
+    """Variance that numbers taken as the controller has them add to each parameter, (p,).
 
-
-def _fixed(model: Model, plan: Plan, answer: Fitted) -> Floats:
-    """What adds to the variance of each parameter that is taken as the controller has it, (p,).
-
-    No reading shows it, so no diagnosis counts it either, unless it is the answer; `solve` does.
+    No reading shows them: a diagnosis counts one only as its answer; `solve` counts all.
     """
     nominal = np.zeros(len(model.machine.parameter_names))
     taken = fixed_influences(model, nominal, plan)
-    columns = [each.columns for each in taken if each.source not in _ids(answer, again=False)]
+    columns = [one.columns for one in taken if one.source not in answer.ids]
     if not columns:
         return nominal
     estimator = estimator_for(model, plan, influences(model, nominal, plan))
     return np.asarray(((estimator @ np.hstack(columns)) ** 2).sum(axis=1))
 
 
-def _pair(told: Bools, sigma: Floats, ids: Sequence[Ids]) -> tuple[int, int] | None:
+def _pair(open_pairs: Bools, sigma: Floats, ids: Sequence[Ids]) -> tuple[int, int] | None:
     """The likeliest explanation with a rival that can be distinguished, and its likeliest such one.
 
-    Explanations come in the order of their probability, the accepted one first. A rival that is
-    but a diagnosis does not state a part of it, which comes after all others.
+    Explanations come in the order of their probability, the accepted one first. A rival that holds
+    only some of the causes comes last: a diagnosis does not state it.
     """
-    pairs: list[tuple[int, int]] = [(a, b) for a, b in np.argwhere(np.triu(told, 1)).tolist()]
+    pairs: list[tuple[int, int]] = [(a, b) for a, b in np.argwhere(np.triu(open_pairs, 1)).tolist()]
 
     def last(pair: tuple[int, int]) -> tuple[bool, bool]:
         one, other = (set(ids[k]) for k in pair)
-        return bool(sigma[pair] < WORTHLESS_SIGMA), other < one
+        return bool(sigma[pair] < TRACE_SIGMA), other < one
 
     return min(pairs, key=last, default=None)
 
 
-def _ids(fit: Fitted, again: bool) -> Ids:
-    """Its causes; if `again`, those that another session meets."""
+def _ids(fit: Fit, again: bool) -> Ids:
+    """Return the causes of a fit; if `again`, those that another session meets."""
     causes = (effect.cause for effect in fit.effects)
     return tuple(cause.id for cause in causes if cause.lasting or not again)
 
 
 def predictions(
-    model: Model, first: Plan | None, choice: Sequence[Option], fits: Sequence[Fitted]
-) -> list[Predictions]:
-    """What explanations predict of each option.
+    model: Model,
+    first: Plan | None,
+    choice: Sequence[Option],
+    weighted: Sequence[tuple[float, Fit]],
+) -> list[Mixture]:
+    """Predictions of each option by explanations with their probabilities.
 
     `first` are the readings that they were fitted to; None if they are not known.
     """
-    found: dict[Option, Predictions] = {}
-    for goes_on in {option.continues for option in choice}:
-        group = [option for option in choice if option.continues is goes_on]
+    predicted: dict[Option, Mixture] = {}
+    for continues in {option.continues for option in choice}:
+        group = [option for option in choice if option.continues is continues]
         plan, starts = _together(first, group)
-        stay = first if goes_on else None
-        expected = [_expected(model, plan, fit, stay) for fit in fits]
+        stay = first if continues else None
+        expected = [expect(fit, model, plan, stay) for _, fit in weighted]
         for option, start in zip(group, starts, strict=True):
-            found[option] = _predicted(stay, option.plan, start, expected, fits)
-    return [found[option] for option in choice]
+            predicted[option] = predict(weighted, expected, start, option.plan, stay)
+    return [predicted[option] for option in choice]
 
 
 def _together(first: Plan | None, group: Sequence[Option]) -> tuple[Plan, list[int]]:
@@ -505,67 +454,3 @@ def _together(first: Plan | None, group: Sequence[Option]) -> tuple[Plan, list[i
     order = np.concatenate([part.in_time.argsort() for part in parts])
     order += np.repeat(np.cumsum([0, *map(len, parts[:-1])]), [len(part) for part in parts])
     return replace(joined(*parts), order=order), starts
-
-
-def _expected(
-    model: Model, plan: Plan, fit: Fitted, goes_on: Plan | None
-) -> tuple[Floats, Floats, Floats]:
-    """What one explanation says of n readings; `goes_on` are those whose stands are still there.
-
-    Their mean (n,), a root (n, u) of its covariance, and the root (u, u) of the covariance of what
-    they depend on, the parameters first.
-    """
-    # What belongs to the set-up goes on only where the set-up does, a step of estimated size with
-    # its uncertainty.
-    stay = goes_on is not None
-    sized = [e for e in fit.effects if e.cause.lasting or (stay and e.covariance is not None)]
-    passing = [effect for effect in fit.effects if stay and effect not in sized]
-    model, plan = model.extended(passing), as_read(plan, passing)
-    mean, slopes = differentiate(model, fit.offsets, plan, sized)
-    stands = 0 if goes_on is None else goes_on.setups
-    columns, joint = known_then(
-        fit, sized, slopes, influences(model, fit.offsets, plan), stands=stands
-    )
-    known = root_of(joint)
-    return mean, columns @ known, known
-
-
-def _predicted(
-    stay: Plan | None,
-    plan: Plan,
-    start: int,
-    expected: Sequence[tuple[Floats, Floats, Floats]],
-    fits: Sequence[Fitted],
-) -> Predictions:
-    """Of an option whose readings begin at `start` in what is expected of all.
-
-    `stay` are the first readings if their stands are still there.
-    """
-    own = slice(start, start + len(plan))
-
-    def free(values: Floats) -> Floats:
-        """Values (n, c) in the combinations, with unit noise, shape (m, c)."""
-        if stay is None:
-            set_ups = plan.subset(np.arange(len(plan)))  # numbered from 0
-            return without_zeros(set_ups, values[own].T).T
-        here, there = (GaugePlan.require(each).setup for each in (plan, stay))
-        same = np.equal.outer(here, there).astype(np.float64)
-        mean = same / same.sum(axis=1, keepdims=True)
-        noise = np.eye(len(mean)) + mean @ mean.T
-        return whiten(noise, values[own] - mean @ values[: len(stay)])[0]
-
-    means = free(np.column_stack([mean for mean, _, _ in expected]))
-    spreads = [free(spread) for _, spread, _ in expected]
-    columns = np.hstack((means[:, 1:] - means[:, :1], *spreads))
-    # An orthonormal basis of what is larger than nobody sees, shape (m, r).
-    m, c = columns.shape
-    size2, vectors = np.linalg.eigh(columns @ columns.T if m <= c else columns.T @ columns)
-    kept = size2 > (UNSEEN * min(fit.sigma for fit in fits)) ** 2
-    basis = vectors[:, kept] if m <= c else columns @ (vectors[:, kept] / np.sqrt(size2[kept]))
-    covariance, offsets = [], []
-    for (_, _, root), spread, fit in zip(expected, spreads, fits, strict=True):
-        seen, known = basis.T @ spread, root[: len(fit.offsets)]
-        covariance.append(fit.sigma**2 * np.eye(len(seen)) + seen @ seen.T)
-        nothing = np.zeros((len(seen), 1))
-        offsets.append(predict(covariance[-1], nothing, seen @ known.T, known @ known.T)[1])
-    return Predictions((basis.T @ means).T, np.stack(covariance), np.stack(offsets))

@@ -16,15 +16,10 @@ from pydantic import Field
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget, BudgetLine, BudgetTotal, budget_lines
-from orthoglide_cal.model.linear_delta import ProbePlan
+from orthoglide_cal.model.machine import BarWarning
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.planning.design import (
-    MARGIN,
-    BarWarning,
-    bar_warning,
-    design_of,
-    readings_needed,
-)
+from orthoglide_cal.model.orthoglide import MARGIN
+from orthoglide_cal.planning.design import design_of, readings_needed
 from orthoglide_cal.planning.forecast import (
     SessionForecast,
     fewest_cycles,
@@ -158,7 +153,12 @@ class MeasurementPlan(Schema):
 
     @classmethod
     def of(
-        cls, chosen: SessionForecast, floor: Budget | None, apart: Separations, **more: Any
+        cls,
+        chosen: SessionForecast,
+        floor: Budget | None,
+        apart: Separations,
+        most_cycles: int | None,
+        **more: Any,
     ) -> Self:
         """With what follows from the chosen session; arguments as the attributes."""
         model, largest = chosen.model, None if floor is None else floor.largest.source
@@ -181,7 +181,7 @@ class MeasurementPlan(Schema):
             limits=Limit(
                 None if floor is None else lengths(model, floor.expanded_mm),
                 largest,
-                None if machine.layouts() else MOST_CYCLES,
+                most_cycles,
             ),
             noise_mm=machine.instrument.noise_mm,
             assumed_mm=size or None,
@@ -209,8 +209,12 @@ def measurement_plan(
         UsageError: the machine has no such session.
         RankDeficientError: such readings will not determine the parameters.
     """
-    if model.machine.layouts():
-        return _of_layouts(model, wanted, following)
+    if offer := _offered(model, wanted):
+        chosen, offered, design = offer
+        apart = separations(model, chosen.plan)
+        return MeasurementPlan.of(
+            chosen, chosen.floor, apart, None, by_cycles=offered, design=design, next=following
+        )
     chosen = chosen_session(model, wanted)
     stands, cycles = wanted.stands, chosen.cycles
     protocol = MeasuringProtocol(chosen.name)
@@ -223,7 +227,8 @@ def measurement_plan(
         chosen,
         forecast(model, protocol, MOST_CYCLES, Method.READINGS, stands).floor,
         separations(model, session_of(model, protocol, min(cycles, MOST_COMPARED), stands).plan),
-        bar_warning=bar_warning(chosen.plan, model.orthoglide),
+        MOST_CYCLES,
+        bar_warning=model.machine.bar_warning(chosen.plan),
         gauges=stands,
         target=None if target is None else Target(target, reached, cycles if reached else None),
         by_cycles=tuple(forecast(model, protocol, n, Method.READINGS, stands) for n in numbers),
@@ -238,8 +243,8 @@ def chosen_session(model: Model, wanted: Wanted) -> SessionForecast:
 
     Arguments and errors as of `measurement_plan`.
     """
-    if model.machine.layouts():
-        return _of_layouts(model, wanted, ()).chosen
+    if offer := _offered(model, wanted):
+        return offer[0]
     if wanted.layout is not None:
         raise UsageError("--layout is for printers.", "Name a --protocol instead.")
     protocol, method = wanted.protocol or MeasuringProtocol.DOUBLE, Method.READINGS
@@ -286,28 +291,26 @@ def _fewest_readings(model: Model, cycles: int, way: Alternative) -> BestDesign:
     )
 
 
-def _of_layouts(
-    model: Model, wanted: Wanted, following: tuple[RankedMeasurement, ...]
-) -> MeasurementPlan:
-    """The layout that is wanted, else the best, or without one the quickest."""
+def _offered(
+    model: Model, wanted: Wanted
+) -> tuple[SessionForecast, tuple[SessionForecast, ...], BestDesign | None] | None:
+    """Which layout is chosen, all that there are, and the best; None where protocols are followed.
+
+    Chosen is the one that is wanted, else the best, or without one the quickest.
+    """
+    layouts = model.machine.layouts()
+    if not layouts:
+        return None
     if wanted != Wanted(layout=wanted.layout):
         raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")
     best = _distinguishing(model)
-    usual = (SessionForecast.of(model, layout) for layout in model.machine.layouts())
+    usual = (SessionForecast.of(model, layout) for layout in layouts)
     offered = (*usual,) if best is None else (*usual, best)
     names = {each.name: each for each in offered}
     name = wanted.layout or (offered[0] if best is None else best).name
     if name not in names:
         raise UsageError(f"There is no layout {name!r}.", f"Choose one of {', '.join(names)}.")
-    chosen = names[name]
-    return MeasurementPlan.of(
-        chosen,
-        chosen.floor,
-        separations(model, chosen.plan),
-        by_cycles=offered,
-        design=best,
-        next=following,
-    )
+    return names[name], offered, best
 
 
 def _distinguishing(model: Model) -> BestDesign | None:
@@ -323,12 +326,13 @@ def _distinguishing(model: Model) -> BestDesign | None:
             break
     if best is None:
         return None
-    places = ProbePlan.require(best.plan).place.tolist()
     return BestDesign.of(
         model,
         best,
         causes=model.machine.rivals,
         wanted_sigma=CERTAIN_SIGMA,
         reached=most >= CERTAIN_SIGMA,
-        places_mm=tuple(dict(zip(("x", "y", "z"), place, strict=True)) for place in places),
+        places_mm=tuple(
+            dict(zip(("x", "y", "z"), place, strict=True)) for place in best.plan.spots.tolist()
+        ),
     )

@@ -9,18 +9,17 @@ plausible offsets, so that all truths and all rivals are a few products of matri
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import compress, product
-from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
-from orthoglide_cal.model.cause import Cause, Place, Stage
-from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.model import Model, differentiate
+from orthoglide_cal.inference.prediction import Exchange, columns_of, exchanges_of
+from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, zero_free
 
 # A cause whose trace is smaller than this cannot be seen, nor two be distinguished [σ].
@@ -58,12 +57,12 @@ class Separations(ReadOnly):
     @cached_property
     def pairs(self) -> tuple[SeparatedPair, ...]:
         """Each pair with its separation, nearest first."""
-        found = [
+        pairs = [
             SeparatedPair((self.causes[b].id, self.causes[a].id), float(self.sigma[a, b]))
             for a in range(len(self.causes))
             for b in range(a)
         ]
-        return tuple(sorted(found, key=lambda pair: pair.sigma))
+        return tuple(sorted(pairs, key=lambda pair: pair.sigma))
 
 
 def separations(model: Model, plan: Plan, among: Collection[str] | None = None) -> Separations:
@@ -78,10 +77,8 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
     possible = [
         cause
         for id, cause in CAUSES.items()
-        if (among is None or id in among)
-        and cause.possible(machine)
-        and id not in known
-        and _places(cause, plan, machine)
+        if (among is None or id in among) and id not in known and cause.possible(machine)
+        if (cause.places if cause.unknowns else partial(exchanges_of, cause))(plan, machine)
     ]
     # Of the machine first, then of the measurement.
     causes = tuple(sorted(possible, key=lambda cause: list(Stage).index(cause.stage)))
@@ -90,153 +87,93 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
     if causes:
         columns = np.concatenate([u.columns for u in influences(model, supposed, plan)], axis=-1)
         for offsets, carried in zip(supposed, columns, strict=True):
-            total += _Near(model, plan, offsets, causes, carried).margins() / len(supposed)
+            total += _margins(model, plan, offsets, causes, carried) / len(supposed)
     sigma = np.sqrt(np.minimum(total[:, :-1], total[:, :-1].T))
     return Separations(causes, sigma, np.sqrt(total[:, -1]))
 
 
-def _places(cause: Cause, plan: Plan, machine: Machine) -> Sequence[Place]:
-    """The places at which the readings can express it."""
-    found = cause.places(plan, machine)
-    if isinstance(cause, RelabelCause):
-        return [at for at in found if cause.reversible(plan, at)]
-    return found
+def _margins(
+    model: Model, plan: Plan, offsets: Floats, causes: Sequence[Cause], carried: Floats
+) -> Floats:
+    """Mean cost of each rival, and of nothing wrong, above each truth's own, (c, c + 1).
 
-
-class _Changes(NamedTuple):
-    """What r faults do to n readings."""
-
-    added: Floats  # to each reading, shape (n, r) [mm]
-    share: Floats  # of each among the plausible ones of its cause, shape (r,)
-    unit: Floats  # in which the readings were written down, shape (r,) [mm]
-
-
-class _Near:
-    """The surroundings of a machine with given offsets, as a linear model of its readings.
-
-    With what one plausible size of each influence adds to these, `carried` (n, u) [mm].
-    Readings are in mm; what is left of them is whitened, so that it counts in standard deviations:
-    what offsets, zeros and influences of plausible size imitate has been taken out.
+    On a machine with these offsets, of a linear model of its readings, with what one plausible size
+    of each influence adds to these, `carried` (n, u) [mm]. What is left of readings is whitened, so
+    that it counts in standard deviations: what offsets, zeros and influences of plausible size
+    imitate has been taken out.
     """
+    readings, slope, columns = columns_of(model, offsets, plan, causes)
+    exchanges = {c.id: exchanges_of(c, plan, model.machine) for c in causes if not c.unknowns}
+    contrasts = zero_free(plan) @ (np.eye(len(plan)) / model.machine.instrument.noise_mm)
+    shown = contrasts @ carried
+    white, white_slope = whiten(np.eye(len(shown)) + shown @ shown.T, contrasts, contrasts @ slope)
+    leaves = unexplained(white_slope, white)
 
-    def __init__(
-        self,
-        model: Model,
-        plan: Plan,
-        offsets: Floats,
-        causes: tuple[Cause, ...],
-        carried: Floats,
-    ) -> None:
-        self._machine, self._plan = model.machine, plan
-        self._offsets, self._causes = offsets, causes
-        sigma = model.machine.instrument.noise_mm
-        broad = [c for c in causes if not isinstance(c, PatternCause | RelabelCause)]
-        absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
-        self._readings, columns = differentiate(model, offsets, plan, absent)
-        ends = np.cumsum([len(offsets), *(cause.unknowns for cause in broad)])
-        slope, *slopes = np.split(columns, ends[:-1], axis=1)
-        # Readings that one plausible size of each parameter adds, shape (n, p) [mm].
-        self._columns = {
-            cause.id: own * cause.prior_std(self._machine)
-            for cause, own in zip(broad, slopes, strict=True)
-        }
-        contrasts = zero_free(plan) / sigma
-        shown = contrasts @ carried
-        noise = np.eye(len(contrasts)) + shown @ shown.T
-        white, white_slope = whiten(noise, contrasts, contrasts @ slope)
-        self._left = unexplained(white_slope, white)
-
-    def margins(self) -> Floats:
-        """Mean cost of each rival, and of nothing wrong, above each truth's own, (c, c + 1)."""
-        truths = [self._truth(cause) for cause in self._causes]
-        every = _Changes(*(np.concatenate(part, axis=-1) for part in zip(*truths, strict=True)))
-        left = self._left @ every.added
-        plain = (left**2).sum(axis=0) + self._steadiness(every.unit)
-        cost = np.stack([*(self._cost(c, every, left, plain) for c in self._causes), plain])
-        blocks = np.split(cost, np.cumsum([len(each.share) for each in truths])[:-1], axis=1)
-        pairs = zip(blocks, truths, strict=True)
-        return np.stack(
-            [np.maximum(b - b[k], 0.0) @ truth.share for k, (b, truth) in enumerate(pairs)]
-        )
-
-    def _steadiness(self, unit: Floats) -> Floats:
+    def steadiness(unit: Floats) -> Floats:
         """Cost of scatter that is too small or too large by a factor of 1/unit, shape (r,)."""
-        spare = len(self._left) - len(self._offsets)
+        spare = len(leaves) - len(offsets)
         return np.asarray(spare * (unit**-2.0 - 1.0 + 2.0 * np.log(unit)))
 
-    def _truth(self, cause: Cause) -> _Changes:
-        """What a cause of plausible size does, at each place and for each choice of signs."""
-        if isinstance(cause, RelabelCause):
-            places = _places(cause, self._plan, self._machine)
-            nothing, unit = np.zeros((len(self._plan), 1)), [cause.unit_mm(at) for at in places]
-            pairs = zip(places, unit, strict=True)
-            found = [self._exchanged(cause, at, nothing, 1.0 / mm) for at, mm in pairs]
-            share = np.array([cause.share(at) for at in places])
-            return _Changes(np.hstack(found), share / share.sum(), np.array(unit))
-        if isinstance(cause, PatternCause):
-            added = self._patterns(cause)
+    # What each cause of plausible size does, at each place and for each choice of signs: it adds
+    # (n, r) [mm] to the readings, written down in a unit (r,) [mm]; and the share of each (r,).
+    truths = []
+    for cause in causes:
+        if cause.unknowns:
+            added = np.hstack([*(columns[cause.id] @ _signs(cause).T)])
+            unit = share = np.ones(added.shape[1])
         else:
-            added = self._columns[cause.id] @ _signs(cause).T
-        ones = np.ones(added.shape[1])
-        return _Changes(added, ones / ones.sum(), ones)
+            unit, share = np.array([(one.unit_mm, one.share) for one in exchanges[cause.id]]).T
+            recorded = [one.exchanged(readings) / one.unit_mm for one in exchanges[cause.id]]
+            added = np.stack(recorded, axis=1) - readings[:, None]
+        truths.append((added, unit, share / share.sum()))
+    changes, units = (np.concatenate([t[k] for t in truths], axis=-1) for k in (0, 1))
+    left = leaves @ changes
+    plain = (left**2).sum(axis=0) + steadiness(units)
+    changed = readings[:, None] + changes
 
-    def _patterns(self, cause: PatternCause) -> Floats:
-        """What one plausible size, or one count, adds at each place, shape (n, places) [mm]."""
-        size = 1.0 if cause.counts else cause.prior_std(self._machine)[0]
-        places = cause.places(self._plan, self._machine)
-        unit = size * cause.millimetres(self._machine)
-        return np.asarray(unit * cause.patterns(self._plan, places))
+    def undone(one: Exchange) -> Floats:
+        """Cost of each change if this exchange is behind it, shape (r,)."""
+        rest = leaves @ (one.exchanged(changed) * one.unit_mm - readings[:, None])
+        return np.asarray((rest**2).sum(axis=0) + steadiness(units / one.unit_mm))
 
-    def _cost(self, cause: Cause, changes: _Changes, left: Floats, plain: Floats) -> Floats:
-        """Least cost of a rival's explanation of r changes that show as `left` (k, r), (r,).
-
-        `plain` is their cost if nothing is wrong.
-        """
-        if isinstance(cause, RelabelCause):
-            costs = []
-            for place in _places(cause, self._plan, self._machine):
-                unit = cause.unit_mm(place)
-                undone = self._left @ self._exchanged(cause, place, changes.added, unit)
-                costs.append((undone**2).sum(axis=0) + self._steadiness(changes.unit / unit))
-            return np.asarray(np.min(costs, axis=0))
-        if isinstance(cause, PatternCause):
-            patterns = self._left @ self._patterns(cause)
-            square, overlap = (patterns**2).sum(axis=0)[:, None], patterns.T @ left
-            if not cause.counts:
-                return np.asarray(plain - (overlap**2 / (1.0 + square)).max(axis=0))
-            likeliest = max(cause.counts.values())
-            costs = [
-                (size**2 * square - 2.0 * size * overlap).min(axis=0)
-                - 2.0 * np.log(share / likeliest)
-                for size, share in cause.counts.items()
-            ]
-            return np.asarray(plain + np.min(costs, axis=0))
-        return plain - _explained(self._left @ self._columns[cause.id], left, cause)
-
-    def _exchanged(
-        self, cause: RelabelCause, place: Place, changes: Floats, factor: float
-    ) -> Floats:
-        """How changed readings (n, r) differ from unchanged ones once they are relabelled [mm]."""
-        index, sign = cause.relabel(self._plan, place)
-        unchanged = self._readings[:, None]
-        return np.asarray(factor * sign[:, None] * (unchanged + changes)[index] - unchanged)
+    costs = [
+        plain - _explained(leaves @ columns[cause.id], left, cause)
+        if cause.unknowns
+        else np.min([undone(one) for one in exchanges[cause.id]], axis=0)
+        for cause in causes
+    ]
+    ends = np.cumsum([len(share) for _, _, share in truths])
+    blocks = np.split(np.stack([*costs, plain]), ends[:-1], axis=1)
+    rows = enumerate(zip(blocks, truths, strict=True))
+    return np.stack([np.maximum(b - b[k], 0.0) @ share for k, (b, (_, _, share)) in rows])
 
 
 def _explained(columns: Floats, left: Floats, cause: Cause) -> Floats:
-    """By how much sizes of one standard deviation each (k, p) reduce the cost of changes (k, r).
+    """By how much a cause reduces the cost of changes (k, r) at its best place, shape (r,).
 
-    Of named parameters that cannot be negative the best choice acts, the others are zero.
+    Sizes of one standard deviation each add columns (places, k, p). Of named parameters that cannot
+    be negative the best choice acts, the others are zero; whole numbers cost what they are rarer
+    than the most frequent ones.
     """
-    gram, overlap = columns.T @ columns + np.eye(columns.shape[1]), columns.T @ left
-    if not cause.positive:
-        return np.asarray((overlap * np.linalg.solve(gram, overlap)).sum(axis=0))
+    turned = columns.swapaxes(-1, -2)
+    gram, overlap = turned @ columns, turned @ left
+    if cause.counts:
+        likeliest = max(cause.counts.values())
+        gained = [
+            2.0 * size * overlap - size**2 * gram + 2.0 * np.log(share / likeliest)
+            for size, share in cause.counts.items()
+        ]
+        return np.asarray(np.max(gained, axis=(0, 1, 2)))
+    gram = gram + np.eye(gram.shape[-1])
     best = np.zeros(left.shape[1])
-    for acting in product((True, False), repeat=len(cause.names)):
-        kept = np.flatnonzero([*acting, *(True for _ in cause.nuisance)])
-        sizes = np.linalg.solve(gram[np.ix_(kept, kept)], overlap[kept])
-        gained = (overlap[kept] * sizes).sum(axis=0)
-        possible = np.all(sizes[: sum(acting)] >= 0.0, axis=0)
-        best = np.where(possible & (gained > best), gained, best)
+    named = len(cause.names) if cause.positive else 0
+    for acting in product((True, False), repeat=named):
+        kept = np.flatnonzero([*acting, *(True for _ in range(cause.unknowns - named))])
+        pull = overlap[:, kept]
+        sizes = np.linalg.solve(gram[:, kept[:, None], kept], pull)
+        gain = (pull * sizes).sum(axis=1)
+        possible = np.all(sizes[:, : sum(acting)] >= 0.0, axis=1)
+        best = np.maximum(best, np.where(possible, gain, 0.0).max(axis=0))
     return best
 
 

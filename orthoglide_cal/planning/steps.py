@@ -16,7 +16,7 @@ from orthoglide_cal.model.orthoglide import (
     plan_of,
     single_posture,
 )
-from orthoglide_cal.model.plan import Ints, Plan
+from orthoglide_cal.model.plan import Ints
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, Series
 from orthoglide_cal.planning.design import design_of
 
@@ -124,7 +124,9 @@ def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, sta
     return " ".join(option for option, said in told.items() if said)
 
 
-def steps_of(plan: Plan, machine: Orthoglide, order: Order, stands: int) -> tuple[SessionStep, ...]:
+def steps_of(
+    plan: GaugePlan, machine: Orthoglide, order: Order, stands: int
+) -> tuple[SessionStep, ...]:
     """The steps of any plan.
 
     Args:
@@ -134,7 +136,6 @@ def steps_of(plan: Plan, machine: Orthoglide, order: Order, stands: int) -> tupl
         stands: gauges that are read side by side. One gauge takes one direction of a leg after
             the other, and slides alone between the ends of a leg.
     """
-    plan = GaugePlan.require(plan)
     rows, readings = plan.in_time.tolist(), planned_readings(plan)
     alone = stands == 1 or not plan.fixed
     if plan.fixed and alone:
@@ -163,9 +164,8 @@ def steps_of(plan: Plan, machine: Orthoglide, order: Order, stands: int) -> tupl
     return tuple(steps)
 
 
-def planned_readings(plan: Plan) -> list[PlannedReading]:
+def planned_readings(plan: GaugePlan) -> list[PlannedReading]:
     """The readings of a plan, at no time at all."""
-    plan = GaugePlan.require(plan)
     names = ("leg", "direction", "displacement", "contact", "gauge_at", "part", "turned", "entered")
     rows = zip(*(getattr(plan, name).tolist() for name in names), strict=True)
     return [

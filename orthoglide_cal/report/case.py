@@ -5,26 +5,36 @@ They say it in the words of the kind of machine.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import Verdict
 from orthoglide_cal.errors import command
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.readings import Conditions
+from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine, Vocabulary
 from orthoglide_cal.model.measured import DataKind, Source
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Answer, CheckReading, Identity, Remedy, Validity, recording
 from orthoglide_cal.results.answer import InputFile
-from orthoglide_cal.words import counted, decimals_for, plain, short, signed, with_uncertainty
+from orthoglide_cal.schema import Reason
+from orthoglide_cal.words import (
+    counted,
+    decimals_for,
+    plain,
+    short,
+    signed,
+    unit_words,
+    with_uncertainty,
+)
 
 # Instead of "may be entered", where there is nothing to change.
-SETTLED = "Nothing to enter: noise explains the changes"
+NOT_NEEDED = "Nothing to enter: the machine is calibrated within U"
 # Kind of data, or of file → what one entry is, and of what.
 _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.READINGS: ("reading", ""),
@@ -66,6 +76,20 @@ class Case:
     def title_of(self, id: str) -> str:
         """What a cause is called at such a machine."""
         return CAUSES[id].words(self.machine).title
+
+    def says(self, reason: Reason) -> str:
+        """The sentence for a reason, in the words of this kind of machine."""
+        return sentence(reason, self.machine)
+
+    def data(self) -> dict[str, object]:
+        """The answer as `--json` prints it."""
+        return self.answer.model_dump(mode="json", context=self.says)
+
+    @property
+    def others(self) -> "tuple[Case, ...]":
+        """The other data of the same file with their answers."""
+        pairs = zip(self.given.others, self.answer.others, strict=False)
+        return tuple(Case(given, answer, self.machine_file) for given, answer in pairs)
 
     @property
     def unit(self) -> str:
@@ -124,7 +148,7 @@ class Case:
         """What to do instead of entering the parameters; with `verb` only what it is typed for."""
         for each in self.answer.release.remedies:
             if verb in (None, each.verb):
-                yield doc.Instruction(each.sentence, self.remedied(each))
+                yield doc.Instruction(self.says(each.sentence), self.remedied(each))
 
     @property
     def verify(self) -> str:
@@ -132,7 +156,7 @@ class Case:
 
         With what was entered, where no machine file can tell.
         """
-        unknown = not self.machine.keeps_itself and recording(self.given) == "nowhere"
+        unknown = recording(self.given) == "nowhere"
         digits = self.answer.decimals
         changes = " ".join(plain(each.change(digits), digits) for each in self.answer.parameters)
         return self.typed("verify", f"--applied {changes}" if unknown else "", other="AFTER")
@@ -161,19 +185,39 @@ class Case:
         return self.typed("export", "--format table") if known and self.answer.remains else None
 
 
+def decision_tone(answer: Answer) -> doc.Tone:
+    """Mark and colour of a decision, the same on every screen and page."""
+    release = answer.release
+    if release.usable:
+        return doc.Tone.WARN if release.cautions else doc.Tone.GOOD
+    undecided = release.sound and answer.verdict is Verdict.AMBIGUOUS
+    return doc.Tone.OPEN if undecided else doc.Tone.BAD
+
+
 def decision_notice(case: Case) -> doc.Notice:
     """The decision and what it rests on."""
     answer, release, many = case.answer, case.answer.release, case.words.many
-    tone, title = doc.Tone.BAD, f"Do not enter any of these {many}"
-    lines = release.reasons
+    title, reasons = f"Do not enter these {many}", release.reasons
     if not answer.parameters:
         title = "There is no result"
     elif release.usable:
-        care = ", with care" if release.cautions else ""
-        title = SETTLED if release.settled else f"The {many} may be entered{care}"
-        tone = doc.Tone.WARN if release.cautions else doc.Tone.GOOD
-        lines = release.cautions or (answer.judgement,)
-    return doc.Notice(tone, title, lines, case.about)
+        reasons = release.cautions or tuple(filter(None, [answer.judgement]))
+        title = f"The {many} may be entered{', with care' if release.cautions else ''}"
+    lines = [case.says(reason) for reason in reasons]
+    if release.settled:
+        judged = answer.judgement
+        unusual = [judged] if judged and judged.code == "residuals_unusual" else []
+        said = map(case.says, (*unusual, *release.cautions))
+        title, lines = NOT_NEEDED, [change_words(case), *said]
+    return doc.Notice(decision_tone(answer), title, tuple(lines), case.about)
+
+
+def change_words(case: Case) -> str:
+    """How little there would be to enter, in one sentence."""
+    known = [(each.found or 0.0, each.expanded, each.unit) for each in case.answer.parameters]
+    value, expanded, unit = max(known, key=lambda row: abs(row[0]) / row[1])
+    size = f"{with_uncertainty(value, expanded)} {unit_words(unit)}"
+    return f"Largest change {size}; the differences would not become smaller."
 
 
 def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
@@ -181,9 +225,6 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
     release, verdict = case.answer.release, case.answer.verdict
     causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     if release.settled:
-        yield doc.Instruction(
-            "Enter nothing: another calibration gives other values, but no better ones."
-        )
         yield doc.Instruction("See which readings would show more", case.typed("plan"))
     elif release.usable:
         yield from _entering(case, brief)
@@ -197,15 +238,16 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     words, check, excerpt = case.words, case.answer.check, case.source.excerpt
     format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
     export = case.typed("export", f"--format {format}")
-    if recording(case.given) == "done":
+    recorded = recording(case.given)
+    if recorded == "done":
         yield doc.Instruction(
             f"According to the machine file the {words.many} are entered. {words.restart}"
         )
     elif case.record is not None:
         yield doc.Instruction(f"{words.entering}, then", case.record)
     else:
-        yield doc.Instruction(f"{words.entering}.", export if case.machine.keeps_itself else None)
-    if not (brief or case.machine.keeps_itself):
+        yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
+    if not brief and recorded != "elsewhere":
         yield doc.Instruction("The same as lines of the controller's own file", export)
     if check is not None:
         yield doc.Instruction(check_words(check))
@@ -319,15 +361,8 @@ def signed_page(
 
 
 def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
-    """The verdict with what a reader has to know before relying on it: never green then."""
-    if not reservations:
-        return notice
-    good = notice.tone is doc.Tone.GOOD
-    return doc.Notice(
-        doc.Tone.WARN if good else notice.tone,
-        f"{notice.title}, with a reservation" if good else notice.title,
-        (*notice.lines, *map(doc.Doubtful, reservations)),
-    )
+    """The verdict with what a reader has to know before relying on it."""
+    return replace(notice, lines=(*notice.lines, *map(doc.Doubtful, reservations)))
 
 
 def _conditions(

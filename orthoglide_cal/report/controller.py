@@ -19,24 +19,19 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import file_words, visible
 from orthoglide_cal.files.probe_readings import USUAL_ANGLES_DEG
 from orthoglide_cal.files.table import csv_text
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation
-from orthoglide_cal.report.case import SETTLED, Case, check_words
+from orthoglide_cal.report.case import NOT_NEEDED, Case, check_words
 from orthoglide_cal.report.documents.solution import common_unit
 from orthoglide_cal.results import Identity
 from orthoglide_cal.words import coverage_words, plain, two_figures, typed
 
 _DECIMALS = 4  # of a table and of a firmware: tenths of a micrometre
-# Accepted causes that are in the lines of a firmware, all others are not.
-_ENTERED = frozenset(("leg_length",))
-_ELSEWHERE = {
-    "bed_shape": "a bed mesh follows it; make a new one",
-    "encoder_scale": "correct the steps per millimetre of each tower",
-}
 
 
 def _around(
@@ -53,9 +48,9 @@ def _around(
         f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}",
         f"From {file_words(case.source.path)}, SHA-256 {case.source.sha256}",
         *(["FORCED: this result must not be used."] if release.reasons else []),
-        *release.reasons,
-        *([f"Note: {SETTLED}."] if release.settled else []),
-        *(f"Note: {line}" for line in release.cautions),
+        *map(case.says, release.reasons),
+        *([f"Note: {NOT_NEEDED}."] if release.settled else []),
+        *(f"Note: {case.says(caution)}" for caution in release.cautions),
         *remarks,
     ]
     after = [f"After entering: {case.words.restart[0].lower()}{case.words.restart[1:]}"]
@@ -87,15 +82,8 @@ def as_text(case: Case, identity: Identity) -> str:
         f" uncertainty, {coverage_words(answer.k or 0.0)}, {100 * answer.confidence:.0f} %)",
         *("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows),
         "",
+        *case.machine.home_words({p.name: p.change(digits) for p in answer.parameters}, digits),
     ]
-    if not case.machine.keeps_itself:
-        says = case.machine.home_mm
-        lines.append("At the isotropic posture, as the controller is set now:")
-        for each in answer.parameters:
-            truly = plain(says + each.change(digits), digits)
-            said = f"{each.name}: the controller says {plain(says, digits)} mm, truly {truly} mm"
-            lines.append(said)
-        lines.append("")
     return _around(case, identity, lines)
 
 
@@ -143,7 +131,7 @@ def told(case: Case) -> LinearDelta:
     nominal = np.array(machine.arm_length_mm)
     arms = nominal.copy()
     for effect in model.accepted:
-        if effect.cause.id in _ENTERED:
+        if effect.cause.id in machine.fixed_parameters:
             arms += effect.theta
     # The carriages stay where they are; longer arms let the nozzle down.
     lower = np.sqrt(arms**2 - radius**2) - np.sqrt(nominal**2 - radius**2)
@@ -253,9 +241,8 @@ def _left_out(name: str, case: Case) -> Iterator[str]:
         " shape of the bed is left to its mesh."
     )
     for id in dict.fromkeys(cause.id for cause in case.known):
-        if id not in _ENTERED:
-            nowhere = "it has no setting for that: correct the fault"
-            yield f"Not in these lines: {id}; {_ELSEWHERE.get(id, nowhere)}."
+        if id not in case.machine.fixed_parameters:
+            yield f"Not in these lines: {id}; {CAUSES[id].words(case.machine).no_setting}."
     unknown = [each.name for each in case.answer.parameters if not each.determined]
     if unknown:
         yield f"Left as they are, because these readings do not tell: {', '.join(unknown)}."

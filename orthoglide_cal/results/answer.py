@@ -7,9 +7,12 @@ the parameters has one entry for each of `parameters`, in their order.
 from collections.abc import Mapping
 from typing import Literal, Self
 
-from pydantic import Field
+from pydantic import Field, computed_field
 
-from orthoglide_cal.diagnosis import (
+from orthoglide_cal.estimation import PromisedDifference
+from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
+from orthoglide_cal.files.input import Input
+from orthoglide_cal.inference import (
     AssumedSize,
     Baselines,
     Explanation,
@@ -21,13 +24,10 @@ from orthoglide_cal.diagnosis import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.diagnosis.candidates import Ids
-from orthoglide_cal.estimation import PromisedDifference
-from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.validity import Validity
-from orthoglide_cal.schema import Schema
+from orthoglide_cal.schema import Schema, Sentence
 
 
 class InputFile(Schema):
@@ -61,7 +61,7 @@ class Remedy(Schema):
     `sentence` ends with a colon where a command about the same file follows: `verb`, `options`.
     """
 
-    sentence: str
+    sentence: Sentence
     verb: str | None = None
     options: str = ""
 
@@ -69,16 +69,28 @@ class Remedy(Schema):
 class Release(Schema):
     """May the parameters be entered in the controller?"""
 
-    reasons: tuple[str, ...] = Field((), description="why not; empty if they may be")
-    cautions: tuple[str, ...] = Field((), description="what to know although they may be")
+    reasons: tuple[Sentence, ...] = Field((), description="why not; empty if they may be")
+    cautions: tuple[Sentence, ...] = Field((), description="what to know although they may be")
     remedies: tuple[Remedy, ...] = Field((), description="what to do instead")
     sound: bool = Field(True, description="false: no parameters, or they fail their own check")
-    usable: bool = Field(
-        default_factory=lambda known: not known["reasons"], description="they may be entered"
+    needed: bool = Field(
+        True, description="false: entering nothing loses least, the controller keeps what it has"
     )
-    settled: bool = Field(
-        False, description="noise explains the changes: the controller keeps what it has"
-    )
+
+    @computed_field(description="they may be entered")
+    @property
+    def usable(self) -> bool:
+        return not self.reasons
+
+    @computed_field(description="usable, and not needed")
+    @property
+    def settled(self) -> bool:
+        return self.usable and not self.needed
+
+    @computed_field(description="of the reasons, then of the cautions")
+    @property
+    def codes(self) -> tuple[str, ...]:
+        return tuple(reason.code for reason in (*self.reasons, *self.cautions))
 
 
 class Parameter(Schema):
@@ -129,7 +141,9 @@ class Noise(Schema):
     stated_mm: float = Field(description="as the machine file states it")
     floor_mm: float = Field(description="resolution / √12")
     dof: int = Field(description="degrees of freedom of the residuals")
-    p_value: float | None = Field(description="of a larger residual from stated noise alone")
+    p_value: float | None = Field(
+        description="of a larger residual from noise and local shape as stated"
+    )
 
 
 class Spread(Schema):
@@ -217,7 +231,7 @@ class Answer(Schema):
     machine: MachineName
     method: str | None = Field(None, description="null: there is no result")
     verdict: Verdict | None = Field(None, description="null: these data cannot be diagnosed")
-    judgement: str = Field("", description="are the residuals what noise would give?")
+    judgement: Sentence | None = Field(None, description="are the residuals what noise would give?")
     explanations: tuple[Explanation, ...] = Field((), description="those not dismissed, best first")
     release: Release
     validity: Validity
@@ -264,8 +278,11 @@ class Answer(Schema):
     sensitivity: Mapping[Literal["halved", "doubled"], Otherwise] | None = Field(
         None, description="with all plausible sizes changed"
     )
-    warnings: tuple[str, ...] = Field((), description="about the data")
-    notes: tuple[str, ...] = Field((), description="cautions, and those of the diagnosis")
+    warnings: tuple[Sentence, ...] = Field((), description="about the data")
+    others: tuple["Answer", ...] = Field(
+        (), exclude=True, description="to the other data of the same file; `report` shows them"
+    )
+    notes: tuple[Sentence, ...] = Field((), description="cautions, and those of the diagnosis")
 
     @property
     def named(self) -> Ids:

@@ -1,7 +1,7 @@
 """What was entered in the controller, recorded in the machine file; and taken back."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -42,7 +42,7 @@ def apply(
     file: StoredMachine,
     at: datetime,
     controller: ControllerFile | None = None,
-    values: Mapping[str, float] | None = None,
+    values: Callable[[], Mapping[str, float]] = dict,
 ) -> Application:
     """Record the parameters of an answer as entered, and write them where that is wanted.
 
@@ -52,8 +52,8 @@ def apply(
         answer: to the input, released.
         file: of the machine that was measured.
         controller: the controller's file, if it is to be written.
-        values: parameter → what is to stand there, of a printer [mm, deg]; None for another
-            machine, whose controller's file adds.
+        values: gives what is to stand there, parameter → value [mm, deg], where the file does not
+            add.
 
     Raises:
         UsageError: the measurement is of another machine, or was applied before, or other
@@ -71,20 +71,20 @@ def apply(
     if given.recorded is not None:
         # Causes may have been accepted since; rails and legs are what they were.
         _check_same_machine(given.recorded, file, but=("identified",))
-    if not machine.keeps_itself:
+    adds = controller is None or controller.adds
+    if controller is not None and controller.format not in machine.controller_formats:
+        kind = "a LinuxCNC" if adds else "Klipper"
+        raise UsageError(
+            f"{controller.target} is of {kind} machine; {machine.name} is of kind {machine.kind}.",
+            "Name the file of its own controller.",
+        )
+    if adds:
         _check_recordable(given, file)
     written, data, decimals = None, b"", answer.decimals
     amounts = {each.name: each.change(decimals) for each in answer.parameters}
     if controller is not None:
-        if controller.adds is bool(machine.keeps_itself):
-            kind = "a LinuxCNC" if controller.adds else "Klipper"
-            raise UsageError(
-                f"{controller.target} is of {kind} machine; {machine.name} is of kind"
-                f" {machine.kind}.",
-                "Name the file of its own controller.",
-            )
         expected = {each.key: float(each.after) for each in known.values} if known else {}
-        if not controller.adds:
+        if not adds:
             stands = controller.settings
             expected |= {stands[each.name].key: each.active for each in answer.parameters}
         elif not known:
@@ -94,10 +94,10 @@ def apply(
                 f"{controller.target}: {differing} Somebody changed it since.",
                 "Restore it, or measure again with the present values.",
             )
-        written, data = controller.changed(values or amounts, decimals)
+        written, data = controller.changed(amounts if adds else values(), decimals)
     date = at.isoformat(timespec="milliseconds")
     entry = Entered(date=date, data_sha256=sha256, written=written)
-    if not machine.keeps_itself:
+    if adds:
         before = given.model.orthoglide.offsets_mm
         after = JointOffsets(*(each.new(decimals) for each in answer.parameters))
         entry = entry.changed(before=before, after=after)
@@ -105,10 +105,17 @@ def apply(
     return Application(file, entry, False, then, given.conditions, controller, data)
 
 
-def recording(given: Input) -> Literal["due", "done", "nowhere"]:
-    """Whether a machine file keeps what is entered in the controller after this measurement."""
+def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
+    """Whether a machine file keeps what is entered in the controller after this measurement.
+
+    Elsewhere: the controller itself does.
+    """
     file = given.keeper
-    if file is None or given.model.machine.keeps_itself:
+    try:
+        given.model.machine.check_recorded()
+    except UsageError:
+        return "elsewhere"
+    if file is None:
         return "nowhere"
     if file.model.machine.entered_from(given.measured.source.sha256):
         return "done"

@@ -20,18 +20,6 @@ from itertools import chain
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import (
-    Diagnosis,
-    Explanation,
-    FoundCause,
-    NextMeasurement,
-    UnshownFault,
-    Verdict,
-    diagnose,
-    nothing_wrong,
-)
-from orthoglide_cal.diagnosis.assess import DISMISSED
-from orthoglide_cal.diagnosis.result import WORTH_SAYING, estimated
 from orthoglide_cal.errors import PostureError, UnusableResultError
 from orthoglide_cal.estimation import (
     OffsetEstimate,
@@ -51,6 +39,19 @@ from orthoglide_cal.estimation.accuracy import (
 )
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
 from orthoglide_cal.files.input import Input
+from orthoglide_cal.inference import (
+    Diagnosis,
+    Explanation,
+    FoundCause,
+    NextMeasurement,
+    UnshownFault,
+    Verdict,
+    diagnose,
+    nothing_wrong,
+)
+from orthoglide_cal.inference.data import unit_of
+from orthoglide_cal.inference.decision import DISMISSED
+from orthoglide_cal.inference.result import WORTH_SAYING, estimated
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -59,7 +60,8 @@ from orthoglide_cal.model.workspace import Workspace, workspace_error
 from orthoglide_cal.results import answer as schema
 from orthoglide_cal.results.answer import Release, Remedy
 from orthoglide_cal.results.validity import validity
-from orthoglide_cal.words import counted, entered_decimals, percent, two_figures
+from orthoglide_cal.schema import Reason
+from orthoglide_cal.words import entered_decimals
 
 # Beyond this Student's t is the normal distribution to two decimals.
 NORMAL_DOF = 500.0
@@ -97,7 +99,7 @@ def answer_to(
         holdout: file of the readings that the diagnosis predicted; None for those left out.
         details: also what only details, JSON and pages show: how the answer depends on plausible
             sizes, the tool's error over the workspace, and the residuals if nothing is wrong.
-        promised: also what will be measured after the parameters are entered.
+        promised: also what would be measured after parameters are entered that must not be.
 
     Raises:
         UsageError, InputError: as `solve`. A result that must not be used raises nothing: the
@@ -115,9 +117,12 @@ def answer_to(
     try:
         solution = solve(measured, model, method, diagnosis.alone_mm if diagnosis else None)
     except UnusableResultError as error:
-        remedies = (Remedy(sentence=error.remedy),) if error.remedy else ()
-        refused = Release(reasons=(error.what,), remedies=remedies, sound=False)
+        remedy = (Remedy(sentence=Reason.of("do", what=error.remedy)),) if error.remedy else ()
+        reason = Reason.of("refused", what=error.what)
+        refused = Release(reasons=(reason,), remedies=remedy, sound=False)
         return schema.Answer(input=file, machine=name, release=refused, validity=conditions)
+    if diagnosis is not None and method is None:
+        diagnosis = _one_fit(solution, diagnosis)
     following = None
     if diagnosis is not None and diagnosis.undecided:
         # Planning takes long to load, and has nothing to say where all is decided.
@@ -127,9 +132,7 @@ def answer_to(
     decision = release(solution, diagnosis, following)
     kept = given.conditions.questioned if given.is_session else ()
     if kept and diagnosis and diagnosis.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED):
-        few = len(kept) <= 3  # to say why
-        listed = ", ".join(f"r {step} ({why})" if few else f"r {step}" for step, why in kept)
-        again = f"Retake what was questioned and kept: {listed}:"
+        again = Reason.of("retake", kept=kept)
         retake = Remedy(sentence=again, verb="measure", options="--resume")
         decision = decision.changed(remedies=(retake, *decision.remedies))
     alone, found = _alone(given, solution, diagnosis), None
@@ -137,21 +140,40 @@ def answer_to(
         found = _as_diagnosed(given, solution, diagnosis)
     named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED
     chosen = found or alone
-    known = found.budget if found else solution.budget
     budget, std = chosen.budget, chosen.budget.std_mm
-    decision = decision.changed(settled=decision.usable and _settled(model, chosen, known))
     decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
-    parameters = tuple(_parameters(model, chosen, decimals, enter=decision.usable))
-    entered = np.array([each.change(decimals) for each in parameters])
-    right = diagnosis.put_right if diagnosis else None
-    rows = promise(measured, chosen.real, entered, chosen.noise, right) if promised else ()
-    after = solution.rms_after_mm
-    if diagnosis is not None and named and found is not None:
-        after = rms(measured.weight * (measured.value - diagnosis.explained_mm))
+    parameters = tuple(_parameters(model, chosen))
+    others = tuple(answer_to(other, method, details=details) for other in given.others)
     if decision.usable:
+        decision = _with_others(decision, parameters, others)
+    right = diagnosis.put_right if diagnosis else None
+
+    def promised_after(change: Floats) -> tuple[PromisedDifference, ...]:
+        return promise(measured, chosen.real, change, chosen.noise, right)
+
+    change = np.array([parameter.change(decimals) for parameter in parameters])
+    rows: tuple[PromisedDifference, ...] = ()
+    known = found.budget if found else solution.budget
+    if decision.usable and _within_noise(model, chosen, known):
+        # What would change then; the differences become no smaller where U allows for all of it.
+        rows = promised_after(change)
+        gain = sum((row.measured_mm - row.expected_mm) ** 2 for row in rows)
+        if gain <= sum(row.expanded_mm**2 for row in rows):
+            decision, change, rows = decision.changed(needed=False), 0.0 * change, ()
+    if not rows and (promised or decision.usable):
+        rows = promised_after(change)
+    if decision.usable:
+        parameters = tuple(
+            each.changed(enter=each.new(decimals) if decision.needed else each.active)
+            for each in parameters
+        )
         left = remainder(rows, chosen.real.model)
-        if left:
-            decision = decision.changed(cautions=(left, *decision.cautions))
+        cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
+        decision = decision.changed(cautions=cautions)
+    # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
+    left_mm = solution.at(chosen.values).rms_after_mm if found else solution.rms_after_mm
+    if diagnosis is not None and named and found:
+        left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
     shift = np.abs(alone.values - chosen.values)
     lines, total = budget_lines(budget)
     correlation = budget.covariance_mm2 / np.outer(std, std)
@@ -170,14 +192,14 @@ def answer_to(
         correlation=tuple(map(tuple, correlation.tolist())),
         sigma_rho_mm=rms(std) if set(machine.parameter_units) == {"mm"} else None,
         alone=schema.Alone(
-            parameters=tuple(_parameters(model, alone, decimals, enter=False)),
+            parameters=tuple(_parameters(model, alone)),
             rms_after_mm=solution.rms_after_mm,
             wrong_by=float(shift.max()),
             unit=machine.parameter_units[int(np.argmax(shift))],
         )
         if named and found is not None
         else None,
-        rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=after),
+        rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
         noise=schema.Noise(
             used_mm=chosen.noise.sigma_mm,
             repeats_mm=solution.sigma_repeats_mm,
@@ -196,12 +218,13 @@ def answer_to(
         converged=solution.converged,
         residuals=tuple(_residuals(measured, solution, diagnosis)) if details or found else (),
         undetermined=tuple(_undetermined(model, parameters)),
-        check=_check(given, solution, rows, budget.k),
+        check=_check(given, solution, rows, budget.k) if decision.needed else None,
         ruled_out=model.ruled_out,
         workspace=_workspace(chosen, model) if details else None,
         holdout=holdout,
         warnings=solution.warnings,
         notes=decision.cautions,
+        others=others,
     )
     if diagnosis is None:
         return found_alone
@@ -233,7 +256,7 @@ def with_dates(
         dates.append(
             schema.OfDate(
                 path=each.measured.source.path,
-                parameters=tuple(_parameters(model, found, answer.decimals, enter=False)),
+                parameters=tuple(_parameters(model, found)),
             )
         )
     return answer.changed(inputs=tuple(map(schema.InputFile.of, inputs)), dates=tuple(dates))
@@ -276,47 +299,93 @@ def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
     )
 
 
-def _settled(model: Model, found: _Found, known: Budget) -> bool:
-    """Whether the controller has the parameters already, as well as the readings know them.
+def _within_noise(model: Model, found: _Found, known: Budget) -> bool:
+    """True if the controller has the parameters already, as well as the readings know them.
 
-    No change exceeds what noise and a local shape make of it, nor do all together (χ²): what else
-    may be wrong, and what is taken as the controller has it, would be the same again. Never of
-    joint offsets, which are stated as an excess.
+    No change exceeds its U, nor all together what noise and a local shape make of them (χ²): what
+    else may be wrong, and what is taken as the controller has it, would be the same again.
     """
-    if not model.machine.may_be_settled:
-        return False
     if any(effect.cause.compensable for effect in model.accepted):
         return False  # it is to be entered, too
-    budget, change = known.without(model.machine.fixed_parameters), found.values
-    if np.any(np.abs(change) > budget.expanded_mm):
+    if np.any(np.abs(found.values) > found.budget.expanded_mm):
         return False
+    budget, change = known.without(model.machine.fixed_parameters), found.values
     apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
     widened = budget.k / half_width(np.inf)
     return chance_of_residual(apart, len(change), widened) >= 1.0 - CONFIDENCE
 
 
-def remainder(promised: Sequence[PromisedDifference], model: Model) -> str | None:
-    """What offsets do not remove, in a sentence; None where nothing but noise is left."""
+def _with_others(
+    decision: Release, parameters: Sequence[schema.Parameter], others: Iterable[schema.Answer]
+) -> Release:
+    """The release of parameters, knowing what the other data of the same file say.
+
+    They hold the release only where their parameters contradict these beyond U, and belong to the
+    same settings.
+    """
+    reasons, cautions, remedies = [], [], []
+    for other in others:
+        pairs = zip(parameters, other.parameters, strict=False)
+        apart = [
+            (one.name, abs(one.found - its.found), one.unit)
+            for one, its in pairs
+            if one.found is not None and its.found is not None
+            if abs(one.found - its.found) > math.hypot(one.expanded, its.expanded)
+        ]
+        data = other.input.data
+        stale = any(each.code == "stale_mesh" for each in other.validity.reservations)
+        if apart and not stale:
+            reasons.append(Reason.of("other_data_contradict", data=data, apart=apart))
+            remedies.append(Remedy(sentence=Reason.of("probe_both")))
+        elif apart or not other.release.usable:
+            ids = tuple(cause.id for cause in other.causes)
+            cautions.append(Reason.of("other_data", data=data, verdict=other.verdict, ids=ids))
+    if reasons:
+        return Release(reasons=tuple(reasons), remedies=tuple(remedies))
+    return decision.changed(cautions=(*decision.cautions, *cautions))
+
+
+def _one_fit(solution: Solution, diagnosis: Diagnosis) -> Diagnosis:
+    """The diagnosis with what the offsets alone leave as the solution has it: one fit, one number.
+
+    The two search for the same optimum, and end within their tolerances of it. But of touches of a
+    bed the diagnosis judges with a local shape as large as it is found, the solution as stated.
+    """
+    lack, left = diagnosis.lack_of_fit, solution.rms_after_mm
+    dof, size = solution.dof, solution.sigma_residuals_mm or 0.0
+    expected = lack.expected_mm * (left / lack.left_mm if lack.left_mm else 1.0)
+    fields: dict[str, object] = {"left_mm": left, "expected_mm": expected}
+    measured = diagnosis.measured
+    if isinstance(measured, Differences) or not measured.plan.touches.any():
+        p_value = solution.lack_of_fit_p
+        # The fit takes a part of the noise away, too.
+        fields["expected_mm"] = left * lack.noise_mm / size if size else lack.noise_mm
+        fields |= {"p_value": 1.0 if p_value is None else p_value, "residual_mm": size, "dof": dof}
+        fields["statistic"] = dof * size**2 / lack.noise_mm**2
+    before = left * unit_of(diagnosis.effects)
+    causes = tuple(cause.changed(rms_before_mm=before) for cause in diagnosis.causes)
+    return replace(diagnosis, lack_of_fit=lack.changed(**fields), causes=causes)
+
+
+def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | None:
+    """What offsets do not remove; None where nothing but noise is left."""
     if not stays(promised):
         return None
-    left = two_figures(rms(np.array([row.expected_mm for row in promised])))
-    causes = " and ".join(effect.cause.id for effect in model.accepted)
-    return f"Offsets do not remove {causes or 'this'}: {left} mm r.m.s. will remain."
+    left = rms(np.array([row.expected_mm for row in promised]))
+    ids = [effect.cause.id for effect in model.accepted]
+    return Reason.of("remains", ids=ids, left_mm=left)
 
 
-def _parameters(
-    model: Model, found: _Found, decimals: int, enter: bool
-) -> Iterator[schema.Parameter]:
+def _parameters(model: Model, found: _Found) -> Iterator[schema.Parameter]:
     machine, budget = model.machine, found.budget
     known = zip(found.values.tolist(), determined(model, budget.expanded_mm), strict=True)
     values = [value if sure else None for value, sure in known]
     columns = machine.parameter_names, machine.parameter_units, machine.active, values
     rows = zip(*columns, budget.std_mm.tolist(), budget.expanded_mm.tolist(), strict=True)
     for name, unit, active, value, std, expanded in rows:
-        one = schema.Parameter(
+        yield schema.Parameter(
             name=name, unit=unit, active=active, found=value, std=std, expanded=expanded
         )
-        yield one.changed(enter=one.new(decimals)) if enter else one
 
 
 def spread(values: Mapping[str, float]) -> schema.Spread:
@@ -333,8 +402,7 @@ def _residuals(
     with_causes: list[float | None] = [None] * len(measured)
     if diagnosis is not None and diagnosis.causes:
         with_causes = [*diagnosis.explained_mm.tolist()]
-    predicted = solution.predicted_mm if diagnosis is None else diagnosis.nominal_mm
-    values = zip(measured.value.tolist(), predicted.tolist(), with_causes, strict=True)
+    values = zip(measured.value.tolist(), solution.predicted_mm.tolist(), with_causes, strict=True)
     in_time = np.arange(len(measured))
     if not isinstance(measured, Differences):
         in_time = measured.plan.in_time
@@ -405,15 +473,10 @@ def _workspace(found: _Found, model: Model) -> Workspace | None:
 
 
 def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
-    """Rail x lies g_xy above rail y, along z: rail y rises by that, and so on."""
-    for gap in (each for cause in causes if cause.id == "axis_gap" for each in cause.parameters):
-        along = next(axis for axis in AXES if axis not in gap.name)
-        yield schema.Shim(
-            rail=gap.name[1],
-            along=f"{'-' if gap.value < 0.0 else '+'}{along}",
-            mm=abs(gap.value),
-            expanded_mm=gap.expanded,
-        )
+    for id, gap in ((cause.id, each) for cause in causes for each in cause.parameters):
+        if shim := CAUSES[id].shim(gap.name, gap.value):
+            rail, along = shim
+            yield schema.Shim(rail=rail, along=along, mm=abs(gap.value), expanded_mm=gap.expanded)
 
 
 def _explanations(diagnosis: Diagnosis, solution: Solution, alone: _Found) -> Iterator[Explanation]:
@@ -447,25 +510,20 @@ def release(
         following: what would distinguish the explanations that it leaves open; None without.
     """
     failures = tuple(_failures(solution, diagnosis))
-    vocabulary = solution.model.machine.vocabulary
     if diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT:
         judged = Release()
     elif diagnosis.verdict is Verdict.NAMED:
         judged = _named(solution, diagnosis)
     elif diagnosis.verdict is Verdict.AMBIGUOUS:
-        judged = _ambiguous(solution, diagnosis, following)
+        judged = _ambiguous(diagnosis, following)
     elif failures:
         # What the check found is the explanation.
         judged = Release()
     else:
-        usual = " of usual size" if diagnosis.beyond_tolerance else ""
-        lack = diagnosis.lack_of_fit
-        reason = (
-            f"No listed cause{usual} explains these data: they leave {lack.left_mm:.3f} mm r.m.s.,"
-            f" where the {vocabulary.noise}'s noise{vocabulary.also} would leave"
-            f" {lack.expected_mm:.3f} mm."
-        )
-        judged = Release(reasons=(reason,), remedies=(Remedy(sentence=vocabulary.again),))
+        lack, beyond = diagnosis.lack_of_fit, bool(diagnosis.beyond_tolerance)
+        sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
+        reason = Reason.of("unexplained", beyond=beyond, **sizes)
+        judged = Release(reasons=(reason,), remedies=(Remedy(sentence=Reason.of("again")),))
     if not failures:
         more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
         return judged.changed(cautions=(*judged.cautions, *more))
@@ -476,14 +534,11 @@ def release(
     )
 
 
-def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[str]:
+def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[Reason]:
     """What to know of offsets that are released."""
     rough = 1.0 if diagnosis is None else diagnosis.left_open[0][1].scale_factor
     if solution.suspicious and rough > 1.0:
-        yield (
-            f"The bed's local shape is about {rough:.1f} times as large as is stated or usual, and"
-            " U does not cover all of that. State it as texture_mm of the probe."
-        )
+        yield Reason.of("local_shape", factor=rough)
     elif not solution.dof or (
         solution.suspicious and (diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT)
     ):
@@ -492,102 +547,76 @@ def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[str]:
         yield solution.judgement
 
 
-def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[str, Remedy]]:
+def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[Reason, Remedy]]:
     """What the solution's own check has against it, each with what to do."""
-    machine, vocabulary = solution.model.machine, solution.model.machine.vocabulary
+    machine, more = solution.model.machine, Remedy(sentence=Reason.of("more_readings"))
     if not solution.converged:
-        what = f"The search for the {vocabulary.many} did not converge."
-        yield what, Remedy(sentence="Check the file:", verb="validate")
+        check = Remedy(sentence=Reason.of("validate"), verb="validate")
+        yield Reason.of("not_converged"), check
         return
     columns = machine.parameter_names, machine.parameter_units, solution.offsets_mm.tolist()
     parameters = zip(*columns, machine.plausible, strict=True)
     beyond = [each for each in parameters if abs(each[2]) > each[3]]
     if beyond:
-        listed = ", ".join(f"{name} {value:+.1f} {unit}" for name, unit, value, _ in beyond)
-        limit = ", ".join(dict.fromkeys(f"{most:g} {unit}" for _, unit, _, most in beyond))
-        why = vocabulary.beyond.format(limit=limit)
-        yield f"{vocabulary.one.capitalize()} {listed}: {why}", Remedy(sentence=vocabulary.recheck)
+        yield Reason.of("implausible", values=beyond), Remedy(sentence=Reason.of("recheck"))
     pairs = zip(machine.parameter_names, solution.determined, strict=True)
-    open_ = [name for name, known in pairs if not known]
-    if open_:
-        yield (
-            f"These readings do not determine {', '.join(open_)}: they add nothing to what is"
-            " known without them.",
-            Remedy(sentence=vocabulary.more),
-        )
+    names = [name for name, known in pairs if not known]
+    if names:
+        yield Reason.of("undetermined", names=names), more
     for doubt in solution.doubts:
-        yield doubt.what, Remedy(sentence=doubt.remedy)
+        remedy = Remedy(sentence=Reason.of("do", what=doubt.remedy))
+        yield Reason.of("gauge_doubt", what=doubt.what), remedy
     if diagnosis is None and solution.suspicious:
-        yield solution.judgement, Remedy(sentence=vocabulary.more)
+        yield solution.judgement, more
 
 
-def _ambiguous(
-    solution: Solution, diagnosis: Diagnosis, following: NextMeasurement | None
-) -> Release:
-    vocabulary = solution.model.machine.vocabulary
-    answer = " with ".join(cause.id for cause in diagnosis.causes) or "a cause"
-    open_ = [answer, *map(" with ".join, diagnosis.rivals[:1])]
-    if len(diagnosis.rivals) > 1:
-        open_.append(counted(len(diagnosis.rivals) - 1, "other"))
-    either = " or ".join(filter(None, (", ".join(open_[:-1]), open_[-1])))
-    sound = nothing_wrong(diagnosis.explanations) is not None
+def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
+    ids, sound = [cause.id for cause in diagnosis.causes], nothing_wrong(diagnosis.explanations)
     reasons = [
-        f"Something {'may be' if sound else 'is'} wrong besides the {vocabulary.many}: {either}."
-        f" These data do not distinguish {'them' if diagnosis.rivals else 'it'}"
-        f"{', nor from a sound machine' if sound else ''}."
+        Reason.of("undecided", ids=ids, rivals=diagnosis.rivals, sound=sound is not None),
     ]
-    advice = [cause.remedy for cause in diagnosis.causes] or [vocabulary.more]
+    advice = [*map(_advice, diagnosis.causes)] or [Reason.of("more_readings")]
     if following is not None:
-        advice = [following.what]
+        advice = [Reason.of("do", what=following.what)]
     if diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0:
-        reasons.append("With so few readings nearly anything fits.")
-        advice = [vocabulary.more]
-    remedies = tuple(Remedy(sentence=each) for each in dict.fromkeys(advice))
+        reasons.append(Reason.of("few_readings"))
+        advice = [Reason.of("more_readings")]
+    remedies = tuple(Remedy(sentence=reason) for reason in advice)
     return Release(reasons=tuple(reasons), remedies=remedies)
 
 
-def _to_check(diagnosis: Diagnosis, names: str, faults: Sequence[UnshownFault]) -> Release:
+def _advice(cause: FoundCause) -> Reason:
+    return Reason.of("advice", id=cause.id, where=cause.where)
+
+
+def _to_check(ids: Sequence[str], faults: Sequence[UnshownFault]) -> Release:
     """What these readings would not show must be looked at before anything is entered."""
-    machine, reasons, remedies = diagnosis.model.machine, [f"{names} was found."], []
+    reasons, remedies = [Reason.of("cause_found", ids=ids)], []
     for fault in faults:
-        title = CAUSES[fault.id].words(machine).title
-        where = f" ({fault.where})" if fault.where else ""
-        reasons.append(
-            f"If {title} as well{where}, which these readings would not show, the"
-            f" {machine.vocabulary.many} change by up to {fault.change:.3f} {fault.unit}."
-        )
-        look = f"Check whether {title}{where}. What shows it: {fault.check}. If all is in order,"
+        place = {"id": fault.id, "where": fault.where}
+        reasons.append(Reason.of("unshown_fault", **place, change=fault.change, unit=fault.unit))
         ruled_out = f"--rule-out {fault.id}"
-        remedies.append(Remedy(sentence=f"{look} say so:", verb="diagnose", options=ruled_out))
+        look = Reason.of("look", **place)
+        remedies.append(Remedy(sentence=look, verb="diagnose", options=ruled_out))
     return Release(reasons=tuple(reasons), remedies=tuple(remedies))
 
 
 def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
-    machine = solution.model.machine
-    one, many = machine.vocabulary.one, machine.vocabulary.many
-    ids = " and ".join(cause.id for cause in diagnosis.causes)
-    titles = " and ".join(CAUSES[cause.id].words(machine).title for cause in diagnosis.causes)
-    shift = np.abs(solution.offsets_mm - diagnosis.offsets_mm)
-    largest = f"{float(shift.max()):.3f} {machine.parameter_units[int(np.argmax(shift))]}"
+    ids, units = [cause.id for cause in diagnosis.causes], solution.model.machine.parameter_units
     check = [fault for fault in diagnosis.unshown if fault.matters]
     if check:
-        return _to_check(diagnosis, ids, check)
+        return _to_check(ids, check)
+    shift = np.abs(solution.offsets_mm - diagnosis.offsets_mm)
+    size = {"change": float(shift.max()), "unit": units[int(np.argmax(shift))]}
     if np.all(shift <= half_width(np.inf) * diagnosis.std_mm):
-        moves = "moves" if len(diagnosis.causes) == 1 else "move"
-        within = f"{ids} {moves} no {one} by more than {largest}, which is within U."
-        return Release(cautions=(within,))
+        return Release(cautions=(Reason.of("within_u", ids=ids, **size),))
+    probability, remedies = diagnosis.causes[0].probability, []
     # A slip in the record is looked for sooner than a machine is taken apart.
-    remedies = [
-        Remedy(
-            sentence=f"Correct it, or make {cause.id} part of the machine and use the new machine"
-            " file:",
-            verb="diagnose",
-            options=f"--accept {cause.id}",
-        )
-        if cause.recommended
-        else Remedy(sentence=cause.remedy)
-        for cause in sorted(diagnosis.causes, key=lambda cause: cause.in_machine)
-    ]
-    sure = f"{titles[0].upper()}{titles[1:]} ({ids}, {percent(diagnosis.causes[0].probability, 1)})"
-    reason = f"{sure}: {many} alone would be wrong by up to {largest}."
-    return Release(reasons=(reason,), remedies=tuple(dict.fromkeys(remedies)))
+    for cause in sorted(diagnosis.causes, key=lambda cause: cause.in_machine):
+        remedy = Remedy(sentence=_advice(cause))
+        if cause.recommended:
+            accept, option = Reason.of("accept", id=cause.id), f"--accept {cause.id}"
+            remedy = Remedy(sentence=accept, verb="diagnose", options=option)
+        remedies.append(remedy)
+    reason = Reason.of("offsets_wrong", ids=ids, probability=probability, **size)
+    return Release(reasons=(reason,), remedies=tuple(remedies))

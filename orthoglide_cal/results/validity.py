@@ -11,8 +11,7 @@ from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.schema import Schema
-from orthoglide_cal.words import plain
+from orthoglide_cal.schema import Reason, Schema, Sentence
 
 STEP_K = 2.0  # a change of temperature beyond this is said next to the verdict
 _MADE_UP = "simulated"
@@ -37,7 +36,12 @@ class Validity(Schema):
     temperature_start_c: float | None
     temperature_end_c: float | None
     simulated: bool
-    reservations: tuple[str, ...] = Field(description="what to know before relying on it")
+    reservations: tuple[Sentence, ...] = Field(description="what to know before relying on it")
+
+    @property
+    def cautions(self) -> tuple[Reason, ...]:
+        """The reservations that concern the result itself, not only its papers."""
+        return tuple(each for each in self.reservations if each.code != "not_recorded")
 
 
 def validity(given: Input) -> Validity:
@@ -70,44 +74,45 @@ def validity(given: Input) -> Validity:
     return found.changed(reservations=tuple(_reservations(given, found)))
 
 
-def _reservations(given: Input, found: Validity) -> Iterator[str]:
-    if found.simulated:
-        yield "Simulated: no machine was measured."
-    for gauge in found.gauges:
+def _reservations(given: Input, conditions: Validity) -> Iterator[Reason]:
+    if conditions.simulated:
+        yield Reason.of("simulated")
+    for gauge in conditions.gauges:
         if gauge.overdue:
-            yield f"Gauge {gauge.id} is overdue: its calibration was due on {gauge.due}."
+            yield Reason.of("overdue_gauge", id=gauge.id, due=gauge.due)
+    excerpt = given.measured.source.excerpt
+    if excerpt and excerpt.stale:
+        yield Reason.of("stale_mesh", text=excerpt.stale)
     known = given.conditions.temperatures_c
     if known and max(known) - min(known) > STEP_K:
-        yield f"The temperature changed by {plain(max(known) - min(known), 1)} K while measuring."
+        yield Reason.of("temperature_changed", kelvin=max(known) - min(known))
     stated = {
-        "date": found.measured,
-        "operator": found.operator,
-        "temperature": found.temperature_start_c is not None,
-        "gauges": found.gauges,
+        "date": conditions.measured,
+        "operator": conditions.operator,
+        "temperature": conditions.temperature_start_c is not None,
+        "gauges": conditions.gauges,
     }
     missing = [name for name in given.model.machine.noted if not stated[name]]
-    for gauge in found.gauges:
+    for gauge in conditions.gauges:
         if not gauge.certificate:
             missing.append(f"certificate of gauge {gauge.id}")
         if not gauge.due:
             missing.append(f"due date of gauge {gauge.id}")
-    if missing and not found.simulated:
-        yield f"Not recorded: {', '.join(missing)}."
+    if missing and not conditions.simulated:
+        yield Reason.of("not_recorded", missing=missing)
 
 
-def compared_reservations(before: Validity, after: Validity) -> tuple[str, ...]:
+def compare_reservations(before: Validity, after: Validity) -> Iterator[Reason]:
     """What to know of two measurements together: of each, and of both."""
-    said = []
-    for when, own, other in (("Before", before, after), ("After", after, before)):
-        for each in own.reservations:
-            both = each in other.reservations
-            if not both or own is before:
-                said.append(f"{'Before and after' if both else when}, {each[0].lower()}{each[1:]}")
-    used = [[gauge.id for gauge in each.gauges] for each in (before, after)]
-    if all(used) and set(used[0]) != set(used[1]):
-        said.append(
-            f"Other gauges were used: {', '.join(used[0])} before, {', '.join(used[1])} after."
-        )
+    for when, conditions, other in (("Before", before, after), ("After", after, before)):
+        for reason in conditions.reservations:
+            both = reason in other.reservations
+            if not both or conditions is before:
+                session = "Before and after" if both else when
+                yield Reason.of("of_session", when=session, reason=reason)
+    ids = [[gauge.id for gauge in each.gauges] for each in (before, after)]
+    if all(ids) and set(ids[0]) != set(ids[1]):
+        yield Reason.of("other_gauges", before=ids[0], after=ids[1])
     ends = [
         [each for each in (one.temperature_start_c, one.temperature_end_c) if each is not None]
         for one in (before, after)
@@ -115,9 +120,7 @@ def compared_reservations(before: Validity, after: Validity) -> tuple[str, ...]:
     if all(ends):
         first, second = (sum(each) / len(each) for each in ends)
         if abs(second - first) > STEP_K:
-            step = f"{plain(first, 1)} °C before, {plain(second, 1)} °C after"
-            said.append(f"The temperature differed: {step}.")
-    return tuple(said)
+            yield Reason.of("temperatures_differ", before_c=first, after_c=second)
 
 
 class Identity(Schema):

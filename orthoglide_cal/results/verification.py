@@ -1,11 +1,11 @@
 """Did the correction work as predicted? Two measurements and what was entered between them.
 
 Readings of gauges are compared in what both measurements determine. For raw readings
-y = C·m + Z·z + noise with cell means m (leg, direction, displacement, contact) and gauge zeros z,
-the information on m after eliminating z is I = Cᵀ(1 − P_Z)C. A contrast of m is compared if it lies
-in the range of I of both: missing readings, unequal repeats and moved stands then need no special
-case. Of differences, the named ones that both files hold are. The change c is then regressed on
-what the model predicts for the correction,
+y = C·m + A·c + Z·z + noise with cell means m (leg, direction, displacement, contact), their change
+c in the second one, and gauge zeros z, the information on c is I = Aᵀ(1 − P)A, P the projector onto
+C and Z. Compared are the contrasts of c in the range of I: missing readings, unequal repeats and
+moved stands then need no special case. Of differences, the named ones that both files hold are. The
+change is then regressed on what the model predicts for the correction,
 
     c = β·g(δ) + noise,  g(δ) = h(Δρ − δ) − h(Δρ)
 
@@ -16,34 +16,35 @@ A machine that probes itself has other places each time: what is compared is how
 scatter, and what is left of each parameter.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from itertools import permutations, product
 from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
+from scipy.linalg import block_diag
 from scipy.special import fdtrc
 
-from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
 from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, half_width, rms
-from orthoglide_cal.estimation.gaussian import whiten
+from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
+from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference.response import Behaviour, decide_response
 from orthoglide_cal.model.measured import DataKind, Measured, Readings, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly, joined
-from orthoglide_cal.model.readings import AXES, GaugePlan
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.answer import InputFile, Spread
 from orthoglide_cal.results.making import remainder, spread
-from orthoglide_cal.results.validity import Validity, compared_reservations, validity
-from orthoglide_cal.schema import Schema
+from orthoglide_cal.results.validity import Validity, compare_reservations, validity
+from orthoglide_cal.schema import Schema, Sentence
 
 RULE = (
     "Pass if |deviation| + U is within the limit for every difference; fail if |deviation| - U is"
@@ -53,28 +54,10 @@ RULE = (
 SMALLEST_MM, AS_FOUND = 1e-6, 1e-3
 # Entries of the machine file in which two sessions of one machine agree.
 SAME = ("kind", "leg_length_mm", "joint_limits_mm", "identified")
-# Eigenvalues of the information matrix below this are zero; real ones are 1/2 and more.
+# Eigenvalues of the information matrix below this are zero; real ones are 1/4 and more.
 NO_INFORMATION = 1e-9
-# Another sign or order of the axes is believed only at these odds against all others together.
-ODDS = 20.0
-# Confidence with which the response is called other than modelled.
-CERTAIN = 0.999
 # A promise is that of heights that are less than this share of those before.
 A_PROMISE = 0.95
-# Stands a millimetre off change what a gauge shows of an offset by up to this share of it.
-STANDS = 0.01
-
-
-class Behaviour(StrEnum):
-    """How the machine responded."""
-
-    AS_MODELLED = "as modelled"
-    OPPOSITE = "opposite sign"
-    EXCHANGED = "axes exchanged"
-    NO_RESPONSE = "no response"
-    OTHER_GAIN = "other gain"
-    PARTLY = "in part"
-    UNDETERMINED = "undetermined"
 
 
 class Outcome(StrEnum):
@@ -128,7 +111,7 @@ class AxisResponse(Schema):
     found_mm: float = Field(description="change that the readings show")
     ci95_mm: tuple[float, float]
     coefficient: Coefficient | None = Field(description="found / applied; null: nothing applied")
-    otherwise: bool = Field(description="something else than what was applied is certain")
+    otherwise: bool = Field(description="something else than what was applied is stated")
 
 
 class OtherChange(Schema):
@@ -152,7 +135,7 @@ class ComparedDifference(Schema):
     expanded_mm: float = Field(description="U of the value measured after")
 
 
-class Decision(Schema):
+class Conformity(Schema):
     """Conformity with a stated limit."""
 
     outcome: Outcome
@@ -179,7 +162,7 @@ class Verification(Schema):
     compared: int = Field(description="independent changes, or touches afterwards")
     kept: bool = Field(description="the correction worked as predicted")
     moved: bool = Field(False, description="worse than before, although nothing was entered")
-    reservations: tuple[str, ...] = Field(description="what to know before relying on it")
+    reservations: tuple[Sentence, ...] = Field(description="what to know before relying on it")
     rms_before_mm: float
     rms_promised_mm: float
     rms_after_mm: float
@@ -187,7 +170,7 @@ class Verification(Schema):
         default=None, description="of heights: what the parameters found afterwards would leave"
     )
     as_left: Spread | None = Field(default=None, description="of the differences afterwards")
-    remains: str | None = Field(
+    remains: Sentence | None = Field(
         default=None, description="what offsets do not remove; null: only noise is left"
     )
     parameters: dict[str, VerifiedParameter]
@@ -203,10 +186,15 @@ class Verification(Schema):
     other_change: OtherChange | None = None
     remaining_mm: dict[str, float] = Field(default_factory=dict)
     remaining_expanded_mm: dict[str, float] = Field(default_factory=dict)
-    decision: Decision | None = None
+    decision: Conformity | None = None
     workspace: Workspace | None = Field(
         default=None, description="of the machine as measured afterwards: its before_mm; reports"
     )
+
+    @property
+    def failed(self) -> bool:
+        """True if a deviation is beyond the limit."""
+        return self.decision is not None and self.decision.outcome is Outcome.FAIL
 
     @property
     def options(self) -> tuple[object, ...]:
@@ -234,10 +222,11 @@ def verify(
             that says nothing of such data, or the two have nothing in common.
         RankDeficientError, NotConvergedError: one of them does not determine the parameters.
     """
-    touches = [each.measured.of_bed for each in (before, after)]
-    if all(touches):
+    # Heights are compared where no differences can be made of what was read.
+    heights = [each.measured.kinds == (DataKind.READINGS,) for each in (before, after)]
+    if all(heights):
         return _of_touches(before, after, applied_mm, limit_mm)
-    if any(touches):
+    if any(heights):
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
     if limit_mm is not None and not 0.0 < limit_mm < np.inf:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
@@ -267,7 +256,7 @@ def verify(
     return Verification(
         **_common((before, after), (first, second), applied.tolist()),
         kind=shared.kind,
-        compared=len(shared.before),
+        compared=len(shared.change),
         kept=response["answer"] is Behaviour.AS_MODELLED,
         rms_before_mm=rms(np.array([row.before_mm for row in rows])),
         rms_promised_mm=rms(np.array([row.promised_mm for row in rows])),
@@ -283,7 +272,7 @@ def verify(
     )
 
 
-def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Decision:
+def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
     """Compare every deviation measured after the correction with the limit (ISO 14253-1)."""
     largest = max(rows, key=lambda row: abs(row.after_mm))
     outcome = Outcome.UNDECIDED
@@ -291,7 +280,7 @@ def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Decision:
         outcome = Outcome.FAIL
     elif all(abs(row.after_mm) + row.expanded_mm <= limit_mm for row in rows):
         outcome = Outcome.PASS
-    return Decision(
+    return Conformity(
         outcome=outcome,
         limit_mm=limit_mm,
         largest_mm=abs(largest.after_mm),
@@ -380,7 +369,7 @@ def _common(
         "before": before,
         "after": after,
         "machine": machine.name,
-        "reservations": compared_reservations(before.validity, after.validity),
+        "reservations": tuple(compare_reservations(before.validity, after.validity)),
         "parameters": dict(zip(machine.parameter_names, parameters, strict=True)),
     }
 
@@ -452,9 +441,8 @@ class SharedContrasts(ReadOnly):
 
     kind: DataKind  # contrasts of readings, or differences
     problem: Problem  # predicts them for given offsets
-    before: Floats  # measured, shape (k,) [mm]
-    after: Floats  # the same
-    covariance: Floats  # of after − before for unit variance of one reading, shape (k, k)
+    change: Floats  # after − before, measured, shape (k,) [mm]
+    covariance: Floats  # of it for unit variance of one reading, shape (k, k)
 
 
 def shared_contrasts(before: Measured, after: Measured, model: Model) -> SharedContrasts:
@@ -467,9 +455,9 @@ def shared_contrasts(before: Measured, after: Measured, model: Model) -> SharedC
         shared = _of_readings(before, after, model)
     else:
         shared = _of_differences(before, after, model)
-    if len(shared.before) < 4:
+    if len(shared.change) < 4:
         raise UsageError(
-            f"The two files share {len(shared.before)} quantities;"
+            f"The two files share {len(shared.change)} quantities;"
             " three offsets cannot be verified with so few.",
             "Measure the same postures with the same gauge directions before and after.",
         )
@@ -492,46 +480,36 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
     rows = [[each.which.index(one) for one in both] for each in posed]
     pairs = zip(posed, rows, strict=True)
     covariance = sum(each.problem.covariance()[np.ix_(own, own)] for each, own in pairs)
+    matrix = posed[0].problem.matrix
     return SharedContrasts(
         kind=kind,
-        problem=Problem(model, posed[0].problem.plan, posed[0].problem.matrix[rows[0]]),
-        before=posed[0].data[rows[0]],
-        after=posed[1].data[rows[1]],
+        problem=Problem(model, posed[0].problem.plan, np.eye(len(posed[0].data))[rows[0]] @ matrix),
+        change=posed[1].data[rows[1]] - posed[0].data[rows[0]],
         covariance=np.asarray(covariance),
     )
 
 
 def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContrasts:
     # Each session's machine as it was found: not what was read with something entered meanwhile.
-    whole = [GaugePlan.require(each.plan) for each in (before, after)]
-    plans = [plan.subset(plan.as_found) for plan in whole]
-    values = [before.value[whole[0].as_found], after.value[whole[1].as_found]]
+    plans = [each.plan.subset(each.plan.as_found) for each in (before, after)]
+    values = [each.value[each.plan.as_found] for each in (before, after)]
     both = joined(*plans)
     first, cell = both.distinct
-    inverses, estimates, unknown = [], [], []
-    owned, cells = np.split(cell, [len(plans[0])]), np.arange(len(first))
-    for plan, value, own in zip(plans, values, owned, strict=True):
-        design = (own[:, None] == cells).astype(np.float64)
-        free = design.T @ (np.eye(len(value)) - plan.zeros @ np.linalg.pinv(plan.zeros))
-        inverses.append(np.linalg.pinv(free @ design, rcond=NO_INFORMATION))
-        estimates.append(inverses[-1] @ (free @ value))
-        unknown.append(_null_space(free @ design))
-    missing = np.concatenate(unknown)
-    contrasts = _null_space(missing.T @ missing)
-    plan = replace(both.subset(first), setup=0 * cells, order=cells, hours=np.zeros(len(cells)))
+    cells = np.arange(len(first))
+    design = (cell[:, None] == cells).astype(np.float64)
+    later = (np.arange(len(both)) >= len(plans[0])).astype(np.float64)
+    unknown = np.hstack((design, block_diag(*(plan.zeros for plan in plans))))
+    seen = unexplained(unknown, later[:, None] * design)
+    information, axes = np.linalg.eigh(seen.T @ seen)
+    kept = information > NO_INFORMATION
+    contrasts, variance = np.ascontiguousarray(axes[:, kept].T), 1.0 / information[kept]
+    plan = both.subset(first).at_once()
     return SharedContrasts(
         kind=DataKind.READINGS,
         problem=Problem(model, plan, contrasts),
-        before=contrasts @ estimates[0],
-        after=contrasts @ estimates[1],
-        covariance=contrasts @ (inverses[0] + inverses[1]) @ contrasts.T,
+        change=variance * (contrasts @ (seen.T @ np.concatenate(values))),
+        covariance=np.diag(variance),
     )
-
-
-def _null_space(matrix: Floats) -> Floats:
-    """Orthonormal rows that span the null space of a symmetric matrix, shape (j, m)."""
-    values, vectors = np.linalg.eigh(matrix)
-    return np.ascontiguousarray(vectors[:, values < NO_INFORMATION].T)
 
 
 # --- how the machine responded ----------------------------------------------------------------
@@ -549,7 +527,7 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     gauge = problem.model.machine.instrument
     # Midway, where a linear model of the change is right to third order.
     jacobian = -problem.predict_with_jacobian(offsets - applied / 2.0)[1]
-    values = shared.after - shared.before, problem.change(offsets, applied), jacobian
+    values = shared.change, problem.change(offsets, applied), jacobian
     change, predicted, jacobian = whiten(shared.covariance, *values)
     dof, spare = len(change) - 1, len(change) - 3
     # Each joint, fitted together. No reading is known better than its gauge's resolution allows.
@@ -559,30 +537,35 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     left = float(residual @ residual)
     sigma = max(float(np.sqrt(left / spare)), gauge.rounding_mm)
     stds = (sigma * np.sqrt(np.diag(inverse @ inverse.T))).tolist()
+    answer, likeliest = decide_response(
+        found, inverse @ inverse.T, left, spare, gauge.noise_mm, applied
+    )
     axes = {}
-    for axis, size, value, std in zip(AXES, applied.tolist(), found.tolist(), stds, strict=True):
+    rows = zip(
+        AXES, applied.tolist(), found.tolist(), stds, likeliest.otherwise(applied), strict=True
+    )
+    for axis, size, value, std, otherwise in rows:
         reach = half_width(spare) * std
-        beyond = half_width(spare, CERTAIN) * float(np.hypot(std, STANDS * size))
         axes[axis] = AxisResponse(
             applied_mm=size,
             found_mm=value,
             ci95_mm=(value - reach, value + reach),
             coefficient=_coefficient(value / size, std / abs(size), spare) if size else None,
-            otherwise=abs(value - size) > beyond,
+            otherwise=otherwise,
         )
     beta = float(predicted @ change / (predicted @ predicted))
     residual = change - beta * predicted
     sigma = max(float(np.sqrt(residual @ residual / dof)), gauge.rounding_mm)
     response = _coefficient(beta, sigma / float(np.sqrt(predicted @ predicted)), dof)
-    acted_as = _better_order(change, jacobian, applied, gauge.noise_mm)
+    another = answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
     typical = float(np.sqrt(np.mean(np.diag(shared.covariance))))
     p_value = chance_of_residual(left, spare, gauge.noise_mm)
     return {
         "response": response,
         "response_dof": dof,
         "axes": axes,
-        "answer": _behaviour(response, dof, acted_as, applied, axes),
-        "acted_as_mm": None if acted_as is None else _by_axis(acted_as),
+        "answer": answer,
+        "acted_as_mm": _by_axis(likeliest.moved) if another else None,
         "other_change": OtherChange(
             rms_mm=typical * float(np.sqrt(left / spare)),
             noise_mm=typical * gauge.noise_mm,
@@ -596,53 +579,3 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
 def _coefficient(value: float, std: float, dof: int) -> Coefficient:
     low, high = value - half_width(dof) * std, value + half_width(dof) * std
     return Coefficient(value=value, std=std, ci95=(low, high), agrees=low <= 1.0 <= high)
-
-
-def _better_order(
-    change: Floats, jacobian: Floats, applied: Floats, noise_mm: float
-) -> Floats | None:
-    """The signed order of the applied offsets that explains the change clearly better.
-
-    Of those that explain it about as well as the best one, the simplest: everything with the
-    opposite sign, then axes exchanged with their signs kept, then any other.
-    """
-    # The first entry is what was applied.
-    hypotheses = [
-        (order, signs) for order in permutations(range(3)) for signs in product((1, -1), repeat=3)
-    ]
-    orders = np.array([np.array(signs) * applied[list(order)] for order, signs in hypotheses])
-    misfit = ((change - orders @ jacobian.T) ** 2).sum(axis=-1)
-    # Nobody knows these readings better than their noise: keeps the odds finite.
-    misfit = misfit + len(change) * noise_mm**2
-    behind = 0.5 * len(change) * np.log(misfit / misfit.min())
-    if behind[0] <= np.log(len(hypotheses) * ODDS):
-        return None
-
-    opposite = ((0, 1, 2), (-1, -1, -1))
-
-    def rank(k: int) -> tuple[bool, bool, float]:
-        return hypotheses[k] != opposite, set(hypotheses[k][1]) != {1}, float(behind[k])
-
-    likely: list[int] = np.flatnonzero(behind <= np.log(ODDS)).tolist()
-    return np.asarray(orders[min(likely, key=rank)])
-
-
-def _behaviour(
-    response: Coefficient,
-    dof: int,
-    acted_as: Floats | None,
-    applied: Floats,
-    axes: Mapping[str, AxisResponse],
-) -> Behaviour:
-    if acted_as is not None:
-        opposite = np.allclose(acted_as, -applied)
-        return Behaviour.OPPOSITE if opposite else Behaviour.EXCHANGED
-    others = [row.otherwise for row in axes.values()]
-    if any(others) and not all(others):
-        return Behaviour.PARTLY
-    # One healthy machine in twenty lies outside its 95 % interval; few enough outside this one.
-    reach = half_width(dof, CERTAIN) * response.std
-    moved, full = abs(response.value) > reach, abs(response.value - 1.0) <= reach
-    if full:
-        return Behaviour.AS_MODELLED if moved else Behaviour.UNDETERMINED
-    return Behaviour.OTHER_GAIN if moved else Behaviour.NO_RESPONSE

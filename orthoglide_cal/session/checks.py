@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orthoglide_cal.estimation.forecast import Prediction
+from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.gauge_doubts import off_scale, too_steady
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import AXES
@@ -52,17 +52,17 @@ class Blunder(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What speaks against a reading; batched over leading axes of the readings."""
+    """What speaks against a reading; of q readings at once, of as many sessions."""
 
-    prediction: Prediction  # from the readings before
-    tail: Floats  # chance of a reading at least this far off, shape (...)
+    prediction: Mixture  # of this one value, from the readings before
+    tail: Floats  # chance of a reading at least this far off, shape (q,)
     whole: tuple[Blunder, ...]  # blunders of whole legs that are worth a question
-    gains: Floats  # log likelihood ratios in favour of those, shape (..., len(whole))
+    gains: Floats  # log likelihood ratios in favour of those, shape (len(whole), q)
 
     @property
     def questioned(self) -> NDArray[np.bool_]:
-        """Whether a question is due, shape (...)."""
-        together = (self.gains > math.log(RATIO)).any(axis=-1)
+        """Whether a question is due, shape (q,)."""
+        together = (self.gains > math.log(RATIO)).any(axis=0)
         return np.asarray((self.tail < RARE) | together)
 
 
@@ -130,13 +130,13 @@ def check_reading(coming: NextReading, value: float) -> Question | None:
     """The question that a reading `value` [mm] raises after those before it; None if it fits."""
     if not coming.series:
         return None  # its zero is arbitrary: the first reading of a gauge can be anything
-    evidence = gather(coming, coming.so_far.value[coming.past], value)
-    if not evidence.questioned:
+    evidence = gather(coming, coming.so_far.value[coming.past][:, None], np.array([value]))
+    if not evidence.questioned.item():
         return None
-    if evidence.tail >= RARE:
+    if evidence.tail.item() >= RARE:
         best = evidence.whole[int(np.argmax(evidence.gains))].question
         return best._replace(text=f"the readings together would fit far better: {best.text}")
-    expected, std = float(evidence.prediction.mean), float(evidence.prediction.std)
+    expected, std = evidence.prediction.mean.item(), evidence.prediction.std.item()
     far = _how_far(coming, value, expected, std)
     found = [
         (chance, question)
@@ -160,24 +160,24 @@ def check_reading(coming: NextReading, value: float) -> Question | None:
     return likely._replace(text=text)
 
 
-def gather(coming: NextReading, known: Floats, value: Floats | float) -> Evidence:
-    """Weigh a new reading (...) against those `known` at `coming.past`, shape (..., k) [mm]."""
+def gather(coming: NextReading, known: Floats, value: Floats) -> Evidence:
+    """Weigh a new reading (q,) against those `known` at `coming.past`, shape (k, q) [mm]."""
     rows, forecast, settled = coming.rows, coming.forecast, coming.so_far.settled
-    prediction = forecast.predict(known, rows[:-1], int(rows[-1]))
+    prediction = forecast.given(known, rows[:-1], rows[-1:])
     # All that the model says of a leg as a whole is said in its first cycle.
     whole = tuple(
         reversal
         for reversal in (() if coming.repeats else _reversals(coming))
         if (reversal.question.doubt, reversal.question.about) not in settled
     )
-    gains = np.zeros((*np.shape(value), len(whole)))
+    gains = np.zeros((len(whole), len(value)))
     if whole:
-        values = np.concatenate((known, np.asarray(value)[..., None]), axis=-1)
-        base = forecast.log_likelihood(values, rows)
+        values = np.vstack((known, value))
+        base = forecast.log_density(values, rows)
         for index, reversal in enumerate(whole):
-            fit = forecast.log_likelihood(values * reversal.signs, reversal.rows)
-            gains[..., index] = fit - base
-    return Evidence(prediction, prediction.tail(value), whole, gains)
+            fit = forecast.log_density(values * reversal.signs[:, None], reversal.rows)
+            gains[index] = fit - base
+    return Evidence(prediction, prediction.tail(value[None])[0], whole, gains)
 
 
 def _reversals(coming: NextReading) -> Iterator[Blunder]:
@@ -215,22 +215,22 @@ def _explanations(
     if turn := coming.so_far.setting.machine.gauge.revolution_mm:
         for turns in (1, 2, 3):
             words = f"{_NUMBERS[turns]} revolution{'s' if turns > 1 else ''}?"
-            slip = math.copysign(turns * turn, value - float(prediction.mean))
+            slip = math.copysign(turns * turn, value - prediction.mean.item())
             corrected.append((Question(Doubt.REVOLUTION, words), value - slip))
     corrected.append((Question(Doubt.SIGN, "opposite sign?"), -value))
     point = Question(Doubt.POINT, "decimal point misplaced?")
     corrected += [(point, value * 10.0), (point, value * 0.1)]
     for question, candidate in corrected:
-        yield question, float(prediction.tail(candidate)), float(prediction.std)
+        yield question, prediction.tail(np.array([[candidate]])).item(), prediction.std.item()
     others = list(evidence.whole)
     if coming.partner[-1] >= 0:
         question = Question(Doubt.EXCHANGED, "are the two gauges exchanged?")
         swapped = np.append(rows[:-1], rows[-1] + len(coming.steps))
         others.insert(0, Blunder(question, np.ones(len(rows)), swapped))
     for other in others:
-        signed = np.append(coming.so_far.value[coming.past], value) * other.signs
-        prediction = coming.forecast.predict(signed[:-1], other.rows[:-1], int(other.rows[-1]))
-        yield other.question, float(prediction.tail(signed[-1])), float(prediction.std)
+        signed = (np.append(coming.so_far.value[coming.past], value) * other.signs)[:, None]
+        prediction = coming.forecast.given(signed[:-1], other.rows[:-1], other.rows[-1:])
+        yield other.question, prediction.tail(signed[-1:]).item(), prediction.std.item()
 
 
 def _how_far(coming: NextReading, value: float, expected: float, std: float) -> str:

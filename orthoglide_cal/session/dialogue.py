@@ -362,7 +362,7 @@ class Dialogue:
         ]
         self.write(asked)
         self.asker.rest(driving=False)
-        near = 3.0 * coming.forecast.sigma_mm
+        near = 3.0 * coming.sigma_mm
         if any(abs(value - old) <= near for old in before):
             self.asker.say("Read again, and the same: kept, with a note.")
             self._keep(asked)

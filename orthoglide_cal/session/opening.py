@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.text import read_document
+from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
@@ -292,7 +292,7 @@ def _recommended(path: str, request: Request) -> Recommendation:
     offsets = model.orthoglide.offsets_mm + first.left_entered
     if keeper is not None and not machine_file.differing(keeper, model):
         offsets = np.array(keeper.orthoglide.offsets_mm)
-    found = Recommendation(first, model, options, choice, GaugePlan.require(options[0].plan))
+    found = Recommendation(first, model, options, choice, first.plan)
     found = found.holding(offsets.tolist())
     continues = found.first.following.continues
     if continues and request.stands == 1 and len(set(found.plan.series)) > 1:

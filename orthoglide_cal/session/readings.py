@@ -14,7 +14,8 @@ import numpy as np
 from orthoglide_cal.errors import OrthocalError, UsageError, visible
 from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import warmth
-from orthoglide_cal.estimation.forecast import Forecast, PlanForecast
+from orthoglide_cal.estimation.forecast import PlanForecast
+from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.readings import (
     QUESTIONED,
@@ -58,7 +59,8 @@ class PriorReadings:
         self.readings = given.measured
         self.conditions = given.conditions
         self.is_session = given.is_session
-        self.repeats = Counter(planned_readings(self.readings.plan))
+        self.plan = GaugePlan.require(given.measured.plan)
+        self.repeats = Counter(planned_readings(self.plan))
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
@@ -108,8 +110,7 @@ class PriorReadings:
 
         A carriage that was commanded short was so for its readings alone.
         """
-        plan = GaugePlan.require(self.readings.plan)
-        return np.asarray(plan.stood[plan.in_time[-1]])
+        return np.asarray(self.plan.stood[self.plan.in_time[-1]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,7 +346,7 @@ class NextReading:
         self.repeats = [i for i in self.series if steps[i].cell == step.cell]
 
     @cached_property
-    def forecast(self) -> Forecast:
+    def forecast(self) -> Mixture:
         """Of 2·(n + 1) readings: these, and the same with the gauges of each leg exchanged."""
         setting, setup = self.so_far.setting, self.setup
         rows = np.array([step.number - 1 for step in self.steps])
@@ -356,15 +357,16 @@ class NextReading:
             np.tile(np.arange(len(rows)), 2),
             np.tile(hours, 2),
             np.tile(self.fresh, 2),
-            self.scatter_mm,
+            self.sigma_mm,
         )
 
     @property
-    def scatter_mm(self) -> float:
-        """Standard deviation of a reading from successive repeats; the median ignores blunders.
+    def sigma_mm(self) -> float:
+        """Standard deviation of a reading: as stated, or larger where successive repeats say so.
 
-        0 where there are too few to say so.
+        The median ignores blunders.
         """
+        stated = self.so_far.setting.machine.gauge.noise_mm
         last: dict[object, float] = {}
         jumps: list[float] = []
         readings = zip(self.so_far.steps, self.setup[:-1], self.so_far.value, strict=True)
@@ -373,6 +375,6 @@ class NextReading:
                 jumps.append(abs(value - last[step.cell, setup]))
             last[step.cell, setup] = value
         if len(jumps) < _ENOUGH:
-            return 0.0
+            return stated
         # For a normal x, σ is 1.4826 times the median of |x|; a jump has the noise of two readings.
-        return float(1.4826 * median(jumps) / math.sqrt(2.0))
+        return max(stated, float(1.4826 * median(jumps) / math.sqrt(2.0)))

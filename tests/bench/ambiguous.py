@@ -11,10 +11,10 @@ from itertools import product
 
 import numpy as np
 
-from orthoglide_cal.diagnosis import Diagnosis, Verdict, diagnose
+from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning import Option, RankedMeasurement, ranked
-from tests.diagnosis.sessions import known
+from tests.inference.sessions import known
 from tests.truth import Gauge, Machine, Session, continue_session, make_session, separation
 from tests.truth.separation import STANDS_OUT
 

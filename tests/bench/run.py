@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.diagnosis.sessions import texts_of
+from tests.inference.sessions import texts_of
 from tests.machines import ROOT
 from tests.truth import Session, readings_csv
 

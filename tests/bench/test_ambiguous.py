@@ -5,9 +5,9 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from orthoglide_cal.diagnosis import Verdict, diagnose
+from orthoglide_cal.inference import Verdict, diagnose
 from orthoglide_cal.planning import best_next
-from tests.diagnosis.sessions import known
+from tests.inference.sessions import known
 from tests.truth import CAUSES, DIAL, GAUGES, MACHINES, MICRON, PROTOTYPE, all_pairs, make_session
 
 from .ambiguous import Tally, draw, is_answered, is_named, joined_diagnosis, tally

@@ -37,9 +37,9 @@ def applied() -> None:
     done("apply", "before.csv", "--yes")
 
 
-def measured_again() -> None:
-    """The same machine, corrected by what its controller holds."""
-    left = replace(FIRST, offsets=FIRST.offsets - active())
+def measured_again(moved: float = 0.0) -> None:
+    """The same machine, corrected by what its controller holds, its axes moved since [mm]."""
+    left = replace(FIRST, offsets=FIRST.offsets + moved - active())
     truth.write_readings(truth.second_session(left, 7), Path("after.csv"))
 
 
@@ -77,12 +77,16 @@ def test_new_values_are_absolute_and_nobody_says_what_was_applied() -> None:
     assert verified["answer"] == "as modelled"
     again = answer("verify", "before.csv", "after.csv", "--applied", *map(str, active()))
     assert again["differences"] == verified["differences"]
+    # Nothing needs to be entered, and nothing is recorded.
+    done("apply", "after.csv", "--yes")
+    assert len(history()) == 1
     # The second correction adds to the first.
     first = active()
+    measured_again(moved=0.1)
     done("apply", "after.csv", "--yes")
     one, other = history()
     assert other["before"] == one["after"] == dict(zip("xyz", first.tolist(), strict=True))
-    np.testing.assert_allclose(active(), FIRST.offsets, atol=0.01)
+    np.testing.assert_allclose(active(), FIRST.offsets + 0.1, atol=0.01)
 
 
 def test_undo_takes_the_last_entry_back() -> None:
@@ -123,7 +127,7 @@ def test_what_is_refused_changes_nothing(arguments: str, code: int, words: str) 
 @pytest.mark.parametrize(("started", "code"), [(None, 2), ("2000", 2), ("2999", 0)])
 def test_a_session_from_before_the_last_entry_is_refused(started: str | None, code: int) -> None:
     """Measured with other offsets in the controller; nothing newer is overwritten."""
-    run("simulate", "--seed", "3", "--output", "old.yaml")
+    run("simulate", "--offsets", "0.3", "0", "0", "--seed", "3", "--output", "old.yaml")
     applied()
     entered = machine_file()
     content = yaml.safe_load(Path("old.yaml").read_text(encoding="utf-8"))

@@ -77,6 +77,18 @@ def test_only_a_printer_that_says_that_it_is_idle_is_written_to(state: dict, ask
     assert any(path.endswith("/upload") for path, _ in server.asked) == asked
 
 
+def test_a_server_that_does_not_keep_what_it_takes_is_not_restarted() -> None:
+    """It answers that all is well, and holds the old file."""
+    taken = {"upload": {}, "firmware_restart": {}}
+    server = StandIn(info=INFO, printer=GOOD, query=of_state("standby"), **taken)
+    result = run("apply", server.address, "--to", server.address, "--yes")
+    assert result.exit_code == 3
+    assert "another printer.cfg than the one just sent" in words(result.stderr)
+    asked = [path for path, _ in server.asked]
+    assert "/server/files/upload" in asked
+    assert "/printer/firmware_restart" not in asked
+
+
 @pytest.mark.skipif(MISSING is not None, reason=str(MISSING))
 def test_a_real_server_is_written_and_restored_and_never_while_it_prints(tmp_path: Path) -> None:
     server = Moonraker(tmp_path, GOOD)

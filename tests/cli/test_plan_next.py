@@ -23,9 +23,9 @@ def test_the_ranking_begins_with_what_diagnose_names() -> None:
     assert diagnosis["verdict"] == "ambiguous"
     assert diagnosis["next_measurement"] == {name: first[name] for name in OF_DIAGNOSIS}
     assert first["chance"] > 0.95
-    # By the chance for the time; eight hours are added, for what stays open means coming back.
-    worth = [each["chance"] / (each["minutes"] + 480.0) for each in plan["next"]]
-    assert worth == sorted(worth, reverse=True)
+    # By the expected time; what stays open means coming back, eight hours later.
+    lost = [each["minutes"] + 480.0 * (1.0 - each["chance"]) for each in plan["next"]]
+    assert lost == sorted(lost)
     surest = max(each["chance"] for each in plan["next"])
     quicker = [each for each in plan["next"] if each["minutes"] < first["minutes"]]
     assert first["chance"] > 0.99 * surest
@@ -40,7 +40,7 @@ def test_the_text_says_what_to_type() -> None:
     assert next(line for line in shown.splitlines() if line[:1] in "i!✔✘").startswith("i Next: ")
     assert "What to measure next, best first" in shown
     said = " ".join(shown.split())
-    assert "Ranked by it per minute; eight hours are added for coming back" in said
+    assert "Ranked by the expected time: eight hours for coming back" in said
     assert "measure --then" in shown
     assert "settles" in shown
 

@@ -405,7 +405,7 @@ def test_the_report_is_written_whole() -> None:
     [
         # Calibrated again it would get other digits, and no better ones.
         ("solve right.csv",
-         ("✔ Nothing to enter: noise explains the changes",
+         ("✔ Nothing to enter: the machine is calibrated within U",
           "orthocal plan right.csv --machine v400.yaml"), ("type in", "orthocal export")),
         ("diagnose right.csv", ("Nothing to enter",), ()),
         ("export right.csv --format klipper", ("Nothing to enter",), ()),
@@ -426,7 +426,7 @@ def test_the_report_is_written_whole() -> None:
         # Nine touches within 2 mm of the middle.
         ("solve grid.csv", ("not determined", "blocks of two known heights"), ()),
         *((f"{command} --data calibration", ("7 heights and 3 distances",), ("of a mesh",))
-          for command in ("solve printer.cfg", "validate printer.cfg", "report printer.cfg")),
+          for command in ("solve printer.cfg", "validate printer.cfg")),
         *((f"{command} --data mesh", ("points of a mesh",), ("7 heights",))
           for command in ("diagnose printer.cfg", "verify printer.cfg after.cfg")),
     ],
@@ -490,7 +490,6 @@ def typed(text: str) -> list[str]:
         ("solve",),
         ("export", "--format", "text"),
         ("export", "--format", "klipper"),
-        ("report", "--markdown", "-"),
         ("plan", "--layout", "bed-13", "--details"),
     ],
 )
@@ -513,8 +512,8 @@ def test_a_cause_is_accepted_from_the_readings_that_showed_it() -> None:
     assert "report printer.cfg --machine known.yaml --data mesh" in accepted.stderr
 
 
-def test_a_report_judges_all_that_the_file_stores_and_opens_with_the_worst() -> None:
-    """The calibration is fine, and the mesh shows that towers lean."""
+def test_a_report_judges_the_data_selected_and_shows_the_others() -> None:
+    """The calibration is fine, and the mesh shows that towers lean: a caution."""
     leaning = replace(OFF, leans=np.array([[1.8, -0.8], [0.4, -3.6], [0.2, 3.0]]))
     Path("printer.cfg").write_text(printer_cfg(V400, leaning))
     both = {
@@ -522,17 +521,38 @@ def test_a_report_judges_all_that_the_file_stores_and_opens_with_the_worst() -> 
     }
     usable = {data: each["answer"]["release"]["usable"] for data, each in both.items()}
     assert usable == {"calibration": True, "mesh": False}
-    for data, each in both.items():
-        assert (each["answer"]["input"]["data"], each["others"]) == (data, [])
+    for data, other in (("calibration", "mesh"), ("mesh", "calibration")):
+        assert both[data]["answer"]["input"]["data"] == data
+        assert [each["input"]["data"] for each in both[data]["others"]] == [other]
+    assert both["calibration"]["answer"]["release"]["codes"] == ["other_data"]
     whole = answer("report", "printer.cfg")
-    assert whole["answer"] == both["mesh"]["answer"]
-    assert whole["others"] == [both["calibration"]["answer"]]
-    assert len({each["identity"]["number"] for each in (whole, *both.values())}) == 3
+    assert whole["answer"] == both["calibration"]["answer"]
+    assert len({each["identity"]["number"] for each in both.values()}) == 2
     shown = run("report", "printer.cfg")
-    assert shown.exit_code == 4
-    first, _, rest = shown.stdout.partition("Also judged: 7 heights and 3 distances")
-    assert "✘" in first
-    assert "orthocal report printer.cfg --data calibration" in rest
+    assert shown.exit_code == 0
+    first, _, rest = shown.stdout.partition("Also judged: ")
+    assert "! The parameters may be entered, with care" in first
+    assert "points of a mesh" in rest
+    assert "orthocal report printer.cfg --data mesh" in rest
+
+
+def test_other_data_that_contradict_hold_the_release() -> None:
+    """The towers were moved between the calibration and the mesh; a stale mesh only warns."""
+    moved = replace(OFF, endstops=np.array([1.31, -0.22, 0.17]))
+    kept, other = printer_cfg(V400, OFF), printer_cfg(V400, moved)
+    parts = [text.index("#*# [bed_mesh default]") for text in (kept, other)]
+    Path("printer.cfg").write_text(kept[: parts[0]] + other[parts[1] :])
+    for data in ("calibration", "mesh"):
+        shown = run("solve", "printer.cfg", "--data", data)
+        assert shown.exit_code == 4
+        assert "in the same file contradicts these values beyond U: a by" in words(shown.stdout)
+    mesh = kept[: kept.index("#*# [delta_calibrate]")] + other[parts[1] :]
+    calibration = kept[kept.index("#*# [delta_calibrate]") : parts[0]]
+    Path("printer.cfg").write_text(mesh + calibration)
+    release = answer("solve", "printer.cfg")["release"]
+    assert (release["usable"], release["codes"]) == (True, ["other_data"])
+    release = answer("solve", "printer.cfg", "--data", "mesh")["release"]
+    assert "stale_mesh" in release["codes"] or not release["usable"]
 
 
 def test_touches_of_a_csv_are_held_out_from_a_mesh() -> None:

@@ -28,7 +28,7 @@ def test_json_is_the_answer(file: str) -> None:
         "data": None,
     }
     assert found["input"] == expected
-    assert Answer.model_validate(found).model_dump(mode="json") == found
+    assert found.keys() == Answer.model_json_schema(mode="serialization")["properties"].keys()
     assert found["release"]["usable"] == (shown.exit_code == 0) == (not found["release"]["reasons"])
     assert [each["name"] for each in found["parameters"]] == ["x", "y", "z"]
     for k, each in enumerate(found["parameters"]):
@@ -124,7 +124,7 @@ def test_what_must_not_be_entered_stands_without_an_order(tmp_path: Path) -> Non
     assert done.exit_code == 4
     shown = done.stdout
     columns = shown.index("offsets alone  allowing for axis_gap")
-    assert shown.index("Do not enter any of these offsets") < columns
+    assert shown.index("Do not enter these offsets") < columns
     assert "  enter" not in shown
     assert (
         "Offsets alone: x −0.177, y +0.683, z +0.109" in run("solve", "--details", str(copy)).stdout

@@ -25,6 +25,7 @@ from tests.estimation.sessions import (
 )
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, PROTOTYPE, sure
 from tests.printers import NOMINAL_PRINTER, PRINTER, UNEVEN, printed, touched
+from tests.sentences import sentences
 from tests.truth.delta import Layout, places_of
 
 
@@ -62,7 +63,7 @@ def test_no_spare_difference_means_no_sigma() -> None:
     assert solution.sigma_mm == PROTOTYPE.gauge.noise_mm
     assert solution.lack_of_fit_p is None
     assert not solution.suspicious
-    assert "no spare readings" in solution.judgement
+    assert "no spare readings" in sentences([solution.judgement])[0]
     assert solution.expanded_mm == pytest.approx(stats.norm.ppf(0.975) * solution.std_mm, rel=1e-6)
 
 
@@ -130,4 +131,4 @@ def test_the_gauges_resolution_is_the_floor() -> None:
     assert solution.sigma_residuals_mm is not None
     assert solution.sigma_residuals_mm < 1e-9
     assert solution.sigma_mm == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-14)
-    assert any("resolution" in warning for warning in solution.warnings)
+    assert any("resolution" in warning for warning in sentences(solution.warnings))

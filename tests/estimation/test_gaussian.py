@@ -1,9 +1,12 @@
-"""Linear-Gaussian algebra that no other test sees alone: what is left, and a common size."""
+"""Linear-Gaussian algebra that no other test sees alone: what is left, a common size, log odds."""
+
+import math
 
 import numpy as np
 import pytest
+from scipy import stats
 
-from orthoglide_cal.estimation.gaussian import fit_size, unexplained
+from orthoglide_cal.estimation.gaussian import Mixture, fit_size, unexplained
 
 
 def test_what_free_unknowns_leave_has_nothing_of_them() -> None:
@@ -29,3 +32,23 @@ def test_a_size_that_few_data_tell_counts_what_they_leave_open() -> None:
         left = np.diag(np.linalg.inv(precision))
         before, size = size, float(np.sqrt(np.mean((mean**2 + left)[chosen])))
     assert fit_size(columns, data, sizes, sigma, chosen) == pytest.approx(size, rel=1e-9)
+
+
+def test_log_odds_are_those_of_draws() -> None:
+    """Mean and spread of 200,000 draws, met within five of their standard errors."""
+    rng, count = np.random.default_rng(6), 200_000
+    roots = rng.normal(size=(2, 2, 3, 3)) + 2.0 * np.eye(3)
+    seen, judged = (
+        Mixture(rng.normal(size=(2, 3, 1)), root @ root.swapaxes(-1, -2), np.zeros((2, 1)))
+        for root in roots
+    )
+    mean, std = seen.log_odds(judged)
+    for true, rival in ((0, 1), (1, 0)):
+        drawn = rng.multivariate_normal(seen.means[true, :, 0], seen.covariance[true], count)
+        logs = [
+            stats.multivariate_normal(judged.means[k, :, 0], judged.covariance[k]).logpdf(drawn)
+            for k in (true, rival)
+        ]
+        odds = logs[0] - logs[1]
+        assert abs(odds.mean() - mean[true, rival]) < 5.0 * odds.std() / math.sqrt(count)
+        assert std[true, rival] == pytest.approx(odds.std(), rel=0.02)

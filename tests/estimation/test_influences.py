@@ -5,20 +5,21 @@ Compared with the independent truth's finite differences and with a fit of every
 
 from dataclasses import replace
 
+import GTC
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.budget import influences
+from orthoglide_cal.estimation.budget import influences, warmth
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Influence, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import single_posture
 from orthoglide_cal.model.plan import Floats, without_zeros
 from tests import truth
-from tests.diagnosis.sessions import known
+from tests.inference.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, sure
 from tests.truth.forward import PARTS, jacobian
 
@@ -87,41 +88,84 @@ def test_sizes_that_nobody_stated_are_marked() -> None:
     assert sources == [Origin.GAUGE_SCALE, "leg_length"]
 
 
-def every_unknown(session: truth.Session, sigma: float) -> tuple[Floats, Floats, Floats]:
-    """Fit offsets, zeros, places, legs and scale together; the last three have priors.
+class EveryUnknown:
+    """A fit of offsets, zeros, places, legs and scale together; the last three have priors."""
 
-    Returns:
-        Offsets, what each reading does to them (3, n), and what one standard deviation of each
-        of the last three adds to the readings (n, 10).
-    """
-    plan, n = session.plan, session.plan.count
-    sizes = np.r_[np.full(6, truth.machines.PLACEMENT), np.full(3, 0.01), truth.machines.SCALE]
+    def __init__(self, session: truth.Session) -> None:
+        plan, n, sigma = session.plan, session.plan.count, session.gauge.sigma
+        sizes = np.r_[np.full(6, truth.machines.PLACEMENT), np.full(3, 0.01), truth.machines.SCALE]
 
-    def misfit(unknowns: Floats) -> Floats:
-        offsets, zeros, others = np.split(unknowns, [3, 9])
-        places, legs, scale = np.split(sizes * others, [6, 9])
-        at = state(offsets)
-        at[PARTS["leg_length"]] = legs
-        surface = truth.signals(plan, session.machine, at[None], None, places)[0]
-        predicted = (1.0 + scale) * (surface + zeros[plan.setup])
-        return np.asarray(np.concatenate(((session.readings - predicted) / sigma, others)))
+        def misfit(unknowns: Floats) -> Floats:
+            offsets, zeros, others = np.split(unknowns, [3, 9])
+            places, legs, scale = np.split(sizes * others, [6, 9])
+            at = state(offsets)
+            at[PARTS["leg_length"]] = legs
+            surface = truth.signals(plan, session.machine, at[None], None, places)[0]
+            predicted = (1.0 + scale) * (surface + zeros[plan.setup])
+            return np.asarray(np.concatenate(((session.readings - predicted) / sigma, others)))
 
-    fit = least_squares(misfit, np.zeros(19), jac="3-point", x_scale="jac", xtol=1e-15, ftol=1e-15)
-    estimator = np.linalg.solve(fit.jac.T @ fit.jac, fit.jac[:n].T)[:3] / -sigma
-    return fit.x[:3], estimator, -sigma * fit.jac[:n, 9:]
+        start = np.zeros(19)
+        fit = least_squares(misfit, start, jac="3-point", x_scale="jac", xtol=1e-15, ftol=1e-15)
+        self.offsets = fit.x[:3]
+        # What each reading does to the offsets, (3, n).
+        self.estimator = np.linalg.solve(fit.jac.T @ fit.jac, fit.jac[:n].T)[:3] / -sigma
+        # What a standard deviation of each place, leg, and the scale adds to the readings, (n, 10).
+        self.columns = -sigma * fit.jac[:n, 9:]
+        self.dof = n - 9
+        self.scatter = sigma * float(np.sqrt(2.0 * fit.cost / self.dof))
 
 
 @pytest.mark.parametrize("seed", [4, 5, 6])
 def test_readings_are_weighed_as_a_fit_of_every_unknown_does(seed: int) -> None:
-    """Stands and scale as unknowns with priors, beside offsets and zeros; and its covariance."""
+    """Stands and scale as unknowns with priors, beside offsets and zeros."""
     session = drawn(seed)
     readings, model = known(session)
-    solution = solve(readings, model)
-    offsets, estimator, columns = every_unknown(session, model.machine.instrument.noise_mm)
+    solution, other = solve(readings, model), EveryUnknown(session)
     # The program weighs once, at plain least squares; the rest is of second order.
-    assert solution.offsets_mm == pytest.approx(offsets, abs=5e-5)
+    assert solution.offsets_mm == pytest.approx(other.offsets, abs=5e-5)
     plain = solve(readings, sure(model))
     assert np.abs(solution.offsets_mm - plain.offsets_mm).max() > 1e-3
-    noise, others = solution.sigma_mm * estimator, estimator @ columns
-    expected = noise @ noise.T + others @ others.T
-    assert solution.covariance_mm2 == pytest.approx(expected, abs=1e-3 * expected.max())
+
+
+@pytest.mark.parametrize(
+    ("gauge", "cycles"),
+    [(truth.MICRON, 3), (truth.DIAL, 1), (replace(truth.DIAL, noise=0.04), 1)],
+    ids=["micron", "dial", "rough"],
+)
+def test_the_budget_is_that_of_gtc(gauge: truth.Gauge, cycles: int) -> None:
+    """Sources, u, k and U of uncertain numbers that know nothing of this program.
+
+    The scatter of all readings is one estimate, with the rounding in it. To 0.1 % of u: the program
+    is linear about plain least squares, this about the fit of every unknown.
+    """
+    session = truth.make_session(4, truth.PROTOTYPE, gauge, offset_sd=1.5, cycles=cycles)
+    measured, model = known(session)
+    budget = solve(measured, model).budget.extended(warmth(26.5, session.machine.leg))
+    other, n = EveryUnknown(session), session.plan.count
+    noise = GTC.multiple_ureal([0.0] * n, [other.scatter] * n, other.dof)
+    unit = [GTC.ureal(0.0, 1.0) for _ in range(10)]
+    # Up to all of the growth of steel legs, rectangular.
+    growth = 11.5e-6 * session.machine.leg * 6.5
+    warm = GTC.ureal(0.0, GTC.tb.uniform(growth))
+    sources = {
+        Origin.GAUGE_PLACEMENT: unit[:6],
+        "leg_length": unit[6:9],
+        Origin.GAUGE_SCALE: unit[9:],
+        Origin.TEMPERATURE: [warm],
+    }
+    carried, offsets = other.estimator @ other.columns, []
+    for by_reading, by_unit in zip(other.estimator.tolist(), carried.tolist(), strict=True):
+        terms = [*zip(by_reading, noise, strict=True), *zip(by_unit, unit, strict=True)]
+        offsets.append(GTC.result(sum(factor * x for factor, x in terms) + warm))
+    std = np.array([GTC.uncertainty(offset) for offset in offsets])
+    by_source = {one.source: one.std_mm for one in budget.contributions}
+    scatter = np.hypot(by_source.pop(Origin.NOISE), by_source.pop(Origin.RESOLUTION))
+    assert by_source.keys() == sources.keys()
+    for found, inputs in ((scatter, noise), *((by_source[key], sources[key]) for key in sources)):
+        expected = [np.hypot.reduce([GTC.rp.u_component(y, x) for x in inputs]) for y in offsets]
+        assert found == pytest.approx(expected, abs=1e-3 * std.min())
+    dof = min(GTC.dof(offset) for offset in offsets)
+    assert budget.std_mm == pytest.approx(std, rel=1e-3)
+    assert budget.dof == pytest.approx(dof, rel=5e-3)
+    assert budget.k == pytest.approx(GTC.rp.k_factor(dof), rel=1e-4)
+    assert budget.expanded_mm == pytest.approx(GTC.rp.k_factor(dof) * std, rel=1e-3)

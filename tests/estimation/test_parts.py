@@ -9,7 +9,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.model.model import Model
 from tests import truth
-from tests.diagnosis.sessions import known
+from tests.inference.sessions import known
 from tests.truth import again
 
 WAYS: dict[str, dict[str, Any]] = {

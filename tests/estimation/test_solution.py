@@ -13,9 +13,10 @@ from orthoglide_cal.model.measured import Measured
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.paper.tables import experiment
 from tests import truth
-from tests.diagnosis.sessions import known
 from tests.estimation.sessions import BENT, SINGLE, TWELVE, differences, readings
+from tests.inference.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE
+from tests.sentences import sentences
 
 DOUBLE_SESSION = readings(NOMINAL, double_posture(PROTOTYPE))
 SINGLE_SESSION = readings(NOMINAL, single_posture(PROTOTYPE, 2))
@@ -82,7 +83,7 @@ def test_the_judgement_goes_by_the_chance(chance: float, suspicious: bool, words
     )
     solution = replace(solution, scatter=Scatter(float(sigma), solution.dof))
     assert solution.suspicious is suspicious
-    assert words in solution.judgement
+    assert words in sentences([solution.judgement])[0]
 
 
 def test_a_slow_search_ends_where_it_makes_no_difference() -> None:

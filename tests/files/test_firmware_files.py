@@ -56,7 +56,9 @@ def made_machine(folder: Path) -> str:
 
 
 def remarks(*given) -> str:
-    return " ".join(read_input(*given).measured.remarks)
+    measured = read_input(*given).measured
+    excerpt = measured.source.excerpt
+    return " ".join((*measured.remarks, excerpt.stale if excerpt else ""))
 
 
 @pytest.fixture

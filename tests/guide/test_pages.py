@@ -144,4 +144,4 @@ def test_the_python_example_runs(beside_the_samples: Path) -> None:
     (code,) = blocks(PAGES["developing"], "python")
     with contextlib.redirect_stdout(io.StringIO()) as printed:
         exec(compile(code, "developing.md", "exec"), {})
-    assert "agree with the gauge's noise" in printed.getvalue()
+    assert "residuals_agree" in printed.getvalue()

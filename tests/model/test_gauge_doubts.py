@@ -11,15 +11,16 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model.gauge_doubts import chance_of_less_scatter, gauge_doubts
+from orthoglide_cal.model.gauge_doubts import chance_of_less_scatter
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.orthoglide import Gauge
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.making import release
 from tests import truth
 from tests.cli.program import lines, run
-from tests.diagnosis.sessions import known, model_of, read, readings_of
+from tests.inference.sessions import known, model_of, read, readings_of
 from tests.machines import PROTOTYPE
+from tests.sentences import sentences
 
 DEAD, SCATTER, GRID, RANGE, UNIT = (
     "never differ", "differ by", "more decimals", "beyond the gauge's range", "cannot show these",
@@ -29,7 +30,7 @@ both_gauges = pytest.mark.parametrize("gauge", [truth.DIAL, truth.MICRON], ids=l
 
 def kinds(readings: Readings, gauge: Gauge) -> set[str]:
     every = (DEAD, SCATTER, GRID, RANGE, UNIT)
-    found = gauge_doubts(readings, gauge)
+    found = gauge.doubts(readings)
     return {kind for kind in every for doubt in found if kind in doubt.what}
 
 
@@ -59,12 +60,12 @@ def test_healthy_sessions_are_never_doubted(
     plain = readings_of(truth.make_session(0, machine, gauge))
     for seed in range(2 * count):
         values = truth.make_session(seed, machine, gauge, offset_sd=(0.02, 1.0)[seed % 2]).readings
-        assert gauge_doubts(replace(plain, value=values), stated) == (), seed
+        assert stated.doubts(replace(plain, value=values)) == (), seed
     for cycles in (2, 3):
         plain = readings_of(adjusted(gauge, rng, cycles))
         for number in range(count):
             values = adjusted(gauge, rng, cycles).readings
-            assert gauge_doubts(replace(plain, value=values), stated) == (), (cycles, number)
+            assert stated.doubts(replace(plain, value=values)) == (), (cycles, number)
 
 
 # --- repeats ----------------------------------------------------------------------------------
@@ -126,7 +127,7 @@ def test_one_dead_gauge_is_named() -> None:
     readings, stated = drawn(truth.MICRON)
     value = readings.value.copy()
     value[readings.plan.setup == 2] = 0.123
-    (doubt,) = gauge_doubts(replace(readings, value=value), stated)
+    (doubt,) = stated.doubts(replace(readings, value=value))
     assert DEAD in doubt.what
     assert doubt.what.startswith("Leg y, direction x: ")
 
@@ -138,7 +139,7 @@ def test_more_decimals_than_the_gauge_has() -> None:
     readings, stated = drawn(truth.DIAL)
     value = readings.value.copy()
     value[7] += 0.004
-    (doubt,) = gauge_doubts(replace(readings, value=value), stated)
+    (doubt,) = stated.doubts(replace(readings, value=value))
     assert GRID in doubt.what
     assert "1 of 60" in doubt.what
     assert f"line {readings.line[7]}, {value[7]:g} mm" in doubt.what
@@ -150,7 +151,7 @@ def test_readings_further_apart_than_the_plunger_travels() -> None:
     assert kinds(replace(readings, value=readings.value + 50.0), stated) == set()
     value = readings.value.copy()
     value[33] += 10.5
-    (doubt,) = gauge_doubts(replace(readings, value=value), stated)
+    (doubt,) = stated.doubts(replace(readings, value=value))
     assert RANGE in doubt.what
     assert f"line {readings.line[33]}:" in doubt.what
 
@@ -169,7 +170,7 @@ def test_a_wrong_unit_is_named(
     for seed in range(1, 6):
         readings, stated = drawn(gauge, seed)
         wrong = replace(readings, value=np.round(readings.value * factor, decimals))
-        (doubt,) = gauge_doubts(wrong, stated)
+        (doubt,) = stated.doubts(wrong)
         assert UNIT in doubt.what
         assert words in doubt.remedy
         assert not kinds(readings, stated)
@@ -188,7 +189,7 @@ def test_readings_in_inches_are_judged_in_inches() -> None:
     text = in_inches(truth.make_session(5, truth.PROTOTYPE, truth.DIAL), 0.0005)
     model = model_of(truth.PROTOTYPE, truth.DIAL)
     measured = read(text.replace("reading_mm", "reading_in"), model)
-    assert gauge_doubts(measured, model.machine.gauge) == ()
+    assert model.machine.gauge.doubts(measured) == ()
 
 
 @pytest.mark.parametrize("kind", [DataKind.SIX, DataKind.TWELVE])
@@ -198,7 +199,7 @@ def test_differences_of_means_are_allowed_their_decimals_but_not_those_of_inches
     rng, gauge, which = np.random.default_rng(4), PROTOTYPE.gauge, DIFFERENCES[kind]
 
     def doubts(value: Floats) -> bool:
-        return bool(gauge_doubts(Differences(kind, which, value, Source("made", "")), gauge))
+        return bool(gauge.doubts(Differences(kind, which, value, Source("made", ""))))
 
     shown = np.round(rng.normal(0.0, 0.8, (200, len(which), 7)), 2)
     for readings in shown:
@@ -216,8 +217,8 @@ def test_doubtful_readings_are_not_released() -> None:
     solution = solve(replace(readings, value=np.full(len(readings), 0.12)), model)
     decision = release(solution, None)
     assert not decision.usable
-    assert "never differ" in decision.reasons[0]
-    assert "never differ" in solution.warnings[0]
+    assert "never differ" in sentences(decision.reasons)[0]
+    assert "never differ" in sentences(solution.warnings)[0]
     assert release(solve(readings, model), None).usable
 
 

@@ -90,7 +90,7 @@ def test_finer_terms_of_a_bed_are_zernike_polynomials(number: int) -> None:
     plan = standard_plan()
     at = PRINTER.sensed(Model(PRINTER).real, NONE, plan, strict=True, derivative=False)
     found = bed.contact(np.zeros(len(plan)), bed.at(np.eye(25)[number]), at.where, plan, PRINTER)
-    x, y = at.where[:75, :2].T / PRINTER.bed_radius_mm
+    x, y = at.where[:75, :2].T
     near = 1e-4 * np.eye(2)
     slope = [(height(*(one[:, None])) - height(*(-one[:, None])))[0] / 2e-4 for one in near]
     middle = height(np.zeros(1), np.zeros(1))[0]
@@ -176,8 +176,7 @@ def test_from_which_side_a_place_is_come_to_does_not_hang_on_what_is_read_there(
 def test_touches_have_no_unknown_zero_and_distances_share_nothing() -> None:
     plan = standard_plan()
     assert (plan.setups, plan.zeros.shape) == (0, (len(plan), 0))
-    assert plan.same[:75, :75].all()
-    assert np.array_equal(plan.same[75:], np.eye(6, 81, k=75, dtype=bool))
+    assert groups(plan.shared) == [[*range(75)], *([k] for k in range(75, 81))]
     assert plan.precision.tolist() == [1.0] * 75 + [0.4] * 6
     assert len(plan.distinct[0]) == len(plan)
 

@@ -4,7 +4,8 @@ import pytest
 import yaml
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.files.machine_file import MACHINES, kind_of
+from orthoglide_cal.files.machine_file import kind_of
+from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.orthoglide import Orthoglide
 from tests.machines import PROTOTYPE, ROOT

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.estimation import fit_offsets, solve
+from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.cause import Effect, Estimate, Place
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.orthoglide import double_posture, single_posture
+from orthoglide_cal.model.orthoglide import MARGIN, double_posture, single_posture
 from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import Contact
-from orthoglide_cal.planning.design import MARGIN, bar_warning, reach_mm, require_on_bar
+from orthoglide_cal.planning.design import require_on_bar
 from orthoglide_cal.planning.next_measurement import options
 from tests.cli.program import run
 from tests.cli.test_plan import machine
@@ -26,15 +26,15 @@ LONG_WAY = PROTOTYPE.changed(joint_limits_mm=(-200.0, 0.0))
 
 @both_machines
 def test_the_usual_machines_need_no_word(machine: Machine) -> None:
-    assert bar_warning(double_posture(machine), machine) is None
-    assert reach_mm(machine, 0.5) == machine.joint_limits_mm
+    assert machine.bar_warning(double_posture(machine)) is None
+    assert machine.reach_mm(0.5) == machine.joint_limits_mm
     assert require_on_bar(double_posture(machine), machine) is None
 
 
 def test_off_the_bar_is_refused_and_near_its_end_is_said() -> None:
     with pytest.raises(PostureError, match=r"40 mm beyond the carriage joint.*\n?.*--design best"):
         require_on_bar(double_posture(SHORT), SHORT)
-    assert bar_warning(single_posture(SHORT), SHORT) is None
+    assert SHORT.bar_warning(single_posture(SHORT)) is None
     warning = require_on_bar(double_posture(NEAR), NEAR)
     assert warning is not None
     assert "25.1 mm from it with carriage x at -130 mm" in warning.lines[0]
@@ -47,11 +47,11 @@ def test_advised_limits_are_safe(length: float, low: float, high: float) -> None
     machine = PROTOTYPE.changed(
         leg_length_mm=length, joint_limits_mm=(-low * length, high * length)
     )
-    warning = bar_warning(double_posture(machine), machine)
+    warning = machine.bar_warning(double_posture(machine))
     assert warning is not None
     limits = tuple(map(float, re.findall(r"\[(\S+), (\S+)\]", warning.lines[1])[0]))
     safe = machine.changed(joint_limits_mm=limits)
-    assert bar_warning(double_posture(safe), safe) is None
+    assert safe.bar_warning(double_posture(safe)) is None
 
 
 @pytest.mark.parametrize("machine", [SHORT, NEAR, LONG_WAY, PROTOTYPE, LARGE])

@@ -13,9 +13,9 @@ import pytest
 from orthoglide_cal.errors import RankDeficientError
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import double_posture
+from orthoglide_cal.model.orthoglide import MARGIN, double_posture
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning.design import MARGIN, design_of, readings_needed
+from orthoglide_cal.planning.design import design_of, readings_needed
 from orthoglide_cal.planning.forecast import forecast
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.planning.separation import Separations, separations

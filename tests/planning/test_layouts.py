@@ -14,8 +14,8 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.plan import CERTAIN_SIGMA, Wanted, measurement_plan
 from orthoglide_cal.planning.separation import separations
-from tests.diagnosis.sessions import model_from
 from tests.estimation.sessions import solved
+from tests.inference.sessions import model_from
 from tests.machines import NOMINAL
 from tests.printers import UNEVEN, readings_of_touches, true_values
 from tests.truth.delta import (

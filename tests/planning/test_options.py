@@ -12,7 +12,7 @@ from orthoglide_cal.planning.design import design_of
 from orthoglide_cal.planning.next_measurement import WAIT_MIN, Option, options
 from orthoglide_cal.planning.steps import Order, clock, steps_of
 from tests import truth
-from tests.diagnosis.sessions import model_of
+from tests.inference.sessions import model_of
 from tests.machines import PROTOTYPE
 
 MACHINE = model_of(truth.LARGE, truth.MICRON).machine

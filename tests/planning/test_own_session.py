@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.diagnosis import Verdict, diagnose
 from orthoglide_cal.estimation import solve
+from orthoglide_cal.inference import Verdict, diagnose
 from orthoglide_cal.model.measured import DataKind, Readings
 from orthoglide_cal.planning import Option, best_next, ranked
 from tests import truth
 from tests.bench.ambiguous import continued
-from tests.diagnosis.sessions import known, readings_of, reduced
+from tests.inference.sessions import known, readings_of, reduced
 from tests.readings import some
 
 

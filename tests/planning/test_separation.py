@@ -12,7 +12,7 @@ from orthoglide_cal.planning.forecast import session_of
 from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations, separations
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from tests import truth
-from tests.diagnosis.sessions import known
+from tests.inference.sessions import known
 from tests.machines import NOMINAL, both_models, sure
 from tests.truth.effects import Effect
 from tests.truth.forward import PARTS, prior_sd

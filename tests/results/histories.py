@@ -14,7 +14,7 @@ import numpy as np
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.text import document_from_bytes
 from tests import truth
-from tests.diagnosis.sessions import model_of
+from tests.inference.sessions import model_of
 from tests.truth.effects import draw_machine_cause
 from tests.truth.machines import PLACEMENT, SCALE, TOLERANCES
 from tests.truth.session import Setting

@@ -12,16 +12,16 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import extend
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
+from orthoglide_cal.inference import extend
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.results import Answer, answer_to
 from tests import truth
-from tests.diagnosis.sessions import known
+from tests.inference.sessions import known
 from tests.results.sessions import given
 from tests.truth.plan import AXIS_NAMES, SETUPS
 

@@ -18,14 +18,15 @@ HEAD = """\
 each input file. `report --json` has it under `answer`. An input that cannot be
 used gives `{"input": {"path": …}, "error": …}` in its place.
 """
-WHOLE = Answer.model_json_schema()
+WHOLE = Answer.model_json_schema(mode="serialization")
+PARTS = WHOLE["$defs"]
 TYPES = {"integer": "whole number", "string": "text", "boolean": "true or false"}
 
 
 def type_words(schema: dict[str, Any]) -> str:
     if "$ref" in schema:
         name = schema["$ref"].rpartition("/")[2]
-        part = WHOLE["$defs"][name]
+        part = PARTS[name]
         return type_words(part) if "enum" in part else str(name)
     if "const" in schema:
         return str(schema["const"])
@@ -52,7 +53,7 @@ def lines(title: str, schema: dict[str, Any]) -> Iterator[str]:
 
 
 def page() -> str:
-    parts = {name: each for name, each in WHOLE["$defs"].items() if "properties" in each}
+    parts = {name: each for name, each in PARTS.items() if "properties" in each}
     named = {"Answer": WHOLE, **parts}
     return HEAD + "".join(f"{line}\n" for name in named for line in lines(name, named[name]))
 
@@ -73,7 +74,7 @@ def test_every_key_of_the_contract_is_there() -> None:
         "InputFile": "path sha256 kind readings",
         "MachineName": "name kind",
         "Explanation": "ids probability rms_mm parameters",
-        "Release": "usable settled reasons cautions",
+        "Release": "usable needed settled reasons cautions codes",
         "Parameter": "name unit active found std expanded enter determined",
         "Alone": "parameters rms_after_mm",
         "Residue": "before_mm after_mm",
@@ -92,7 +93,7 @@ def test_every_key_of_the_contract_is_there() -> None:
     }
     assert set(contract.split()) <= WHOLE["properties"].keys()
     for name, keys in parts.items():
-        assert set(keys.split()) <= WHOLE["$defs"][name]["properties"].keys(), name
+        assert set(keys.split()) <= PARTS[name]["properties"].keys(), name
 
 
 if __name__ == "__main__":

@@ -1,7 +1,5 @@
 """Under which conditions a result holds, and what is said of them beside the verdict."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -12,19 +10,20 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.report.html import html
 from orthoglide_cal.results import identify
-from orthoglide_cal.results.validity import compared_reservations, validity
+from orthoglide_cal.results.validity import compare_reservations, validity
 from orthoglide_cal.results.verification import verify
 from tests.machines import NOMINAL
 from tests.report.cases import changed, report_of
 from tests.results import cases
 from tests.results.cases import COMPLETE, case_of
 from tests.results.sessions import FINE, TRUE, given, session
+from tests.sentences import sentences
 
 READINGS = session(TRUE, 3)
 
 
 def said(conditions: Conditions, model=NOMINAL) -> tuple[str, ...]:
-    return validity(given(READINGS, model, conditions)).reservations
+    return tuple(sentences(validity(given(READINGS, model, conditions)).reservations))
 
 
 def warmer(start: float, end: float) -> Conditions:
@@ -66,7 +65,7 @@ def test_the_machine_file_says_what_the_session_does_not() -> None:
 def test_two_sessions_are_compared() -> None:
     def between(second: Conditions) -> tuple[str, ...]:
         both = (validity(given(READINGS, NOMINAL, each)) for each in (COMPLETE, second))
-        return compared_reservations(*both)
+        return tuple(sentences(compare_reservations(*both)))
 
     assert between(COMPLETE) == ()
     assert between(warmer(22.9, 23.1)) == ()  # 1.9 K warmer
@@ -84,24 +83,24 @@ def test_it_stands_beside_the_verdict_of_report_and_verify_and_in_json() -> None
     found = verify(before, after, TRUE.tolist())
     verified = verification_document(found, identify([], issued=cases.ISSUED))
     reported = report_of(case_of(before))
-    for document, where in ((verified, ()), (reported, ("answer", "validity"))):
+    for document, where, care in (
+        (verified, (), "with a reservation"),
+        (reported, ("answer", "validity"), "with care"),
+    ):
         notice, data = document.page().notice, document.data()
         for key in where:
             data = data[key]
         assert notice.tone is doc.Tone.WARN
-        assert notice.title.endswith(", with a reservation")
+        assert notice.title.endswith(f", {care}")
         assert len(data["reservations"]) == 2
-        lines = {line.text for line in notice.lines if isinstance(line, doc.Doubtful)}
-        assert lines == set(data["reservations"])
+        assert all(reservation in str(notice.lines) for reservation in data["reservations"])
     assert verified.data()["before"]["validity"]["gauges"][0]["overdue"] is True
     assert "overdue: " in html(reported.page())
 
 
 def test_a_simulated_session_is_no_certificate() -> None:
     practice = COMPLETE.changed(environment=(("readings_from", "simulated"),))
-    case = replace(cases.healthy(), given=replace(cases.healthy().given, conditions=practice))
-    known = case.answer.changed(validity=validity(case.given))
-    page = report_of(replace(case, answer=known)).page()
+    page = report_of(case_of(given(READINGS, NOMINAL, practice))).page()
     whole = html(page)
     assert (page.stamp, page.kind, page.notice.tone) == (
         "SIMULATED", "Practice report", doc.Tone.WARN,

@@ -10,25 +10,26 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.methods import pose
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import Conditions
+from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
 from orthoglide_cal.model.plan import without_zeros
 from orthoglide_cal.model.readings import GaugePlan, Posture
 from orthoglide_cal.results.verification import (
-    Behaviour,
     Outcome,
     _respond,
     shared_contrasts,
     verify,
 )
 from tests import truth
-from tests.diagnosis.sessions import known
 from tests.estimation.sessions import of_values
+from tests.inference.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, extended
 from tests.readings import readings_of
 from tests.results.cases import GAPED
 from tests.results.sessions import FINE, TRUE, given, session
+from tests.sentences import sentences
 from tests.truth import again
 
 SIX = DIFFERENCES[DataKind.SIX]
@@ -152,6 +153,13 @@ def test_what_the_machine_did_instead_is_named(acted, behaviour):
         assert result.acted_as_mm is None
 
 
+def test_a_correction_within_the_noise_is_neither_seen_nor_missed():
+    """Offsets of 1 µm, that these readings know within 10 µm: whether they acted or not."""
+    small = np.array([0.001, -0.001, 0.001])
+    for acted in (small, 0.0 * small):
+        assert verify(before(8), after(acted, 9), small).answer is Behaviour.UNDETERMINED
+
+
 def test_large_offsets_come_back_as_they_were_entered():
     """Without noise to the third order: a derivative before or after would miss micrometres."""
     plan, found, applied = double_posture(PROTOTYPE), np.array([2.5, -3.0, 1.5]), TRUE * 2.0
@@ -184,7 +192,9 @@ def test_what_an_accepted_cause_leaves_is_named():
     first, second = (
         given(session(offsets, seed, GAPED), GAPED) for offsets, seed in ((TRUE, 1), (TRUE * 0, 2))
     )
-    assert "Offsets do not remove axis_gap: 0.0" in str(verify(first, second, TRUE).remains)
+    assert (
+        "Offsets do not remove axis_gap: 0.0" in sentences([verify(first, second, TRUE).remains])[0]
+    )
 
 
 def test_an_axis_that_was_not_touched_has_no_coefficient():
@@ -268,7 +278,7 @@ def test_what_was_read_with_a_step_entered_is_left_out() -> None:
     usual = shared_contrasts(alone, later, model)
     stepped, _ = known(again(FIRST, entered=STEP))
     found = shared_contrasts(stepped, later, model)
-    assert found.before == pytest.approx(usual.before, abs=1e-9)
+    assert found.change == pytest.approx(usual.change, abs=1e-9)
     assert found.covariance == pytest.approx(usual.covariance, abs=1e-9)
 
 
@@ -276,9 +286,9 @@ def test_a_turned_bar_is_compared_with_a_turned_bar() -> None:
     (alone, model), (later, _) = known(FIRST), known(LATER)
     usual = shared_contrasts(alone, later, model)
     turned, _ = known(again(FIRST, turned=1))
-    assert len(shared_contrasts(turned, later, model).before) == len(usual.before)
+    assert len(shared_contrasts(turned, later, model).change) == len(usual.change)
     both = shared_contrasts(turned, known(again(LATER, turned=1))[0], model)
-    assert len(both.before) == 2 * len(usual.before)
+    assert len(both.change) == 2 * len(usual.change)
     assert len(both.problem.plan) == 36
     assert sum(both.problem.plan.turned) == 18
 

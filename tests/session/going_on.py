@@ -7,9 +7,9 @@ from typing import Any
 
 import yaml
 
-from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.text import read_document
+from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.session.events import Event, Following

@@ -212,6 +212,28 @@ def test_a_preset_that_was_confirmed_once_moves_the_range_with_it() -> None:
     assert far.doubt is Doubt.RANGE
 
 
+def test_a_plunger_cannot_be_further_than_its_travel_from_any_reading() -> None:
+    """Of 10 mm; from the last reading alone it would not be."""
+    past = compared(state_of([taken(1, 6.0), taken(3, 0.0)]), steps_of(), 4, 0.8)
+    far, near = check_number(past, -4.5), check_number(past, -3.5)
+    assert far is not None
+    assert far.doubt is Doubt.RANGE
+    assert near is None
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("size", [-0.3, 0.6])
+@pytest.mark.parametrize("at", [42, 43, 44, 45])
+def test_a_wrong_reading_accuses_no_other_leg(at: int, size: float, seed: int) -> None:
+    """Two good legs were measured before, one with gauges exchanged would explain anything."""
+    steps = steps_of()
+    values = readings_of(steps, seed)
+    values[at] += size
+    ((number, question),) = play(values, steps, questions=1)
+    assert number == at + 1
+    assert question.about == 0 or steps[question.about - 1].leg == steps[at].leg
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_gauge_that_always_shows_the_same(seed: int) -> None:
     """Asked once, then believed; each of its numbers alone is a possible one."""

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.diagnosis import diagnose
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine, read_machine_file
+from orthoglide_cal.inference import diagnose
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.session.events import Planned, Taken

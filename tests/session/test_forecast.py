@@ -12,19 +12,24 @@ from orthoglide_cal.estimation.forecast import (
     OFFSET_MM,
     UNKNOWN_MM,
     ZERO_MM,
-    Forecast,
     PlanForecast,
     misfit_mm,
 )
+from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.model.readings import GaugePlan
+from tests import truth
 from tests.machines import NOMINAL, PROTOTYPE
+from tests.truth.forward import PARTS
 
 from .virtual import readings_of, steps_of
 
+# Of the misfits that are tried, in plausible ones: each three times the one before.
+SIZES = 3.0 ** np.arange(-3, 2)
 
-def in_full(plan: GaugePlan, fresh: np.ndarray | None = None) -> Forecast:
+
+def in_full(plan: GaugePlan, fresh: np.ndarray | None = None) -> Mixture:
     """The forecast of a whole plan."""
     outlook = PlanForecast(NOMINAL, plan)
     return outlook.forecast(np.arange(len(plan)), plan.setup, plan.order, plan.hours, fresh=fresh)
@@ -37,12 +42,8 @@ def timed_plan(count: int = 60) -> GaugePlan:
     return replace(plan_of([s.cell for s in steps]), hours=hours)
 
 
-def an_example() -> tuple[Forecast, np.ndarray]:
+def an_example() -> tuple[Mixture, np.ndarray]:
     return in_full(timed_plan(30)), np.array(readings_of(steps_of()[:30], 4))
-
-
-def covariance(model: Forecast, size: int) -> np.ndarray:
-    return model.common + model.misfits[size] ** 2 * model.cells
 
 
 def unknowns(plan: GaugePlan, fresh: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -76,10 +77,12 @@ def test_the_covariance_is_that_of_the_formula() -> None:
     found = in_full(plan, fresh=fresh)
     columns, misfits = unknowns(plan, fresh)
     sigma2 = PROTOTYPE.gauge.noise_mm**2
-    expected = columns @ columns.T + sigma2 * np.eye(60)
-    assert np.abs(found.common - expected).max() < 1e-6
-    assert np.array_equal(found.cells, misfits @ misfits.T)
-    assert found.base == pytest.approx(simulate(NOMINAL, np.zeros(3), plan), abs=1e-12)
+    common = columns @ columns.T + sigma2 * np.eye(60)
+    base = simulate(NOMINAL, np.zeros(3), plan)
+    for factor, mean, spread in zip(SIZES, found.means, found.covariance, strict=True):
+        size = factor * misfit_mm(PROTOTYPE)
+        assert np.abs(spread - (common + size**2 * misfits @ misfits.T)).max() < 1e-6
+        assert mean[:, 0] == pytest.approx(base, abs=1e-12)
 
 
 @pytest.mark.parametrize("cause", [None, "axis_gap", "backlash", "thermal_drift"])
@@ -94,13 +97,13 @@ def test_a_selection_is_the_forecast_of_that_part(cause: str | None) -> None:
     model, whole = NOMINAL.extended(effects), timed_plan()
     rows, order = rng.permutation(60)[:25], np.arange(25)
     setup, hours = rng.integers(0, 6, 25), np.sort(rng.uniform(0.0, 1.0, 25))
-    selected = PlanForecast(model, whole).forecast(rows, setup, order, hours, scatter_mm=0.02)
+    selected = PlanForecast(model, whole).forecast(rows, setup, order, hours, sigma_mm=0.02)
     alone = replace(whole.subset(rows), setup=setup, order=order, hours=hours)
-    exact = PlanForecast(model, alone).forecast(order, setup, order, hours, scatter_mm=0.02)
-    for name in ("base", "common", "cells", "misfits"):
-        assert np.array_equal(getattr(selected, name), getattr(exact, name)), name
-    assert np.array_equal(selected.base, simulate(model, np.zeros(3), alone))
-    moved = np.abs(selected.base - simulate(NOMINAL, np.zeros(3), alone)).max()
+    exact = PlanForecast(model, alone).forecast(order, setup, order, hours, sigma_mm=0.02)
+    assert np.array_equal(selected.covariance, exact.covariance)
+    assert np.array_equal(selected.means, exact.means)
+    assert np.array_equal(selected.means[0, :, 0], simulate(model, np.zeros(3), alone))
+    moved = np.abs(selected.means[0, :, 0] - simulate(NOMINAL, np.zeros(3), alone)).max()
     assert (moved > 1e-3) == bool(cause)
 
 
@@ -108,64 +111,65 @@ def test_predictions_are_conditional_normal_distributions() -> None:
     """From the inverse of the whole covariance (precision matrix) instead of a solve."""
     model, values = an_example()
     past, new = np.array([0, 1, 2, 3, 4, 5, 6, 9, 12, 20, 22, 23]), 24
-    found = model.predict(values[past], past, new)
-    for size in range(len(model.misfits)):
+    found = model.given(values[past, None], past, np.array([new]))
+    for size, spread in enumerate(model.covariance):
         rows = np.append(past, new)
-        precision = np.linalg.inv(covariance(model, size)[np.ix_(rows, rows)])
+        precision = np.linalg.inv(spread[np.ix_(rows, rows)])
         expected = -precision[-1, :-1] @ values[past] / precision[-1, -1]
-        assert found.means[size] == pytest.approx(expected, abs=1e-5)
-        assert found.stds[size] == pytest.approx(precision[-1, -1] ** -0.5, rel=1e-5)
+        assert found.means[size, 0, 0] == pytest.approx(expected, abs=1e-5)
+        std = found.std_by_explanation[size, 0, 0]
+        assert std == pytest.approx(precision[-1, -1] ** -0.5, rel=1e-5)
 
 
 def test_likelihoods_are_those_of_scipy() -> None:
     model, values = an_example()
     rows = np.arange(2, 25)
-    found = model.log_likelihoods(values[rows], rows)
-    for size in range(len(model.misfits)):
-        matrix = covariance(model, size)[np.ix_(rows, rows)]
+    found = model.by_explanation(values[rows, None], rows)[:, 0]
+    for size, spread in enumerate(model.covariance):
+        matrix = spread[np.ix_(rows, rows)]
         exact = stats.multivariate_normal(np.zeros(len(rows)), matrix).logpdf(values[rows])
         constant = -0.5 * len(rows) * math.log(2.0 * math.pi)
         assert found[size] + constant == pytest.approx(exact, abs=1e-5)
     mean = np.log(np.mean(np.exp(found - found.max()))) + found.max()
-    assert model.log_likelihood(values[rows], rows) == pytest.approx(mean)
+    assert model.log_density(values[rows, None], rows).item() == pytest.approx(mean)
 
 
 def test_the_tail_is_that_of_a_mixture() -> None:
     model, values = an_example()
     past = np.arange(24)
-    found = model.predict(values[past], past, 25)
-    value = float(found.mean) + 0.04
+    found = model.given(values[past, None], past, np.array([25]))
+    value, chances = found.mean + 0.04, np.exp(found.log_weight[:, 0])
+    means, stds = found.means[:, 0, 0], found.std_by_explanation[:, 0, 0]
     exact = sum(
-        chance * 2.0 * stats.norm.sf(abs(value - mean) / std)
-        for chance, mean, std in zip(found.chances, found.means, found.stds, strict=True)
+        chance * 2.0 * stats.norm.sf(abs(value.item() - mean) / std)
+        for chance, mean, std in zip(chances, means, stds, strict=True)
     )
-    assert found.tail(value) == pytest.approx(exact)
-    assert found.chances.sum() == pytest.approx(1.0)
+    assert found.tail(value).item() == pytest.approx(exact)
+    assert chances.sum() == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize(("part", "tolerance"), [("axis_gap", 0.3), ("axis_squareness", 1.0)])
-def test_the_size_of_the_misfit_is_that_of_crooked_machines(part: str, tolerance: float) -> None:
-    """Root mean square of what 400 crooked machines do to max and min against iso."""
-    rng, cause = np.random.default_rng(4), CAUSES[part]
-    steps = steps_of(cycles=1)
-    plan = plan_of([s.cell for s in steps])
-    heights = np.array([
-        simulate(NOMINAL.extended([cause.at(drawn * cause.scale)]), np.zeros(3), plan)
-        for drawn in rng.normal(0.0, tolerance, (400, cause.unknowns))
-    ])  # fmt: skip
-    iso = {step.series: step.number - 1 for step in reversed(steps) if step.posture == "iso"}
-    moved = [step for step in steps if step.posture != "iso"]
-    change = np.stack([heights[:, s.number - 1] - heights[:, iso[s.series]] for s in moved], axis=1)
-    none = dict.fromkeys(("axis_gap", "axis_squareness", "bar_skew", "encoder_scale"), 1e-09)
-    only = PROTOTYPE.changed(tolerances={**none, part: tolerance})
-    assert 0.5 < float(np.sqrt(np.mean(change**2))) / misfit_mm(only) < 1.5
+@pytest.mark.parametrize("part", ["axis_gap", "axis_squareness", "bar_skew"])
+def test_the_size_of_the_misfit_is_that_of_crooked_machines(part: str) -> None:
+    """Root mean square of what 400 crooked machines do, of the posture furthest from iso.
+
+    400 machines of three parameters or more: known to 2 %, of the program's rule to 10 %.
+    """
+    rng = np.random.default_rng(4)
+    hidden = truth.standard_plan(truth.PROTOTYPE, rng, cycles=1)
+    states, own, size = np.zeros((400, 30)), PARTS[part], truth.TOLERANCES[part]
+    states[:, own] = rng.normal(0.0, size, (400, own.stop - own.start))
+    heights = truth.signals(hidden, truth.PROTOTYPE, states)
+    largest = np.sqrt(np.mean((heights - heights[:, hidden.stand]) ** 2, axis=0)).max()
+    none = dict.fromkeys(("axis_gap", "axis_squareness", "bar_skew", "encoder_scale"), 1e-9)
+    only = PROTOTYPE.changed(tolerances={**none, part: size})
+    assert misfit_mm(only) == pytest.approx(float(largest), rel=0.12)
 
 
 def test_a_machine_that_can_have_nothing_leaves_offsets_zeros_and_noise() -> None:
     sound = Model(PROTOTYPE.changed(tolerances=dict.fromkeys(CAUSES, 0.0)))
     plan, values = timed_plan(30), np.array(readings_of(steps_of()[:30], 4))
     found = PlanForecast(sound, plan).forecast(np.arange(30), plan.setup, plan.order, plan.hours)
-    assert not found.misfits.any()
-    prediction = found.predict(values[:29], np.arange(29), 29)
-    assert PROTOTYPE.gauge.noise_mm < float(prediction.std) < 2.0 * PROTOTYPE.gauge.noise_mm
-    assert abs(float(prediction.mean) - values[29]) < 5.0 * float(prediction.std)
+    assert np.all(found.covariance == found.covariance[0])
+    prediction = found.given(values[:29, None], np.arange(29), np.array([29]))
+    assert PROTOTYPE.gauge.noise_mm < prediction.std.item() < 2.0 * PROTOTYPE.gauge.noise_mm
+    assert abs(prediction.mean.item() - values[29]) < 5.0 * prediction.std.item()

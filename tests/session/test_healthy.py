@@ -10,7 +10,7 @@ from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, gather
 from orthoglide_cal.session.events import advance
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
-from tests.diagnosis.sessions import model_of
+from tests.inference.sessions import model_of
 from tests.truth.machines import DIAL, LARGE, MICRON, PROTOTYPE
 from tests.truth.machines import Gauge as TrueGauge
 from tests.truth.machines import Machine as TrueMachine
@@ -52,9 +52,9 @@ def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
     for index, step in enumerate(steps):
         minutes = 0.2 * index + 4.0 * (step.setup - 1)
         past = NextReading(ReadingsSoFar(state, setting), step, minutes)
-        assert past.forecast.sigma_mm == machine.gauge.noise_mm
+        assert past.sigma_mm == machine.gauge.noise_mm
         if past.series:
-            false |= gather(past, values[:, past.past], values[:, index]).questioned
+            false |= gather(past, values[:, past.past].T, values[:, index]).questioned
         for value in values[:20, index].tolist():
             assert check_number(past, value) is None
         state = advance(state, taken(step.number, 0.0, minutes))

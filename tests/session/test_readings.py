@@ -113,7 +113,7 @@ def test_the_scatter_of_repeats_is_that_of_a_normal_distribution() -> None:
         jumps += np.abs(np.diff(mine)).tolist()
     assert len(jumps) >= 20
     expected = np.median(jumps) / (np.sqrt(2.0) * stats.norm.ppf(0.75))
-    sigma = NextReading(so_far, steps[32], 5.0).forecast.sigma_mm
+    sigma = NextReading(so_far, steps[32], 5.0).sigma_mm
     assert sigma == pytest.approx(expected, rel=1e-4)
     assert sigma > 5.0 * so_far.setting.machine.gauge.noise_mm
 
@@ -126,7 +126,7 @@ def test_few_repeats_or_quiet_ones_leave_the_stated_noise() -> None:
         values = rng.normal(0.0, spread, count)
         events = [taken(k + 1, float(v)) for k, v in enumerate(values)]
         beside = NextReading(ReadingsSoFar(state_of(events), setting), steps[count], 5.0)
-        assert beside.forecast.sigma_mm == setting.machine.gauge.noise_mm
+        assert beside.sigma_mm == setting.machine.gauge.noise_mm
 
 
 def test_what_was_kept_in_doubt_begins_the_comparison_anew() -> None:

@@ -9,9 +9,10 @@ stands what that rests on.
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from orthoglide_cal.diagnosis import Verdict
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.files.machine_file import machine_values
+from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
@@ -60,7 +61,6 @@ def calibration_document(
     case: Case,
     identity: Identity,
     left: Verification | None = None,
-    others: Sequence[Case] = (),
     limit_mm: float | None = None,
 ) -> doc.Document:
     """The document; as data the answer, and what only a report says.
@@ -68,7 +68,6 @@ def calibration_document(
     Args:
         case, identity: the result and its number.
         left: of the session measured after the adjustment; None without one.
-        others: what else the same file stores, none of it judged worse.
         limit_mm: largest deviation allowed; None where nobody said.
     """
     given, answer = case.given.conditions, case.answer
@@ -85,9 +84,9 @@ def calibration_document(
                 "notes": [{"line": line, "note": note} for line, note in given.notes],
             },
             "limit_mm": limit_mm,
-            "answer": answer.model_dump(mode="json"),
-            "after": left.model_dump(mode="json") if left else None,
-            "others": [other.answer.model_dump(mode="json") for other in others],
+            "answer": case.data(),
+            "after": left.model_dump(mode="json", context=case.says) if left else None,
+            "others": [other.data() for other in case.others],
         }
 
     def page() -> doc.Page:
@@ -113,14 +112,14 @@ def calibration_document(
                 # Where the rails are drawn, the first sheet is full.
                 chosen = pages if answer.shims else sheet
                 chosen.append(doc.Section("What would be left if the result were entered", *drawn))
-            sheet += map(_other, others)
+            sheet += map(_other, case.others)
             pages.append(doc.Section("Residuals (measured − model)", *residual_blocks(case)))
             if answer.verdict is not None:
                 pages.append(diagnosis_section(case))
             pages += [*budget_sections(machine, answer.budget, answer.total), *origin]
         else:
             # There is nothing to pin to the machine, and one sheet of paper says it all.
-            sheet += [doc.next_steps(to_do(case)), *map(_other, others), *origin]
+            sheet += [doc.next_steps(to_do(case)), *map(_other, case.others), *origin]
         authorised = machine.report.authorised_by
         roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
         return replace(
@@ -146,14 +145,16 @@ def _notice(case: Case, left: Verification | None) -> doc.Notice:
     wrong = _wrong(case) if release.sound and answer.parameters and not release.usable else ""
     if wrong:
         notice = doc.Notice(notice.tone, wrong, (doc.Strong(f"{notice.title}."), *notice.lines))
-    return reserved(notice, answer.validity.reservations)
+    known = [*release.reasons, *release.cautions]
+    others = (each for each in answer.validity.reservations if each not in known)
+    return reserved(notice, [*map(case.says, others)])
 
 
 def _wrong(case: Case) -> str:
     """What is wrong with the machine or the readings, as a title; "" where only numbers are."""
     answer = case.answer
     if answer.verdict is Verdict.AMBIGUOUS:
-        return headline(case)[1].rstrip(".")
+        return headline(case).rstrip(".")
     if answer.verdict is Verdict.UNEXPLAINED and answer.lack_of_fit is not None:
         left = plain(answer.lack_of_fit.left_mm, 3)
         return f"{left} mm r.m.s. is left that no known cause explains"
@@ -176,7 +177,8 @@ def _gap(answer: Answer) -> Iterator[doc.Section]:
     """The rails at their true places, and the shims that make them meet."""
     if not answer.shims:
         return
-    gaps = next(cause for cause in answer.causes if cause.id == "axis_gap").parameters
+    both = ((cause.id, each) for cause in answer.causes for each in cause.parameters)
+    gaps = [gap for id, gap in both if CAUSES[id].shim(gap.name, gap.value)]
     rows = []
     for gap, shim in zip(gaps, answer.shims, strict=True):
         size = f"{with_uncertainty(gap.value, gap.expanded)} mm"
@@ -360,4 +362,5 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
         rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.accepted)))
     if answer.method is not None and answer.noise is not None:
         rows += [("Solved by", method_words(case)), ("Noise, mm", noise_words(answer))]
-    return doc.Section("Traceability", doc.Facts(rows), *map(doc.Small, answer.warnings))
+    notes = (doc.Small(case.says(warning)) for warning in answer.warnings)
+    return doc.Section("Traceability", doc.Facts(rows), *notes)

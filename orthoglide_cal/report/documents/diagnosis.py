@@ -8,13 +8,20 @@ from dataclasses import replace
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.diagnosis import NextMeasurement, Verdict, nothing_wrong
-from orthoglide_cal.diagnosis.result import Explanation
 from orthoglide_cal.estimation.solution import UNUSUAL
+from orthoglide_cal.inference import NextMeasurement, Verdict, nothing_wrong
+from orthoglide_cal.inference.result import Explanation
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.measured import weighing
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import SETTLED, Case, decision_notice, to_do
+from orthoglide_cal.report.case import (
+    NOT_NEEDED,
+    Case,
+    change_words,
+    decision_notice,
+    decision_tone,
+    to_do,
+)
 from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections
 from orthoglide_cal.report.documents.solution import (
     alone_block,
@@ -49,12 +56,11 @@ _DECIDED, _UNDECIDED = 30, 20  # lines of its screen
 
 def diagnosis_document(case: Case) -> doc.Document:
     """The whole answer."""
-    data = partial(case.answer.model_dump, mode="json")
     if not case.answer.parameters:
         sections = (doc.next_steps(to_do(case)),)
         page = doc.Page("Diagnosis", notice=decision_notice(case), sections=sections)
-        return doc.Document(data, lambda: page)
-    return doc.Document(data, partial(_page, case), partial(_screen, case))
+        return doc.Document(case.data, lambda: page)
+    return doc.Document(case.data, partial(_page, case), partial(_screen, case))
 
 
 def _screen(case: Case) -> doc.Page:
@@ -95,7 +101,9 @@ def _screen(case: Case) -> doc.Page:
 def _notice(case: Case) -> doc.Notice:
     """The verdict, and what it means for the parameters."""
     answer, words, release = case.answer, case.words, case.answer.release
-    tone, title = headline(case)
+    if not release.usable and answer.verdict in (None, Verdict.CONSISTENT):
+        return decision_notice(case)  # not the model is wrong, but the numbers
+    title = headline(case)
     if answer.verdict is Verdict.NAMED:
         ids, share = [cause.id for cause in answer.causes], answer.causes[0].probability
         if len(ids) > 1:
@@ -104,26 +112,30 @@ def _notice(case: Case) -> doc.Notice:
             title = f"{title.rstrip('.')} ({ids[0]}, {percent(share, 1)})"
     elif answer.verdict is Verdict.AMBIGUOUS:
         said = [f"{_name(each)} ({percent(each.probability)})" for each in _open(answer)]
+        if len(said) == 1:
+            beyond = sum(each.probability for each in answer.explanations if each.pattern)
+            said.append(f"something that is not on the list ({percent(beyond)})")
         # By name: none comes first that the data do not carry.
         first = sorted(said[:2], key=lambda text: (not text.startswith(_NOTHING), text))
         title = f"Undecided: {', or '.join(first)}" if len(said) > 1 else title
         title += f", or {counted(len(said) - 2, 'other')}" if len(said) > 2 else ""
-    told: tuple[doc.Line, ...] = (f"Do not enter the {words.many}.", *release.reasons)
+    reasons, cautions = (
+        tuple(map(case.says, each)) for each in (release.reasons, release.cautions)
+    )
+    told: tuple[doc.Line, ...] = (f"Do not enter the {words.many}.", *reasons)
     if release.settled:
-        told = (f"{SETTLED}.",)
+        told = (f"{NOT_NEEDED}. {change_words(case)}", *cautions)
     elif release.usable:
-        told = (f"The {words.many} may be entered.", *release.cautions)
-    elif release.sound and answer.alone is not None:
+        told = (f"The {words.many} may be entered.", *cautions)
+    elif answer.alone is not None and release.codes[0] in ("offsets_wrong", "cause_found"):
         wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
         alone = f"the {words.many} alone would be wrong by up to {wrong}"
-        told = (f"Do not enter anything yet: {alone}.",)
-        if any(fault.matters for fault in answer.unshown):
-            told = (*told, *release.reasons[1:])
-    elif release.sound and answer.verdict is Verdict.AMBIGUOUS:
+        told = (f"Do not enter anything yet: {alone}.", *reasons[1:])
+    elif release.codes[0] == "undecided":
         u = f"{two_figures(max(each.expanded for each in answer.parameters))} {case.unit}"
         why = f": until that is decided they may be wrong by {u}" if case.unit else ""
-        told = (" ".join((f"Do not enter the {words.many}{why}.", *release.reasons[1:])),)
-    return doc.Notice(tone if release.sound else doc.Tone.BAD, title, told, case.about)
+        told = (" ".join((f"Do not enter the {words.many}{why}.", *reasons[1:])),)
+    return doc.Notice(decision_tone(answer), title, told, case.about)
 
 
 def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
@@ -223,7 +235,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
     """What to do next: remedies, the measurement that decides, or entering."""
     answer, release = case.answer, case.answer.release
     if answer.verdict is Verdict.AMBIGUOUS:
-        if len(release.reasons) > 1:  # so few readings that more of them come first
+        if "few_readings" in release.codes:  # more of them come first
             yield from case.remedies()
         else:
             yield from case.remedies("measure")
@@ -237,6 +249,8 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             # What lasts may be carried, whatever makes it.
             typed = case.typed("diagnose", f"--accept {shape}")
             yield doc.Instruction("Or make the shape part of the model, whatever makes it", typed)
+    elif "other_data_contradict" in release.codes:
+        yield from case.remedies()
     elif answer.verdict is Verdict.NAMED and any(fault.matters for fault in answer.unshown):
         # The size of the causes depends on it, too: their remedies come when that is decided.
         yield from case.remedies()
@@ -278,44 +292,42 @@ def _page(case: Case) -> doc.Page:
     )
 
 
-def headline(case: Case) -> tuple[doc.Tone, str]:
+def headline(case: Case) -> str:
     """The verdict in one sentence."""
     answer, lack = case.answer, case.answer.lack_of_fit
     if answer.verdict is Verdict.NAMED:
         titles = " and ".join(case.title_of(cause.id) for cause in answer.causes)
-        return doc.Tone.WARN, f"Cause found: {titles}."
+        return f"Cause found: {titles}."
     if answer.verdict is Verdict.AMBIGUOUS:
         nothing = nothing_wrong(answer.explanations) or 0.0
         if any(nothing > each.probability for each in answer.causes[:1]):
-            told = "Undecided: these data do not show what is wrong, or whether anything is."
-            return doc.Tone.OPEN, told
-        return doc.Tone.OPEN, "Undecided: these data leave open what is wrong."
+            return "Undecided: these data do not show what is wrong, or whether anything is."
+        return "Undecided: these data leave open what is wrong."
     if answer.verdict is not Verdict.CONSISTENT:
         beyond = [
             f"{each.id} at {each.times:.0f} times its size" for each in answer.beyond_tolerance
         ]
         only = f"only {' or '.join(beyond)} would explain what these readings show"
         told = only if beyond else "something is wrong that no listed cause explains"
-        return doc.Tone.BAD, f"Unexplained: {told}."
+        return f"Unexplained: {told}."
     if lack is not None and not lack.dof:
         told = "Consistent, but there is no reading to spare: these data cannot show whether the"
-        return doc.Tone.WARN, f"{told} model fits."
+        return f"{told} model fits."
     noise = f"this {case.words.noise}'s noise{case.words.also}"
-    unusual = lack is not None and lack.p_value < UNUSUAL
     told = f"nothing shows beyond {noise}; the model fits."
-    if unusual:
+    if lack is not None and lack.p_value < UNUSUAL:
         told = f"what is left is larger than usual for {noise}, not large enough to call the model"
         told += " wrong."
     for each in answer.undetermined:
         if each.name not in [parameter.name for parameter in answer.parameters]:
             within = f"{each.within:.2g} {unit_words(each.unit)}"
             told += f" The readings do not determine {each.name}: it may be off by {within} (1 σ)."
-    return doc.Tone.INFO if unusual else doc.Tone.GOOD, f"Consistent: {told}"
+    return f"Consistent: {told}"
 
 
 def diagnosis_section(case: Case) -> doc.Section:
     """All of it for a report, below its own verdict."""
-    blocks = [headline(case)[1], *_fit_blocks(case), *_cause_blocks(case)]
+    blocks = [headline(case), *_fit_blocks(case), *_cause_blocks(case)]
     if case.answer.verdict is Verdict.AMBIGUOUS:
         blocks.append(doc.Instructions([_next_step(case)]))
     return doc.Section("Diagnosis", *blocks, *_note_blocks(case))
@@ -364,6 +376,9 @@ def _next_step(case: Case) -> doc.Instruction:
         told = f"{following.what} About {following.minutes:.0f} min; it distinguishes {first}"
         told += f" from {second} ({following.separation_sigma:.1f} σ)."
         return doc.Instruction(told, case.further(following.session))
+    if not answer.ambiguous_with:
+        again = f"Repeat the session with {case.words.further}: what is real returns as it is."
+        return doc.Instruction(again)
     open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
     told = "No further reading of this kind is likely to decide."
     if not any(CAUSES[id].in_machine for id in open_ids):
@@ -404,7 +419,7 @@ def _doubts(case: Case, all: bool = True) -> Iterator[str]:
 def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
     """Remarks, the sizes that were assumed, and how the answer depends on the tolerances."""
     answer = case.answer
-    notes = [note for note in answer.notes if note not in answer.release.cautions]
+    notes = [case.says(note) for note in answer.notes if note not in answer.release.cautions]
     notes += _doubts(case)
     if assumed := answer.assumed_sizes:
         # Without its size where the cause has none: it happens or it does not.

@@ -8,13 +8,14 @@ from pathlib import Path, PurePath
 
 import numpy as np
 
-from orthoglide_cal.diagnosis.result import CauseParameter as Known
 from orthoglide_cal.errors import command
+from orthoglide_cal.inference.result import CauseParameter
+from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.figures import below, line, thread, words
 from orthoglide_cal.report.terminal import height
-from orthoglide_cal.results.history import U95, History, Trend
+from orthoglide_cal.results.history import U95, History
 from orthoglide_cal.words import (
     counted,
     decimals_for,
@@ -111,7 +112,7 @@ def _notice(found: History) -> doc.Notice:
     return doc.Notice(tone, f"{title} ({sure})", tuple(lines), aside=found.machine)
 
 
-def _sizes(values: Sequence[Known], by: str = "") -> str:
+def _sizes(values: Sequence[CauseParameter], by: str = "") -> str:
     """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
     kept = [each for each in values if not by or abs(each.value) > each.expanded] or values
     return ", ".join(
@@ -145,7 +146,7 @@ def _table(found: History, most: int) -> doc.Grid:
         every = [k for k in every if names[k] in moved] or every[:6]
     decimals = [decimals_for(each.expanded) for each in found.pooled]
 
-    def row(name: str, sizes: Sequence[Known], uncertain: bool = False) -> tuple[str, ...]:
+    def row(name: str, sizes: Sequence[CauseParameter], uncertain: bool = False) -> tuple[str, ...]:
         """Values, or their U; lengths beyond 10 mm are no offsets: they have no sign."""
         shown = [each.expanded if uncertain else each.value for each in sizes]
         bare = [uncertain or abs(size) > 10.0 for size in shown]
@@ -212,8 +213,8 @@ def _shapes(found: History) -> Iterator[doc.Figure]:
     """The bed as the parameters leave it: first, last; difference where the places are the same."""
     if not found.shapes:
         return
-    (place, first, machine), (other, last, _) = found.shapes
-    bed = machine.bed_radius_mm, machine.tower_angles_deg
+    (place, first, seen), (other, last, _) = found.shapes
+    bed = seen.radius_mm, seen.tower_angles_deg
     maps = figures.bed_maps("first", place, {"": first}, *bed)
     maps += figures.bed_maps("last", other, {"": last}, *bed)
     if np.array_equal(place, other):

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.report import document as doc
@@ -102,16 +101,14 @@ def residual_blocks(case: Case) -> list[doc.Block]:
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
         return [doc.Figure(None, "", figures.residual_panels(rows, left, sigma), key=key)]
-    places = _places(answer)
+    bed, places = case.machine.bed, _places(answer)
     measured = np.array([row.measured_mm for row in rows])
-    machine = LinearDelta.require(case.machine)
-    bed = machine.bed_radius_mm, machine.tower_angles_deg
     blocks: list[doc.Block] = []
     for title, own in _surfaces(answer).items():
         # Without their mean: the first layer's height is set apart.
         shown = {"before": measured[own] - measured[own].mean()}
         shown |= {f"after, {model}": values[own] for model, values in left.items()}
-        maps = figures.bed_maps(title, places[own], shown, *bed)
+        maps = figures.bed_maps(title, places[own], shown, bed.radius_mm, bed.tower_angles_deg)
         sketch = _signs(places[own], left[list(left)[-1]][own], sigma)
         key = "Each map has its own scale. Ringed: beyond four robust standard deviations."
         blocks.append(doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch))

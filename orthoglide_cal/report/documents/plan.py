@@ -447,7 +447,7 @@ def _next_grid(
         meaning += " per minute; half an hour is added for the session."
     if full and plan.next[0].between:
         first, second = between_words(plan.next[0])
-        meaning = "Settles: the probability of one answer. Ranked by it per minute; eight hours are"
-        meaning += f" added for coming back if it stays undecided. σ: how far {first} and {second}"
+        meaning = "Settles: the probability of one answer. Ranked by the expected time: eight hours"
+        meaning += f" for coming back if it stays undecided. σ: how far {first} and {second}"
         meaning += " are apart in the new readings, in standard deviations."
     return doc.Grid(heads, rows, words=(len(heads) - 1,), caption=meaning)

@@ -150,7 +150,7 @@ def application_document(found: Application, session: str) -> doc.Document:
             if found.controller.adds:
                 said = f"Restart LinuxCNC: it reads its INI only then. {said}"
         again = doc.Instruction("Probe it again in the same way.")
-        if not machine.keeps_itself:
+        if machine.vocabulary.measure:
             typed = measure_again(found.conditions)
             again = doc.Instruction("Measure again in the same way.", typed)
         compare = doc.Instruction(

@@ -85,19 +85,18 @@ def solution_document(case: Case) -> doc.Document:
     """
     if not case.answer.parameters:
         release = case.answer.release
-        remedies = " ".join(remedy.sentence for remedy in release.remedies)
-        raise UnusableResultError(" ".join(release.reasons), remedies)
-    data = partial(case.answer.model_dump, mode="json")
-    return doc.Document(data, partial(_page, case), partial(_screen, case))
+        remedies = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
+        raise UnusableResultError(" ".join(map(case.says, release.reasons)), remedies)
+    return doc.Document(case.data, partial(_page, case), partial(_screen, case))
 
 
 def _screen(case: Case) -> doc.Page:
     answer = case.answer
     found: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
-    if answer.budget and answer.release.usable:
+    if answer.budget and answer.release.usable and answer.release.needed:
         found.append(largest_words(case))
-    found += [f"Note: {warning}" for warning in answer.warnings]
-    after = _improvement(case) if answer.release.usable else ()
+    found += [f"Note: {case.says(warning)}" for warning in answer.warnings]
+    after = _improvement(case) if answer.release.usable and answer.release.needed else ()
     return doc.Page(
         kind="Solution",
         notice=decision_notice(case),
@@ -138,10 +137,10 @@ def _page(case: Case) -> doc.Page:
     what, _ = comparison_words(answer.check is not None and answer.check.ends)
     title = f"Differences, {what}" if answer.deviations else None
     blocks = (facts, parameters_grid(case), *open_blocks(case), *alone_block(case))
-    notes = [f"Note: {warning}" for warning in answer.warnings]
-    if not (answer.release.usable or answer.named):
+    notes = [f"Note: {case.says(warning)}" for warning in answer.warnings]
+    if answer.judgement and not (answer.release.usable or answer.named):
         # Otherwise it stands at the top, or is of the parameters alone.
-        notes.append(answer.judgement)
+        notes.append(case.says(answer.judgement))
     return doc.Page(
         kind="Solution",
         notice=decision_notice(case),

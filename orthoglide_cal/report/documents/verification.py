@@ -3,25 +3,27 @@
 The calibration report shows the same notice, advice and tables once the adjustment was measured.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from orthoglide_cal.errors import command, file_words
+from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import data_words, reserved, signed_page
 from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.documents.solution import common_unit, sizes, sizes_grid
+from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import (
-    Behaviour,
     Coefficient,
     ComparedInput,
     Outcome,
     Verification,
 )
+from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     MM_PER_INCH,
     chance,
@@ -41,9 +43,15 @@ def verification_document(found: Verification, identity: Identity) -> doc.Docume
 
     def data() -> dict[str, object]:
         issued = identity.issued.isoformat(timespec="seconds")
-        return {**found.model_dump(mode="json"), "number": identity.number, "issued": issued}
+        values = found.model_dump(mode="json", context=_says(found))
+        return {**values, "number": identity.number, "issued": issued}
 
     return doc.Document(data, partial(_page, found, identity), partial(_screen, found))
+
+
+def _says(found: Verification) -> Callable[[Reason], str]:
+    """Composes the sentence for a reason, in the words of the machine."""
+    return partial(sentence, machine=found.inputs[1][1].machine)
 
 
 def _screen(found: Verification) -> doc.Page:
@@ -97,7 +105,9 @@ def verification_notice(found: Verification) -> doc.Notice:
     tone, title = doc.Tone.GOOD, "The correction worked as predicted"
     before, promised, after, _ = _sizes(found)
     size = f"Predicted {promised}, measured {after} (r.m.s.; before {before})."
-    lines = tuple(line for line in (size, _answer(found), _decision(found), found.remains) if line)
+    says = _says(found)
+    remains = says(found.remains) if found.remains else ""
+    lines = tuple(line for line in (size, _answer(found), _decision(found), remains) if line)
     if not found.differences:
         better = found.rms_after_mm < found.rms_before_mm
         came = "as predicted" if found.kept else f"{'but' if better else 'and'} not as predicted"
@@ -113,7 +123,9 @@ def verification_notice(found: Verification) -> doc.Notice:
         tone, title = doc.Tone.BAD, "The correction worked, but a deviation is beyond the limit"
     elif outcome is not Outcome.PASS or (found.other_change and found.other_change.found):
         tone, title = doc.Tone.WARN, "The correction worked, with a reservation"
-    return reserved(doc.Notice(tone, title, lines), found.reservations)
+    if found.reservations and tone is doc.Tone.GOOD:
+        tone, title = doc.Tone.WARN, f"{title}, with a reservation"
+    return reserved(doc.Notice(tone, title, lines), [*map(says, found.reservations)])
 
 
 def _digits(found: Verification) -> int:

@@ -1,0 +1,17 @@
+"""Inference: hypothesis → fit → belief → decision; what the simulation gets wrong and why."""
+
+from orthoglide_cal.inference.baselines import Baselines
+from orthoglide_cal.inference.diagnose import diagnose, extend
+from orthoglide_cal.inference.result import (
+    AssumedSize,
+    Diagnosis,
+    Explanation,
+    FoundCause,
+    LackOfFit,
+    NextMeasurement,
+    Otherwise,
+    TimesStated,
+    UnshownFault,
+    Verdict,
+    nothing_wrong,
+)

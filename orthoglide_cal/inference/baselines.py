@@ -1,0 +1,131 @@
+"""What an extension of a printer is compared with: a carried quartic surface, the earlier map.
+
+Both need no cause: the surface is fitted together with the calibrated parameters, the map is what
+these leave. An extension that predicts other readings no better has shown nothing.
+"""
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+from pydantic import Field
+
+from orthoglide_cal.estimation import fit_offsets
+from orthoglide_cal.estimation.accuracy import rms
+from orthoglide_cal.estimation.gaussian import unexplained
+from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.fit import ENOUGH, left_out
+from orthoglide_cal.model.model import differentiate
+from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.schema import Schema
+
+# Powers of x and y, in addition to what the calibrated parameters do.
+QUARTIC = tuple((i, k - i) for k in (2, 3, 4) for i in range(k + 1))
+TINY = 1e-30  # mm²
+# Maps of two dates that agree so far are no noise.
+REPEATS = 0.8
+
+
+class Baselines(Schema):
+    """Held-out errors of a printer: of its extension, and of what needs no cause."""
+
+    parameters_mm: float = Field(description="of the calibrated parameters alone")
+    extension_mm: float = Field(description="with the carried shape, or causes, and motions")
+    quartic_mm: float | None = Field(None, description="with a carried quartic surface")
+    earlier_map_mm: float | None = Field(None, description="with the map of the first date")
+    repeats: float | None = Field(None, description="correlation of the maps of several dates")
+
+
+def baselines(
+    white: Whitened, later: Whitened | None, entered: Floats, free: int
+) -> tuple[float | None, float | None]:
+    """`quartic_mm` and `earlier_map_mm` of the touches of a printer, all alike.
+
+    Args:
+        white: the data.
+        later: other touches, to be predicted; None predicts each patch of the bed from the others.
+        entered: taken off the parameters in between, shape (6,) [mm, deg].
+        free: so many of the parameters, the first ones, are fitted to the later data.
+    """
+    offsets = fit_offsets(white.problem, white.data).offsets_mm
+    place, left, jacobian, _ = _touches(white, offsets)
+    touch = white.plan.touches
+    columns = np.hstack((jacobian, white.plan.zeros[touch], _surface(white, place)))
+    enough = len(left) > np.linalg.matrix_rank(columns) == columns.shape[1]
+    if later is None:
+        errors = list(_patches(white, columns, left)) if enough else []
+        return rms(np.concatenate(errors)) if errors else None, None
+    anew = free == offsets.size
+    there, error, then, _ = _touches(later, None if anew else offsets - entered)
+    quartic = None
+    if enough:
+        found = np.linalg.lstsq(columns, left)[0]
+        fixed = found[: jacobian.shape[1]] * (np.arange(jacobian.shape[1]) >= free)
+        predicted = then @ fixed + _surface(white, there) @ found[-len(QUARTIC) :]
+        quartic = rms(unexplained(then[:, :free], error - predicted))
+    return quartic, rms(unexplained(then[:, :free], error - _interpolated(place, left, there)))
+
+
+def repeats(white: Whitened, later: Whitened | None) -> float | None:
+    """Correlation of the residual maps of two dates, of more the smallest.
+
+    What calibrated parameters leave of the touches of each date; None for few, or of one date.
+    """
+    maps = [
+        (place[own], left[own], jacobian[own])
+        for each in (white, later)
+        if each is not None and each.plan.touches.any()
+        for place, left, jacobian, date in (_touches(each),)
+        for day in np.unique(date)
+        for own in (date == day,)
+    ]
+    found = []
+    for (place, left, _), (there, after, then) in pairwise(maps):
+        if min(len(left), len(after)) < ENOUGH * then.shape[1]:
+            return None
+        both = unexplained(then, np.stack((_interpolated(place, left, there), after), axis=1))
+        size = np.sqrt(np.prod((both**2).sum(axis=0)))
+        found.append(float(np.prod(both, axis=1).sum() / max(size, TINY)))
+    return min(found, default=None)
+
+
+def _touches(white: Whitened, offsets: Floats | None = None) -> tuple[Floats, Floats, Floats, Ints]:
+    """Places (n, 2), what parameters leave of the touches there (n,), derivatives (n, 6), dates.
+
+    The parameters are those that fit best if None.
+    """
+    plan = white.plan
+    if offsets is None:
+        offsets = fit_offsets(white.problem, white.data).offsets_mm
+    readings, jacobian = differentiate(white.problem.model, offsets, plan, ())
+    left = white.plain(white.data) / plan.precision - readings
+    touch = plan.touches
+    return plan.spots[touch, :2], left[touch], jacobian[touch], plan.days[touch]
+
+
+def _surface(white: Whitened, place: Floats) -> Floats:
+    """Terms of a quartic surface at places (n, 2), shape (n, 12)."""
+    x, y = (place / np.abs(white.plan.spots[:, :2]).max()).T
+    return np.stack([x**across * y**along for across, along in QUARTIC], axis=1)
+
+
+def _patches(white: Whitened, columns: Floats, left: Floats) -> Iterator[Floats]:
+    """Errors of predicting each patch of touches from all others."""
+    touches = white.plan.touches
+    number = np.cumsum(touches) - 1
+    for patches in left_out(white, None):
+        for patch in patches:
+            own = number[patch[touches[patch]]]
+            rest = np.setdiff1d(np.arange(len(left)), own)
+            if own.size:
+                found = np.linalg.lstsq(columns[rest], left[rest])[0]
+                yield left[own] - columns[own] @ found
+
+
+def _interpolated(place: Floats, value: Floats, there: Floats) -> Floats:
+    """Values (n,) of places (n, 2), between them; outside that of the nearest, shape (m,)."""
+    from scipy.interpolate import griddata
+
+    nearest = griddata(place, value, there, "nearest")
+    between = griddata(place, value, there, "linear") if len(place) > 3 else nearest
+    return np.where(np.isnan(between), nearest, between)

@@ -1,0 +1,173 @@
+"""Belief: every hypothesis about one data set with its probability, and the fits behind it.
+
+A probability follows from prior weight and evidence by Bayes' rule, whatever the hypotheses are
+about. Those of a diagnosis are sets of listed causes, or patterns beyond the list; the evidence is
+that of the nonlinear fit where one was made, else the linear one. Nothing is decided here: see
+`decision`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.estimation.gaussian import log_sum
+from orthoglide_cal.inference.candidates import Candidates, Ids
+from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
+from orthoglide_cal.inference.fit import Fit, fit_explanations
+from orthoglide_cal.inference.hypothesis import Hypothesis, Unlisted, score_all, score_unlisted
+from orthoglide_cal.model.plan import Floats
+
+TINY = 1e-300  # a probability, for its logarithm
+Key = TypeVar("Key", bound=Hashable)
+
+
+def probabilities(log_weight: Mapping[Key, float]) -> dict[Key, float]:
+    """Probability of each hypothesis from ln of its prior times evidence, most probable first."""
+    total = float(log_sum(np.array([*log_weight.values()])))
+    ordered = sorted(log_weight.items(), key=lambda pair: -pair[1])
+    return {key: math.exp(value - total) for key, value in ordered}
+
+
+def mixture(
+    shares: Sequence[float], values: Sequence[Floats], covariances: Sequence[Floats]
+) -> tuple[Floats, Floats]:
+    """Mean (p,) and covariance (p, p) over hypotheses whose shares sum to 1.
+
+    The choice among their values (p,) is added to the covariance (p, p) under each.
+    """
+    weights, means = np.array(shares), np.stack(values)
+    mean = weights @ means
+    apart = means - mean
+    between = (apart.T * weights) @ apart
+    return mean, np.tensordot(weights, np.stack(covariances), axes=1) + between
+
+
+def is_sizeless(ids: Ids, part: Ids) -> bool:
+    """Return whether a set adds to a part of it only faults without size, such as an exchange."""
+    more = set(ids) - set(part)
+    return set(part) < set(ids) and not any(CAUSES[id].unknowns for id in more)
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """Hypotheses about one data set with their probabilities and fits."""
+
+    at: Linearised  # the data, and what every candidate would do to them
+    hypotheses: Mapping[Ids, Hypothesis]  # sets of listed causes; () is that nothing is wrong
+    patterns: tuple[Unlisted, ...]  # those beyond the list
+    fits: Mapping[Ids, Fit] = field(default_factory=dict)  # those that the probabilities rest on
+    # Fits of other hypotheses, made when first asked for; they change no probability.
+    _further: dict[Ids, Fit] = field(default_factory=dict)
+
+    @classmethod
+    def about(cls, white: Whitened) -> Belief:
+        """Weigh every hypothesis by its linear evidence.
+
+        Raises:
+            NotConvergedError: no offsets fit these data.
+        """
+        at = Linearised.of(white, Candidates.of(white.problem.model, ordered=white.raw))
+        return cls(at, score_all(at), tuple(score_unlisted(at)))
+
+    def scaled(self, factor: float) -> Belief:
+        """The same data and patterns with the plausible sizes of all causes multiplied."""
+        at = replace(self.at, white=self.at.white.scaled(factor))
+        return Belief(at, score_all(at), self.patterns)
+
+    def refined(self, sets: Iterable[Ids]) -> Belief:
+        """The belief with the nonlinear fits of some more sets of causes, made together."""
+        missing = [ids for ids in dict.fromkeys(sets) if ids not in self.fits]
+        fits = fit_explanations([self.hypotheses[ids] for ids in missing])
+        return replace(self, fits={**self.fits, **dict(zip(missing, fits, strict=True))})
+
+    def fit(self, ids: Ids) -> Fit:
+        """The nonlinear fit of a set of causes."""
+        return self.fit_all([ids])[0]
+
+    def fit_all(self, sets: Sequence[Ids]) -> list[Fit]:
+        """Nonlinear fits of sets of causes, those that are missing made together."""
+        known = {**self.fits, **self._further}
+        missing = [ids for ids in sets if ids not in known]
+        fits = fit_explanations([self.hypotheses[ids] for ids in missing])
+        self._further.update(zip(missing, fits, strict=True))
+        return [known[ids] if ids in known else self._further[ids] for ids in sets]
+
+    @cached_property
+    def log_weight(self) -> Mapping[Ids, float]:
+        """ln of prior times evidence of each set of causes."""
+        prior = self.at.candidates.log_prior
+        evidence = {ids: each.log_evidence for ids, each in self.hypotheses.items()}
+        evidence |= {ids: fit.log_evidence for ids, fit in self.fits.items()}
+        return {ids: value + prior[ids] for ids, value in evidence.items()}
+
+    @cached_property
+    def _probabilities(self) -> Mapping[Ids | str, float]:
+        """Probability of each set of listed causes and each pattern, the most probable first."""
+        beyond = {each.what: each.log_evidence + each.log_prior for each in self.patterns}
+        return probabilities({**self.log_weight, **beyond})
+
+    @cached_property
+    def listed(self) -> Mapping[Ids, float]:
+        """Probability of each set of listed causes, the most probable first."""
+        return {key: p for key, p in self._probabilities.items() if isinstance(key, tuple)}
+
+    @cached_property
+    def unlisted(self) -> Mapping[str, float]:
+        """Probability of each pattern beyond the list, by its words."""
+        return {key: p for key, p in self._probabilities.items() if isinstance(key, str)}
+
+    @cached_property
+    def nothing(self) -> float:
+        """Probability that nothing is wrong."""
+        return self.listed[()]
+
+    @cached_property
+    def something(self) -> float:
+        """Probability of listed causes, whichever."""
+        return sum(value for ids, value in self.listed.items() if ids)
+
+    @cached_property
+    def beyond(self) -> float:
+        """Probability of something beyond the list."""
+        return sum(self.unlisted.values())
+
+    @cached_property
+    def answers(self) -> Mapping[Hashable, tuple[Ids, ...]]:
+        """Sets of causes by what they ask of a technician, the most probable first in each."""
+        by_remedy: dict[Hashable, tuple[Ids, ...]] = {}
+        for ids in filter(None, self.listed):
+            remedy = self.hypotheses[ids].remedy
+            by_remedy[remedy] = (*by_remedy.get(remedy, ()), ids)
+        return by_remedy
+
+    def answer_of(self, ids: Ids) -> tuple[Ids, ...]:
+        """The answer that a set belongs to."""
+        return self.answers[self.hypotheses[ids].remedy] if ids else (ids,)
+
+    def share(self, sets: Iterable[Ids]) -> float:
+        """Probability of some sets of causes together."""
+        return sum(map(self.listed.__getitem__, sets))
+
+    def is_silent(self, ids: Ids, part: Ids) -> bool:
+        """Return whether the data do not favour what a set adds to a part of it.
+
+        Neither in the mean over plausible sizes nor, of a fault without size, where both fit best:
+        that the other causes are then of more usual size is no evidence.
+        """
+        prior = self.at.candidates.log_prior
+        if not set(part) < set(ids) or not self.listed[part]:
+            return False
+        gain = math.log(max(self.listed[ids], TINY)) - math.log(self.listed[part])
+        gain -= prior[ids] - prior[part]
+        fits = [self.fits.get(ids), self.fits.get(part)]
+        if is_sizeless(ids, part) and all(fit and unit_of(fit.effects) == 1.0 for fit in fits):
+            first, second = (fit.log_likelihood for fit in fits if fit)
+            gain = min(gain, first - second)
+        return gain < 0.0

@@ -1,0 +1,445 @@
+"""The data as a diagnosis sees them, and the explanations that compete for them.
+
+The data are combinations of readings with equal, independent noise:
+
+    d = W y,   W whitens, so that the noise of d is σ² I
+
+For raw readings W are the zero-free contrasts, for differences the whitened differences. A
+cause that relabels readings by T acts on d as the orthogonal matrix W T Wᵀ (W Wᵀ = I).
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+
+from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.errors import NotConvergedError
+from orthoglide_cal.estimation import Problem, fit_offsets, pose
+from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
+from orthoglide_cal.estimation.budget import influences
+from orthoglide_cal.estimation.gaussian import unexplained, whiten
+from orthoglide_cal.estimation.least_squares import LeastSquaresFit
+from orthoglide_cal.inference.candidates import Candidates
+from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
+from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place
+from orthoglide_cal.model.machine import Influence, Machine, Origin
+from orthoglide_cal.model.measured import DataKind, Measured, Readings
+from orthoglide_cal.model.model import Model, differentiate_each, simulate
+from orthoglide_cal.model.orthoglide import ideal_plan, reduction
+from orthoglide_cal.model.plan import (
+    Contrasts,
+    Floats,
+    Ints,
+    Plan,
+    ReadOnly,
+    Reduction,
+    read_only,
+    zero_free,
+)
+
+# Between a quick session and a slow one: factor on the pace where no times were written down.
+UNKNOWN_PACE = 3.0
+# Of one standard deviation of a reading: what changes the data by less changes no evidence.
+UNSEEN = 0.1
+# No larger, in plausible sizes, is tried together with another fault; scales grow.
+BESIDE = 12.0
+# Offsets are not judged by their size: one standard deviation of their prior [mm].
+OFFSETS_MM = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Whitened(ReadOnly):
+    """Data and model in whitened form."""
+
+    problem: Problem  # the model, the plan of n readings, and W, shape (k, n)
+    data: Floats  # d, shape (k,) [mm]
+    root: Floats | None  # un-whitens differences, shape (k, k); None for readings
+    raw: bool  # readings, whose order in time is known; False for differences
+    in_file: Ints  # where each entry of the file stands in the data as read, shape (m,)
+    # The only other unit that the readings may be in [mm]; None without one.
+    unit_mm: float | None = None
+    texture: Texture | None = None  # a local shape of what is touched; None without one
+
+    @classmethod
+    def of(cls, measured: Measured, model: Model) -> Whitened:
+        """Whiten what was measured.
+
+        Raises:
+            RankDeficientError: the data do not determine the offsets.
+        """
+        if isinstance(measured, Readings):
+            white = _of_readings(measured.plan, model, measured.timed)
+            require_rank(white.problem)
+            unit = model.machine.instrument.mistaken_unit(measured)
+            data = white.matrix @ measured.value
+            return replace(white, data=data, unit_mm=None if unit is None else unit.mm)
+        posed = pose(measured, model, measured.kind)
+        require_rank(posed.problem)
+        plan, matrix = posed.problem.plan, posed.problem.matrix @ np.eye(len(posed.problem.plan))
+        if measured.kind is DataKind.SIX:
+            # The readings behind max − min, with the isotropic ones that the carriages pass.
+            plan = ideal_plan(DataKind.TWELVE, model.orthoglide)
+            matrix = reduction(DataKind.SIX, posed.which, model.orthoglide, plan)
+        # Rows of R, and the data, in units of independent noise.
+        rows, data = whiten(matrix @ matrix.T, matrix, posed.data)
+        root = np.asarray(np.linalg.cholesky(matrix @ matrix.T))
+        in_file = np.array([posed.which.index(difference) for difference in measured.which])
+        return cls(Problem(model, plan, rows), data, root, False, in_file)
+
+    def __len__(self) -> int:
+        return len(self.data)
+
+    @property
+    def machine(self) -> Machine:
+        return self.problem.model.machine
+
+    @property
+    def plan(self) -> Plan:
+        return self.problem.plan
+
+    @property
+    def matrix(self) -> Reduction:
+        """W, shape (k, n)."""
+        return self.problem.matrix
+
+    def scaled(self, factor: float) -> Whitened:
+        """The same with all tolerances multiplied, to see how an answer depends on them."""
+        model = _scaled(self.problem.model, factor, CAUSES.values())
+        return replace(self, problem=replace(self.problem, model=model))
+
+    def plain(self, residual: Floats) -> Floats:
+        """A whitened residual (k,) in each reading, or difference, shape (m,) [mm]."""
+        if self.root is not None:
+            return np.asarray(self.root @ residual)
+        plain = self.matrix.T @ residual
+        if self.texture is None:
+            return np.asarray(plain)
+        precision = self.plan.precision
+        return unexplained(self.plan.zeros / precision[:, None], plain / precision**2)
+
+    @property
+    def weight(self) -> Floats:
+        """How much an error of each reading, or difference, counts against a common one, (m,)."""
+        return self.plan.precision if self.raw else np.ones(len(self.in_file))
+
+    def rms(self, residual: Floats) -> float:
+        """Root mean square of a whitened residual over readings, or differences [mm].
+
+        What is less precise counts as much less.
+        """
+        return rms(self.weight * self.plain(residual))
+
+    def relabelled(self, values: Floats, cause: RelabelCause, place: Place) -> Floats:
+        """Whitened values (k,) with signs or labels exchanged, or put right again, shape (k,)."""
+        index, sign = cause.relabel(self.plan, place)
+        return np.asarray(self.matrix @ (sign * (self.matrix.T @ values)[index]))
+
+    def fit_versions(self, versions: Floats) -> LeastSquaresFit:
+        """Offsets fitted to versions of the data (v, k), and what they leave of these.
+
+        A local shape that is stated makes some combinations of the data less precise than others.
+        """
+        problem, texture = self.problem, self.texture
+        if texture is None or not isinstance(self.matrix, Contrasts):
+            return fit_offsets(problem, versions)
+        general, factors = texture.whitened(self.machine.instrument.noise_mm)
+        axes, precision = texture.axes, general * self.matrix.precision
+        matrix = replace(self.matrix, precision=precision, axes=axes, factors=factors)
+        along = (versions @ axes) * (1.0 - factors)
+        fit = fit_offsets(replace(problem, matrix=matrix), general * (versions - along @ axes.T))
+        predicted, _ = problem.predict_with_jacobian(fit.offsets_mm, strict=False)
+        return replace(fit, residuals_mm=versions - predicted)
+
+    def uncertain(self, offsets: Floats) -> tuple[Influence, ...]:
+        """What is uncertain of the data in addition to noise, for offsets (..., 3) [mm]."""
+        found = influences(self.problem.model, offsets, self.plan)
+        return tuple(each.reduced(self.matrix) for each in found)
+
+    def with_effects(
+        self, uncertain: tuple[Influence, ...], offsets: Floats, effects: Sequence[Effect]
+    ) -> tuple[Influence, ...]:
+        """The same on a machine with some effects: what a stand's place does to the readings
+        depends on how the touched surface lies."""
+        if all(each.source != Origin.GAUGE_PLACEMENT for each in uncertain):
+            return uncertain
+        known, plan = self.problem.model.extended(effects), self.plan
+        gauges = self.machine.uncertain(plan, lambda other: simulate(known, offsets, other))
+        anew = {each.source: each.reduced(self.matrix) for each in gauges}
+        return tuple(anew.get(each.source, each) for each in uncertain)
+
+    def linearised(self, *points: tuple[Floats, Sequence[Effect]]) -> list[tuple[Floats, Floats]]:
+        """For offsets (3,) [mm] with effects: prediction (k,), its derivatives (k, 3 + p)."""
+        if not points:
+            return []
+        each = differentiate_each(self.problem.model, self.plan, points)
+        return [(self.matrix @ readings, self.matrix @ jacobian) for readings, jacobian in each]
+
+
+@functools.lru_cache(maxsize=8)
+def _of_readings(plan: Plan, model: Model, timed: bool) -> Whitened:
+    """Readings that were taken to a plan, all of them zero; on a known clock or not."""
+    if not timed:
+        # Rates of change as plausible as before, on a clock that was only assumed.
+        rates = [cause for cause in CAUSES.values() if cause.unit == PER_HOUR]
+        model = _scaled(model, UNKNOWN_PACE, rates)
+    # Zero-free contrasts are orthonormal.
+    matrix, texture = zero_free(plan), None
+    local = model.machine.local_shape(plan)
+    if local is not None:
+        axes, size, _ = np.linalg.svd(matrix @ local.columns, full_matrices=False)
+        texture = Texture(axes, size**2, local.rest, local.assumed)
+    return Whitened(
+        Problem(model, plan, matrix),
+        np.zeros(len(matrix)),
+        None,
+        True,
+        np.arange(len(plan)),
+        texture=texture,
+    )
+
+
+def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
+    """The model with the plausible sizes of these causes multiplied."""
+    machine = model.machine
+    own = (cause for cause in causes if cause.usual(type(machine)) is not None)
+    sizes = {cause.id: factor * cause.stated(machine) for cause in own}
+    return replace(model, machine=machine.changed(tolerances={**machine.tolerances, **sizes}))
+
+
+def as_read(plan: Plan, effects: Sequence[Effect]) -> Plan:
+    """The plan of what was really read, where an exchange cannot be expressed in the data."""
+    for effect in effects:
+        cause, place = effect.cause, effect.place
+        if not cause.reversible(plan, place):
+            plan = cause.really_read(plan, place)
+    return plan
+
+
+def unit_of(effects: Sequence[Effect]) -> float:
+    """The unit of the data, if these effects are behind them [mm]."""
+    return math.prod(effect.cause.unit_mm(effect.place) for effect in effects)
+
+
+@dataclass(frozen=True)
+class Extra:
+    """One cause at one place, with a base."""
+
+    cause: PatternCause | RelabelCause
+    place: Place
+    number: int  # of its place in `Placed.tried`, or of the version of the data to be fitted
+    count: int | None = None  # its size where that is a whole number; None for a size of any value
+
+
+@dataclass(frozen=True)
+class Placed:
+    """An extra cause on these data."""
+
+    cause: PatternCause | RelabelCause
+    tried: tuple[Place, ...]  # where it may act; of a relabelling only where the data can undo it
+    first: int  # number of the first of them, as in `Extra`
+    log_weight: Mapping[Place, float]  # ln of what the density of the data is multiplied by
+    # W·pattern of one unit at each place of a pattern cause [mm per unit]; None of others.
+    patterns: Places | None = None
+
+    def numbered(self, number: int) -> Extra:
+        """One size and place, all places in turn for each size."""
+        size, at = divmod(number, len(self.tried))
+        count = [*self.cause.counts][size] if self.cause.counts else None
+        return Extra(self.cause, self.tried[at], self.first + at, count)
+
+    @cached_property
+    def weights(self) -> Floats:
+        """`log_weight` of the places that are tried, shape (tried,)."""
+        return np.array([self.log_weight[place] for place in self.tried])
+
+
+@functools.lru_cache(maxsize=4)
+def _places(
+    problem: Problem, extras: tuple[PatternCause | RelabelCause, ...]
+) -> Mapping[PatternCause | RelabelCause, tuple[Mapping[Place, float], Places | None]]:
+    """Where each extra may act, and W·pattern of all these places of a pattern cause.
+
+    Each place with ln of what the density of the data there is multiplied by: its prior share; and
+    where the data were put into another unit, the factor of each number beyond the offsets: those
+    are not judged by their size, in no unit.
+    """
+    plan, machine, matrix = problem.plan, problem.model.machine, problem.matrix
+    found: dict[PatternCause | RelabelCause, tuple[Mapping[Place, float], Places | None]] = {}
+    for cause in extras:
+        places = cause.places(plan, machine)
+        if isinstance(cause, PatternCause):
+            weight = dict.fromkeys(places, -math.log(max(len(places), 1)))
+            columns = Places(matrix, cause.patterns(plan, places)) if places else None
+            found[cause] = weight, columns
+        else:
+            total = sum(map(cause.share, places))
+            spare = len(matrix) - len(machine.parameter_names)
+            weights = {
+                place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
+                for place in places
+            }
+            found[cause] = weights, None
+    return MappingProxyType(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """What every candidate would do to these data, where the offsets-only model fits best.
+
+    A relabelling is undone in the data, which gives another version of them; version 0 is as
+    recorded.
+    """
+
+    white: Whitened
+    candidates: Candidates
+    noise: NoiseGrid
+    extras: Mapping[str, Placed]  # by id, where each may act
+    versions: Floats  # the data as recorded and with each relabelling undone, shape (v, k) [mm]
+    offsets: Floats  # fitted to each version, shape (v, 3) [mm]
+    residuals: Floats  # what is left then, shape (v, k) [mm]
+    jacobian: Floats  # derivative of the data by the offsets at the fit to version 0, shape (k, 3)
+    # Id of a broad cause → derivative by its parameters there, where it is absent, shape (k, p).
+    jacobians: Mapping[str, Floats]
+    # What is uncertain of the data in addition to noise and causes, as recorded.
+    uncertain: tuple[Influence, ...]
+
+    @classmethod
+    def of(cls, white: Whitened, candidates: Candidates) -> Linearised:
+        """Enumerate the places and fit the offsets to each version of the data.
+
+        Raises:
+            RankDeficientError: they determine the offsets so little that no search ends.
+            NotConvergedError: no offsets fit them as recorded.
+        """
+        machine = white.machine
+        places = _places(white.problem, candidates.extras)
+        # Faults of the record put right, where the data can express it, and the gauge shows
+        # readings in that unit.
+        undone = {
+            (cause, place): white.relabelled(white.data, cause, place) * cause.unit_mm(place)
+            for cause, (own, _) in places.items()
+            if isinstance(cause, RelabelCause)
+            for place in own
+            if cause.unit_mm(place) in (1.0, white.unit_mm) and cause.reversible(white.plan, place)
+        }
+        versions = np.stack([white.data, *undone.values()])
+        fit = white.fit_versions(versions)
+        if not fit.converged[0]:
+            require_determined(white.problem)
+            many = white.machine.vocabulary.many
+            raise NotConvergedError(
+                f"No {many} fit these data: the search does not settle.",
+                "Check the machine file and the readings; validate names every fault.",
+            )
+        # A relabelling that no offsets fit did not happen.
+        possible = [key for key, fits in zip(undone, fit.converged[1:], strict=True) if fits]
+        extras: dict[str, Placed] = {}
+        version = 1
+        for cause, (weights, patterns) in places.items():
+            if isinstance(cause, PatternCause):
+                extras[cause.id] = Placed(cause, tuple(weights), 0, weights, patterns)
+            else:
+                own = tuple(place for place in weights if (cause, place) in possible)
+                extras[cause.id] = Placed(cause, own, version, weights)
+                version += len(own)
+        offsets, broad = fit.offsets_mm[0], candidates.broad
+        absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
+        ((_, columns),) = white.linearised((offsets, absent))
+        ends = np.cumsum([offsets.size, *(cause.unknowns for cause in broad)])
+        jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
+        weighed = {cause.id for cause in broad}
+        uncertain: list[Influence] = []
+        for each in white.uncertain(offsets):
+            if each.source in weighed:
+                shown = unexplained(jacobian, each.columns)
+                if np.linalg.norm(shown) > machine.instrument.noise_mm:
+                    # It has a name of its own for what shows: what offsets imitate is carried.
+                    each = replace(each, columns=each.columns - shown)
+            uncertain.append(each)
+        return cls(
+            white=white,
+            candidates=candidates,
+            noise=NoiseGrid.around(machine.instrument.noise_mm, white.texture),
+            extras=extras,
+            versions=versions[fit.converged],
+            offsets=fit.offsets_mm[fit.converged],
+            residuals=fit.residuals_mm[fit.converged],
+            jacobian=jacobian,
+            jacobians={cause.id: own for cause, own in zip(broad, jacobians, strict=True)},
+            uncertain=tuple(uncertain),
+        )
+
+    def pattern(self, extra: Extra) -> Floats:
+        """What one unit of a pattern cause at its place adds to the data, shape (k,) [mm]."""
+        patterns = self.extras[extra.cause.id].patterns
+        return np.zeros(len(self.white)) if patterns is None else patterns.column(extra.number)
+
+    @property
+    def local(self) -> bool:
+        """Whether a local shape is uncertain."""
+        return any(each.local for each in self.uncertain)
+
+    @property
+    def scales(self) -> Mapping[float, float]:
+        """Of the sizes of a base, as multiples of its tolerances, and the share of each."""
+        return self.white.machine.tolerance_scales
+
+    @cached_property
+    def usual(self) -> Mapping[float, float]:
+        """Those of the scales that are tried together with another fault, with their shares.
+
+        Two causes follow nearly any pattern, if they may be of any size.
+        """
+        few = {scale: share for scale, share in self.scales.items() if scale <= BESIDE}
+        return {scale: share / sum(few.values()) for scale, share in few.items()}
+
+    @cached_property
+    def carried(self) -> Floats:
+        """All that is uncertain of the data, side by side, shape (k, c) [mm]."""
+        nothing = np.zeros((len(self.white), 0))
+        return read_only(np.hstack([nothing, *(each.columns for each in self.uncertain)]))
+
+    @cached_property
+    def seen(self) -> Floats:
+        """`shown` where the offsets-only model fits best, shape (k, b) [mm]."""
+        return self.shown(self.uncertain, self.jacobian)
+
+    def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:
+        """What is uncertain of the data and shows, with as few columns as tell it, (k, b) [mm].
+
+        A local shape is part of the noise. What the offsets, of derivatives (k, 3), imitate changes
+        no evidence, and what stays far below the noise none that matters.
+        """
+        few = [each.columns for each in uncertain if not each.local]
+        carried = np.hstack([np.zeros((len(self.white), 0)), *few])
+        left, size, _ = np.linalg.svd(unexplained(jacobian, carried), full_matrices=False)
+        kept = size > UNSEEN * self.noise.stated
+        return np.asarray(left[:, kept] * size[kept])
+
+    def columns(self, base: Sequence[Cause]) -> Floats:
+        """Derivatives by the offsets and the parameters of a base, shape (k, 3 + p)."""
+        return np.hstack([self.jacobian, *(self.jacobians[cause.id] for cause in base)])
+
+    @cached_property
+    def _stds(self) -> Mapping[str, Sequence[Floats]]:
+        """Plausible sizes of the parameters of each broad cause, by choice of its shares."""
+        machine, broad = self.white.machine, self.candidates.broad
+        return {
+            cause.id: [cause.prior_std(machine, k) for k in range(len(cause.shares) or 1)]
+            for cause in broad
+        }
+
+    def sizes(self, base: Sequence[Cause], scale: float = 1.0, choice: int = 0) -> Floats:
+        """Plausible sizes of the same unknowns, shape (3 + p,), internal units.
+
+        Those of the parameters are `scale` times the tolerances; `choice` is among their shares.
+        """
+        own = [scale * self._stds[cause.id][choice if cause.shares else 0] for cause in base]
+        return np.concatenate([np.full(self.jacobian.shape[1], OFFSETS_MM), *own])

@@ -1,0 +1,518 @@
+"""Decision: what to do about a machine, by least expected loss.
+
+A technician is told that nothing is wrong, a name, several answers that are left open, or that no
+listed cause explains the data. Each statement is weighed by what it costs if it is wrong; the table
+below is the only place where that is stated, in minutes of a workshop. Everything else follows from
+the belief: no probability is compared with a number of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import PostureError
+from orthoglide_cal.estimation.accuracy import chance_of_residual
+from orthoglide_cal.estimation.solution import SUSPICIOUS
+from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture
+from orthoglide_cal.inference.candidates import Ids
+from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.fit import Fit, fit_explanations
+from orthoglide_cal.inference.result import Verdict
+from orthoglide_cal.model.cause import Stage
+from orthoglide_cal.model.patterns import Groups
+from orthoglide_cal.model.plan import Floats
+
+# --- losses [min] -----------------------------------------------------------------------------
+
+# An answer is left open: one more measurement, stands fetched, set up and read.
+OPEN_ANSWER = 30.0
+# A sound part is named: it is ordered and replaced, the machine is calibrated again, and the fault
+# is still there. A week of 50 hours.
+WRONG_NAME = 3000.0
+# Offsets are entered that a fault of the record has falsified: what is made until the next check,
+# half a week, is scrap.
+FALSE_RELEASE = 1500.0
+# A fault that these readings hardly show is missed: it is found at the next check, and one session
+# more has to be measured then, with its set-up.
+MISSED_FAULT = 75.0
+# A fault is looked for, or corrected, that is not there: the machine stands still for two hours.
+NEEDLESS_HOLD = 120.0
+# A step, drift or scatter of a machine is stated that is none: carriage, couplings and switches are
+# taken apart in vain. A day of ten hours.
+WRONG_STORY = 600.0
+# A change of the machine is missed: the next session shows it, and what the machine, a little off,
+# has made since is measured again. A quarter of a day.
+MISSED_CHANGE = 150.0
+# A cause is mentioned as not excluded: its name is read, in five seconds.
+MENTION = 0.075
+
+# A session begins: stands are fetched, the machine is stopped and warmed up.
+SITTING = 30.0
+# An answer is still open after a measurement: somebody comes back for it, a shift later.
+STILL_OPEN = 480.0
+
+# Probability relative to the answer below which one that contradicts it is dismissed: to keep it
+# open would cost more than to be wrong.
+DISMISSED = OPEN_ANSWER / WRONG_NAME
+
+# --- limits of effort -------------------------------------------------------------------------
+
+# Hypotheses within this much log evidence of the best are fitted nonlinearly, the best few.
+WORTH_A_FIT, FITS = 8.0, 3
+# What was dismissed by its linear score is fitted down to this share of its bound.
+FAR_BELOW = 0.03
+# Where all else together is likelier than nothing wrong by no more than this share of what it takes
+# to be something, no fit is looked for that would add to it.
+SURELY = 0.5
+# A cause less probable than this relative to nothing wrong is not fitted: it moves no digit of U.
+WEIGHS = 0.01
+# A place less probable than this is not looked at, no more than so many; where a fault would not
+# show, one less probable than the last is not mentioned.
+PLACE_COUNTS, PLACES, PLACE_LIKELY = 0.002, 6, 0.05
+# The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
+# than stated: in so many of right answers it leaves more by chance.
+MISFIT = 2e-4
+# A cause that many times its plausible size is beyond it; for the search for one of any size.
+BEYOND, ANY_SIZE = 3.0, 1e3
+
+
+def keep_ratio(ids: Ids, best: Ids) -> float:
+    """Probability relative to the answer `best` from which a set of causes is left open.
+
+    To keep it costs a measurement; to drop it wrongly costs a wrong name. A set that adds to the
+    answer does not contradict it: dropped, a fault is missed, or, of a fault of the record without
+    size, false offsets are released.
+    """
+    if not set(best) < set(ids):
+        return DISMISSED
+    return OPEN_ANSWER / (FALSE_RELEASE if is_sizeless(ids, best) else MISSED_FAULT)
+
+
+def is_dismissed(probability: float, missed: float) -> bool:
+    """Return whether to keep something open costs more than to miss it, a loss in minutes."""
+    return probability * missed < OPEN_ANSWER
+
+
+def is_likely(nothing: float, missed: float, needless: float) -> bool:
+    """Return whether to miss something, of minutes `missed`, costs more than a needless search.
+
+    `nothing` is the probability that there is nothing.
+    """
+    return (1.0 - nothing) * missed >= nothing * needless
+
+
+def state(
+    belief: Mapping[Key, float], nothing: Key, missed: float, needless: float
+) -> tuple[Key, tuple[Key, ...]]:
+    """The statement of least expected loss, and what it leaves open, most probable first.
+
+    Something has happened, or the hypothesis `nothing` is stated: by the losses of `is_likely`.
+    """
+    happened = is_likely(belief[nothing], missed, needless)
+    others = sorted(belief, key=lambda key: -belief[key])
+    stated = next(key for key in others if key != nothing) if happened else nothing
+    lost = needless if happened else missed
+    others.remove(stated)
+    return stated, tuple(key for key in others if not is_dismissed(belief[key], lost))
+
+
+def loss_after(minutes: float, chance: float) -> float:
+    """Expected loss of a session of its own, which leaves one answer with this chance [min]."""
+    return SITTING + minutes + (1.0 - chance) * STILL_OPEN
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """The statement of least expected loss about one data set, and what follows from it."""
+
+    belief: Belief
+    # Maps of several dates of a bed agree: what the parameters leave is no noise, but a shape.
+    repeats: bool = False
+
+    # --- which answers are left open ---
+
+    @cached_property
+    def best(self) -> Ids:
+        """The set of causes to accept (not empty unless nothing else was tried).
+
+        Of the most probable answer the set that names it; a second cause is added only where to
+        miss it costs more than to look for it in vain.
+        """
+        belief = self.belief
+        # No answer is less probable than the most probable set of causes, a part of one.
+        least = max((value for ids, value in belief.listed.items() if ids), default=0.0)
+        likely = [sets for sets in belief.answers.values() if belief.share(sets) >= least]
+        names = map(self._name, likely)
+        most = max(names, key=lambda ids: belief.share(belief.answer_of(ids)), default=())
+        parts = [ids for ids in belief.listed if ids and set(ids) < set(most)]
+        enough = [ids for ids in parts if self._adds_little(most, ids)]
+        best = max(enough, key=belief.listed.__getitem__, default=most)
+        return self.as_shape(best) if self.shape in best else best
+
+    @property
+    def shape(self) -> str:
+        """Id of the cause that stands for any shape where nothing tells what makes it, or ""."""
+        white = self.belief.at.white
+        return white.machine.shape if white.plan.flat else ""
+
+    def as_shape(self, ids: Ids) -> Ids:
+        """A set with the shape in place of all that might make it; itself without one."""
+        makers = {id for id in ids if CAUSES[id].repeats}
+        replaced = tuple(sorted({self.shape} | set(ids) - makers))
+        return replaced if self.shape and makers and replaced in self.belief.listed else ids
+
+    def _name(self, answer: tuple[Ids, ...]) -> Ids:
+        """Of the sets of an answer the most probable, or one of the record that is nearly so.
+
+        Whatever spoiled a reading, it is wrong: to look for a knock in vain costs more.
+        """
+        listed = self.belief.listed
+        near = (i for i in answer if listed[i] * NEEDLESS_HOLD >= listed[answer[0]] * MISSED_FAULT)
+        return min(near, key=lambda ids: sum(CAUSES[id].stage is not Stage.RECORD for id in ids))
+
+    def same_answer(self, ids: Ids) -> tuple[Ids, ...]:
+        """Other sets, not dismissed, that ask the same of a technician, most probable first."""
+        listed = self.belief.listed
+        floor = DISMISSED * listed[ids]
+        answer = self.belief.answer_of(ids)
+        return tuple(other for other in answer if other != ids and listed[other] >= floor)
+
+    def is_open(self, ids: Ids) -> bool:
+        """Return whether a set of causes is too probable to be dismissed for the best answer."""
+        best = self.best
+        return self.belief.listed[ids] >= keep_ratio(ids, best) * self._something(best)
+
+    def _something(self, best: Ids) -> float:
+        return self.belief.something if best else 1.0
+
+    @cached_property
+    def rivals(self) -> tuple[Ids, ...]:
+        """Sets that these data cannot distinguish from the best one, most probable first.
+
+        A set that holds another rival and adds to it says nothing new, unless it is the likelier.
+        """
+        best, same = self.best, self.same_answer(self.best)
+        listed = self.belief.listed
+        held = {self.as_shape(best)}
+        if self.shape and any(CAUSES[id].repeats for id in best):
+            # It leaves open what makes the shape: the likeliest with each cause that is doubted.
+            for doubted in set(self.belief.at.white.machine.doubted) - set(best):
+                held.update([ids for ids in listed if doubted in ids][:1])
+        others = [ids for ids in listed if ids not in ((), best, *same)]
+        rivals = [ids for ids in others if ids in held or self.is_open(ids)]
+
+        def adds(ids: Ids) -> bool:
+            parts = (other for other in (*rivals, *same) if set(other) < set(ids))
+            return not any(self._adds_little(ids, part) for part in parts)
+
+        return tuple(ids for ids in rivals if ids in held or adds(ids))
+
+    @cached_property
+    def silent(self) -> tuple[Ids, ...]:
+        """Faults without size besides the best answer of which the data say nothing, however likely
+        they are."""
+        belief, best = self.belief, self.best
+        adding = (ids for ids in belief.listed if is_sizeless(ids, best) and self.is_open(ids))
+        return tuple(ids for ids in adding if belief.is_silent(ids, best))
+
+    def nearly_dismissed(self, ids: Ids) -> bool:
+        """Return whether a set contradicts the best one and is below its bound, not far below."""
+        bound = keep_ratio(ids, self.best) * self._something(self.best)
+        contradicts = not set(self.best) <= set(ids)
+        return contradicts and FAR_BELOW * bound <= self.belief.listed[ids] < bound
+
+    def _adds_little(self, ids: Ids, part: Ids) -> bool:
+        """Return whether to look for what a set adds to a part of it costs more than to miss it."""
+        belief = self.belief
+        both, alone = (belief.share(belief.answer_of(one)) for one in (ids, part))
+        return both * MISSED_FAULT < self.hold * alone
+
+    def may_matter(self, ids: Ids) -> bool:
+        """Return whether a fault without size would be left open at this probability."""
+        least = OPEN_ANSWER / FALSE_RELEASE * self.belief.listed[self.best]
+        return self.belief.listed[ids] >= least
+
+    @property
+    def hold(self) -> float:
+        """Loss of a needless hold on this kind of machine [min]."""
+        return NEEDLESS_HOLD * self.belief.at.white.machine.caution
+
+    # --- the statement ---
+
+    @property
+    def wrong(self) -> bool:
+        """Whether to look for a fault costs less than to miss one."""
+        return is_likely(self.belief.nothing, MISSED_FAULT, self.hold)
+
+    @property
+    def surely_sound(self) -> bool:
+        """Whether nothing is wrong by so far that no fit of a cause can change it."""
+        belief = self.belief
+        return (1.0 - belief.nothing) * MISSED_FAULT < SURELY * belief.nothing * self.hold
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """The statement itself."""
+        belief, best = self.belief, self.best
+        if not self.wrong:
+            if self.repeats and (self.shape,) in belief.hypotheses:
+                return Verdict.NAMED
+            # Evidence alone lets noise be as large as it must.
+            too_large = belief.at.local and self._chance(belief.fit(())) < SUSPICIOUS
+            return Verdict.UNEXPLAINED if too_large else Verdict.CONSISTENT
+        # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
+        # look for it in the set-up costs a hold.
+        lost = belief.beyond * OPEN_ANSWER > belief.something * NEEDLESS_HOLD
+        if lost or self._misfit < MISFIT:
+            return Verdict.UNEXPLAINED
+        # To name what is beyond the list costs a wrong name for each cause, and false offsets.
+        risk = len(best) * (WRONG_NAME + FALSE_RELEASE) * belief.beyond
+        if risk <= OPEN_ANSWER * belief.something:
+            return Verdict.AMBIGUOUS if self._others else Verdict.NAMED
+        # Two causes follow nearly any pattern: a further measurement would not decide.
+        return Verdict.UNEXPLAINED if len(best) > 1 else Verdict.AMBIGUOUS
+
+    @cached_property
+    def accepted(self) -> Ids:
+        """The causes that are named, or the likeliest of an open question."""
+        if self.verdict in (Verdict.NAMED, Verdict.AMBIGUOUS):
+            return self.best if self.wrong else (self.shape,)
+        return ()
+
+    @property
+    def ambiguous_with(self) -> Ids:
+        """Ids that these data cannot separate from the accepted ones."""
+        return self._others if self.verdict is Verdict.AMBIGUOUS else ()
+
+    @cached_property
+    def _others(self) -> Ids:
+        """What is open in place of the best answer or in addition to it."""
+        belief, rivals = self.belief, self.rivals
+        certain = WRONG_NAME * belief.beyond <= OPEN_ANSWER * belief.something
+        if certain and all(ids in self.silent for ids in rivals):
+            rivals = ()
+        return tuple(dict.fromkeys(id for ids in rivals for id in ids if id not in self.best))
+
+    @cached_property
+    def _misfit(self) -> float:
+        """Chance that noise leaves more than the best set of causes does."""
+        at, fit = self.belief.at, self.belief.fit(self.best)
+        noise = max(at.noise.stated, fit.sigma if at.local else 0.0)
+        square = float(fit.residual @ fit.residual)
+        return chance_of_residual(square, len(at.white) - fit.unknowns, noise)
+
+    @cached_property
+    def unseen(self) -> Ids:
+        """Single causes that may be there although nothing shows, most probable first.
+
+        Not faults without a size: what does not show moves nothing, but for the sign of a whole
+        table, which the opposite offsets give, too, and which nobody could ever rule out.
+        """
+        listed, nothing = self.belief.listed, self.belief.nothing
+        single = (ids for ids in listed if len(ids) == 1 and CAUSES[ids[0]].names)
+        return tuple(id for (id,) in single if listed[id,] * MISSED_FAULT >= MENTION * nothing)
+
+    @property
+    def not_excluded(self) -> Ids:
+        """The same where nothing is said to be wrong."""
+        return self.unseen if self.verdict is Verdict.CONSISTENT else ()
+
+    def hidden(self) -> list[Ids]:
+        """Those of them that are so probable that they widen the offsets' uncertainty.
+
+        What no reading shows is uncertain in every explanation already.
+        """
+        machine, listed = self.belief.at.white.machine, self.belief.listed
+        known = (*machine.unobservable, *machine.fixed_parameters)
+        unseen = [(id,) for id in self.unseen if id not in known]
+        return [ids for ids in unseen if listed[ids] >= WEIGHS * listed[()]]
+
+    # --- what follows from it ---
+
+    def _chance(self, fit: Fit) -> float:
+        """Chance that noise as stated leaves more than a fit of the parameters alone does."""
+        white = self.belief.at.white
+        noise, dof = white.machine.instrument.noise_mm, len(white) - fit.offsets.size
+        return chance_of_residual(fit.square, dof, noise)
+
+    @property
+    def chance(self) -> float:
+        """Chance that noise as stated leaves more than the calibrated parameters alone do."""
+        return self._chance(self.alone)
+
+    @cached_property
+    def alone(self) -> Fit:
+        """The calibrated parameters alone, with a local shape as large as the answer has it."""
+        nothing, unexplained = self.belief.fit(()), self.verdict is Verdict.UNEXPLAINED
+        factor = 1.0 if unexplained else self.fit.scale_factor
+        if factor == nothing.scale_factor:
+            return nothing
+        return fit_explanations([self.belief.hypotheses[()]], factor)[0]
+
+    @property
+    def fit(self) -> Fit:
+        """The fit of the accepted causes; of the offsets alone if there are none."""
+        return self.belief.fit(self.accepted)
+
+    @property
+    def carried(self) -> Fit:
+        """The fit of what lasts, to be carried to other days.
+
+        Of readings of one plane a smooth shape, whatever makes it, and the motions that they show.
+        """
+        hypotheses = self.belief.hypotheses
+        ids = self.best if self.verdict is Verdict.UNEXPLAINED else self.accepted
+        if not self.shape or (self.shape,) not in hypotheses:
+            return self.fit
+        beside = (id for id in ids if not CAUSES[id].repeats)
+        with_shape = tuple(sorted((self.shape, *beside)))
+        return self.belief.fit(with_shape if with_shape in hypotheses else (self.shape,))
+
+    @cached_property
+    def left_open(self) -> tuple[tuple[float, Fit], ...]:
+        """The explanations that the data leave open, the accepted one first, and their shares."""
+        if self.verdict is Verdict.UNEXPLAINED:
+            return ((1.0, self.fit),)
+        sets = [self.accepted, *self.same_answer(self.accepted)]
+        if self.verdict is Verdict.AMBIGUOUS:
+            sets += self.rivals
+        elif self.verdict is Verdict.CONSISTENT:
+            sets += self.hidden()
+        weights = np.array([self.belief.listed[ids] for ids in sets])
+        weights /= weights.sum()
+        return tuple(zip(weights.tolist(), self.belief.fit_all(sets), strict=True))
+
+    @cached_property
+    def unshown(self) -> tuple[tuple[str, float, Fit], ...]:
+        """Faults of the record besides the named causes that these data would not show.
+
+        For each place: the fault, its share next to what is left open, and the fit that holds it.
+        """
+        if self.verdict is not Verdict.NAMED or not self.wrong:
+            return ()
+        belief, best = self.belief, self.accepted
+        total = belief.share((best, *self.same_answer(best)))
+        faults = []
+        for ids in self.silent:
+            (more,) = set(ids) - set(best)
+            places = belief.hypotheses[ids].at_places(PLACE_LIKELY, PLACES)
+            fits = fit_explanations([hypothesis for _, hypothesis in places])
+            share = belief.listed[ids] / total
+            faults += [
+                (more, share * part, fit) for (part, _), fit in zip(places, fits, strict=True)
+            ]
+        return tuple(faults)
+
+    @cached_property
+    def beyond_tolerance(self) -> tuple[tuple[str, float], ...]:
+        """Of what is unexplained: causes that would explain it, how many times their size."""
+        if self.verdict is not Verdict.UNEXPLAINED:
+            return ()
+        at, hypotheses = self.belief.at, self.belief.hypotheses
+        explaining = []
+        for cause in at.candidates.broad:
+            try:
+                (fit,) = fit_explanations([replace(hypotheses[(cause.id,)], scale=ANY_SIZE)])
+            except PostureError:  # no machine of any size is like that
+                continue
+            square, spare = float(fit.residual @ fit.residual), len(at.white) - fit.unknowns
+            noise = fit.sigma if at.local else at.noise.stated
+            times = fit.effects[0].times(at.white.machine)
+            if times > BEYOND and chance_of_residual(square, spare, noise) >= MISFIT:
+                explaining.append((square, cause.id, times))
+        return tuple((id, times) for _, id, times in sorted(explaining))
+
+    @property
+    def by_place(self) -> tuple[tuple[float, Fit], ...]:
+        """Where several are left open: the same, each fault at every place where it may be."""
+        if self.verdict is not Verdict.AMBIGUOUS:
+            return self.left_open
+        placed = []
+        for share, fit in self.left_open:
+            least = PLACE_COUNTS / max(share, PLACE_COUNTS)
+            hypothesis = self.belief.hypotheses[tuple(sorted(fit.ids))]
+            best, *others = hypothesis.at_places(least, PLACES)
+            placed.append((share * best[0], fit))
+            fits = fit_explanations([other for _, other in others])
+            placed += [(share * part, fit) for (part, _), fit in zip(others, fits, strict=True)]
+        return tuple(placed)
+
+    @cached_property
+    def offsets(self) -> tuple[Floats, Floats]:
+        """Offsets (3,) [mm] and their covariance (3, 3) [mm²] under the verdict.
+
+        Averaged over the explanations that the data leave open, weighted by probability, so
+        that the choice among them is part of the uncertainty.
+        """
+        if self.verdict is Verdict.UNEXPLAINED:
+            # What noise cannot have left must not be laid on stands and scales.
+            return self.belief.at.offsets[0], self._unexplained_covariance()
+        shares, fits = zip(*self.left_open, strict=True)
+        values, spreads = zip(*((fit.offsets, fit.offsets_covariance) for fit in fits), strict=True)
+        return mixture(shares, values, spreads)
+
+    def _unexplained_covariance(self) -> Floats:
+        """Of the offsets-only fit, widened by the likeliest unlisted pattern, (3, 3) [mm²]."""
+        pattern = max(self.belief.patterns, key=lambda unlisted: unlisted.log_evidence)
+        fit, white = self.belief.fit(()), self.belief.at.white
+        width = fit.offsets.size
+        estimator = np.asarray(np.linalg.pinv(fit.columns[:, :width]), np.float64)
+        unit, moved = estimator @ estimator.T, estimator @ white.matrix
+        likeliest = pattern.sigma**2 * unit + pattern.spread(moved)
+        # Whatever it is may also return with its posture, where repeats cannot average it out:
+        # as large in each cell as what is left in the readings.
+        left = float(fit.residual @ fit.residual) / max(len(white) - width, 1)
+        cells = Groups(white.plan.cells).products(moved.T)
+        spreads = [likeliest, left * (unit + cells.T @ cells)]
+        # Correlated like the larger of the two, and for each offset as wide as the wider.
+        larger = max(spreads, key=np.trace)
+        widest = np.max([np.diag(spread) for spread in spreads], axis=0)
+        widened = np.sqrt(widest / np.diag(larger))
+        return np.asarray(larger * np.outer(widened, widened))
+
+
+def decide(white: Whitened) -> Decision:
+    """Weigh every hypothesis about the data, fit those that may change the decision, and decide.
+
+    Raises:
+        NotConvergedError: no offsets fit these data.
+    """
+    return decide_by(Belief.about(white))
+
+
+def decide_by(linear: Belief) -> Decision:
+    """The decision that follows from linear evidence, with the fits that it needs."""
+    order, at = list(linear.listed), linear.at
+    weight = linear.log_weight
+    decision = Decision(linear.refined([()]))
+    # With a local shape that is found to be larger or smaller, the noise is found, too.
+    noise_found = at.local
+    if decision.surely_sound and not noise_found:
+        # Linear scores know no bounds: one of what cannot be negative may fall short of its fit.
+        positive = [(cause.id,) for cause in at.candidates.broad if cause.positive]
+        decision = Decision(decision.belief.refined([*decision.hidden(), *positive]))
+        if decision.surely_sound:
+            return decision
+    near = (ids for ids in order[:FITS] if weight[ids] > weight[order[0]] - WORTH_A_FIT)
+    decision = Decision(decision.belief.refined(near))
+    if noise_found:
+        # Of printers the causes are large against what linear scores can follow.
+        fits = decision.belief.fits
+        again = [ids for ids in order if ids not in fits and decision.nearly_dismissed(ids)]
+        decision = Decision(decision.belief.refined(again[:FITS]))
+    # What has no size is judged by the fits, too; and linear scores know no bounds: what is left
+    # open is so by its fit.
+    likely = [ids for ids in decision.belief.listed if ids and decision.may_matter(ids)]
+    pairs = [(ids, (id,)) for ids in likely for id in ids if is_sizeless(ids, (id,))]
+    wanted = [ids for pair in pairs for ids in pair]
+    for _ in range(FITS):
+        wanted += (decision.best, *decision.rivals)
+        if decision.belief.fits.keys() >= set(wanted):
+            break
+        decision = Decision(decision.belief.refined(wanted))
+    return Decision(decision.belief.refined([decision.best]))

@@ -1,0 +1,417 @@
+"""From what was measured to a verdict on the model, and to a model extended by a cause."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from datetime import date
+from types import MappingProxyType
+
+import numpy as np
+from scipy.special import fdtrc
+
+from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.estimation.accuracy import half_width, rms, scatter_of_repeats
+from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
+from orthoglide_cal.inference.candidates import Ids
+from orthoglide_cal.inference.data import Whitened, unit_of
+from orthoglide_cal.inference.decision import (
+    BEYOND,
+    DISMISSED,
+    Decision,
+    decide,
+    decide_by,
+)
+from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
+from orthoglide_cal.inference.result import (
+    CauseParameter,
+    Diagnosis,
+    Explanation,
+    FoundCause,
+    LackOfFit,
+    Otherwise,
+    TimesStated,
+    UnshownFault,
+    Verdict,
+    estimated,
+)
+from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.measured import Measured
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.schema import Reason
+
+# A held-out error counts as lower if it falls below this share of the one before.
+LOWER = 0.98
+
+
+def diagnose(
+    measured: Measured,
+    model: Model,
+    holdout: Measured | None = None,
+    applied: Floats | None = None,
+    then: Model | None = None,
+    sensitivity: bool = False,
+    recalibrated: bool | None = None,
+) -> Diagnosis:
+    """Say what the offsets-only model gets wrong, if anything.
+
+    Args:
+        measured, model: the data, and what they are of, with the causes accepted already.
+        holdout: later data that no fit may see.
+        applied: offsets entered in the controller before the held-out data, shape (3,) [mm].
+        then: the model at the time of the held-out data; None for the same.
+        sensitivity: also judge with all tolerances halved and doubled; of healthy data these say
+            nothing, and that is left out.
+        recalibrated: whether the machine was calibrated again before the held-out data; None if the
+            models say so.
+
+    Raises:
+        RankDeficientError: the data do not determine the offsets.
+        UnusableResultError: the numbers of the machine file and the data are too far apart.
+    """
+    with _weighable(model):
+        white = Whitened.of(measured, model)
+        changed = model.machine.differing(then.machine) if then is not None else ()
+        known = then if then is not None and changed else model
+        anew = bool(changed) if recalibrated is None else recalibrated
+        later = None if holdout is None else Whitened.of(holdout, known)
+        entered = np.zeros(len(model.machine.parameter_names))
+        if applied is not None:
+            entered[: len(applied)] = applied
+        found, again = _decided(white, later)
+        nothing, accepted = found.belief.fit(()), found.fit
+        causes: tuple[FoundCause, ...] = ()
+        free = len(entered) * anew
+        beside = None
+        notes: list[Reason] = []
+        if later is not None and anew:
+            notes.append(Reason.of("recalibrated", changed=changed))
+        elif later is not None:
+            shift = moved_origin(later, found.carried, entered)
+            if shift is not None:
+                free = len(shift)
+                names = zip(model.machine.parameter_names, shift.tolist(), strict=False)
+                notes.append(Reason.of("origin_moved", moves=dict(names)))
+        if again is not None and again > REPEATS:
+            notes.append(Reason.of("maps_repeat", correlation=again))
+        touched = bool(white.plan.touches.any())
+        if accepted.effects or (touched and (sensitivity or later is not None)):
+            before, after = (
+                predict_later(later, fit, entered, free, model.machine)
+                if later is not None
+                else leave_out_cells(white, fit, accepted)
+                for fit in (nothing, found.carried)
+            )
+            # Without the cause the errors are in the unit that was written down, too.
+            unit = 1.0 if later is not None else unit_of(accepted.effects)
+            before = replace(before, rms_mm=before.rms_mm * unit)
+            causes = _named(found, before, after)
+            if touched:
+                quartic, earlier = baselines(white, later, entered, free)
+                beside = Baselines(
+                    parameters_mm=before.rms_mm,
+                    extension_mm=after.rms_mm,
+                    quartic_mm=quartic,
+                    earlier_map_mm=earlier,
+                    repeats=again,
+                )
+        changes: dict[str, Otherwise] = {}
+        if sensitivity and found.verdict is not Verdict.CONSISTENT:
+            for name, factor in (("halved", 0.5), ("doubled", 2.0)):
+                other = decide_by(found.belief.scaled(factor))
+                changes[name] = Otherwise(verdict=other.verdict, ids=other.accepted)
+        offsets, covariance = found.offsets
+        unshown = _unshown(found, offsets, half_width(np.inf) * np.sqrt(np.diag(covariance)))
+        matter = {fault.id for fault in unshown if fault.matters}
+        nominal = _predicted(white, measured, found.belief.at.residuals[0])
+        return Diagnosis(
+            measured=measured,
+            model=model,
+            verdict=found.verdict,
+            lack_of_fit=_lack_of_fit(found, measured, nominal),
+            causes=causes,
+            baselines=beside,
+            ambiguous_with=found.ambiguous_with,
+            not_excluded=found.not_excluded,
+            left_open=found.left_open,
+            by_place=(
+                *found.by_place,
+                *((share, fit) for id, share, fit in found.unshown if id in matter),
+            ),
+            offsets_mm=offsets,
+            covariance_mm2=covariance,
+            alone_mm=found.belief.at.offsets[0],
+            nominal_mm=nominal,
+            explained_mm=_predicted(white, measured, accepted.left, accepted.effects)
+            if accepted.effects
+            else nominal,
+            sensitivity=MappingProxyType(changes),
+            explanations=_explanations(found),
+            unshown=unshown,
+            beyond_tolerance=tuple(
+                TimesStated(id=id, times=times) for id, times in found.beyond_tolerance
+            ),
+            notes=(*_notes(found, measured), *notes, *_of_local_shape(found)),
+        )
+
+
+def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
+    """The model with one more accepted cause.
+
+    Args:
+        measured, model: the data that it is identified from, and what is known so far.
+        id, on: cause to accept, and date to note.
+
+    Raises:
+        UnusableResultError: these data do not support it, the machine file rules it out, or it
+            lies in the measurement.
+    """
+    cause = CAUSES[id]
+    if not cause.lasting:
+        raise UnusableResultError(
+            f"{id} lies in the measurement, not in the machine: it cannot be accepted.",
+            "Correct it, and measure again.",
+        )
+    if not cause.possible(model.machine):
+        raise UnusableResultError(
+            f"The machine file rules {id} out: its size under tolerances is 0.",
+            "Give it a size there if the machine may have it.",
+        )
+    with _weighable(model):
+        found, _ = _decided(Whitened.of(measured, model))
+        verdict, accepted = found.verdict, found.accepted
+        if not accepted:
+            raise UnusableResultError(
+                f"These data are {verdict}: they do not support {id} as an extension.",
+                "See what diagnose says about them.",
+            )
+        # Faults of the measurement that stand in its place in an explanation without it; those that
+        # hold it may differ in what else was wrong with the measurement.
+        sets = (accepted, *found.rivals)
+        shared = set.intersection(*map(set, sets))
+        others = dict.fromkeys(other for ids in sets for other in ids if other not in (id, *shared))
+        doubtful = [other for other in others if not CAUSES[other].in_machine]
+        if verdict is Verdict.AMBIGUOUS and id not in shared and doubtful:
+            raise UnusableResultError(
+                f"These data do not distinguish what lies in the machine from"
+                f" {', '.join(doubtful)}, which lies in the measurement.",
+                "Take the reading that diagnose names, then accept.",
+            )
+        listed = found.belief.listed
+        best = max((ids for ids in listed if id in ids), key=listed.__getitem__, default=())
+        if id not in best or not (best == accepted or found.is_open(best)):
+            raise UnusableResultError(
+                f"These data contradict {id}.", f"They name {', '.join(accepted)}."
+            )
+        (effect,) = (effect for effect in found.belief.fit(best).effects if effect.cause is cause)
+        return model.extended([effect.accepted(on.isoformat(), measured.source.sha256)])
+
+
+def _decided(white: Whitened, later: Whitened | None = None) -> tuple[Decision, float | None]:
+    """What the data say, and how far the maps of several dates of a printer repeat."""
+    found = decide(white)
+    again = repeats(white, later)
+    return replace(found, repeats=again is not None and again > REPEATS), again
+
+
+@contextmanager
+def _weighable(model: Model) -> Iterator[None]:
+    """Turn a failure of linear algebra into an error that says what it comes from."""
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        raise UnusableResultError(
+            "These data cannot be weighed: the gauge's stated noise"
+            f" ({model.machine.instrument.noise_mm:.2g} mm) is out of all proportion to the"
+            " readings.",
+            "Check gauge and tolerances in the machine file.",
+        ) from error
+
+
+def _explanations(found: Decision) -> tuple[Explanation, ...]:
+    """All that were tried, best first, with the parameters of those that are left open."""
+    names = found.belief.at.white.machine.parameter_names
+    fits = {tuple(sorted(fit.ids)): fit for _, fit in found.left_open}
+
+    def told(ids: Ids, probability: float) -> Explanation:
+        fit = fits.get(ids)
+        if fit is None:
+            return Explanation(ids=ids, probability=probability)
+        std = np.sqrt(np.diag(fit.offsets_covariance))
+        return Explanation(
+            ids=ids,
+            probability=probability,
+            rms_mm=found.belief.at.white.rms(fit.left) if ids else None,
+            parameters=estimated(names, fit.offsets, std),
+        )
+
+    tried = [told(ids, value) for ids, value in found.belief.listed.items()]
+    for pattern, value in found.belief.unlisted.items():
+        tried.append(Explanation(pattern=pattern, probability=value))
+    return tuple(sorted(tried, key=lambda each: -each.probability))
+
+
+def _unshown(found: Decision, offsets: Floats, u: Floats) -> tuple[UnshownFault, ...]:
+    """Each fault that would not show, with all places where it may be; U (3,) of the offsets."""
+    white, machine = found.belief.at.white, found.belief.at.white.machine
+    wheres: dict[str, list[str]] = {}
+    moved: dict[str, Floats] = {}
+    for id, _, fit in found.unshown:
+        place = next(effect.place for effect in fit.effects if effect.cause.id == id)
+        wheres.setdefault(id, []).append(CAUSES[id].label(place, white.plan, machine))
+        moved[id] = np.maximum(moved.get(id, 0.0 * u), np.abs(fit.offsets - offsets))
+    return tuple(
+        UnshownFault(
+            id=id,
+            where=" or ".join(filter(None, wheres[id])),
+            check=CAUSES[id].words(machine).instrument,
+            change=float(change[largest]),
+            unit=machine.parameter_units[largest],
+            matters=bool(np.any(change > u)),
+        )
+        for id, change in moved.items()
+        for largest in (int(np.argmax(change / u)),)
+    )
+
+
+def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause, ...]:
+    """The accepted causes; the one without which the data are hardest to explain comes first.
+
+    What can act together with any other comes after it.
+    """
+    white, machine = found.belief.at.white, found.belief.at.white.machine
+    accepted, listed = found.fit, found.belief.listed
+    ids, rivals = set(found.accepted), found.rivals if found.wrong else ()
+    falls = after.rms_mm < LOWER * before.rms_mm
+
+    def sure(id: str) -> bool:
+        """No explanation without this cause needs a fault of the measurement in its place."""
+        instead = {other for rival in rivals if id not in rival for other in rival} - ids
+        return id == found.shape or all(CAUSES[other].compensable for other in instead)
+
+    def aliases(id: str) -> Ids:
+        """What stands in its place in a rival explanation, or in one of the same remedy."""
+        others = (*found.same_answer(found.accepted), *rivals)
+        instead = (each for each in others if ids - {id} <= set(each) and id not in each)
+        return tuple(dict.fromkeys(other for each in instead for other in each if other not in ids))
+
+    named = [
+        FoundCause(
+            id=effect.cause.id,
+            probability=listed[found.accepted],
+            where=where,
+            parameters=tuple(
+                CauseParameter(name=name, **each._asdict(), expanded=half_width(np.inf) * each.std)
+                for name, each in parameters.items()
+            ),
+            rms_before_mm=white.rms(found.belief.at.residuals[0]) * unit_of(accepted.effects),
+            rms_after_mm=white.rms(accepted.left),
+            heldout_before_mm=before.rms_mm,
+            heldout_after_mm=after.rms_mm,
+            heldout_ratio=after.ratio,
+            aliases=aliases(effect.cause.id),
+            times_stated=times if times > BEYOND else None,
+            remedy=effect.cause.words(machine).advice.format(where=where),
+            recommended=(effect.cause.compensable or effect.cause.id in machine.recommended)
+            and falls
+            and sure(effect.cause.id),
+            in_machine=effect.cause.in_machine,
+        )
+        for effect in accepted.effects
+        for where in (effect.cause.label(effect.place, white.plan, machine),)
+        for parameters in (white.problem.model.called(effect),)
+        for times in (effect.times(machine),)
+    ]
+    alone = {cause.id: -found.belief.hypotheses[(cause.id,)].log_evidence for cause in named}
+    return tuple(sorted(named, key=lambda each: (each.id in machine.companions, alone[each.id])))
+
+
+def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOfFit:
+    white, nothing = found.belief.at.white, found.alone
+    noise, dof = white.machine.instrument.noise_mm, len(white) - nothing.offsets.size
+    total = nothing.square
+    repeats, chance = None, None
+    if white.raw:
+        repeats = scatter_of_repeats(white.plan, measured.value)
+    if repeats is not None and repeats.sigma_mm > 0.0 and dof > repeats.dof:
+        pure = repeats.dof * repeats.sigma_mm**2
+        lack = max(total - pure, 0.0) / (dof - repeats.dof)
+        chance = float(fdtrc(dof - repeats.dof, repeats.dof, lack / repeats.sigma_mm**2))
+    left = rms(measured.weight * (measured.value - nominal))
+    residual = float(np.sqrt(total / dof)) if dof else 0.0
+    return LackOfFit(
+        statistic=total / noise**2,
+        dof=dof,
+        p_value=found.chance,
+        repeats_p_value=chance,
+        repeats_mm=None if repeats is None else repeats.sigma_mm,
+        left_mm=left,
+        # The fit takes a part of the noise away, too.
+        expected_mm=left * noise / residual if residual else noise,
+        noise_mm=noise,
+        residual_mm=residual,
+    )
+
+
+def _predicted(
+    white: Whitened, measured: Measured, residual: Floats, effects: Sequence[Effect] = ()
+) -> Floats:
+    """What a fit with some effects says of each value, in the order of the file, (n,) [mm].
+
+    `residual` is what it leaves of the whitened data, shape (k,) [mm].
+    """
+    for effect in effects:
+        cause, place = effect.cause, effect.place
+        if isinstance(cause, RelabelCause) and cause.reversible(white.plan, place):
+            residual = white.relabelled(residual, cause, place) / cause.unit_mm(place)
+    return measured.value - white.plain(residual)[white.in_file]
+
+
+def _of_local_shape(found: Decision) -> Iterator[Reason]:
+    """How much stays unexplained where that is the rule, and what is not claimed."""
+    white, accepted = found.belief.at.white, found.fit
+    if white.texture is None:
+        return
+    companions = white.machine.companions
+    for effect in accepted.effects:
+        if effect.cause.id in companions:
+            yield Reason.of("remark", text=companions[effect.cause.id])
+    unknowns = accepted.offsets.size + sum(e.cause.freedom for e in accepted.effects)
+    if len(white) <= unknowns:
+        return  # the answer follows anything
+    noise = white.machine.instrument.noise_mm
+    left = white.rms(accepted.left)
+    beyond = float(np.sqrt(max(left**2 - noise**2, 0.0)))
+    yield Reason.of("local_residual", left_mm=left, noise_mm=min(noise, left), beyond_mm=beyond)
+
+
+def _notes(found: Decision, measured: Measured) -> Iterator[Reason]:
+    doubted = found.belief.at.white.machine.doubted.values()
+    for text in (*measured.remarks, *(doubt.words for doubt in doubted)):
+        yield Reason.of("remark", text=text)
+    causes = [effect.cause for effect in found.fit.effects]
+    listed, unlisted = found.belief.listed, found.belief.unlisted
+    accepted, raw = found.accepted, found.belief.at.white.raw
+    if found.not_excluded:
+        yield Reason.of("not_excluded", ids=found.not_excluded)
+    if found.verdict is Verdict.UNEXPLAINED:
+        pattern = max(unlisted, key=unlisted.__getitem__)
+        yield Reason.of("pattern", pattern=pattern)
+        yield Reason.of("pattern_in_u")
+        best = found.best
+        if len(best) > 1 and listed[best] >= DISMISSED * unlisted[pattern]:
+            yield Reason.of("two_would_follow", ids=best)
+    if found.verdict is Verdict.AMBIGUOUS:
+        for ids in found.rivals:
+            if set(accepted) < set(ids):
+                yield Reason.of("perhaps_also", ids=[id for id in ids if id not in accepted])
+    for part in (ids for ids in listed if ids and set(ids) < set(accepted)):
+        if found.is_open(part):
+            others = [id for id in accepted if id not in part]
+            yield Reason.of("perhaps_alone", id=part[0], others=others, probability=listed[part])
+    if causes and not raw:
+        unknowns, count = sum(len(cause.names) for cause in causes), len(measured)
+        yield Reason.of("few_differences", count=count, spare=count - 3, unknowns=unknowns)
+    if raw and any(isinstance(cause, PatternCause) for cause in causes):
+        yield Reason.of("measure_again")

@@ -1,0 +1,593 @@
+"""One explanation fitted nonlinearly, its evidence at its own best fit, and what it predicts.
+
+For a linear-Gaussian model of the whitened data d = W y with covariance S, the error of
+predicting a block B of readings from all others is (K_BB)⁻¹ (K y)_B with K = Wᵀ S⁻¹ W, and the
+model's own statement of its covariance is (K_BB)⁻¹; gauge zeros have no part in K, and no refit
+is needed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.special import chdtrc, log_ndtr
+
+from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.errors import PostureError
+from orthoglide_cal.estimation.accuracy import Scatter, rms
+from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
+from orthoglide_cal.estimation.gaussian import (
+    condition,
+    fit_size,
+    log_sum,
+    root_of,
+    shrinking,
+    unexplained,
+    whiten_shared,
+)
+from orthoglide_cal.estimation.least_squares import fit_offsets
+from orthoglide_cal.inference.candidates import Ids, ids_of
+from orthoglide_cal.inference.data import Linearised, Whitened
+from orthoglide_cal.inference.hypothesis import (
+    BLUNDER_SCALES,
+    LOG_ALL,
+    Acting,
+    Hypothesis,
+    Remedy,
+    all_or_one,
+    density_of,
+    offsets_and_seen,
+    pattern_densities,
+)
+from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.machine import Influence, Instrument, Machine, Origin
+from orthoglide_cal.model.plan import Contrasts, Floats, Ints, ReadOnly
+
+# Mean and standard deviation of what cannot be negative, of those without that bound.
+HALF_NORMAL = math.sqrt(2.0 / math.pi), math.sqrt(1.0 - 2.0 / math.pi)
+# A search that has just moved by more than this goes on: what is of second order in less, over the
+# length of a leg, is far below any gauge. No more rounds than so many.
+FAR_MM, ROUNDS = 0.1, 6
+# Causes that move the readings by so many times the noise tilt what the gauges touch so much that
+# it matters where a stand is.
+STEEP = 100.0
+# So many touches for each calibrated parameter say how rough a bed is.
+ENOUGH = 2
+# The origin of the endstops has moved where nothing but chance gives as much this seldom.
+MOVED = 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class Fit(ReadOnly):
+    """An explanation at its best fit.
+
+    The unknowns are the offsets, the parameters of each effect in turn, and those of all that is
+    uncertain of the data in addition to noise.
+    """
+
+    # As of `Hypothesis`; how much likelier the data make it than the prior does that widths are
+    # positive is part of it.
+    log_evidence: float
+    # ln p of the data at the fit, without its constant; the sizes of causes do not count, but that
+    # widths are positive does.
+    log_likelihood: float
+    # What noise must have left, σ²·χ² [mm²]: residuals, and how far what is uncertain of the data
+    # had to be stretched; of k − 3 degrees of freedom, of the offsets alone.
+    square: float
+    effects: tuple[Effect, ...]  # causes with their best parameters and own covariance
+    offsets: Floats  # shape (3,) [mm]
+    covariance: Floats  # of all unknowns, shape (q, q), internal units
+    slots: tuple[slice, ...]  # unknowns of each effect; none without a size, or with a known one
+    linear: Floats  # whitened data minus the linearised model at zero unknowns, shape (k,) [mm]
+    residual: Floats  # whitened data minus prediction, shape (k,) [mm]
+    local: Floats  # what of it is attributed to a local shape, shape (k,) [mm]
+    columns: Floats  # whitened derivatives by the unknowns, shape (k, q)
+    centre: Floats  # what they are before there are data, shape (q,): zero but for widths
+    sizes: Floats  # their plausible sizes about that, shape (q,)
+    sigma: float  # standard deviation of one reading under this explanation [mm]
+    scale_factor: float  # how many times as large as stated a local shape is
+    uncertain: tuple[Influence, ...]  # what else is uncertain of the data; its unknowns come last
+    remedy: Remedy
+
+    @property
+    def ids(self) -> Ids:
+        """Of its causes, in the order of its effects."""
+        return tuple(effect.cause.id for effect in self.effects)
+
+    @property
+    def offsets_covariance(self) -> Floats:
+        """Of the offsets alone, shape (3, 3), internal units."""
+        width = self.offsets.size
+        return self.covariance[:width, :width]
+
+    @property
+    def unread(self) -> Fit:
+        """The explanation as it was before there were data: causes of any plausible size."""
+        effects = (
+            e if e.covariance is None else replace(e, theta=self.centre[slot])
+            for e, slot in zip(self.effects, self.slots, strict=True)
+        )
+        return replace(self, effects=tuple(effects), covariance=np.diag(self.sizes**2))
+
+    @property
+    def left(self) -> Floats:
+        """What offsets and causes leave, a local shape included, shape (k,) [mm]."""
+        return self.residual + self.local
+
+    @property
+    def wrong_reading(self) -> int | None:
+        """Index of the one reading that it calls wrong by an unknown amount, if any."""
+        for effect in self.effects:
+            if effect.cause.hides_reading:
+                return effect.place[0]
+        return None
+
+    @property
+    def unknowns(self) -> float:
+        """Degrees of freedom that a fit with priors takes up: trace of its hat matrix."""
+        return float(np.trace(self.covariance @ self.columns.T @ self.columns)) / self.sigma**2
+
+    def budget(self, gauge: Instrument) -> Budget:
+        """The uncertainty of its offsets by source; what its causes leave open comes last."""
+        width = len(self.offsets)
+        estimator = self.covariance[:width] @ self.columns.T / self.sigma**2
+        known = budget_of(estimator, gauge, Scatter(self.sigma, np.inf), self.uncertain)
+        sized = [effect.cause.id for effect in self.effects if effect.covariance is not None]
+        if not sized:
+            return known
+        left = self.offsets_covariance - known.covariance_mm2
+        return known.extended([Contribution.beyond(" and ".join(sized), left)])
+
+
+def fit_explanations(scores: Sequence[Hypothesis], scale_factor: float | None = None) -> list[Fit]:
+    """Fit explanations by Gauss–Newton with their priors, then judge each there.
+
+    First with the linear model that it was scored with; where that leads farther than noise would,
+    and be it the offsets beside a misreading, with that of the fit this gives, which is enough for
+    ranking; of causes far beyond their size again. `scale_factor` is as of `Fit`; as large as
+    these data make it if None.
+    """
+    searches = [_Search(score.replanned or score, scale_factor) for score in scores]
+    # One simulation gives the next linear models of all; the second is enough but for large causes.
+    moving = [each for each in searches if each.beyond_noise]
+    for _ in range(ROUNDS):
+        far: list[_Search] = []
+        for white in dict.fromkeys(each.at.white for each in moving):
+            together = [each for each in moving if each.at.white is white]
+            points = [(each.offsets, each.effects) for each in together]
+            try:
+                models = white.linearised(*points)
+            except PostureError:
+                # No machine is like that: such an explanation stays as it was scored.
+                together = [each for each in together if each.possible]
+                models = white.linearised(*((each.offsets, each.effects) for each in together))
+            for each, (predicted, own) in zip(together, models, strict=True):
+                before, each.moved = each.moved, each.move(predicted, own)
+                if FAR_MM < each.moved < 0.5 * before:
+                    far.append(each)
+        moving = far
+    for each in searches:
+        each.settle()
+    weighed: dict[_Search, tuple[Floats, float]] = {}
+    for at in dict.fromkeys(each.at for each in searches):
+        weighed |= _weighed(at, [each for each in searches if each.at is at])
+    return [
+        each.fitted(score, *weighed[each]) for each, score in zip(searches, scores, strict=True)
+    ]
+
+
+def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Floats, float]]:
+    """Log density by scale and σ if all parameters act, (s, g), and log evidence, where they ended.
+
+    Of a relabelling only the place at which it was undone.
+    """
+    acting: dict[_Search, Acting] = {}
+    # What stays where it was scored is as likely as its score says.
+    found = {each: each.by_noise for each in group if each.by_noise is not None}
+    moved = [each for each in group if each not in found]
+    logs = {each: each.score.log_evidence for each in found}
+    alone = [each for each in moved if each.score.extra is None and len(each.base) < 2]
+    others = [each for each in moved if each not in alone]
+    for scales, some in ((at.scales, alone), (at.usual, others)):
+        if some:
+            columns, bases = [each.own for each in some], [each.base for each in some]
+            density = density_of(at, columns, bases, scales, [each.seen for each in some])
+            residuals = np.stack([each.linear + each.added for each in some])[..., None]
+            found |= zip(some, density.log_density(residuals)[..., 0], strict=True)
+    for each in alone:
+        if each.base:
+            width = each.width
+            mine = each.own[:, width:] * at.sizes(each.base)[width:]
+            rest = offsets_and_seen(at, each.own[:, :width])
+            log_all = float(log_sum(found[each]))
+            acting[each] = Acting(each.base[0], mine, rest, each.linear, log_all)
+    for each in others:
+        extra = each.score.extra
+        if extra is None:
+            continue
+        placed = at.extras[extra.cause.id]
+        if isinstance(extra.cause, RelabelCause):
+            found[each] = found[each] + placed.log_weight[extra.place]
+            continue
+        density = density_of(at, [each.own], [each.base], at.usual, [each.seen])
+        residual, by_noise = each.linear + each.added, found[each][None]
+        blocks = pattern_densities(at, placed, density, residual, by_noise)
+        by_block = [log_sum(log[0] + placed.weights[where], (-2, -1)) for where, log in blocks]
+        found[each] = log_sum(np.stack(by_block), 0)
+    logs |= {each: float(log_sum(found[each])) + LOG_ALL * bool(each.base) for each in moved}
+    either = all_or_one(list(acting.values()), at.noise, at.scales)
+    logs.update(zip(acting, either, strict=True))
+    return {each: (own, logs[each]) for each, own in found.items()}
+
+
+class _Search:
+    """An explanation on the way to its best fit."""
+
+    def __init__(self, score: Hypothesis, scale_factor: float | None) -> None:
+        at, self.base, extra = score.at, score.base, score.extra
+        self.version, self.moved = 0, math.inf
+        # What an extra of known size adds, and what one unit of one of unknown size does.
+        self.added, self.free = np.zeros(len(at.white)), np.zeros((len(at.white), 0))
+        free_size = np.zeros(0)
+        if extra is not None:
+            cause, number, machine = extra.cause, extra.number, at.white.machine
+            if isinstance(cause, RelabelCause):
+                self.version = number
+            elif extra.count is None:
+                self.free = at.pattern(extra)[:, None]
+                free_size = cause.prior_std(machine) * max(BLUNDER_SCALES)
+            else:
+                self.added = at.pattern(extra) * (extra.count * cause.millimetres(machine))
+        self.at, self.score, self.own = at, score, at.columns(self.base)
+        self.by_noise = score.by_noise  # as long as it stays where it was scored
+        # A cause of this explanation is not counted as uncertain again.
+        ids = ids_of(*self.base)
+        offsets = at.offsets[self.version]
+        uncertain = at.white.uncertain(offsets) if self.version else at.uncertain
+        self.uncertain = tuple(each for each in uncertain if each.source not in ids)
+        self.carried = at.carried
+        if self.uncertain != at.uncertain:
+            nothing = np.zeros((len(at.white), 0))
+            self.carried = np.hstack([nothing, *(each.columns for each in self.uncertain)])
+        widths = [each.columns.shape[1] for each in self.uncertain]
+        local = np.repeat([each.local for each in self.uncertain], widths)
+        # Undone, other offsets fit: what is uncertain of the data acts as with those.
+        self.seen = at.shown(uncertain, at.jacobian) if self.version else at.seen
+        self.width = width = at.offsets.shape[1]
+        own_sizes = self._own_sizes(free_size)
+        self.sizes = np.concatenate([own_sizes, free_size, np.ones(local.size)])
+        ends = np.cumsum([width, *(cause.unknowns for cause in self.base), free_size.size])
+        self.slots = tuple(slice(*pair) for pair in pairwise(ends.tolist()))
+        self.offsets = offsets
+        self.linear = at.residuals[self.version] - self.added
+        self.local = np.flatnonzero(local) + self.own.shape[1] + free_size.size
+        # Few touches cannot tell a local shape from a fault.
+        many = self.local.size >= ENOUGH * width
+        if scale_factor is None and many:
+            columns = np.hstack([self.own, self.free, self.carried])
+            stated = math.hypot(at.noise.stated, math.sqrt(sum(e.rest for e in self.uncertain)))
+            scale_factor = fit_size(columns, self.linear, self.sizes, stated, self.local)
+        self.scale_factor = 1.0 if scale_factor is None else scale_factor
+        self.sizes[self.local] = self.scale_factor
+        # What of a local shape is too fine to be described, and the noise with it [mm², mm].
+        self.rest = self.scale_factor**2 * sum(each.rest for each in self.uncertain)
+        self.stated = math.hypot(at.noise.stated, math.sqrt(self.rest))
+        self._solve()
+
+    def _own_sizes(self, beside: Floats) -> Floats:
+        """Plausible sizes of offsets and causes; where a cause leaves them open, the likeliest.
+
+        `beside` is that of an extra of unknown size, shape (1,) or (0,).
+        """
+        at, scale = self.at, self.score.scale
+        choices = max((len(cause.shares) for cause in self.base), default=0)
+        if not choices:
+            return at.sizes(self.base, scale)
+        tried = [(s, n) for s in at.scales for n in range(choices)]
+        sizes = np.stack([at.sizes(self.base, *each) for each in tried])
+        rest = np.concatenate([beside, np.ones(self.seen.shape[1])])
+        every = np.hstack([sizes, np.tile(rest, (len(sizes), 1))])
+        shares = np.log([at.scales[s] for s, _ in tried])
+        density = at.noise.density(np.hstack([self.own, self.free, self.seen]), every, shares)
+        residual = at.residuals[self.version] - self.added
+        likeliest = int(np.argmax(log_sum(density.by_noise(residual), 1)))
+        return np.asarray(sizes[likeliest])
+
+    @property
+    def effects(self) -> list[Effect]:
+        """The causes of the base as found so far."""
+        pairs = zip(self.base, self.slots, strict=False)
+        return [cause.at(self.found[slot]) for cause, slot in pairs]
+
+    @property
+    def beyond_noise(self) -> bool:
+        """Whether it moves the data, each unknown by itself, by more than noise does.
+
+        From where they were linearised: the offsets alone, fitted to the data as recorded.
+        """
+        theta = self.found[self.width : self.own.shape[1]]
+        unknowns = np.concatenate([self.offsets - self.at.offsets[0], theta])
+        moved = np.sqrt(np.mean(self.own**2, axis=0)) @ np.abs(unknowns)
+        return float(moved) > self.at.noise.stated
+
+    @property
+    def possible(self) -> bool:
+        """Whether a machine with its causes can take the postures of the plan."""
+        try:
+            self.at.white.linearised((self.offsets, self.effects))
+        except PostureError:
+            return False
+        return True
+
+    def _solve(self) -> None:
+        # Derivatives of the data by all unknowns, shape (k, q).
+        self.columns = np.hstack([self.own, self.free, self.carried])
+        self.columns.setflags(write=False)
+        self.found, _ = condition(self.columns, self.linear, self.sizes, self.stated)
+        self.offsets = self.offsets + self.found[: self.width]
+
+    def move(self, predicted: Floats, own: Floats) -> float:
+        """Solve with the linear model of where it stands: prediction (k,), derivatives.
+
+        How far this moves the prediction, r.m.s. [mm].
+        """
+        self.own, self.by_noise = own, None
+        theta = self.found[self.width : own.shape[1]]
+        self.linear = self.at.versions[self.version] - self.added - predicted
+        self.linear += own[:, self.width :] @ theta
+        self._solve()
+        step = self.found[: own.shape[1]].copy()
+        step[self.width :] -= theta
+        return rms(own @ step)
+
+    def settle(self) -> None:
+        """Carry what is uncertain of the data as it acts on a machine with these causes."""
+        at, uncertain = self.at, self.uncertain
+        caused = self.own[:, self.width :] @ self.found[self.width : self.own.shape[1]]
+        if rms(caused) > STEEP * at.noise.stated and self.possible:
+            self.uncertain = at.white.with_effects(uncertain, self.offsets, self.effects)
+        if self.uncertain is not uncertain:
+            self.by_noise = None
+            self.carried = np.hstack([each.columns for each in self.uncertain])
+            self.seen = at.shown(self.uncertain, self.own[:, : self.width])
+            # Once more from where the last step began.
+            self.offsets = self.offsets - self.found[: self.width]
+            self._solve()
+
+    def fitted(self, score: Hypothesis, by_noise: Floats, log_evidence: float) -> Fit:
+        """The fit, of this explanation or of the score of one that also holds an exchange; the rest
+        as `_weighed` gives it."""
+        at, columns, linear = self.at, self.columns, self.linear
+        log = float(log_sum(by_noise))
+        sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2) + self.rest))
+        _, covariance = condition(columns, linear, self.sizes, sigma)
+        centre, sizes, found = np.zeros(len(self.sizes)), self.sizes.copy(), self.found
+        bounds = 0.0
+        for cause, slot in zip(self.base, self.slots, strict=False):
+            named = slice(slot.start, slot.start + len(cause.names))
+            if cause.positive:
+                std = np.sqrt(np.diag(covariance)[named])
+                bounds += float((log_ndtr(found[named] / std) - math.log(0.5)).sum())
+                mean, spread = HALF_NORMAL
+                centre[named], sizes[named] = mean * sizes[named], spread * sizes[named]
+        if np.any(centre):
+            beyond = linear - columns @ centre
+            found = centre + condition(columns, beyond, sizes, self.stated)[0]
+            _, covariance = condition(columns, beyond, sizes, sigma)
+        effects = [
+            Effect(cause, found[slot], covariance=covariance[slot, slot])
+            for cause, slot in zip(self.base, self.slots, strict=False)
+        ]
+        slots = self.slots[: len(effects)]
+        if score.extra is not None:
+            cause, place, count = score.extra.cause, score.extra.place, score.extra.count
+            slot = self.slots[-1]
+            if isinstance(cause, PatternCause) and count is None:
+                effects.append(Effect(cause, found[slot], place, covariance[slot, slot]))
+            else:
+                effects.append(cause.at(np.array([count] if count else [], np.float64), place))
+            slots = (*slots, slot)
+        if score.replanned is not None:
+            log_evidence += score.log_evidence - score.replanned.log_evidence
+        residual = linear - columns @ found
+        carried = self.own.shape[1] + self.free.shape[1]
+        stretched = self.stated * ((found - centre) / sizes)[carried:]
+        square = float(residual @ residual + stretched @ stretched)
+        square *= (at.noise.stated / self.stated) ** 2
+        return Fit(
+            log_evidence=log_evidence + bounds,
+            log_likelihood=bounds - 0.5 * square / at.noise.stated**2,
+            square=square,
+            effects=tuple(effects),
+            offsets=self.offsets + (found - self.found)[: self.width],
+            covariance=covariance,
+            slots=slots,
+            linear=linear,
+            residual=residual,
+            local=columns[:, self.local] @ found[self.local],
+            columns=columns,
+            centre=centre,
+            sizes=sizes,
+            sigma=sigma,
+            scale_factor=self.scale_factor,
+            uncertain=self.uncertain,
+            remedy=score.remedy,
+        )
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Errors of predicting what was not fitted."""
+
+    rms_mm: float  # root mean square error, each weighed as in `Whitened.rms`
+    ratio: float  # errors divided by what the model itself states for them, root mean square
+
+
+def leave_out_cells(white: Whitened, fit: Fit, judged: Fit) -> HeldOut:
+    """Predict each (leg, direction, posture) cell, or each difference, from all others by a fit.
+
+    A single reading that the accepted explanation, `judged`, calls wrong cannot be predicted by any
+    model; it is not scored.
+    """
+    # S⁻¹ = (I − A Aᵀ)/σ²
+    axes, factors = shrinking(fit.columns * (fit.sizes / fit.sigma))
+    axes = axes * np.sqrt(1.0 - factors**2)
+    linear = fit.linear - fit.columns @ fit.centre
+    # What each printed difference adds to the whitened data, or each reading; of these
+    # Wᵀ W = P (I − Z̃ Z̃ᵀ) P, with P how precise they are.
+    entries = white.matrix if white.root is None else np.asarray(np.linalg.inv(white.root))
+    weight = white.weight
+    weighted = (entries.T @ (linear - axes @ (axes.T @ linear))) / weight
+    taken = (entries.T @ axes) / weight[:, None]
+    if isinstance(entries, Contrasts):
+        taken = np.hstack((entries.zeros, taken))
+    errors, square = [], 0.0
+    for blocks in left_out(white, judged.wrong_reading):
+        mine, values = taken[blocks], weighted[blocks][..., None]
+        turned, (size, rank) = mine.swapaxes(-1, -2), mine.shape[1:]
+        if size > rank:
+            inner = np.linalg.solve(np.eye(rank) - turned @ mine, turned @ values)
+            error = np.asarray(values + mine @ inner)
+        else:
+            own = np.eye(size) if isinstance(entries, Contrasts) else _gram(entries, blocks)
+            error = np.asarray(np.linalg.solve(own - mine @ turned, values))
+        errors.append(error.reshape(-1))
+        square += float((error * values).sum()) / fit.sigma**2
+    every = np.concatenate(errors)
+    return HeldOut(rms(every), math.sqrt(square / every.size))
+
+
+def _gram(entries: Floats, blocks: Ints) -> Floats:
+    """Eᵀ E of blocks (b, m) of columns of E, shape (b, m, m)."""
+    return np.asarray((entries.T @ entries)[blocks[:, :, None], blocks[:, None, :]])
+
+
+def left_out(white: Whitened, wrong: int | None) -> list[Ints]:
+    """Entries to leave out together; blocks of one size in one array, shape (blocks, size)."""
+    cells, kept = np.arange(len(white)), np.full(len(white), True)
+    if white.raw:
+        cells = white.plan.cells
+        if white.plan.setups:
+            # A set-up that leaves with its cell takes its zero along: nothing can predict it.
+            shared = white.plan.shared
+            _, first = np.unique(shared, return_index=True)
+            several = np.bincount(shared[cells != cells[first][shared]], minlength=first.size) > 0
+            kept = several[shared]
+        if wrong is not None:
+            kept[wrong] = False
+    by_size: dict[int, list[Ints]] = {}
+    for cell in np.unique(cells[kept]):
+        block = np.flatnonzero(kept & (cells == cell))
+        by_size.setdefault(block.size, []).append(block)
+    return [np.stack(blocks) for blocks in by_size.values()]
+
+
+def predict_later(
+    later: Whitened, fit: Fit, applied: Floats, free: int = 0, before: Machine | None = None
+) -> HeldOut:
+    """Predict readings taken after the controller was corrected.
+
+    The offsets that remain are those found minus those applied; causes of the contact and the
+    record that belong to the first session alone are not expected again.
+
+    Args:
+        later, fit: the held-out data, and a fit to the first data only.
+        applied: offsets entered in between, shape (3,) [mm].
+        free: so many of the parameters, the first ones, are unknown again and fitted to the later
+            data; nothing else is. All of them where the machine was calibrated again.
+        before: the machine of the first data; None for the same as later.
+    """
+    error, jacobian, scaled_error, by_parameter = _errors(later, fit, applied, free, before)
+    if free:
+        # What a fit to these errors leaves, of as many as it leaves free.
+        error = unexplained(jacobian[:, :free], error)
+        scaled_error = unexplained(by_parameter[:, :free], scaled_error)
+        scaled_error = scaled_error * np.sqrt(error.size / max(error.size - free, 1))
+    return HeldOut(rms(error if later.root is None else later.root @ error), rms(scaled_error))
+
+
+def moved_origin(later: Whitened, fit: Fit, applied: Floats) -> Floats | None:
+    """By how much the parameters that homing sets differ from what is expected of them later.
+
+    Arguments as of `predict_later`.
+
+    Returns:
+        Shape (h,) [mm]; None where nothing says that they do.
+    """
+    homed = later.machine.homed
+    _, _, error, by_parameter = _errors(later, fit, applied, 0, None)
+    by_origin = by_parameter[:, :homed]
+    left = unexplained(by_origin, error)
+    if not homed or chdtrc(homed, float(error @ error - left @ left)) > MOVED:
+        return None
+    return np.asarray(np.linalg.lstsq(by_origin, error)[0])
+
+
+def _errors(
+    later: Whitened, fit: Fit, applied: Floats, free: int, before: Machine | None
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Errors (k,) of predicting later data and their derivatives by the parameters, (k, 3) [mm];
+    both again in units of what is stated for them. Arguments as of `predict_later`.
+    """
+    lasting = [effect for effect in fit.effects if effect.cause.lasting]
+    then = [effect.transferred(before or later.machine, later.machine) for effect in lasting]
+    offsets = fit.offsets - applied
+    if free == offsets.size:
+        extended = replace(later.problem, model=later.problem.model.extended(then))
+        offsets = fit_offsets(extended, later.data).offsets_mm
+    ((predicted, jacobian),) = later.linearised((offsets, then))
+    columns, joint = known_then(fit, lasting, jacobian, later.uncertain(offsets), stands=0)
+    columns, joint = columns[:, free:], joint[free:, free:]
+    error = later.data - predicted
+    jacobian = jacobian[:, : offsets.size]
+    scaled = error / fit.sigma, jacobian / fit.sigma
+    scaled_error, by_parameter = whiten_shared(columns @ root_of(joint) / fit.sigma, *scaled)
+    return error, jacobian, scaled_error, by_parameter
+
+
+def known_then(
+    fit: Fit,
+    effects: Sequence[Effect],
+    jacobians: Floats,
+    uncertain: Iterable[Influence],
+    stands: int,
+) -> tuple[Floats, Floats]:
+    """How other data depend on what is uncertain of them, and how well a fit knows that.
+
+    Args:
+        fit, effects: of the first data; and those of it that are expected again.
+        jacobians: derivatives of the other data by the offsets and their parameters, shape (k, q).
+        uncertain: what else is uncertain of the other data; the gauges are the same.
+        stands: of the first set-ups, how many are still there, before those that are new.
+
+    Returns:
+        Derivatives, shape (k, u), and the covariance of the unknowns, (u, u); the offsets first.
+    """
+    slots = [slice(0, len(fit.offsets)), *(fit.slots[fit.effects.index(each)] for each in effects)]
+    columns, fresh = [jacobians], [jacobians[:, :0]]
+    start = len(fit.sizes) - sum(each.columns.shape[1] for each in fit.uncertain)
+    ends = start + np.cumsum([0, *(each.columns.shape[1] for each in fit.uncertain)])
+    spans = dict(zip((each.source for each in fit.uncertain), pairwise(ends.tolist()), strict=True))
+    named = {effect.cause.id for effect in effects}
+    for after in (each for each in uncertain if each.source not in named):
+        # What did not act on the first data is as uncertain as it was.
+        start, end = spans.get(after.source, (0, 0))
+        if after.local:
+            # At other places another shape; at the same one more than it takes.
+            scale_factor = fit.sizes[start:end].max(initial=0.0)
+            fresh.append(scale_factor * after.columns)
+        else:
+            stay = stands if after.source == Origin.GAUGE_PLACEMENT else end - start
+            slots.append(slice(start, start + stay))
+            columns.append(after.columns[:, :stay])
+            fresh.append(after.columns[:, stay:])
+    chosen = np.r_[tuple(slots)]
+    known: Floats = fit.covariance[np.ix_(chosen, chosen)]
+    new = np.hstack(fresh)
+    joint = np.eye(len(known) + new.shape[1])
+    joint[: len(known), : len(known)] = known
+    return np.hstack((*columns, new)), joint

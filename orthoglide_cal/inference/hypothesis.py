@@ -1,0 +1,454 @@
+"""Evidence of every explanation, linearised where the offsets-only model fits best.
+
+Of a cause with several parameters often one acts alone: one bar is skewed, the other five are not.
+If all its parameters count, such a cause loses to one with fewer; so its evidence is the mean of
+both cases. With another fault only the first is tried, which is a lower bound.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.estimation.accuracy import require_rank
+from orthoglide_cal.estimation.gaussian import log_mean, log_sum
+from orthoglide_cal.inference.candidates import UNLISTED, Ids, ids_of
+from orthoglide_cal.inference.data import OFFSETS_MM, Extra, Linearised, Placed
+from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
+from orthoglide_cal.model.cause import Cause, Place
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.patterns import AT_ONCE
+from orthoglide_cal.model.plan import Contrasts, Floats, Ints, Plan, Structure
+
+# Blunders have no typical size: each is tried at the tolerance and at larger scales.
+BLUNDER_SCALES = (1.0, 6.0)
+# Share of the cases in which all parameters of a cause act.
+ALL = 0.5
+LOG_ALL = math.log(ALL)
+# Sizes at which each unlisted pattern is tried, in standard deviations of one reading.
+SIZES = (5.0, 30.0)
+NOISIER = (2.0, 4.0, 8.0)
+# A log density this far below another one adds nothing to their sum.
+LOST = 100.0
+# Of readings that are wrong by themselves no more are looked for.
+MOST_WRONG = 8
+
+Bases = Sequence[tuple[Cause, ...]]
+# Causes to fix, and readings to take again.
+Remedy = tuple[Ids, tuple[int, ...]]
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A listed explanation with its extra at the best place."""
+
+    at: Linearised  # the linear model that it was scored with
+    log_evidence: float  # with the prior of places, without that of the set of causes
+    base: tuple[Cause, ...]  # its causes with many parameters
+    scale: float  # of their sizes, the likeliest one
+    extra: Extra | None = None  # its cause at one place, if any
+    # Where the extra is an exchange that the data cannot undo, the score of the base under the plan
+    # of what was really read.
+    replanned: Hypothesis | None = None
+    # Shares of the extra's sizes and places, in the order of `Placed.numbered`; None without
+    # others.
+    by_place: Floats | None = None
+    # Log density for each scale and σ if all parameters act, shape (s, g); None with an extra.
+    by_noise: Floats | None = None
+
+    def at_places(self, least: float, most: int) -> list[tuple[float, Hypothesis]]:
+        """The same with its extra at each of the likeliest places, with their shares.
+
+        No more than `most`, and none below a share of `least` but the likeliest.
+        """
+        if self.extra is None or self.by_place is None:
+            return [(1.0, self)]
+        placed = self.at.extras[self.extra.cause.id]
+        likeliest = np.argsort(-self.by_place, kind="stable")[:most]
+        kept = likeliest[self.by_place[likeliest] >= min(least, self.by_place.max())]
+        shares = self.by_place[kept] / self.by_place[kept].sum()
+        return [
+            (share, replace(self, extra=placed.numbered(number), by_place=None))
+            for share, number in zip(shares.tolist(), kept.tolist(), strict=True)
+        ]
+
+    @property
+    def remedy(self) -> Remedy:
+        """What it asks of a technician: explanations that ask for the same are one answer."""
+        base, extra = _mended(*self.base), self.extra
+        if extra is None:
+            return base, ()
+        again = _to_read_again(extra.cause, self.at.white.plan, extra.place)
+        return (base, again) if again else (_mended(*self.base, extra.cause), ())
+
+
+# The same with every base.
+@functools.lru_cache(maxsize=64)
+def _to_read_again(cause: PatternCause | RelabelCause, plan: Plan, place: Place) -> tuple[int, ...]:
+    return cause.to_read_again(plan, place)
+
+
+@functools.lru_cache(maxsize=256)
+def _mended(*causes: Cause) -> Ids:
+    return tuple(sorted({cause.same_remedy_as or cause.id for cause in causes}))
+
+
+def score_all(at: Linearised) -> dict[Ids, Hypothesis]:
+    """The score of every set of listed causes.
+
+    Where a reading lacks its counterpart, an exchange cannot be undone in the data. Then the same
+    data are read under another plan instead, with a linear model of its own.
+    """
+    scores = _listed(at)
+    plan = at.white.plan
+    for placed in at.extras.values():
+        cause = placed.cause
+        for place in (each for each in placed.log_weight if not cause.reversible(plan, each)):
+            problem = replace(at.white.problem, plan=cause.really_read(plan, place))
+            try:
+                require_rank(problem)
+                fewer = replace(at.candidates, extras=(), pairs=())
+                under = Linearised.of(replace(at.white, problem=problem), fewer)
+            except UnusableResultError:  # what no offsets fit did not happen
+                continue
+            for score in _listed(under).values():
+                ids = ids_of(*score.base, cause)
+                log = score.log_evidence + placed.log_weight[place]
+                if ids not in scores or log > scores[ids].log_evidence:
+                    extra = Extra(cause, place, 0)
+                    scores[ids] = replace(
+                        score, at=at, log_evidence=log, extra=extra, replanned=score
+                    )
+    return scores
+
+
+def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
+    """Scores of all sets of which every relabelling can be undone in the data."""
+    machine, residual = at.white.machine, at.residuals[0]
+    broad, pairs = at.candidates.broad, at.candidates.pairs
+    bases = [(), *((cause,) for cause in broad)]
+    columns = [at.columns(base) for base in bases]
+    scores: dict[Ids, Hypothesis] = {}
+    for some in _together(at, bases):
+        density = density_of(at, columns[some], bases[some], at.scales)
+        scores |= _alone(at, bases[some], density.by_noise(residual))
+    if broad:
+        others = offsets_and_seen(at, at.jacobian)
+        acting = [
+            Acting(cause, own, others, residual, scores[(cause.id,)].log_evidence)
+            for cause in broad
+            for own in [at.jacobians[cause.id] * cause.prior_std(machine)]
+        ]
+        for some in _together(at, broad):
+            means = all_or_one(acting[some], at.noise, at.scales)
+            for cause, mean in zip(broad[some], means, strict=True):
+                scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
+    for some in _together(at, bases):
+        density = density_of(at, columns[some], bases[some], at.usual)
+        for placed in at.extras.values():
+            if placed.tried:
+                scores |= _at_best_place(at, bases[some], placed, density)
+    for some in _together(at, pairs):
+        both = density_of(at, [at.columns(pair) for pair in pairs[some]], pairs[some], at.usual)
+        scores |= _alone(at, pairs[some], both.by_noise(residual) + LOG_ALL)
+    return scores
+
+
+def _together(at: Linearised, causes: Sequence[object]) -> Iterator[slice]:
+    """Those of some bases that are weighed together: few where there are many readings."""
+    some = max(AT_ONCE // (32 * len(at.white)), 1)
+    return (slice(start, start + some) for start in range(0, len(causes), some))
+
+
+def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Hypothesis]:
+    """Scores of bases without an extra, from the log density for each, scale and σ, (b, s, g)."""
+    by_scale = log_sum(log, 2)
+    scales = np.array(list(at.scales))[by_scale.argmax(axis=1)]
+    each = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), log, strict=True)
+    return {
+        ids_of(*base): Hypothesis(at, value, base, scale, by_noise=own)
+        for base, value, scale, own in each
+    }
+
+
+def offsets_and_seen(at: Linearised, jacobian: Floats) -> Floats:
+    """What acts without any cause, (k, r) [mm]: offsets, from their derivatives (k, 3), and what is
+    uncertain of the data and shows."""
+    return np.hstack([OFFSETS_MM * jacobian, at.seen])
+
+
+def density_of(
+    at: Linearised,
+    columns: Sequence[Floats],
+    bases: Bases,
+    scales: Mapping[float, float],
+    seen: Sequence[Floats] = (),
+) -> Gaussian:
+    """Densities under many bases at several scales, leading axes (b, s).
+
+    Args:
+        at, bases: the linear model, and which of its causes.
+        columns: derivatives by the offsets and the parameters of each base, shape (k, 3 + p).
+        scales: of their sizes, and the share of each.
+        seen: what is uncertain of the data and shows, with each base; as of `at` without.
+    """
+    seen = seen or [at.seen] * len(bases)
+    width = max(own.shape[1] + more.shape[1] for own, more in zip(columns, seen, strict=True))
+    padded = np.zeros((len(bases), len(at.white), width))
+    sizes = np.ones((len(bases), len(scales), width))
+    first = at.jacobian.shape[1]
+    for number, (own, more, base) in enumerate(zip(columns, seen, bases, strict=True)):
+        end = own.shape[1]
+        padded[number, :, :end] = own
+        padded[number, :, end : end + more.shape[1]] = more
+        sizes[number, :, :end] = at.sizes(base)
+        sizes[number, :, first:end] *= np.array(list(scales))[:, None]
+    return at.noise.density(padded, sizes, np.log(list(scales.values())))
+
+
+class Acting(NamedTuple):
+    """A cause that may act with all its parameters, or with any one of them."""
+
+    cause: Cause
+    own: Floats  # its columns, scaled by their plausible sizes, shape (k, p) [mm]
+    others: Floats  # scaled columns of everything else, shape (k, r) [mm]; as many of each cause
+    residual: Floats  # data minus the model without the cause, shape (k,) [mm]
+    log_all: float  # its log evidence if all its parameters act
+
+
+def all_or_one(
+    acting: Sequence[Acting], noise: NoiseGrid, scales: Mapping[float, float]
+) -> list[float]:
+    """Log evidence of causes of which all parameters act, or any one of them.
+
+    `scales` are of their sizes, with the share of each.
+    """
+    if not acting:
+        return []
+    k, always = acting[0].others.shape
+    nuisance = max(len(each.cause.nuisance) for each in acting)
+    named = max(len(each.cause.names) for each in acting)
+    columns = np.zeros((len(acting), k, always + nuisance))
+    ones = np.zeros((len(acting), k, named))
+    for each, filled, own in zip(acting, columns, ones, strict=True):
+        mine, others = np.split(each.own, [len(each.cause.names)], axis=1)
+        own[:, : mine.shape[1]] = mine
+        filled[:, : always + others.shape[1]] = np.hstack([each.others, others])
+    tried = np.array(list(scales))[:, None]
+    sizes = np.ones((len(scales), columns.shape[-1]))
+    sizes[:, always:] = tried
+    density = noise.density(columns, sizes, np.log(list(scales.values())))
+    residuals = np.stack([each.residual for each in acting])
+    weighed = density.against(density.overlap(ones, residuals), residuals)
+    log = of_any_size(*weighed, tried[:, None] ** 2)
+    log += density.log_density(residuals[..., None])
+    by_one = log_sum(log, (1, 2))
+    return [
+        float(np.logaddexp(each.log_all + LOG_ALL, log_mean(own) + math.log(1.0 - ALL)))
+        for each, row in zip(acting, by_one, strict=True)
+        for own in (row[: len(each.cause.names)],)
+    ]
+
+
+def _at_best_place(
+    at: Linearised, bases: Bases, placed: Placed, density: Gaussian
+) -> dict[Ids, Hypothesis]:
+    """Scores of an extra with each base, under their density."""
+    cause, places = placed.cause, len(placed.tried)
+    sizes = 1
+    if isinstance(cause, PatternCause):
+        sizes = len(cause.counts or BLUNDER_SCALES)
+        by_noise = density.by_noise(at.residuals[0])
+        logs = pattern_densities(at, placed, density, at.residuals[0], by_noise)
+    else:
+        undone = at.residuals[placed.first : placed.first + places]
+        logs = iter([(np.arange(places), density.log_density(undone.T)[..., None, :])])
+    by_place = np.full((len(bases), sizes, places), -math.inf)
+    likeliest = np.zeros(by_place.shape, dtype=np.int8)  # among the scales
+    for chosen, log in logs:
+        by_scale = log_sum(log, 2) + placed.weights[chosen]
+        by_place[..., chosen] = log_sum(by_scale, 1)
+        likeliest[..., chosen] = by_scale.argmax(axis=1)
+    every = by_place.reshape(len(bases), -1)
+    best, total = every.argmax(axis=1), log_sum(every, 1)
+    shares = np.exp(every - total[:, None])
+    # Sizes of any value are not distinguished: they are averaged over at each place.
+    if not cause.counts:
+        shares = shares.reshape(len(shares), -1, places).sum(axis=1)
+    scores = {}
+    number = likeliest.reshape(every.shape)[np.arange(len(bases)), best]
+    scale = np.array(list(at.scales))[number].tolist()
+    each = zip(bases, scale, best.tolist(), total.tolist(), shares, strict=True)
+    for base, size, number, value, share in each:
+        log_all = LOG_ALL if base else 0.0
+        scores[ids_of(*base, cause)] = Hypothesis(
+            at, value + log_all, base, size, placed.numbered(number), by_place=share
+        )
+    return scores
+
+
+def pattern_densities(
+    at: Linearised, placed: Placed, density: Gaussian, residual: Floats, by_noise: Floats
+) -> Iterator[tuple[Ints, Floats]]:
+    """`pattern_density` of a cause's places, some at a time: which, and (..., s, g, sizes, places).
+
+    Of sizes that are whole numbers not the places that add nothing to the likeliest one.
+
+    Args:
+        at, placed, density: the model, the cause, and what it acts on.
+        residual, by_noise: of the data (k,) [mm] or (..., k), and their log density, (..., s, g).
+    """
+    cause, machine = placed.cause, at.white.machine
+    if not isinstance(cause, PatternCause) or placed.patterns is None:
+        return
+    every = density.overlap(placed.patterns, residual)
+    some = max(AT_ONCE // (by_noise.size * len(cause.counts or BLUNDER_SCALES)), 1)
+    most = np.full(by_noise.shape[:-2], -math.inf)
+    for start in range(0, len(placed.tried), some):
+        chosen = np.arange(start, min(start + some, len(placed.tried)))
+        power, match = density.against(every.some(chosen), residual)
+        if cause.counts:
+            # With the least and the most noise: what is lost with both is lost.
+            ends = [0, -1]
+            log = pattern_density(
+                machine, cause, power[..., ends, :], match[..., ends, :], by_noise[..., ends]
+            ).max(axis=(-4, -3, -2))
+            most = np.maximum(most, log.max(axis=-1))
+            counts = (log >= most[..., None] - LOST).reshape(-1, len(chosen)).any(axis=0)
+            chosen, power, match = chosen[counts], power[..., counts], match[..., counts]
+        yield chosen, pattern_density(machine, cause, power, match, by_noise)
+
+
+def pattern_density(
+    machine: Machine, cause: PatternCause, power: Floats, match: Floats, without: Floats
+) -> Floats:
+    """Log density with a cause's pattern c at each size and place, and ln of the size's share.
+
+    From cᵀ S⁻¹ c and cᵀ S⁻¹ r, shape (..., g, places), and the log density without it, shape
+    (..., g), to shape (..., g, sizes, places).
+    """
+    power, match = power[..., None, :], match[..., None, :]
+    if cause.counts:
+        size = np.array(list(cause.counts))[:, None] * cause.millimetres(machine)
+        log = (-0.5 * size) * power
+        log += match
+        log *= size
+        share = np.log(list(cause.counts.values()))
+    else:
+        scales = np.array(BLUNDER_SCALES)
+        log = of_any_size(power, match, ((cause.prior_std(machine)[0] * scales) ** 2)[:, None])
+        share = np.full(len(scales), -math.log(len(scales)))
+    log += (without[..., None] + share)[..., None]
+    return log
+
+
+def of_any_size(power: Floats, match: Floats, variance: Floats) -> Floats:
+    """What a column c of size N(0, variance) adds to a log density, from cᵀ S⁻¹ c and cᵀ S⁻¹ r."""
+    widened = variance * power
+    widened += 1.0
+    log = match**2 * variance
+    log /= widened
+    log -= np.log(widened)
+    log *= 0.5
+    return log
+
+
+@dataclass(frozen=True, eq=False)
+class Unlisted:
+    """A pattern too general for any one cause, on equal terms with the listed explanations.
+
+    Where one of them wins, the data hold something real that no listed cause explains, and its
+    size goes into the uncertainty.
+    """
+
+    what: str
+    log_prior: float  # ln prior weight
+    log_evidence: float  # averaged over its sizes
+    # What it adds to readings at its likeliest size, columns (n, q) [mm]; None for nothing.
+    pattern: Floats | Structure | None
+    size: float
+    sigma: float  # standard deviation of one reading at its likeliest size [mm]
+
+    def spread(self, estimator: Floats) -> Floats:
+        """M S Mᵀ of what an estimator M (p, n) makes of readings that hold it, without noise."""
+        if self.pattern is None:
+            return np.zeros((len(estimator), len(estimator)))
+        columns = (
+            self.pattern.products(estimator.T)
+            if isinstance(self.pattern, Structure)
+            else self.pattern.T @ estimator.T
+        )
+        return np.asarray(self.size**2 * columns.T @ columns)
+
+
+def score_unlisted(at: Linearised) -> list[Unlisted]:
+    """Every unlisted pattern, in addition to the offsets."""
+    noise, residual, stated = at.noise, at.residuals[0], at.noise.stated
+    offsets = offsets_and_seen(at, at.jacobian)
+    matrix, sizes = at.white.matrix, stated * np.array(SIZES)
+    patterns = list(at.white.plan.patterns(at.white.raw))
+    share, common, found = math.log(UNLISTED / (len(patterns) + 1)), offsets.shape[1], []
+    for what, pattern in patterns:
+        if isinstance(pattern, Structure) and isinstance(matrix, Contrasts):
+            log = noise.structured(pattern, matrix, offsets, residual, sizes)
+        else:
+            if isinstance(pattern, Structure):
+                pattern = pattern.products(np.eye(len(at.white.plan))).T
+            columns = np.hstack([offsets, matrix @ pattern])
+            every = np.ones((len(SIZES), columns.shape[1]))
+            every[:, common:] = sizes[:, None]
+            log = noise.density(columns, every).by_noise(residual)
+        own = log_sum(log, 1)
+        size = float(sizes[np.argmax(own)])
+        found.append(Unlisted(what, share, log_mean(own), pattern, size, stated))
+    wider = [replace(noise, sigma=factor * noise.sigma) for factor in NOISIER]
+    same = np.ones((1, common))
+    logs = np.array([log_sum(one.density(offsets, same).by_noise(residual)) for one in wider])
+    instrument = at.white.machine.vocabulary.noise
+    what = f"every reading scatters more than the {instrument}'s stated noise"
+    noisier = stated * NOISIER[np.argmax(logs)]
+    found.append(Unlisted(what, share, log_mean(logs), None, 0.0, noisier))
+    return [*found, *_several_wrong(at, offsets, share)]
+
+
+def _several_wrong(at: Linearised, offsets: Floats, share: float) -> Iterator[Unlisted]:
+    """More than one wrong reading, each by itself: the likeliest is added again and again.
+
+    Looked for with a local shape, which would absorb what each of them adds: without one the
+    misfit shows them. It takes nothing from the weight of the others, which are there on all data.
+    """
+    placed = at.extras.get("misread")
+    if placed is None or placed.patterns is None or not at.local:
+        return
+    plan, machine, residual = at.white.plan, at.white.machine, at.residuals[0]
+    cause, patterns = placed.cause, placed.patterns
+    assert isinstance(cause, PatternCause)
+    size = cause.prior_std(machine)[0] * np.array(BLUNDER_SCALES)
+    columns, wrong, found, price = offsets, list[int](), list[float](), 0.0
+    added = [np.zeros((len(plan), 0))]
+    for _ in range(min(MOST_WRONG, len(placed.tried) // 4)):
+        density = at.noise.density(columns, np.ones((1, columns.shape[1])))
+        power, match = density.against(density.overlap(patterns, residual), residual)
+        by_noise = density.by_noise(residual)
+        log = log_sum(pattern_density(machine, cause, power, match, by_noise), (0, 1))
+        log += placed.weights + price
+        log[:, wrong] = -math.inf
+        found.append(float(log_sum(log)))
+        scale, place = np.unravel_index(int(log.argmax()), log.shape)
+        wrong.append(int(place))
+        price += placed.weights[place] - math.log(len(BLUNDER_SCALES))
+        added.append(size[scale] * patterns.patterns.columns(slice(place, place + 1)))
+        columns = np.hstack((columns, at.white.matrix @ added[-1]))
+    count = int(np.argmax(found)) + 1 if found else 0
+    if count > 1:
+        where = "; ".join(cause.label(placed.tried[n], plan, machine) for n in wrong[:count])
+        what = f"several readings are wrong, each by itself: {where}"
+        chosen = np.hstack(added[: count + 1])
+        yield Unlisted(what, share, found[count - 1], chosen, 1.0, at.noise.stated)

@@ -1,0 +1,131 @@
+"""Hypotheses about how a machine responded to a correction: as applied, opposite, not at all, ...
+
+    change = J m + e,   m = order·applied + C g,   g ~ N(0, size²),   e ~ N(0, σ² I)
+
+`change` is that of the readings between two sessions, in independent noise, J its derivative by
+what each axis moved, m. A hypothesis is a signed order of what was applied, and what is free about
+it: the gain of all axes together, or axes by themselves. σ is unknown: two sessions often differ by
+more than their gauge's noise.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import combinations, permutations, product
+
+import numpy as np
+
+from orthoglide_cal.estimation.gaussian import log_density, log_mean, log_sum
+from orthoglide_cal.inference.belief import probabilities
+from orthoglide_cal.inference.decision import (
+    FALSE_RELEASE,
+    MISSED_FAULT,
+    NEEDLESS_HOLD,
+    is_dismissed,
+    state,
+)
+from orthoglide_cal.model.plan import Floats, ReadOnly
+from orthoglide_cal.words import MM_PER_INCH
+
+# Stands a millimetre off change what a gauge shows of an offset by up to this share of it.
+STANDS = 0.01
+SIZES = 2.0 ** np.arange(-5.0, 6.0)  # prior ones of what is free, in units of what was applied
+NOISE = 2.0 ** np.arange(-1.0, 7.0, 0.5)  # that are tried, in units of what is stated
+
+
+class Behaviour(StrEnum):
+    """How the machine responded."""
+
+    AS_MODELLED = "as modelled"
+    OPPOSITE = "opposite sign"
+    EXCHANGED = "axes exchanged"
+    NO_RESPONSE = "no response"
+    OTHER_GAIN = "other gain"
+    PARTLY = "in part"
+    UNDETERMINED = "undetermined"
+
+
+# A correction that has to be verified went wrong as often as not, in each of five ways as often.
+PRIOR = dict.fromkeys(Behaviour, 0.1) | {Behaviour.AS_MODELLED: 0.5}
+# Of exchanged axes half have kept their signs: five orders of 46.
+SIGNS_KEPT, SIGNS_CHANGED = 0.5 / 5.0, 0.5 / 41.0
+
+
+@dataclass(frozen=True, eq=False)
+class Response(ReadOnly):
+    """One hypothesis: what each axis did."""
+
+    behaviour: Behaviour
+    share: float  # of the prior of that behaviour
+    moved: Floats  # what the axes moved by, shape (3,) [mm]
+    free: Floats  # columns of what is free about it, of size 1, shape (3, q) [mm]
+
+    def log_weight(self, found: Floats, covariances: Floats, log_noise: Floats) -> float:
+        """ln of prior times evidence; arguments as of `decide_response`."""
+        spread = np.diag((STANDS * self.moved) ** 2) + np.multiply.outer(
+            SIZES**2, self.free @ self.free.T
+        )
+        log = log_density(spread[:, None] + covariances, (found - self.moved)[:, None])[..., 0]
+        return log_mean(log + log_noise) + math.log(self.share * PRIOR[self.behaviour])
+
+    def otherwise(self, applied: Floats) -> list[bool]:
+        """Which axes did something else than what was applied, shape (3,) [mm]."""
+        return [*map(bool, (self.moved != applied) | self.free.any(axis=1))]
+
+
+def responses(applied: Floats) -> Iterator[Response]:
+    """Every hypothesis about what was applied, shape (3,) [mm], not all zero."""
+    nothing, every = np.zeros((3, 0)), np.abs(applied).max() * np.eye(3)
+    yield Response(Behaviour.AS_MODELLED, 1.0, applied, nothing)
+    yield Response(Behaviour.OPPOSITE, 1.0, -applied, nothing)
+    yield Response(Behaviour.NO_RESPONSE, 1.0, 0.0 * applied, nothing)
+    yield Response(Behaviour.OTHER_GAIN, 0.5, applied, applied[:, None])
+    for gain in (MM_PER_INCH, 1.0 / MM_PER_INCH):
+        yield Response(Behaviour.OTHER_GAIN, 0.25, gain * applied, nothing)
+    for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
+        if order != (0, 1, 2) or len(set(signs)) > 1:
+            share = SIGNS_KEPT if min(signs) > 0.0 else SIGNS_CHANGED
+            moved = np.array(signs) * applied[list(order)]
+            yield Response(Behaviour.EXCHANGED, share, moved, nothing)
+    subsets = [list(axes) for count in (1, 2, 3) for axes in combinations(range(3), count)]
+    for subset in subsets:
+        yield Response(Behaviour.PARTLY, 1.0 / len(subsets), applied, every[:, subset])
+
+
+def decide_response(
+    found: Floats,
+    unit_covariance: Floats,
+    square: float,
+    spare: int,
+    noise_mm: float,
+    applied: Floats,
+) -> tuple[Behaviour, Response]:
+    """The statement of least expected loss about a correction, and its likeliest hypothesis.
+
+    Args:
+        found: what the axes moved by, from least squares, shape (3,) [mm].
+        unit_covariance: of it for unit variance of one reading, shape (3, 3).
+        square, spare: what no movement of the axes explains [mm²], and its degrees of freedom.
+        noise_mm: standard deviation of one reading, as stated.
+        applied: what was entered, shape (3,) [mm], not all zero.
+    """
+    variance = (noise_mm * NOISE) ** 2
+    covariances = variance[:, None, None] * unit_covariance
+    log_noise = -0.5 * (spare * np.log(variance) + square / variance)
+    weighed = [
+        (each.log_weight(found, covariances, log_noise), each) for each in responses(applied)
+    ]
+    weights: dict[Behaviour, list[float]] = {}
+    for log, response in weighed:
+        weights.setdefault(response.behaviour, []).append(log)
+    belief = probabilities({key: float(log_sum(np.array(logs))) for key, logs in weights.items()})
+    stated, _ = state(belief, Behaviour.AS_MODELLED, MISSED_FAULT, NEEDLESS_HOLD)
+    contrary = {
+        Behaviour.AS_MODELLED: Behaviour.NO_RESPONSE,
+        Behaviour.NO_RESPONSE: Behaviour.AS_MODELLED,
+    }.get(stated, stated)
+    if contrary is not stated and not is_dismissed(belief[contrary], FALSE_RELEASE):
+        return Behaviour.UNDETERMINED, next(responses(applied))
+    same = (pair for pair in weighed if pair[1].behaviour is stated)
+    return stated, max(same, key=lambda pair: pair[0])[1]

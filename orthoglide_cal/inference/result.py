@@ -1,0 +1,314 @@
+"""The result of a diagnosis: a verdict, the accepted causes, what they gain, what to do next."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from pydantic import Field
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.estimation import Solution
+from orthoglide_cal.estimation.budget import Budget, Contribution
+from orthoglide_cal.inference.baselines import Baselines
+from orthoglide_cal.inference.candidates import Ids
+from orthoglide_cal.inference.fit import Fit
+from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.machine import Origin
+from orthoglide_cal.model.measured import Differences, Measured
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats, ReadOnly
+from orthoglide_cal.schema import Minutes, Reason, Schema
+
+# Probability from which it is told that nothing may be wrong at all.
+WORTH_SAYING = 0.005
+
+
+class Verdict(StrEnum):
+    """What the data say of the offsets-only model."""
+
+    CONSISTENT = "consistent"  # nothing contradicts it
+    NAMED = "named"  # one explanation stands out
+    AMBIGUOUS = "ambiguous"  # several explain the data
+    UNEXPLAINED = "unexplained"  # something is wrong, and it is none of the causes
+
+
+class NextMeasurement(Schema):
+    """A measurement that may decide what is open."""
+
+    what: str  # to do, in words
+    minutes: Minutes  # that it takes
+    separates: Ids  # of each of the two the first cause that the other lacks, or has as well
+    # Of the two likeliest explanations that it distinguishes, the causes that the other lacks, or
+    # all if one has no more; empty if nothing is open that readings tell.
+    between: tuple[Ids, ...]
+    # Expected distance between their predictions; 0 without them [standard deviations].
+    separation_sigma: float
+    # What `measure` is told for it if it is a session of its own; None if it continues what was
+    # read.
+    session: str | None = None
+
+
+class Estimated(Schema):
+    """A parameter under one explanation."""
+
+    name: str
+    found: float
+    std: float
+
+
+def estimated(names: Sequence[str], values: Floats, std: Floats) -> tuple[Estimated, ...]:
+    """Parameters with their values and standard deviations, shape (p,) each."""
+    columns = zip(names, values.tolist(), std.tolist(), strict=True)
+    return tuple(Estimated(name=name, found=value, std=own) for name, value, own in columns)
+
+
+class Explanation(Schema):
+    """What may be behind the data."""
+
+    ids: Ids = Field((), description="causes that act together; empty: nothing is wrong")
+    pattern: str | None = Field(None, description="that no listed cause makes, in words")
+    probability: float = Field(
+        description="of a sound machine those of exchanges are estimates, a little too large"
+    )
+    rms_mm: float | None = Field(None, description="what it leaves; null: not fitted")
+    parameters: tuple[Estimated, ...] = ()
+
+    @property
+    def sound(self) -> bool:
+        """True if it is that nothing is wrong."""
+        return not self.ids and self.pattern is None
+
+
+def nothing_wrong(explanations: Iterable[Explanation]) -> float | None:
+    """Probability of a sound machine, soundly measured; None where it is not worth saying."""
+    found = next((each.probability for each in explanations if each.sound), 0.0)
+    return found if found >= WORTH_SAYING else None
+
+
+class LackOfFit(Schema):
+    """Do the parameters alone explain the data?
+
+    Repeats in sequence share one gauge set-up and understate the real scatter: no verdict rests on
+    what is judged by them.
+    """
+
+    statistic: float = Field(description="residual sum of squares / noise variance")
+    dof: int
+    p_value: float = Field(description="of a larger residual; a bed's local shape as found")
+    repeats_p_value: float | None = Field(description="judged by the scatter of repeats")
+    repeats_mm: float | None = Field(description="that scatter")
+    left_mm: float = Field(description="what the parameters alone leave, r.m.s.")
+    expected_mm: float = Field(description="what noise as stated would leave, r.m.s.")
+    noise_mm: float = Field(description="standard deviation of one reading, as stated")
+    residual_mm: float = Field(description="r.m.s. of the residuals per degree of freedom")
+
+
+class CauseParameter(Schema):
+    """A parameter of a cause."""
+
+    name: str
+    unit: str
+    value: float
+    std: float
+    expanded: float = Field(description="U, of a normal distribution")
+
+
+class FoundCause(Schema):
+    """A cause that was found; several act together."""
+
+    id: str
+    probability: float
+    where: str = Field(description="empty: the whole machine")
+    parameters: tuple[CauseParameter, ...]
+    rms_before_mm: float
+    rms_after_mm: float
+    heldout_before_mm: float = Field(description="error on readings not fitted, without it")
+    heldout_after_mm: float = Field(description="and with it")
+    heldout_ratio: float = Field(description="the latter by what is stated for it, r.m.s.")
+    aliases: Ids = Field(description="what would look like it")
+    times_stated: float | None = Field(
+        description="its largest value by its plausible size, where that is beyond three"
+    )
+    remedy: str
+    recommended: bool = Field(description="to be accepted as part of the machine")
+    in_machine: bool = Field(description="false: it lies in the measurement")
+
+
+class UnshownFault(Schema):
+    """A fault of the record, besides the named causes, that these readings would not show."""
+
+    id: str
+    where: str = Field(description="empty: the whole table")
+    check: str = Field(description="what would show it")
+    change: float = Field(description="largest change of a parameter if it is there")
+    unit: str = Field(description="of that parameter")
+    matters: bool = Field(description="a parameter changes by more than U: nothing is released")
+
+
+class TimesStated(Schema):
+    """A cause that would explain everything, but only far beyond its plausible size."""
+
+    id: str
+    times: float = Field(description="its largest value by its plausible size")
+
+
+class AssumedSize(Schema):
+    """The plausible size of a cause that the machine file does not state."""
+
+    id: str
+    size: float
+    unit: str
+
+
+class Otherwise(Schema):
+    """The answer with all plausible sizes changed."""
+
+    verdict: Verdict
+    ids: Ids
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis(ReadOnly):
+    """What the simulation gets wrong for one file."""
+
+    measured: Measured
+    model: Model  # that they were judged by
+    verdict: Verdict
+    lack_of_fit: LackOfFit  # of the offsets-only model
+    causes: tuple[FoundCause, ...]  # accepted ones, best first; empty if none is
+    # Of a printer, what the extension is compared with; None where it was not asked.
+    baselines: Baselines | None
+    ambiguous_with: Ids  # ids that these data cannot separate from the answer
+    not_excluded: Ids  # ids that may be there where nothing shows
+    # Fits of the explanations that the data leave open, each after its share; the accepted one
+    # comes first.
+    left_open: tuple[tuple[float, Fit], ...]
+    # The same, each fault at every place where it may be if the verdict is ambiguous; after a named
+    # answer, faults that would not show but matter.
+    by_place: tuple[tuple[float, Fit], ...]
+    offsets_mm: Floats  # their mean, shape (3,)
+    covariance_mm2: Floats  # of the offsets, shape (3, 3); carries the choice within an alias class
+    # Offsets where the offsets-only model fits these data best, all readings alike, shape (3,).
+    alone_mm: Floats
+    nominal_mm: Floats  # prediction of the offsets-only model with fitted zeros, shape (n,)
+    explained_mm: Floats  # prediction of the accepted model, shape (n,)
+    # With all tolerances "halved" and "doubled"; empty if it was not asked for.
+    sensitivity: Mapping[str, Otherwise]
+    # Every one tried, best first, those that are left open with their parameters.
+    explanations: tuple[Explanation, ...]
+    # Faults of the record that would not show besides the named causes.
+    unshown: tuple[UnshownFault, ...] = ()
+    # Causes that would explain what is unexplained, far beyond their size.
+    beyond_tolerance: tuple[TimesStated, ...] = ()
+    notes: tuple[Reason, ...] = ()
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The accepted causes as fitted to these data, in the order of `causes`."""
+        found = {effect.cause.id: effect for effect in self.left_open[0][1].effects}
+        return tuple(found[cause.id] for cause in self.causes)
+
+    @property
+    def undecided(self) -> bool:
+        """Whether the offsets depend on what these data leave open, or would not show."""
+        return self.verdict is Verdict.AMBIGUOUS or any(fault.matters for fault in self.unshown)
+
+    @property
+    def put_right(self) -> Measured:
+        """The data without the named faults that belong to this session alone.
+
+        Differences stay as they are, and so do readings in which a fault cannot be undone.
+        """
+        measured = self.measured
+        if isinstance(measured, Differences) or self.verdict is not Verdict.NAMED:
+            return measured
+        value, machine = measured.value, self.model.machine
+        for effect in self.effects:
+            if not effect.cause.lasting:
+                value = effect.cause.inverted(value, effect, measured.plan, machine)
+        return replace(measured, value=value)
+
+    def require_recommended(self, id: str) -> None:
+        """Refuse to make a cause part of the machine that it names but does not recommend for it.
+
+        Raises:
+            UnusableResultError: with what to do instead.
+        """
+        for cause in self.causes:
+            if cause.id == id and CAUSES[id].lasting and not cause.recommended:
+                many = self.model.machine.vocabulary.many
+                raise UnusableResultError(
+                    f"Making {id} part of the machine's model is not recommended: it does not"
+                    f" last as it is, does not predict better than {many} only, or something else"
+                    " explains these data as well.",
+                    cause.remedy,
+                )
+
+    def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
+        """What it adds to the uncertainty of the solution's offsets, by cause.
+
+        Each explanation, besides the offsets alone, by the probability that the data leave it: how
+        far it would move the offsets, and how much less sure of them it is.
+
+        Args:
+            solution: of the same data.
+        """
+        least, fits = solution.covariance_mm2, self.left_open
+        if self.verdict is Verdict.UNEXPLAINED:
+            return (Contribution.beyond(Origin.EXPLANATIONS, self.covariance_mm2 - least),)
+        consistent = self.verdict is Verdict.CONSISTENT
+        if consistent:
+            (_, alone), *others = fits
+            least, fits = alone.offsets_covariance, tuple(others)
+        found = []
+        for share, fit in fits:
+            apart = fit.offsets - solution.offsets_mm
+            spread = share * (fit.offsets_covariance - least + np.outer(apart, apart))
+            found.append(Contribution.beyond(" and ".join(fit.ids), spread, possible=consistent))
+        return tuple(found)
+
+    @property
+    def budget(self) -> Budget:
+        """The uncertainty of the offsets by source; what the verdict leaves open comes last."""
+        known = self.left_open[0][1].budget(self.model.machine.instrument)
+        left = self.covariance_mm2 - known.covariance_mm2
+        return known.extended([Contribution.beyond(Origin.EXPLANATIONS, left)])
+
+    @property
+    def std_mm(self) -> Floats:
+        """Standard deviations of the offsets, shape (3,)."""
+        return np.sqrt(np.diag(self.covariance_mm2))
+
+    @property
+    def rivals(self) -> tuple[Ids, ...]:
+        """What is open in place of the answer or besides it, in the order of `ambiguous_with`.
+
+        Causes that act together are one, unless each of them is open alone, too.
+        """
+        (_, answer), *others = self.left_open
+        found = [tuple(id for id in fit.ids if id not in answer.ids) for _, fit in others]
+        order, alone = self.ambiguous_with, {ids for ids in found if len(ids) == 1}
+        kept = {
+            ids
+            for ids in found
+            if set(ids) <= set(order) and (ids in alone or any((id,) not in alone for id in ids))
+        }
+        return tuple(sorted(kept - {()}, key=lambda ids: [order.index(id) for id in ids]))
+
+    @property
+    def spare(self) -> int:
+        """How many readings there are beyond the unknowns of the answer."""
+        return self.lack_of_fit.dof - sum(effect.cause.freedom for effect in self.effects)
+
+    @property
+    def assumed_sizes(self) -> tuple[AssumedSize, ...]:
+        """Of each cause that was tried at its default: the machine file gives none."""
+        machine = self.model.machine
+        tried = {id for explanation in self.explanations for id in explanation.ids}
+        return tuple(
+            AssumedSize(id=id, size=cause.size(machine), unit=cause.unit)
+            for id, cause in CAUSES.items()
+            if id in tried and cause.assumed(machine)
+        )

@@ -1,0 +1,251 @@
+"""Hypotheses about several dates of one machine: unchanged, a step, a drift, scatter, or several.
+
+    y_i = θ + steps + rate·t_i + scatter_i + L_i w + e_i,   w ~ N(0, 1),   e_i ~ N(0, V_i)
+
+y_i is what session i finds of each parameter. L_i w is common to the sessions (legs, gauge scale,
+the touched bed, the effect of the temperature): it cancels between them. Steps and rates are
+columns, scatter is covariance under the dates. All have priors of many sizes and of subsets of
+parameters, so the evidence of each trend is a sum of Gaussian integrals.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import cached_property
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from orthoglide_cal.estimation.gaussian import condition, log_density, log_mean, root_of, whiten
+from orthoglide_cal.inference.hypothesis import of_any_size
+from orthoglide_cal.model.plan import Floats, ReadOnly
+
+SIZES = 2.0 ** np.arange(-1.0, 10.0)  # prior ones, in units of what a session knows
+FREE = 1e6  # prior size of what is reported
+LOG_FURTHER = math.log(0.5)  # log prior of one more step
+MOST_STEPS = 20  # limit of effort
+POSITIVE = 1e-6  # added share of variance, which keeps covariances positive definite
+LEAST = 1e-4  # a direction of what is common that is so much smaller than the largest adds nothing
+
+
+class Trend(StrEnum):
+    """What happened between the first session and the last; what matters most first."""
+
+    CHANGED = "changed"
+    DRIFTING = "drifting"
+    SCATTERING = "scattering"
+    UNCHANGED = "unchanged"
+
+
+PRIOR = {Trend.CHANGED: 0.2, Trend.DRIFTING: 0.1, Trend.SCATTERING: 0.1}
+Trends = tuple[Trend, ...]  # that act together, what matters most first
+
+
+class Part(NamedTuple):
+    """A step or a drift: of which parameters, of which prior size; a step after session `at`."""
+
+    trend: Trend
+    at: int
+    subset: tuple[int, ...]
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
+class DatedValues(ReadOnly):
+    """What n sessions say of p parameters, in the parameters' units."""
+
+    values: Floats  # shape (n, p)
+    covariance: Floats  # of what each session has of its own, shape (n, p, p)
+    # Of each session, by source, what one standard deviation of it adds in all, shape (p, q).
+    common: Sequence[Mapping[Hashable, Floats]]
+    times: Floats  # in days, or numbers of sessions, shape (n,)
+    groups: Sequence[Sequence[int]]  # numbers of parameters that belong together
+
+    @cached_property
+    def unit(self) -> Floats:
+        """What one session knows of each parameter, shape (p,)."""
+        variance = np.diagonal(self.covariance, axis1=1, axis2=2)
+        return np.asarray(np.sqrt(np.median(variance, axis=0)))
+
+    @cached_property
+    def shared(self) -> Floats:
+        """Columns of what the sessions have in common, in those units, shape (n, p, q)."""
+        stacked = [np.zeros((self.values.size, 0))]
+        for source in dict.fromkeys(source for session in self.common for source in session):
+            like = next(session[source] for session in self.common if source in session)
+            every = [
+                session.get(source, 0.0 * like) / self.unit[:, None] for session in self.common
+            ]
+            stacked.append(np.concatenate(every))
+        # Few directions hold what many unknowns do.
+        columns = root_of(np.hstack(stacked) @ np.hstack(stacked).T)
+        length = np.linalg.norm(columns, axis=0)
+        return columns[:, length > LEAST * length.max()].reshape(*self.values.shape, -1)
+
+    @cached_property
+    def span(self) -> float:
+        """Time from the first session to the last."""
+        return float(np.ptp(self.times)) or 1.0
+
+    @cached_property
+    def courses(self) -> Mapping[Trend, Floats]:
+        """Course of each step, shape (n − 1, n), and of a drift over the whole time, (1, n)."""
+        count = len(self.times)
+        after = np.arange(count) > np.arange(count - 1)[:, None]
+        line = (self.times - self.times.mean())[None] / self.span
+        return {Trend.CHANGED: 1.0 * after, Trend.DRIFTING: line}
+
+    @cached_property
+    def subsets(self) -> list[tuple[int, ...]]:
+        """Parameters that may change together: any one or two, those of a group, all."""
+        every = range(len(self.unit))
+        few = (chosen for size in (1, 2) for chosen in combinations(every, size))
+        return list(dict.fromkeys(map(tuple, (*few, *self.groups, every))))
+
+    def columns(self, parts: Sequence[Part], later: float = 0.0) -> Floats:
+        """Derivatives of what the sessions find, so much later, by all unknowns, (n, p, m).
+
+        The unknowns are the parameters, those of what is common, and the sizes of each part.
+        """
+        every = np.eye(len(self.unit))
+        columns = [np.broadcast_to(every, (len(self.values), *every.shape)), self.shared]
+        for part in parts:
+            shift = later / self.span if part.trend is Trend.DRIFTING else 0.0
+            course = self.courses[part.trend][part.at] + shift
+            columns.append(course[:, None, None] * every[:, list(part.subset)])
+        return self.unit[:, None] * np.concatenate(columns, axis=2)
+
+
+class TrendFit:
+    """Steps and a drift with a scatter (p,) from session to session, fitted to dated values."""
+
+    def __init__(self, data: DatedValues, parts: Sequence[Part], scatter: Floats) -> None:
+        self.data, self.parts, self.scatter = data, parts, scatter
+        columns, width, count = data.columns(parts), len(scatter), data.shared.shape[2]
+        spread = data.covariance + np.diag(scatter**2 + POSITIVE * data.unit**2)
+        sizes = (np.full(len(part.subset), part.size) for part in parts)
+        prior = np.concatenate([np.full(width, np.inf), np.ones(count), *sizes])
+        every = np.diag(data.unit)
+        values, white, self._every = whiten(spread, data.values[..., None], columns, every)
+        self._columns = white.reshape(-1, len(prior))
+        self.mean, self.covariance = condition(self._columns, values.reshape(-1), prior, 1.0)
+        self._left = values.reshape(-1) - self._columns @ self.mean
+        self.residual = data.values - columns @ self.mean
+        log = log_density(spread, self.residual[..., None]).sum()
+        log -= 0.5 * ((self.mean / prior) ** 2).sum() + np.log(prior[width:]).sum()
+        self.log_evidence = float(log + 0.5 * np.linalg.slogdet(self.covariance)[1])
+
+    @property
+    def trends(self) -> Trends:
+        """What happened, what matters most first."""
+        acting = [part.trend for part in self.parts]
+        acting += [Trend.SCATTERING] * bool(self.scatter.any())
+        return tuple(trend for trend in Trend if trend in acting) or (Trend.UNCHANGED,)
+
+    def one_more(self, trend: Trend) -> tuple[float, Part]:
+        """Log evidence that one more part adds, over all that it may be, and the likeliest."""
+        data, course = self.data, self.data.courses[trend]
+        new = (course[..., None, None] * self._every).reshape(len(course), self._left.size, -1)
+        turned = new.swapaxes(1, 2)
+        inside = turned @ self._columns
+        power = turned @ new - inside @ self.covariance @ inside.swapaxes(1, 2)
+        match = turned @ self._left
+        # By place, subset and size.
+        logs = np.empty((len(course), len(data.subsets), len(SIZES)))
+        for number, subset in enumerate(map(list, data.subsets)):
+            along, axes = np.linalg.eigh(power[:, subset][:, :, subset])
+            apart = np.einsum("gij,gi->gj", axes, match[:, subset])
+            size2, along = SIZES[:, None] ** 2, np.maximum(along, 0.0)
+            logs[:, number] = of_any_size(along[:, None], apart[:, None], size2).sum(axis=2)
+        place, chosen, size = np.unravel_index(int(logs.argmax()), logs.shape)
+        return log_mean(logs), Part(trend, int(place), data.subsets[chosen], float(SIZES[size]))
+
+    @property
+    def homing(self) -> Floats:
+        """Scatter that is left from session to session beyond what each does not know, (p,)."""
+        known = np.median(self.data.covariance, axis=0).diagonal()
+        spare = max(len(self.residual) - 1 - len(self.parts), 1)
+        beyond = (self.residual**2).sum(axis=0) / spare - known
+        return np.asarray(np.sqrt(np.maximum(beyond, 0.0)))
+
+    def sizes(self, trend: Trend) -> Iterator[tuple[Part, Floats, Floats]]:
+        """Each step, or drift, with its sizes or rates (q,) and their covariance (q, q)."""
+        start = len(self.scatter) + self.data.shared.shape[2]
+        for part in self.parts:
+            slot = slice(start, start := start + len(part.subset))
+            unit = self.data.unit[list(part.subset)]
+            unit = unit / self.data.span if trend is Trend.DRIFTING else unit
+            if part.trend is trend:
+                yield (
+                    part,
+                    unit * self.mean[slot],
+                    np.outer(unit, unit) * self.covariance[slot, slot],
+                )
+
+    def state(
+        self, at: int, later: float = 0.0, measured: bool = False, more: int = 0
+    ) -> tuple[Floats, Floats]:
+        """Mean (p,) and covariance (p, p) of the parameters at a session, or so much later.
+
+        As a session measures them if `measured`; or after so many `more` sessions.
+        """
+        data, covariance, width = self.data, self.covariance, len(self.scatter)
+        columns = data.columns(self.parts, later)[at]
+        own = np.median(data.covariance, axis=0) + np.diag(
+            self.scatter**2 + POSITIVE * data.unit**2
+        )
+        if more:
+            gained = more * columns.T @ np.linalg.solve(own, columns)
+            covariance = np.linalg.inv(np.linalg.inv(covariance) + gained)
+        columns[:, width : width + data.shared.shape[2]] *= measured
+        return columns @ self.mean, columns @ covariance @ columns.T + own * measured
+
+
+def fit_trends(data: DatedValues) -> dict[Trends, tuple[float, TrendFit]]:
+    """Each set of trends with ln of its prior times evidence, and its fit without priors."""
+    count = len(data.values)
+    sets = [acting for size in range(3) for acting in combinations(PRIOR, size)]
+    fits = [_fit(data, acting) for acting in sets if len(acting) < count]
+    return {fit.trends: (log, fit) for log, fit in fits}
+
+
+def _fit(data: DatedValues, acting: Trends) -> tuple[float, TrendFit]:
+    """Best parts of these trends, free in size; log weight over all that they may be."""
+    every, scatter = np.diag(data.unit), np.zeros(len(data.unit))
+    rounds, sizes = (2, SIZES) if Trend.SCATTERING in acting else (1, np.zeros(1))
+    tried = [size * shares for shares in (every.sum(axis=0), *every) for size in sizes]
+    for _ in range(rounds):
+        # Twice, because other parts fit with the likeliest scatter.
+        parts = _search(data, acting, scatter)
+        fits = [TrendFit(data, parts, size) for size in tried]
+        best = max(fits, key=lambda fit: fit.log_evidence)
+        scatter = best.scatter
+    log = log_mean(np.array([fit.log_evidence for fit in fits]))
+    for part in parts:
+        # The chosen one stands for all that the other parts leave open.
+        others = TrendFit(data, [other for other in parts if other is not part], scatter)
+        log += others.one_more(part.trend)[0] + others.log_evidence - best.log_evidence
+    log += sum(math.log(p if trend in acting else 1.0 - p) for trend, p in PRIOR.items())
+    steps = sum(part.trend is Trend.CHANGED for part in parts)
+    free = [part._replace(size=FREE) for part in sorted(parts, key=lambda part: part.at)]
+    return log + max(steps - 1, 0) * LOG_FURTHER, TrendFit(data, free, scatter)
+
+
+def _search(data: DatedValues, acting: Trends, scatter: Floats) -> list[Part]:
+    """The best step and drift, and further steps as long as they are likelier than not."""
+    parts: list[Part] = []
+    for trend in (trend for trend in acting if trend in data.courses):
+        parts.append(TrendFit(data, parts, scatter).one_more(trend)[1])
+    while parts and Trend.CHANGED in acting:
+        for number, part in enumerate(parts):
+            others = TrendFit(data, parts[:number] + parts[number + 1 :], scatter)
+            parts[number] = others.one_more(part.trend)[1]
+        log, more = TrendFit(data, parts, scatter).one_more(Trend.CHANGED)
+        if log + LOG_FURTHER < 0.0 or len(parts) >= MOST_STEPS:
+            break
+        parts.append(more)
+    return parts

@@ -1,0 +1,263 @@
+"""Reasons, cautions, notes and remedies in words: the one table from a code to its sentence.
+
+A sentence is a format string over the data of its reason and the `words` of the machine, with
+these formats in addition to Python's: `two` figures of a size, `names` with commas, `and`, `with`.
+Where its grammar depends on the data it is a function.
+"""
+
+import string
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.schema import Reason
+from orthoglide_cal.words import counted, percent, plain, two_figures, unit_words
+
+Data = Mapping[str, Any]
+
+
+class _Formats(string.Formatter):
+    def format_field(self, value: Any, format_spec: str) -> str:
+        joined = {"names": ", ", "and": " and ", "with": " with "}
+        if format_spec in joined:
+            return joined[format_spec].join(value)
+        if format_spec == "two":
+            return two_figures(value)
+        return str(super().format_field(value, format_spec))
+
+
+def sentence(reason: Reason, machine: Machine) -> str:
+    """The sentence for a reason, in the words of a kind of machine."""
+    words = _SENTENCES[reason.code]
+    if not isinstance(words, str):
+        return words(machine, reason.data)
+    return _Formats().vformat(words, (), {"words": machine.vocabulary, **reason.data})
+
+
+def _residuals(what: str, end: str) -> str:
+    sizes = "one reading scatters by {scatter_mm:.2g} mm against {stated_mm:.2g} mm"
+    return f"The residuals are {what} the {{words.noise}}'s noise{{words.also}}{end % sizes}"
+
+
+def _implausible(machine: Machine, data: Data) -> str:
+    names = ", ".join(f"{name} {value:+.1f} {unit}" for name, unit, value, _ in data["values"])
+    limit = ", ".join(dict.fromkeys(f"{most:g} {unit}" for _, unit, _, most in data["values"]))
+    vocabulary = machine.vocabulary
+    return f"{vocabulary.one.capitalize()} {names}: {vocabulary.beyond.format(limit=limit)}"
+
+
+def _undecided(machine: Machine, data: Data) -> str:
+    rivals, sound = data["rivals"], data["sound"]
+    names = [" with ".join(data["ids"]) or "a cause", *map(" with ".join, rivals[:1])]
+    if len(rivals) > 1:
+        names.append(counted(len(rivals) - 1, "other"))
+    elif not rivals:
+        names.append("something that is not on the list")
+    either = " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    return (
+        f"Something {'may be' if sound else 'is'} wrong besides the {machine.vocabulary.many}:"
+        f" {either}. These data do not distinguish them"
+        f"{', nor from a sound machine' if sound else ''}."
+    )
+
+
+def _offsets_wrong(machine: Machine, data: Data) -> str:
+    ids, titles = data["ids"], " and ".join(CAUSES[id].words(machine).title for id in data["ids"])
+    return (
+        f"{titles[0].upper()}{titles[1:]} ({' and '.join(ids)}, {percent(data['probability'], 1)}):"
+        f" {machine.vocabulary.many} alone would be wrong by up to"
+        f" {data['change']:.3f} {data['unit']}."
+    )
+
+
+def _within_u(machine: Machine, data: Data) -> str:
+    moves = "moves" if len(data["ids"]) == 1 else "move"
+    return (
+        f"{' and '.join(data['ids'])} {moves} no {machine.vocabulary.one} by more than"
+        f" {data['change']:.3f} {data['unit']}, which is within U."
+    )
+
+
+def _title(machine: Machine, data: Data) -> str:
+    """A fault that would not show, with its place."""
+    where = f" ({data['where']})" if data["where"] else ""
+    return f"{CAUSES[data['id']].words(machine).title}{where}"
+
+
+def _unshown(machine: Machine, data: Data) -> str:
+    where = f" ({data['where']})" if data["where"] else ""
+    return (
+        f"If {CAUSES[data['id']].words(machine).title} as well{where}, which these readings would"
+        f" not show, the {machine.vocabulary.many} change by up to {data['change']:.3f}"
+        f" {data['unit']}."
+    )
+
+
+def _look(machine: Machine, data: Data) -> str:
+    shows = CAUSES[data["id"]].words(machine).instrument
+    return (
+        f"Check whether {_title(machine, data)}. What shows it: {shows}. If all is in order, say"
+        " so:"
+    )
+
+
+def _unexplained(machine: Machine, data: Data) -> str:
+    usual, words = " of usual size" if data["beyond"] else "", machine.vocabulary
+    return (
+        f"No listed cause{usual} explains these data: they leave {data['left_mm']:.3f} mm r.m.s.,"
+        f" where the {words.noise}'s noise{words.also} would leave {data['expected_mm']:.3f} mm."
+    )
+
+
+def _other_data(_: Machine, data: Data) -> str:
+    ids, name = " and ".join(data["ids"]), f"The {data['data']} in the same file"
+    says = {
+        "named": f"shows {ids}, too",
+        "ambiguous": "leaves open what is wrong",
+        "unexplained": "shows something that no listed cause explains",
+    }
+    return f"{name}, judged alone, {says.get(data['verdict'], 'must not be used')}."
+
+
+def _contradicted(_: Machine, data: Data) -> str:
+    apart = ", ".join(
+        f"{name} by {two_figures(size)} {unit_words(unit)}" for name, size, unit in data["apart"]
+    )
+    return f"The {data['data']} in the same file contradicts these values beyond U: {apart}."
+
+
+def _recalibrated(_: Machine, data: Data) -> str:
+    replaced = f" (other {', '.join(data['changed'])} in force)" if data["changed"] else ""
+    return (
+        f"The machine was recalibrated before the held-out readings{replaced}: with and without"
+        " the extension its calibrated parameters are left free and fitted to them, and the"
+        " extension is carried over unchanged."
+    )
+
+
+def _origin_moved(_: Machine, data: Data) -> str:
+    moves = ", ".join(f"{name} by {value:+.3f}" for name, value in data["moves"].items())
+    return (
+        f"Between the two measurements the origin of the endstops has moved: {moves} mm. None of"
+        " this was entered. They are fitted to the held-out readings; all else is carried over."
+    )
+
+
+def _local(_: Machine, data: Data) -> str:
+    left, noise, beyond = (1e3 * data[name] for name in ("left_mm", "noise_mm", "beyond_mm"))
+    return (
+        f"Unexplained: {left:.0f} µm r.m.s., of which {noise:.0f} µm are the probe's noise:"
+        f" {beyond:.0f} µm are local, shared by neighbouring places, and no evidence for any cause."
+    )
+
+
+def _of_session(machine: Machine, data: Data) -> str:
+    said = sentence(data["reason"], machine)
+    return f"{data['when']}, {said[0].lower()}{said[1:]}"
+
+
+def _remains(_: Machine, data: Data) -> str:
+    causes = " and ".join(data["ids"]) or "this"
+    return f"Offsets do not remove {causes}: {two_figures(data['left_mm'])} mm r.m.s. will remain."
+
+
+def _temperature(_: Machine, data: Data) -> str:
+    return f"The temperature changed by {plain(data['kelvin'], 1)} K while measuring."
+
+
+def _temperatures(_: Machine, data: Data) -> str:
+    before, after = (plain(data[when], 1) for when in ("before_c", "after_c"))
+    return f"The temperature differed: {before} °C before, {after} °C after."
+
+
+def _retake(_: Machine, data: Data) -> str:
+    kept = data["kept"]
+    few = len(kept) <= 3  # to say why
+    listed = ", ".join(f"r {step} ({why})" if few else f"r {step}" for step, why in kept)
+    return f"Retake what was questioned and kept: {listed}:"
+
+
+def _advice(machine: Machine, data: Data) -> str:
+    return CAUSES[data["id"]].words(machine).advice.format(where=data["where"])
+
+
+_SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
+    # Why there is no result, or why it fails its own check.
+    "refused": "{what}",
+    "not_converged": "The search for the {words.many} did not converge.",
+    "implausible": _implausible,
+    "undetermined": "These readings do not determine {names:names}: they add nothing to what is"
+    " known without them.",
+    "gauge_doubt": "{what}",
+    # What the diagnosis has against it.
+    "undecided": _undecided,
+    "few_readings": "With so few readings nearly anything fits.",
+    "cause_found": "{ids:and} was found.",
+    "unshown_fault": _unshown,
+    "offsets_wrong": _offsets_wrong,
+    "unexplained": _unexplained,
+    "other_data_contradict": _contradicted,
+    # What to know although it may be entered.
+    "within_u": _within_u,
+    "local_shape": "The bed's local shape is about {factor:.1f} times as large as is stated or"
+    " usual, and U does not cover all of that. State it as texture_mm of the probe.",
+    "remains": _remains,
+    "other_data": _other_data,
+    "stale_mesh": "{text}",
+    "simulated": "Simulated: no machine was measured.",
+    "overdue_gauge": "Gauge {id} is overdue: its calibration was due on {due}.",
+    "temperature_changed": _temperature,
+    # The residuals, judged.
+    "no_spare_readings": "There are no spare readings: these data cannot show whether the model"
+    " fits, and U rests on the {words.noise}'s stated noise ({stated_mm:.2g} mm).",
+    "residuals_too_large": _residuals(
+        "larger than", " (%s): the model leaves something out, and U does not cover it."
+    ),
+    "residuals_unusual": _residuals(
+        "larger than usual for", ", not large enough to call the model wrong (%s; p < 0.01)."
+    ),
+    "residuals_agree": "The residuals agree with the {words.noise}'s noise{words.also}"
+    " (p = {p_value:.2g}).",
+    # What is missing, and two measurements compared.
+    "not_recorded": "Not recorded: {missing:names}.",
+    "of_session": _of_session,
+    "other_gauges": "Other gauges were used: {before:names} before, {after:names} after.",
+    "temperatures_differ": _temperatures,
+    # About the data.
+    "remark": "{text}",
+    "doubtful_readings": "{what} {remedy}",
+    "below_resolution": "The residuals are smaller than the {words.noise}'s resolution allows"
+    " ({floor_mm:.2g} mm); the intervals use the resolution.",
+    # Notes of a diagnosis.
+    "not_excluded": "Not excluded, too small to show: {ids:names}.",
+    "pattern": "No listed cause explains the residuals. Their pattern: {pattern}.",
+    "pattern_in_u": "Its size is part of the uncertainty of the {words.many}.",
+    "two_would_follow": "{ids:with} would also follow it, but two causes follow nearly any"
+    " pattern. To check them, repeat with {words.further}.",
+    "perhaps_also": "These readings cannot show whether {ids:and} is also present.",
+    "perhaps_alone": "{id} alone is also possible (probability {probability:.2g}): it is not"
+    " certain that {others:and} is present.",
+    "few_differences": "{count} differences leave {spare} numbers beyond the three offsets, and"
+    " this answer has {unknowns} unknowns: the name rests on plausible sizes, not on the data"
+    " alone. Raw readings, with more postures, say more.",
+    "measure_again": "Correct a fault of the measurement by measuring again, not in the"
+    " controller.",
+    "recalibrated": _recalibrated,
+    "origin_moved": _origin_moved,
+    "maps_repeat": "The residual maps of these dates repeat (r = {correlation:.2f}): what the"
+    " parameters leave is a shape that lasts, not noise.",
+    "local_residual": _local,
+    # Remedies.
+    "do": "{what}",
+    "validate": "Check the file:",
+    "recheck": "{words.recheck}",
+    "more_readings": "{words.more}",
+    "again": "{words.again}",
+    "advice": _advice,
+    "accept": "Correct it, or make {id} part of the machine and use the new machine file:",
+    "look": _look,
+    "retake": _retake,
+    "probe_both": "Calibrate and probe a mesh one after the other, with nothing changed in between;"
+    " then compare again.",
+}

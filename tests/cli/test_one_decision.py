@@ -1,0 +1,152 @@
+"""One decision: mark, verdict, release and exit code are the same in every command."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.estimation import pose, solve
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import machine_text
+from orthoglide_cal.files.readings import GaugeIdentity
+from orthoglide_cal.inference import Verdict
+from orthoglide_cal.model.orthoglide import JointOffsets
+from orthoglide_cal.results import answer_to
+from tests.cli.program import SAMPLES, SIX, answer, run
+from tests.machines import NOMINAL
+from tests.printer_files import OFF, printer_cfg
+from tests.results import cases
+from tests.results.sessions import FINE, TRUE, session, write
+from tests.truth.delta import V400, Truth
+
+SIGNS = {"good": "✔", "warn": "!", "bad": "✘", "open": "?"}
+MARKS = tuple(f"{sign} " for sign in SIGNS.values())
+
+
+def overdue(path: Path) -> None:
+    gauge = GaugeIdentity(id="no. 41", certificate="2026-0117", due="2025-12-31")
+    write(session(TRUE, 3), NOMINAL, path, gauges=(gauge,), finished="2026-03-03T09:31:00+01:00")
+
+
+def calibrated(path: Path) -> None:
+    """The controller has what is true, within a few micrometres."""
+    machine = FINE.machine.changed(offsets_mm=JointOffsets(0.1, 0.2, -0.3))
+    model = replace(FINE, machine=machine)
+    write(session(np.array([0.002, -0.001, 0.003]), 5, model), model, path)
+
+
+def unexplained(path: Path) -> None:
+    given = cases.unexplained().given
+    write(replace(given.measured, value=np.round(given.measured.value, 3)), given.model, path)
+
+
+def of(case: Callable[[], cases.Case]) -> Callable[[Path], None]:
+    return lambda path: write(case().given.measured, case().given.model, path)
+
+
+def printer(truth: Truth) -> Callable[[Path], None]:
+    return lambda path: path.write_text(printer_cfg(V400, truth)) and None
+
+
+LEANING = replace(OFF, leans=np.array([[1.8, -0.8], [0.4, -3.6], [0.2, 3.0]]))
+# File → how it is made, its mark, whether anything is to be entered, its first code.
+FILES: dict[str, tuple[Callable[[Path], None], str, bool, str]] = {
+    "healthy.yaml": (lambda path: write(session(TRUE, 3), NOMINAL, path), "good", True, ""),
+    "overdue.yaml": (overdue, "warn", True, "overdue_gauge"),
+    "axis_gap.yaml": (of(cases.named_in_machine), "bad", True, "offsets_wrong"),
+    "six.csv": (lambda path: path.write_bytes(Path(SIX).read_bytes()) and None, "open", True,
+                "undecided"),
+    "unexplained.yaml": (unexplained, "bad", True, "unexplained"),
+    "steady.yaml": (lambda path: write(replace(session(TRUE, 3), value=np.full(60, 0.12)), NOMINAL,
+                                       path), "bad", True, "gauge_doubt"),
+    "calibrated.yaml": (calibrated, "good", False, ""),
+    "printer.cfg": (printer(OFF), "good", True, ""),
+    "leaning.cfg": (printer(LEANING), "warn", True, "other_data"),
+    "right.cfg": (printer(Truth()), "good", False, ""),
+}  # fmt: skip
+
+
+SLOW = ("leaning.cfg", "right.cfg")  # one printer in every run is enough
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow if name in SLOW else ()) for name in FILES],
+)
+def test_every_command_says_the_same(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make, tone, needed, code = FILES[name]
+    monkeypatch.chdir(tmp_path)
+    make(Path(name))
+    usable = tone in ("good", "warn")
+    for verb in ("solve", "diagnose", "report", "export"):
+        shown = run(verb, name)
+        assert shown.exit_code == (0 if usable or verb == "diagnose" else 4), shown.stderr
+        marked = [line for line in shown.stdout.splitlines() if line.startswith(MARKS)]
+        if verb == "export":
+            assert bool(shown.stdout) is usable
+        else:
+            assert marked[0].startswith(SIGNS[tone]), shown.stdout
+            assert "Consistent" not in marked[0] or usable
+        if usable:
+            assert ("Nothing to enter" in shown.stdout) is not needed, verb
+    solved, diagnosed = answer("solve", name), answer("diagnose", name)
+    reported, exported = answer("report", name)["answer"], answer("export", name, "--force")
+    for other in (diagnosed, reported, exported):
+        assert other == solved
+    release = solved["release"]
+    assert (release["usable"], release["needed"]) == (usable, needed)
+    assert release["settled"] is not needed
+    assert (release["codes"] or [""])[0] == code
+    assert len(release["codes"]) == len(release["reasons"]) + len(release["cautions"])
+    for parameter in solved["parameters"]:
+        entered = parameter["enter"]
+        assert (entered is not None) is usable
+        assert needed or entered == parameter["active"]
+    if name.endswith(".cfg"):
+        applied = run("apply", name, "--to", name, "--yes")
+    else:
+        Path("machine.yaml").write_text(machine_text(read_input(name).model))
+        applied = run("apply", name, "--yes", "--machine", "machine.yaml")
+    assert applied.exit_code == (0 if usable else 4), applied.stderr
+    assert ("Nothing was changed" in applied.stderr) is (usable and not needed)
+
+
+def test_equal_quantities_are_equal_to_the_last_digit() -> None:
+    """What the offsets alone leave has one number, wherever it is said."""
+    for make in (cases.healthy, cases.named_in_machine, cases.single, cases.unexplained):
+        solved = make().answer
+        lack = solved.lack_of_fit
+        assert lack is not None
+        assert solved.noise is not None
+        assert solved.rms is not None
+        assert lack.p_value == solved.noise.p_value
+        assert lack.residual_mm == solved.noise.residuals_mm
+        residuals = [each.weight * (each.measured_mm - each.modelled_mm) for each in
+                     solved.residuals]  # fmt: skip
+        assert float(np.sqrt(np.mean(np.square(residuals)))) == pytest.approx(
+            lack.left_mm, rel=1e-12
+        )
+        if solved.alone is not None:
+            assert solved.alone.rms_after_mm == lack.left_mm
+            assert {cause.rms_before_mm for cause in solved.causes} == {lack.left_mm}
+        elif solved.verdict == "consistent":
+            assert solved.rms.after_mm == lack.left_mm
+
+
+def test_undecided_the_residual_is_that_of_the_values_shown() -> None:
+    """Six differences: what the model leaves of them at the mean of what is open."""
+    for k in (1, 2, 3):
+        given = read_input(str(SAMPLES / f"experiment{k}.csv"))
+        shown = answer_to(given)
+        assert shown.verdict is Verdict.AMBIGUOUS
+        assert shown.rms is not None
+        posed = pose(given.measured, given.model, given.measured.kind)
+        values = np.array([each.found for each in shown.parameters])
+        left = posed.data - posed.problem.predict(values)
+        assert shown.rms.after_mm == pytest.approx(float(np.sqrt(np.mean(left**2))), rel=1e-12)
+        alone = solve(given.measured, given.model)
+        assert shown.rms.after_mm > alone.rms_after_mm

@@ -1,0 +1,213 @@
+"""What the guide says about adding to the program is followed: a cause, and a kind of machine."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import orthoglide_cal
+from tests.machines import ROOT
+from tests.markdown import blocks, commands
+
+SOURCE = Path(orthoglide_cal.__file__).parent
+PAGE = (SOURCE / "guide" / "developing.md").read_text(encoding="utf-8")
+OFFSETS = (0.4, -0.7, 0.2)
+
+# Path as the page names it → what is written there; of a path that exists, what is added to it.
+CAUSE = {
+    "causes/leg_sag.py": '''
+"""A leg bends with the square of its displacement."""
+
+from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.orthoglide import Orthoglide
+
+
+class LegSag(Cause):
+    """One bending per leg, at full displacement."""
+
+    id = "leg_sag"
+    title = "a leg sags"
+    stage = Stage.CONTACT
+    unit = "mm"
+    sizes = {Orthoglide: 0.1}
+    size_reason = "a slender bar under its own weight"
+    names = ("x", "y", "z")
+    lasting = True
+    instrument = "a second gauge on the leg"
+    advice = "Stiffen the leg, or measure nearer to the isotropic posture."
+
+    def contact(self, heights, effect, where, plan, machine):
+        return heights + effect.theta[..., plan.leg] * (plan.displacement / 100.0) ** 2
+
+
+CAUSES = (LegSag(),)
+''',
+    "guide/causes/leg_sag.md": "# leg_sag: a leg sags\n",
+    "guide/causes.md": "\n- `leg_sag`: a leg sags\n",
+}
+KIND = {
+    "model/tilt_table.py": '''
+"""A table on three screws, probed from above: how much higher is each screw than it should be?"""
+
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Annotated, Literal
+
+import numpy as np
+
+from orthoglide_cal.model.kinematics import GaugeResponse, Geometry
+from orthoglide_cal.model.linear_delta import LinearDelta, Probe
+from orthoglide_cal.model.machine import Bed, FirstStep, Length, Machine
+from orthoglide_cal.model.plan import read_only
+from orthoglide_cal.schema import Number, told
+
+ANGLES = np.radians([90.0, 210.0, 330.0])
+
+
+class TiltTable(Machine):
+    parameter_names = parameter_symbols = ("a", "b", "c")
+    parameter_units = ("mm", "mm", "mm")
+    linearization_points = read_only(np.zeros((1, 3)))
+    tolerance_scales = LinearDelta.tolerance_scales
+    usual_sizes = MappingProxyType({"misread": 0.1, "bed_shape": 0.1, "probe_drift": 0.05})
+    has_cube = False
+    controller_formats = ("text",)
+    vocabulary = replace(LinearDelta.vocabulary, one="height", many="heights", title="Heights")
+    first_steps = (FirstStep("Solve it", "solve", "touches.csv"),)
+    geometry_keys = ("bed_radius_mm", "screws_mm")
+
+    kind: Literal["tilt_table"] = "tilt_table"
+    bed_radius_mm: Annotated[Length, told("Radius of the table", "where its screws are")]
+    screws_mm: Annotated[tuple[Number, Number, Number], told("Screws", "height of each")]
+    probe: Probe
+
+    instrument = property(lambda self: self.probe)
+    active = property(lambda self: self.screws_mm)
+    plausible = property(lambda self: (self.homing_std_mm,) * 3)
+    bed = property(lambda self: Bed(self.bed_radius_mm, (90.0, 210.0, 330.0), 100.0))
+    geometry_words = property(lambda self: f"table of radius {self.bed_radius_mm:g} mm")
+    travel_mm, home_mm = property(lambda self: 100.0), property(lambda self: 0.0)
+
+    # It is touched as the bed of a printer is.
+    reading_words, judging = LinearDelta.reading_words, LinearDelta.judging
+    local_shape, uncertain = LinearDelta.local_shape, LinearDelta.uncertain
+    synthetic, further = LinearDelta.synthetic, LinearDelta.further
+    simulated_plan, _rings = LinearDelta.simulated_plan, LinearDelta._rings
+
+    @property
+    def nominal_rails(self):
+        flat = np.stack((np.cos(ANGLES), np.sin(ANGLES), np.zeros(3)), axis=1)
+        return Geometry(self.bed_radius_mm * flat, np.tile([0.0, 0.0, 1.0], (3, 1)), np.ones(3))
+
+    def sensed(self, real, parameters, plan, strict, derivative):
+        corners, place = np.ones((3, 3)), plan.place.copy()
+        corners[:, :2], place[:, 2] = real.geometry.points[:, :2], 1.0
+        readings = parameters @ (place @ np.linalg.inv(corners)).T
+        where = np.broadcast_to(plan.place / self.bed_radius_mm, (*readings.shape, 3))
+        return GaugeResponse(readings, where, None)
+''',
+    "configs/tilt_table.yaml": """schema_version: 1
+kind: tilt_table
+name: tilt table
+bed_radius_mm: 100
+screws_mm: [10, 10, 10]
+probe: {resolution_mm: 0.0, repeatability_mm: 0.005, texture_mm: 0.01}
+tolerances: {}
+identified: []
+""",
+    "guide/tilt_table.md": "# A tilting table\n",
+    "guide/index.md": "\n- `tilt_table`: a tilting table\n",
+}
+
+
+def item(title: str) -> str:
+    """What the page says under "To add something" of one thing."""
+    (text,) = re.findall(rf"^### {title}\n(.*?)(?=^##|\Z)", PAGE, re.MULTILINE | re.DOTALL)
+    return text
+
+
+def added(tmp_path: Path, said: str, files: dict[str, str], names: dict[str, str]) -> Path:
+    """A folder with a copy of the package to which exactly the files that are said are added."""
+    said = re.sub("ID|KIND", lambda word: names[word[0]], said)
+    assert re.findall(r"^- `([\w./]+)`", said, re.MULTILINE) == list(files)
+    package, touched = tmp_path / SOURCE.name, {path.split("/")[0] for path in files}
+    package.mkdir()
+    for folder in SOURCE.iterdir():
+        if folder.name not in touched:
+            (package / folder.name).symlink_to(folder)
+    for name in touched:
+        source, target = (ROOT, tmp_path) if name == "configs" else (SOURCE, package)
+        shutil.copytree(source / name, target / name, ignore=shutil.ignore_patterns("__pycache__"))
+    if "configs" not in touched:
+        (tmp_path / "configs").symlink_to(ROOT / "configs")
+    for path, text in files.items():
+        at = (tmp_path if path.startswith("configs") else package) / path
+        at.write_text((at.read_text(encoding="utf-8") if at.exists() else "") + text, "utf-8")
+    return tmp_path
+
+
+def run(folder: Path, *arguments: str, code: int = 0) -> str:
+    """What a command of that copy prints."""
+    done = subprocess.run(
+        [sys.executable, "-m", "orthoglide_cal", *arguments],
+        cwd=folder, env={**os.environ, "PYTHONPATH": str(folder)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == code, done.stderr
+    return done.stdout
+
+
+def check(answer: dict, id: str, truth: dict[str, float]) -> None:
+    """The cause is named, and all parameters are what they truly are."""
+    assert answer["verdict"] == "named"
+    (cause,) = answer["causes"]
+    assert cause["id"] == id
+    found = {each["name"]: each["found"] for each in answer["parameters"]}
+    stds = {each["name"]: each["std"] for each in answer["parameters"]}
+    for name, value in truth.items():
+        assert abs(found[name] - value) < 4.5 * stds[name], name
+
+
+def test_a_cause_is_one_class_and_its_page(tmp_path: Path) -> None:
+    said = item("A cause")
+    folder = added(tmp_path, said, CAUSE, {"ID": "leg_sag"})
+    typed = [*commands("".join(blocks(said, "text")).replace("ID", "leg_sag"))]
+    assert [words[0] for words in typed] == ["simulate", "diagnose", "guide"]
+    simulate, diagnose, guide = typed
+    run(folder, *simulate)
+    answer = json.loads(run(folder, *diagnose, "--json"))
+    check(answer, "leg_sag", dict(zip("xyz", OFFSETS, strict=True)))
+    (cause,) = answer["causes"]
+    assert answer["assumed"] == ["leg_sag"]
+    assert cause["remedy"].startswith("Stiffen")
+    for estimate, true in zip(cause["parameters"], (0.12, -0.17, 0.09), strict=True):
+        assert estimate["unit"] == "mm"
+        assert abs(estimate["value"] - true) < 4.5 * estimate["std"]
+    assert "a leg sags" in run(folder, *guide)
+
+
+def test_a_kind_of_machine_is_one_class_and_its_pages(tmp_path: Path) -> None:
+    said = item("A kind of machine")
+    folder = added(tmp_path, said, KIND, {"KIND": "tilt_table"})
+    typed = [*commands("".join(blocks(said, "text")).replace("KIND", "tilt_table"))]
+    assert [words[0] for words in typed] == ["machine", "simulate", "solve", "diagnose", "guide"]
+    machine, simulate, solve, diagnose, guide = typed
+    run(folder, *machine)
+    written = (folder / "mine.yaml").read_text(encoding="utf-8")
+    assert "kind: tilt_table" in written
+    run(folder, *simulate)
+    assert "Do not enter these heights" in run(folder, *solve, code=4)
+    answer = json.loads(run(folder, *diagnose, "--json"))
+    check(answer, "misread", dict(zip("abc", OFFSETS, strict=True)))
+    assert "A tilting table" in run(folder, *guide)
+
+
+@pytest.mark.parametrize("path", re.findall(r"`([\w/]+\.(?:py|md))`", PAGE))
+def test_every_file_that_is_named_exists(path: str) -> None:
+    if not re.search("ID|KIND", path):
+        assert (SOURCE / path).is_file() or (ROOT / path).is_file()

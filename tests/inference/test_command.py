@@ -1,0 +1,186 @@
+"""`orthocal diagnose` as its users and their programs see it."""
+
+import re
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.machine_file import read_machine_file
+from orthoglide_cal.files.session_file import session_of_readings, session_text
+from orthoglide_cal.inference import Diagnosis
+from orthoglide_cal.inference import diagnose as analysed
+from orthoglide_cal.report.case import Case
+from orthoglide_cal.report.documents.diagnosis import diagnosis_document, headline
+from orthoglide_cal.report.markdown import markdown
+from orthoglide_cal.results import answer_to
+from tests import truth
+from tests.cli.program import answer as answered
+from tests.cli.program import lines, words
+from tests.inference.command import GAP, HEALTHY, SECOND, THIRD, diagnose, shown, told, written
+from tests.inference.sessions import given, known
+from tests.sentences import sentences
+
+
+class TestHeldOut:
+    def test_the_paper_s_third_experiment(self) -> None:
+        """0.213 mm by the offsets alone; at most 0.065 mm by the extension."""
+        applied = ("--applied", -0.53, 0.59, -1.76)
+        answer = told(SECOND, "--holdout", THIRD, *applied)
+        cause = answer["causes"][0]
+        assert cause["heldout_before_mm"] == pytest.approx(0.213, abs=1e-3)
+        assert cause["heldout_after_mm"] <= 0.065
+        # Six numbers cannot carry the name: the answer stays open.
+        assert answer["verdict"] == "ambiguous"
+        assert {"axis_gap", "bar_skew"} <= {cause["id"], *answer["ambiguous_with"]}
+        without = told(SECOND, "--holdout", THIRD)["causes"][0]
+        assert without["heldout_before_mm"] > 0.5
+
+    def test_no_fit_sees_the_later_readings(self, tmp_path: Path) -> None:
+        session = truth.make_session(2, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
+        first, machine = written(tmp_path, session)
+        later, _ = written(tmp_path, truth.second_session(session, 5), "later.csv")
+        alone = told(first, "--machine", machine)
+        beside = told(first, "--machine", machine, "--holdout", later)
+        assert (alone["holdout"], beside["holdout"]) == (None, str(later))
+        for key in ("verdict", "parameters", "lack_of_fit"):
+            assert beside[key] == alone[key]
+        assert beside["causes"][0]["parameters"] == alone["causes"][0]["parameters"]
+        held_out = beside["causes"][0]["heldout_after_mm"]
+        assert held_out != alone["causes"][0]["heldout_after_mm"]
+        assert held_out < 1.5 * truth.MICRON.sigma < beside["causes"][0]["heldout_before_mm"]
+
+    def test_a_later_csv_is_read_by_the_session_s_own_machine(self, tmp_path: Path) -> None:
+        """Its `max` and `min` are those of that machine, not of the prototype."""
+        session = truth.make_session(4, truth.LARGE, truth.MICRON, ("axis_gap",))
+        readings, machine = known(session)
+        record = tmp_path / "first.yaml"
+        record.write_text(session_text(session_of_readings(readings, machine, {})))
+        later, _ = written(tmp_path, truth.second_session(session, 5), "later.csv")
+        answer = told(record, "--holdout", later)
+        assert [cause["id"] for cause in answer["causes"]] == ["axis_gap"]
+        assert answer["causes"][0]["heldout_after_mm"] < 1.5 * truth.MICRON.sigma
+
+
+class TestAccept:
+    def test_a_new_machine_file_that_every_command_uses(self, tmp_path: Path) -> None:
+        session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
+        readings, machine = written(tmp_path, session)
+        before, extended = machine.read_bytes(), tmp_path / "extended.yaml"
+        accept = ("--machine", machine, "--accept", "axis_gap", "--output", extended)
+        ran = diagnose(readings, *accept)
+        assert ran.exit_code == 0
+        assert str(extended) in ran.stderr
+        assert machine.read_bytes() == before
+        (found,) = read_machine_file(extended).model.accepted
+        assert found.cause.id == "axis_gap"
+        assert found.data_sha256 == told(readings, "--machine", machine)["input"]["sha256"]
+        assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", found.date or "")
+        for true, estimate in zip(
+            session.effects[0].parameters, found.estimates.values(), strict=True
+        ):
+            assert 0.0 < estimate.std < 0.05
+            assert estimate.unit == "mm"
+            assert abs(estimate.value - true) < 4.5 * estimate.std
+        # Solved without bias.
+        errors = []
+        for model in (machine, extended):
+            answer = answered("solve", str(readings), "--machine", str(model))
+            parameters = (answer["alone"] or answer)["parameters"]
+            offsets = np.array([each["found"] for each in parameters])
+            errors.append(np.abs(offsets - session.offsets).max())
+        assert errors[0] > 0.03 > 0.015 > errors[1]
+        again = told(readings, "--machine", extended)
+        assert again["verdict"] == "consistent"
+        # Never overwritten.
+        kept = extended.read_bytes()
+        ran = diagnose(readings, *accept)
+        assert ran.exit_code == 2
+        assert extended.read_bytes() == kept
+
+    @pytest.mark.parametrize(
+        ("data", "cause", "said"),
+        [
+            *((GAP, cause, "lies in the measurement, not in the machine")
+              for cause in ("misread", "stand_shift", "gauge_slip", "sign_flip")),
+            (SECOND, "axis_gap", "do not distinguish what lies in the machine from"),
+            (HEALTHY, "axis_gap", "are consistent: they do not support axis_gap"),
+            (GAP, "encoder_scale", "contradict encoder_scale. They name axis_gap."),
+        ],
+    )  # fmt: skip
+    def test_what_the_data_do_not_support_is_refused(
+        self, tmp_path: Path, data: Path, cause: str, said: str
+    ) -> None:
+        """The result is shown all the same."""
+        target = tmp_path / "new.yaml"
+        ran = diagnose(data, "--accept", cause, "--output", target)
+        assert ran.exit_code == 4
+        assert said in words(ran.stderr)
+        assert words(shown(data)) in words(ran.stdout)
+        assert not target.exists()
+
+    def test_a_refusal_does_not_spoil_the_line_of_json(self, tmp_path: Path) -> None:
+        target = tmp_path / "new.yaml"
+        ran = diagnose(HEALTHY, "--json", "--accept", "axis_gap", "--output", target)
+        assert ran.exit_code == 4
+        assert [line["verdict"] for line in lines(ran)] == ["consistent"]
+
+
+def sound_with(diagnosis: Diagnosis, share: float) -> Diagnosis:
+    """The same, but for the probability that nothing is wrong."""
+    explanations = (
+        each.changed(probability=share) if each.sound else each for each in diagnosis.explanations
+    )
+    return replace(diagnosis, explanations=tuple(explanations))
+
+
+class TestText:
+    def test_wrapped_lines_keep_their_place(self) -> None:
+        lines = shown(SECOND, "--details").splitlines()
+        start = next(k for k, line in enumerate(lines) if line.lstrip().startswith("1."))
+        column = lines[start].index("1.") + 3
+        assert lines[start + 1].startswith(" " * column)
+        assert lines[start + 1][column] != " "
+
+    def test_it_says_what_to_do(self) -> None:
+        text = words(shown(GAP))
+        assert "Cause found: the actuator axes do not meet in one point (axis_gap, 94.7 %)" in text
+        assert "xy +0.3" in text
+        assert f"orthocal diagnose {shlex.quote(str(GAP))} --accept axis_gap" in text
+        assert "left out of the fit" in text
+        assert "tolerances" not in text
+        assert "Stable when tolerances are halved" in words(shown(GAP, "--details"))
+        assert "type in" not in text
+        assert "−0.189" in text
+
+    def test_an_open_answer_offers_no_compensation(self) -> None:
+        text = words(shown(SECOND))
+        assert "? Undecided: " in text
+        assert "orthocal measure" in text
+        assert "--accept" not in text
+
+    def test_a_faint_cause_leaves_room_for_nothing(self) -> None:
+        """Beside a cause that hardly shows stands how likely it is that nothing is wrong."""
+        read = given(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, ("misread",)))
+        diagnosis = analysed(read.measured, read.model)
+        for found, faint in (diagnosis, False), (sound_with(diagnosis, 0.217), True):
+            case = Case(read, answer_to(read, diagnosed=found))
+            text = markdown(diagnosis_document(case).page())
+            assert ("21.7 % that nothing is wrong at all" in text) is faint
+            assert ("nothing is wrong at all" in text) is faint
+
+    def test_what_is_less_likely_than_nothing_is_not_called_likeliest(self) -> None:
+        """The sound machine is one of the open answers, and then nothing must be wrong."""
+        read = read_input(str(SECOND))
+        diagnosis = analysed(read.measured, read.model)
+        faint = sound_with(diagnosis, 1.01 * diagnosis.causes[0].probability)
+        first, second = (Case(read, answer_to(read, diagnosed=each)) for each in (diagnosis, faint))
+        assert headline(first).endswith("leave open what is wrong.")
+        assert headline(second).endswith("what is wrong, or whether anything is.")
+        (before,), (after,) = (sentences(each.answer.release.reasons) for each in (first, second))
+        assert before.startswith("Something is wrong")
+        assert after.startswith("Something may be wrong")
+        assert after.endswith("nor from a sound machine.")

@@ -1,0 +1,92 @@
+"""Exchanged gauges where readings are missing: the data read under another plan."""
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES, RelabelCause
+from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference.candidates import Candidates
+from orthoglide_cal.inference.data import Linearised, Whitened
+from orthoglide_cal.inference.fit import fit_explanations
+from orthoglide_cal.inference.hypothesis import score_all
+from tests import truth
+from tests.inference.sessions import ids, known
+from tests.machines import sure
+from tests.readings import some
+
+SWAP = CAUSES["swapped_gauges"]
+
+
+def swapped(
+    seed: int, gauge: truth.Gauge, beside: tuple[str, ...] = (), exact: bool = False
+) -> truth.Session:
+    hidden = ("swapped_gauges", *beside)
+    return truth.make_session(seed, truth.PROTOTYPE, gauge, hidden, exact=exact)
+
+
+@pytest.mark.parametrize("gauge", [truth.MICRON, truth.DIAL], ids=lambda gauge: gauge.name)
+@pytest.mark.parametrize("seed", [1, 2, 4, 5])  # an exchange that shows
+def test_a_missing_reading_does_not_hide_them(seed: int, gauge: truth.Gauge) -> None:
+    session = swapped(seed, gauge)
+    readings, model = known(session)
+    whole = diagnose(readings, model)
+    assert [cause.id for cause in whole.causes] == ["swapped_gauges"]
+    own = readings.plan.leg == "xyz".index(whole.causes[0].where[-1])
+    dropped = np.arange(len(readings)) == np.random.default_rng(seed).choice(np.flatnonzero(own))
+    found = diagnose(some(readings, ~dropped), model)
+    assert [cause.id for cause in found.causes] == ["swapped_gauges"]
+    assert found.causes[0].where == whole.causes[0].where
+    assert np.all(np.abs(found.offsets_mm - session.offsets) < 4.5 * found.std_mm)
+    # One reading in sixty moves the offsets by a fraction of their uncertainty.
+    assert np.all(np.abs(found.offsets_mm - whole.offsets_mm) < whole.std_mm)
+    assert found.causes[0].heldout_after_mm == pytest.approx(gauge.sigma, rel=0.4)
+    left = found.measured.value - found.explained_mm
+    assert np.sqrt(np.mean(left**2)) < 1.3 * gauge.sigma
+
+
+def test_nor_does_a_cause_of_the_machine_beside_it() -> None:
+    session = swapped(2, truth.MICRON, ("axis_squareness",))
+    readings, model = known(session)
+    whole = diagnose(readings, model)
+    assert {cause.id for cause in whole.causes} == {"swapped_gauges", "axis_squareness"}
+    (where,) = (cause.where for cause in whole.causes if cause.id == "swapped_gauges")
+    own = readings.plan.leg == "xyz".index(where[-1])
+    third = (readings.cycle == 3) & (readings.plan.direction == readings.plan.direction.max())
+    for missing in (readings.cycle == 2, third):
+        found = diagnose(some(readings, ~(own & missing)), model)
+        assert set(ids(found)) == {"swapped_gauges", "axis_squareness"}
+
+
+def test_healthy_sessions_with_gaps_are_healthy() -> None:
+    for seed in range(1, 7):
+        readings, model = known(truth.make_session(seed, truth.PROTOTYPE, truth.DIAL))
+        dropped = np.random.default_rng(seed).random(len(readings)) < 0.1
+        assert diagnose(some(readings, ~dropped), model).verdict == "consistent"
+
+
+def test_where_nothing_is_missing_it_is_as_undoing_it_in_the_data(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Evidence, offsets and residuals of each leg's exchange, by either way."""
+    assert isinstance(SWAP, RelabelCause)
+    readings, model = known(swapped(3, truth.MICRON, exact=True))
+    model = sure(model)
+    white = Whitened.of(readings, model)
+    candidates = Candidates.of(model, ordered=True)
+    score = score_all(Linearised.of(white, candidates))[("swapped_gauges",)]
+    assert score.replanned is None
+    (undone,) = fit_explanations([score])
+    monkeypatch.setattr(type(SWAP), "reversible", lambda *_: False)
+    other = score_all(Linearised.of(white, candidates))[("swapped_gauges",)]
+    (under,) = fit_explanations([other])
+    assert other.replanned is not None
+    assert other.extra is not None
+    assert score.extra is not None
+    assert other.extra.place == score.extra.place
+    assert [effect.cause for effect in under.effects] == [SWAP]
+    assert under.log_evidence == pytest.approx(undone.log_evidence, abs=0.05)
+    assert under.offsets == pytest.approx(undone.offsets, abs=1e-5)
+    spread = under.offsets_covariance
+    assert np.diag(spread) == pytest.approx(np.diag(undone.offsets_covariance), rel=2e-3)
+    assert under.residual @ under.residual == pytest.approx(undone.residual @ undone.residual)
+    assert [cause.id for cause in diagnose(readings, model).causes] == ["swapped_gauges"]
