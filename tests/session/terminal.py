@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 import traceback
 import tty
 from collections.abc import Callable, Sequence
@@ -26,7 +27,8 @@ AT_ONCE = (
 # The last thing on the screen, perhaps followed by the end of a colour.
 PROMPT = re.compile(r"(\d+)\. Gauge [XYZ][^\r\n]* > (?:\x1b\[0m)?$")
 QUESTION = re.compile(r"(\d+)\. k keep it[^\r\n]* > (?:\x1b\[0m)?$")
-
+# The end of any prompt; what is typed sooner is not taken for an answer.
+ASKED = re.compile(r"> (?:\x1b\[[0-9;]*m)*$")
 
 # Much longer than anything takes, also on a machine that has other things to do [s].
 PATIENCE_S = 300
@@ -99,6 +101,8 @@ class Terminal(contextlib.AbstractContextManager["Terminal"]):
         )
         self.child.delaybeforesend = None
         self.seen = ""
+        self._waits = program is AT_ONCE
+        self._typed = 0  # so much was on the screen when the last answer was typed
 
     def __exit__(self, *_: object) -> None:
         self.child.close(force=True)
@@ -117,6 +121,14 @@ class Terminal(contextlib.AbstractContextManager["Terminal"]):
         return int(self.expect(PROMPT).group(1))
 
     def type(self, text: str, end: str = "\r") -> None:
+        """Answer; without dead times only once it was asked for, as a person does."""
+        if self._waits:
+            until = time.monotonic() + PATIENCE_S
+            while not ASKED.search((self.seen + self.child.buffer)[self._typed :]):
+                assert time.monotonic() < until, "nothing was asked"
+                with contextlib.suppress(pexpect.TIMEOUT):
+                    self.child.buffer += self.child.read_nonblocking(4096, timeout=0.05)
+        self._typed = len(self.seen + self.child.buffer)
         self.child.send(text + end)
 
     def finish(self) -> int:
