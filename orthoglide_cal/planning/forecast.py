@@ -92,7 +92,7 @@ class SessionForecast(Schema):
         taken = fixed_influences(model, np.zeros(len(machine.parameter_names)), plan)
         both = (*uncertain, *taken)
         budget = budget_of_readings(estimator, plan, machine.instrument, scatter, both)
-        parts = [c.std_mm**2 for c in budget.contributions if c.source in AVERAGED]
+        parts = [np.square(c.std) for c in budget.contributions if c.source in AVERAGED]
         noise, expanded = np.sqrt(np.sum(parts, axis=0)), budget.expanded_mm
         others = {c.source for c in budget.contributions}.difference(machine.fixed_parameters)
         parted = (_without(budget, machine.fixed_parameters), _without(budget, others))
@@ -137,7 +137,7 @@ class SessionForecast(Schema):
 
 def _without(budget: Budget, sources: Collection[str]) -> Budget | None:
     left = budget.without(sources).contributions
-    parts = tuple(each for each in left if np.any(each.std_mm**2 > TINY))
+    parts = tuple(each for each in left if np.any(np.square(each.std) > TINY))
     return Budget(parts) if parts else None
 
 

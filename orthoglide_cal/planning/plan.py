@@ -15,7 +15,7 @@ from pydantic import Field
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method
-from orthoglide_cal.estimation.budget import Budget, BudgetLine, BudgetTotal, budget_lines
+from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution, budget_lines
 from orthoglide_cal.model.machine import BarWarning
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import MARGIN
@@ -106,7 +106,7 @@ class Limit:
     cycles: int | None  # so many stand for any number; None for a layout
 
 
-class PlannedContribution(BudgetLine):
+class PlannedContribution(Contribution):
     """One line of the budget; `std_mm` names what it adds to each length."""
 
     std_mm: dict[str, float]

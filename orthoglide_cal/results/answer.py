@@ -10,7 +10,7 @@ from typing import Literal, Self
 from pydantic import Field, computed_field
 
 from orthoglide_cal.estimation import PromisedDifference
-from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
+from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
     AssumedSize,
@@ -249,7 +249,7 @@ class Answer(Schema):
     as_found: Spread | None = Field(None, description="of the deviations as measured")
     expected: Spread | None = Field(None, description="of the deviations after entering")
     remains: bool = Field(False, description="more will be left than U allows")
-    budget: tuple[BudgetLine, ...] = ()
+    budget: tuple[Contribution, ...] = ()
     total: BudgetTotal | None = None
     lack_of_fit: LackOfFit | None = None
     converged: bool = False
