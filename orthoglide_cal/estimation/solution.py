@@ -112,9 +112,9 @@ class Solution(ReadOnly):
 
         `right` as in `promise`.
         """
-        known = OffsetEstimate(self.model, self.offsets_mm, self.covariance_mm2)
+        known = OffsetEstimate(self.model, self.offsets_mm, self.budget, self.noise)
         change = self.offsets_mm if entered is None else entered
-        return promise(self.measured, known, change, self.noise, right)
+        return promise(self.measured, known, change, right)
 
     @cached_property
     def _fit(self) -> tuple[float, Floats]:

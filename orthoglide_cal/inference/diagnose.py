@@ -30,10 +30,10 @@ from orthoglide_cal.inference.result import (
     FoundCause,
     LackOfFit,
     Otherwise,
+    Parameter,
     TimesStated,
     UnshownFault,
     Verdict,
-    estimated,
 )
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import Measured
@@ -231,7 +231,7 @@ def _weighable(model: Model) -> Iterator[None]:
 
 def _explanations(found: Decision) -> tuple[Explanation, ...]:
     """All that were tried, best first, with the parameters of those that are left open."""
-    names = found.belief.at.white.machine.parameter_names
+    model = found.belief.at.white.problem.model
     fits = {tuple(sorted(fit.ids)): fit for _, fit in found.left_open}
 
     def told(ids: Ids, probability: float) -> Explanation:
@@ -243,7 +243,7 @@ def _explanations(found: Decision) -> tuple[Explanation, ...]:
             ids=ids,
             probability=probability,
             rms_mm=found.belief.at.white.rms(fit.left) if ids else None,
-            parameters=estimated(names, fit.offsets, std),
+            parameters=Parameter.all_of(model, fit.offsets, std, half_width(np.inf)),
         )
 
     tried = [told(ids, value) for ids, value in found.belief.listed.items()]

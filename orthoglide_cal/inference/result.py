@@ -1,8 +1,9 @@
 """The result of a diagnosis: a verdict, the accepted causes, what they gain, what to do next."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Self
 
 import numpy as np
 from pydantic import Field
@@ -10,6 +11,7 @@ from pydantic import Field
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution
+from orthoglide_cal.estimation.accuracy import determined
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.inference.baselines import Baselines
 from orthoglide_cal.inference.candidates import Ids
@@ -50,18 +52,43 @@ class NextMeasurement(Schema):
     session: str | None = None
 
 
-class Estimated(Schema):
-    """A parameter under one explanation."""
+class Parameter(Schema):
+    """One parameter that a calibration determines."""
 
     name: str
-    found: float
-    std: float
+    unit: str
+    active: float = Field(description="what the controller has")
+    found: float | None = Field(description="true = indicated + found; null if not determined")
+    std: float = Field(description="standard uncertainty u")
+    expanded: float = Field(description="expanded uncertainty U = k u")
+    enter: float | None = Field(None, description="what to type in; null unless released")
+    determined: bool = Field(default_factory=lambda known: known["found"] is not None)
 
+    @classmethod
+    def all_of(cls, model: Model, values: Floats, std: Floats, k: float) -> tuple[Self, ...]:
+        """Every parameter of a machine from values and standard uncertainties (p,), U = k u."""
+        machine, expanded = model.machine, k * std
+        known = zip(values.tolist(), determined(model, expanded), strict=True)
+        columns = {
+            "name": machine.parameter_names,
+            "unit": machine.parameter_units,
+            "active": machine.active,
+            "found": [value if sure else None for value, sure in known],
+            "std": std.tolist(),
+            "expanded": expanded.tolist(),
+        }
+        rows = zip(*columns.values(), strict=True)
+        return tuple(cls(**dict(zip(columns, row, strict=True))) for row in rows)
 
-def estimated(names: Sequence[str], values: Floats, std: Floats) -> tuple[Estimated, ...]:
-    """Parameters with their values and standard deviations, shape (p,) each."""
-    columns = zip(names, values.tolist(), std.tolist(), strict=True)
-    return tuple(Estimated(name=name, found=value, std=own) for name, value, own in columns)
+    def change(self, decimals: int) -> float:
+        """The change as it is entered; nothing of what the readings do not determine."""
+        return 0.0 if self.found is None else round(self.found, decimals) + 0.0
+
+    def new(self, decimals: int) -> float:
+        """What is active once it is entered, free of the errors of binary addition."""
+        if self.found is None:
+            return self.active
+        return round(self.active + self.change(decimals), 9) + 0.0
 
 
 class Explanation(Schema):
@@ -73,7 +100,7 @@ class Explanation(Schema):
         description="of a sound machine those of exchanges are estimates, a little too large"
     )
     rms_mm: float | None = Field(None, description="what it leaves; null: not fitted")
-    parameters: tuple[Estimated, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
 
     @property
     def sound(self) -> bool:

@@ -20,6 +20,7 @@ from orthoglide_cal.inference import (
     LackOfFit,
     NextMeasurement,
     Otherwise,
+    Parameter,
     TimesStated,
     UnshownFault,
     Verdict,
@@ -91,29 +92,6 @@ class Release(Schema):
     @property
     def codes(self) -> tuple[str, ...]:
         return tuple(reason.code for reason in (*self.reasons, *self.cautions))
-
-
-class Parameter(Schema):
-    """One parameter that a calibration determines."""
-
-    name: str
-    unit: str
-    active: float = Field(description="what the controller has")
-    found: float | None = Field(description="true = indicated + found; null if not determined")
-    std: float = Field(description="standard uncertainty u")
-    expanded: float = Field(description="expanded uncertainty U = k u")
-    enter: float | None = Field(None, description="what to type in; null unless released")
-    determined: bool = Field(default_factory=lambda known: known["found"] is not None)
-
-    def change(self, decimals: int) -> float:
-        """The change as it is entered; nothing of what the readings do not determine."""
-        return 0.0 if self.found is None else round(self.found, decimals) + 0.0
-
-    def new(self, decimals: int) -> float:
-        """What is active once it is entered, free of the errors of binary addition."""
-        if self.found is None:
-            return self.active
-        return round(self.active + self.change(decimals), 9) + 0.0
 
 
 class Alone(Schema):

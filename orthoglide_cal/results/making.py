@@ -13,7 +13,7 @@ they may be entered, and if not what to do, is decided here, too.
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import chain
 
@@ -33,7 +33,6 @@ from orthoglide_cal.estimation.accuracy import (
     CONFIDENCE,
     Scatter,
     chance_of_residual,
-    determined,
     half_width,
     rms,
 )
@@ -44,6 +43,7 @@ from orthoglide_cal.inference import (
     Explanation,
     FoundCause,
     NextMeasurement,
+    Parameter,
     UnshownFault,
     Verdict,
     diagnose,
@@ -51,7 +51,7 @@ from orthoglide_cal.inference import (
 )
 from orthoglide_cal.inference.data import unit_of
 from orthoglide_cal.inference.decision import DISMISSED
-from orthoglide_cal.inference.result import WORTH_SAYING, estimated
+from orthoglide_cal.inference.result import WORTH_SAYING
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -70,16 +70,6 @@ _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
     *("rivals", "unshown", "beyond_tolerance", "assumed_sizes"),
 )
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Parameters under one model, and what is known of the machine that they are entered in."""
-
-    values: Floats  # what is found beyond what is active, shape (p,)
-    budget: Budget  # where their uncertainty comes from
-    noise: Scatter  # of one reading
-    real: OffsetEstimate  # the machine, as well as it is known
 
 
 def answer_to(
@@ -135,21 +125,24 @@ def answer_to(
         again = Reason.of("retake", kept=kept)
         retake = Remedy(sentence=again, verb="measure", options="--resume")
         decision = decision.changed(remedies=(retake, *decision.remedies))
-    alone, found = _alone(given, solution, diagnosis), None
-    if diagnosis is not None and method is None and diagnosis.verdict is not Verdict.CONSISTENT:
-        found = _as_diagnosed(given, solution, diagnosis)
+    alone, diagnosed_as = _alone(given, solution, diagnosis), None
+    if diagnosis is not None and diagnosis.verdict is not Verdict.CONSISTENT:
+        diagnosed_as = _as_diagnosed(given, solution, diagnosis)
     named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED
+    found = None if method else diagnosed_as
     chosen = found or alone
+    # What is entered acts on the machine as well as it is known, whatever method was asked for.
+    real = (diagnosed_as if named else None) or chosen
     budget, std = chosen.budget, chosen.budget.std_mm
     decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
-    parameters = tuple(_parameters(model, chosen))
+    parameters = _parameters(chosen)
     others = tuple(answer_to(other, method, details=details) for other in given.others)
     if decision.usable:
         decision = _with_others(decision, parameters, others)
     right = diagnosis.put_right if diagnosis else None
 
     def promised_after(change: Floats) -> tuple[PromisedDifference, ...]:
-        return promise(measured, chosen.real, change, chosen.noise, right)
+        return promise(measured, real, change, right)
 
     change = np.array([parameter.change(decimals) for parameter in parameters])
     rows: tuple[PromisedDifference, ...] = ()
@@ -167,14 +160,14 @@ def answer_to(
             each.changed(enter=each.new(decimals) if decision.needed else each.active)
             for each in parameters
         )
-        left = remainder(rows, chosen.real.model)
+        left = remainder(rows, real.model)
         cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
-    left_mm = solution.at(chosen.values).rms_after_mm if found else solution.rms_after_mm
+    left_mm = solution.at(chosen.offsets_mm).rms_after_mm if found else solution.rms_after_mm
     if diagnosis is not None and named and found:
         left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
-    shift = np.abs(alone.values - chosen.values)
+    shift = np.abs(alone.offsets_mm - chosen.offsets_mm)
     lines, total = budget_lines(budget)
     correlation = budget.covariance_mm2 / np.outer(std, std)
     np.fill_diagonal(correlation, 1.0)
@@ -192,7 +185,7 @@ def answer_to(
         correlation=tuple(map(tuple, correlation.tolist())),
         sigma_rho_mm=rms(std) if set(machine.parameter_units) == {"mm"} else None,
         alone=schema.Alone(
-            parameters=tuple(_parameters(model, alone)),
+            parameters=_parameters(alone),
             rms_after_mm=solution.rms_after_mm,
             wrong_by=float(shift.max()),
             unit=machine.parameter_units[int(np.argmax(shift))],
@@ -220,7 +213,7 @@ def answer_to(
         undetermined=tuple(_undetermined(model, parameters)),
         check=_check(given, solution, rows, budget.k) if decision.needed else None,
         ruled_out=model.ruled_out,
-        workspace=_workspace(chosen, model) if details else None,
+        workspace=_workspace(chosen, real.model) if details else None,
         holdout=holdout,
         warnings=solution.warnings,
         notes=decision.cautions,
@@ -256,31 +249,27 @@ def with_dates(
         dates.append(
             schema.OfDate(
                 path=each.measured.source.path,
-                parameters=tuple(_parameters(model, found)),
+                parameters=_parameters(found),
             )
         )
     return answer.changed(inputs=tuple(map(schema.InputFile.of, inputs)), dates=tuple(dates))
 
 
-def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> _Found:
-    """The solution's own parameters; what they leave takes named causes into account."""
-    named = diagnosis if diagnosis and diagnosis.verdict is Verdict.NAMED else None
-    budget = solution.budget.extended(diagnosis.adds_to(solution) if diagnosis else ())
-    model = with_causes(given.model, named) if named else given.model
-    known = named or solution
-    real = OffsetEstimate(model, known.offsets_mm, known.covariance_mm2)
-    return _Found(solution.offsets_mm, budget.extended(_warmth(given)), solution.noise, real)
+def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> OffsetEstimate:
+    """The solution's own parameters, with what the diagnosis leaves open."""
+    more = diagnosis.adds_to(solution) if diagnosis else ()
+    budget = solution.budget.extended([*more, *_warmth(given)])
+    return OffsetEstimate(given.model, solution.offsets_mm, budget, solution.noise)
 
 
-def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> _Found:
+def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> OffsetEstimate:
     """The parameters under what the diagnosis found."""
     model = with_causes(given.model, diagnosis)
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
     taken = [each for each in solution.budget.contributions if each.source in held]
     budget = diagnosis.budget.extended([*taken, *_warmth(given)])
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
-    real = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.covariance_mm2)
-    return _Found(diagnosis.offsets_mm, budget, noise, real)
+    return OffsetEstimate(model, diagnosis.offsets_mm, budget, noise)
 
 
 def _warmth(given: Input) -> tuple[Contribution, ...]:
@@ -299,7 +288,7 @@ def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
     )
 
 
-def _within_noise(model: Model, found: _Found, known: Budget) -> bool:
+def _within_noise(model: Model, found: OffsetEstimate, known: Budget) -> bool:
     """True if the controller has the parameters already, as well as the readings know them.
 
     No change exceeds its U, nor all together what noise and a local shape make of them (χ²): what
@@ -307,16 +296,16 @@ def _within_noise(model: Model, found: _Found, known: Budget) -> bool:
     """
     if any(effect.cause.compensable for effect in model.accepted):
         return False  # it is to be entered, too
-    if np.any(np.abs(found.values) > found.budget.expanded_mm):
+    if np.any(np.abs(found.offsets_mm) > found.budget.expanded_mm):
         return False
-    budget, change = known.without(model.machine.fixed_parameters), found.values
+    budget, change = known.without(model.machine.fixed_parameters), found.offsets_mm
     apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
     widened = budget.k / half_width(np.inf)
     return chance_of_residual(apart, len(change), widened) >= 1.0 - CONFIDENCE
 
 
 def _with_others(
-    decision: Release, parameters: Sequence[schema.Parameter], others: Iterable[schema.Answer]
+    decision: Release, parameters: Sequence[Parameter], others: Iterable[schema.Answer]
 ) -> Release:
     """The release of parameters, knowing what the other data of the same file say.
 
@@ -376,16 +365,9 @@ def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | 
     return Reason.of("remains", ids=ids, left_mm=left)
 
 
-def _parameters(model: Model, found: _Found) -> Iterator[schema.Parameter]:
-    machine, budget = model.machine, found.budget
-    known = zip(found.values.tolist(), determined(model, budget.expanded_mm), strict=True)
-    values = [value if sure else None for value, sure in known]
-    columns = machine.parameter_names, machine.parameter_units, machine.active, values
-    rows = zip(*columns, budget.std_mm.tolist(), budget.expanded_mm.tolist(), strict=True)
-    for name, unit, active, value, std, expanded in rows:
-        yield schema.Parameter(
-            name=name, unit=unit, active=active, found=value, std=std, expanded=expanded
-        )
+def _parameters(known: OffsetEstimate) -> tuple[Parameter, ...]:
+    budget = known.budget
+    return Parameter.all_of(known.model, known.offsets_mm, budget.std_mm, budget.k)
 
 
 def spread(values: Mapping[str, float]) -> schema.Spread:
@@ -419,9 +401,7 @@ def _residuals(
         yield schema.Residual.model_validate({**own, "order": order[k], **left})
 
 
-def _undetermined(
-    model: Model, parameters: Iterable[schema.Parameter]
-) -> Iterator[schema.Undetermined]:
+def _undetermined(model: Model, parameters: Iterable[Parameter]) -> Iterator[schema.Undetermined]:
     """Parameters, and what no reading of this kind determines: taken as the controller has it."""
     for each in parameters:
         if not each.determined:
@@ -461,13 +441,13 @@ def _check(
     )
 
 
-def _workspace(found: _Found, model: Model) -> Workspace | None:
+def _workspace(found: OffsetEstimate, model: Model) -> Workspace | None:
     """Tool-position error before and after the adjustment; None if it cannot be computed."""
     if not model.machine.has_cube:
         return None
     budget = found.budget
     try:
-        return workspace_error(found.real.model, found.values, budget.covariance_mm2, budget.k)
+        return workspace_error(model, found.offsets_mm, budget.covariance_mm2, budget.k)
     except PostureError:
         return None
 
@@ -479,16 +459,16 @@ def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
             yield schema.Shim(rail=rail, along=along, mm=abs(gap.value), expanded_mm=gap.expanded)
 
 
-def _explanations(diagnosis: Diagnosis, solution: Solution, alone: _Found) -> Iterator[Explanation]:
+def _explanations(
+    diagnosis: Diagnosis, solution: Solution, alone: OffsetEstimate
+) -> Iterator[Explanation]:
     """Those not dismissed; the parameters alone are those of the solution."""
-    names = diagnosis.model.machine.parameter_names
     bound = DISMISSED * diagnosis.explanations[0].probability
     for each in diagnosis.explanations:
         if not each.parameters and each.probability < (WORTH_SAYING if each.sound else bound):
             continue
         if each.sound:
-            found = estimated(names, alone.values, alone.budget.std_mm)
-            yield each.changed(rms_mm=solution.rms_after_mm, parameters=found)
+            yield each.changed(rms_mm=solution.rms_after_mm, parameters=_parameters(alone))
         else:
             yield each
 
