@@ -185,10 +185,7 @@ class Decision:
     def is_open(self, ids: Ids) -> bool:
         """Return whether a set of causes is too probable to be dismissed for the best answer."""
         best = self.best
-        return self.belief.listed[ids] >= keep_ratio(ids, best) * self._something(best)
-
-    def _something(self, best: Ids) -> float:
-        return self.belief.something if best else 1.0
+        return self.belief.listed[ids] >= keep_ratio(ids, best) * self.belief.something
 
     @cached_property
     def rivals(self) -> tuple[Ids, ...]:
@@ -222,7 +219,7 @@ class Decision:
 
     def nearly_dismissed(self, ids: Ids) -> bool:
         """Return whether a set contradicts the best one and is below its bound, not far below."""
-        bound = keep_ratio(ids, self.best) * self._something(self.best)
+        bound = keep_ratio(ids, self.best) * self.belief.something
         contradicts = not set(self.best) <= set(ids)
         return contradicts and FAR_BELOW * bound <= self.belief.listed[ids] < bound
 
@@ -231,11 +228,6 @@ class Decision:
         belief = self.belief
         both, alone = (belief.share(belief.answer_of(one)) for one in (ids, part))
         return both * MISSED_FAULT < self.hold * alone
-
-    def may_matter(self, ids: Ids) -> bool:
-        """Return whether a fault without size would be left open at this probability."""
-        least = OPEN_ANSWER / FALSE_RELEASE * self.belief.listed[self.best]
-        return self.belief.listed[ids] >= least
 
     @property
     def hold(self) -> float:
@@ -507,7 +499,9 @@ def decide_by(linear: Belief) -> Decision:
         decision = Decision(decision.belief.refined(again[:FITS]))
     # What has no size is judged by the fits, too; and linear scores know no bounds: what is left
     # open is so by its fit.
-    likely = [ids for ids in decision.belief.listed if ids and decision.may_matter(ids)]
+    listed = decision.belief.listed
+    least = OPEN_ANSWER / FALSE_RELEASE * listed[decision.best]
+    likely = [ids for ids in listed if ids and listed[ids] >= least]
     pairs = [(ids, (id,)) for ids in likely for id in ids if is_sizeless(ids, (id,))]
     wanted = [ids for pair in pairs for ids in pair]
     for _ in range(FITS):
