@@ -15,7 +15,7 @@ from orthoglide_cal.causes.base import (
     words_of,
 )
 from orthoglide_cal.model.cause import EVERYWHERE, Place, Stage
-from orthoglide_cal.model.gauge_doubts import UNITS
+from orthoglide_cal.model.gauge import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
@@ -25,6 +25,7 @@ from orthoglide_cal.model.readings import GaugePlan, Series
 
 # A fault of a whole table is this likely compared to that of one gauge: it shows at once, mostly.
 CLERICAL = 0.1
+_UNITS = tuple(UNITS.items())
 
 
 def whole_table(plan: Plan) -> tuple[Place, ...]:
@@ -188,13 +189,13 @@ class WrongUnit(RelabelCause):
     advice = "State the unit that was read: reading_in for inches, reading_mm for millimetres."
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
-        return tuple((k,) for _ in whole_table(plan) for k in range(len(UNITS)))
+        return tuple((k,) for _ in whole_table(plan) for k in range(len(_UNITS)))
 
     def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
-        return UNITS[place[0]].mistake
+        return _UNITS[place[0]][1][0]
 
     def unit_mm(self, place: Place) -> float:
-        return UNITS[place[0]].mm
+        return _UNITS[place[0]][0]
 
 
 CAUSES = (

@@ -122,7 +122,7 @@ def new(
     write_text(target, _text(answers, target))
     show(target, json)
     common.tell(f"Written to {target}, with usual tolerances. Check its values.")
-    following = command(MACHINES[kind].first_steps[0].verb)
+    following = command(MACHINES[kind].first_steps[0][1])
     common.tell(f"In this folder every command uses it. Next: {following}")
 
 

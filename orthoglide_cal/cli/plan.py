@@ -99,7 +99,7 @@ def plan(
             return
         careful = require_on_bar(chosen.plan, model.machine)
         if careful is not None:
-            common.tell(" ".join(careful.lines))
+            common.tell(str(careful))
         turn = Order(order or "paper")
         session = (MeasuringProtocol(chosen.name), chosen.cycles, turn, wanted.stands)
         told = command("measure", machine=machine, options=sequence_options(*session))

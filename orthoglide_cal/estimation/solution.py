@@ -22,7 +22,7 @@ from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences
 from orthoglide_cal.estimation.least_squares import OPTIMAL, LeastSquaresFit, fit_offsets
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
-from orthoglide_cal.model.machine import GaugeDoubt, Influence, Instrument
+from orthoglide_cal.model.machine import Influence, Instrument, Suspicion
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only, without_zeros
@@ -159,7 +159,7 @@ class Solution(ReadOnly):
         return replace(self, offsets_mm=offsets, residuals_mm=left)
 
     @cached_property
-    def doubts(self) -> tuple[GaugeDoubt, ...]:
+    def doubts(self) -> tuple[Suspicion, ...]:
         """What no such gauge can have shown."""
         return self.model.machine.instrument.doubts(self.measured)
 

@@ -78,8 +78,7 @@ class Whitened(ReadOnly):
             white = _of_readings(measured.plan, model, measured.timed)
             require_rank(white.problem)
             unit = model.machine.instrument.mistaken_unit(measured)
-            data = white.matrix @ measured.value
-            return replace(white, data=data, unit_mm=None if unit is None else unit.mm)
+            return replace(white, data=white.matrix @ measured.value, unit_mm=unit)
         posed = pose(measured, model, measured.kind)
         require_rank(posed.problem)
         plan, matrix = posed.problem.plan, posed.problem.matrix @ np.eye(len(posed.problem.plan))

@@ -388,7 +388,7 @@ def _of_local_shape(found: Decision) -> Iterator[Reason]:
 
 def _notes(found: Decision, measured: Measured) -> Iterator[Reason]:
     doubted = found.belief.at.white.machine.doubted.values()
-    for text in (*measured.remarks, *(doubt.words for doubt in doubted)):
+    for text in (*measured.remarks, *map(str, doubted)):
         yield Reason.of("remark", text=text)
     causes = [effect.cause for effect in found.fit.effects]
     listed, unlisted = found.belief.listed, found.belief.unlisted

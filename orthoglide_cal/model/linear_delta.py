@@ -40,8 +40,6 @@ from orthoglide_cal.model.kinematics import (
 )
 from orthoglide_cal.model.machine import (
     Bed,
-    DoubtedValue,
-    FirstStep,
     Influence,
     Instrument,
     Layout,
@@ -51,6 +49,7 @@ from orthoglide_cal.model.machine import (
     Origin,
     Predicted,
     SimulationOptions,
+    Suspicion,
     Vocabulary,
 )
 from orthoglide_cal.model.measured import Measured, Readings, Source
@@ -358,9 +357,9 @@ class LinearDelta(Machine):
         axes={"a": "tower a", "b": "tower b", "c": "tower c"},
     )
     first_steps = (
-        FirstStep("How to probe it, and what to bring", "guide delta"),
-        FirstStep("See the parameters", "solve", "printer.cfg"),
-        FirstStep("Check the model", "diagnose", "printer.cfg", "--data mesh"),
+        ("How to probe it, and what to bring", "guide delta", "", ""),
+        ("See the parameters", "solve", "printer.cfg", ""),
+        ("Check the model", "diagnose", "printer.cfg", "--data mesh"),
     )
     geometry_keys = ("arm_length_mm", "delta_radius_mm", "tower_angles_deg", "endstops_mm")
 
@@ -406,19 +405,22 @@ class LinearDelta(Machine):
         return ("backlash",) if self.probe.scanning else ()
 
     @property
-    def doubted(self) -> Mapping[str, DoubtedValue]:
+    def doubted(self) -> Mapping[str, Suspicion]:
         """Arms of one printer are cut alike; what a calibration made of them need not be."""
         arms = self.arm_length_mm
         spread = max(arms) - min(arms)
         if spread <= UNEQUAL_MM:
             return super().doubted
         first, second, third = (f"{arm:.1f}" for arm in arms)
-        words = (
+        what = (
             f"Arms of {first}, {second} and {third} mm are stored; printers of this kind have equal"
-            f" arms. They are taken to be off by as much as they differ, {spread:.1f} mm: measure"
+            " arms."
+        )
+        remedy = (
+            f"They are taken to be off by as much as they differ, {spread:.1f} mm: measure"
             " them from joint centre to joint centre."
         )
-        return MappingProxyType({"leg_length": DoubtedValue(spread, words)})
+        return MappingProxyType({"leg_length": Suspicion(what, remedy, spread)})
 
     @property
     def active(self) -> tuple[float, ...]:

@@ -137,36 +137,16 @@ class Bed(NamedTuple):
     highest_mm: float  # no reading is larger
 
 
-class BarWarning(NamedTuple):
-    """Plungers that leave their bar, or come near its end."""
-
-    lines: tuple[str, str]  # what is wrong, and the remedy
-    leaves: bool
-
-
-class DoubtedValue(NamedTuple):
-    """Values of the controller that can hardly be right."""
-
-    size: float  # how far they may be off, one standard deviation, in the unit of the cause
-    words: str  # why, in a sentence
-
-
-class GaugeDoubt(NamedTuple):
-    """Something that this gauge can hardly have shown."""
+class Suspicion(NamedTuple):
+    """Something of a gauge, a set-up or a controller's values that can hardly be right."""
 
     what: str  # one sentence, with the place
     remedy: str  # what to do
+    # How far it is off, in the unit of what is doubted: of a plunger, beyond the end of its bar.
+    size: float = 0.0
 
     def __str__(self) -> str:
         return f"{self.what} {self.remedy}"
-
-
-class MistakenUnit(NamedTuple):
-    """A unit that may have been taken for millimetres."""
-
-    mm: float  # one of it in mm
-    mistake: str  # what happened
-    remedy: str  # what to do
 
 
 class Instrument(Schema):
@@ -177,21 +157,16 @@ class Instrument(Schema):
         repeatability_mm: float
 
     @property
-    def travel_mm(self) -> float:
-        """The largest difference of two of its readings [mm]."""
-        return math.inf
-
-    @property
     def turn_mm(self) -> float:
         """Travel of one turn of its dial [mm]; 0 where no turns can be miscounted."""
         return 0.0
 
-    def doubts(self, measured: Measured) -> tuple[GaugeDoubt, ...]:
+    def doubts(self, measured: Measured) -> tuple[Suspicion, ...]:
         """What it can hardly have shown; nothing is known of how firmware writes what it read."""
         return ()
 
-    def mistaken_unit(self, measured: Measured) -> MistakenUnit | None:
-        """The unit in which it shows readings that cannot be in mm; None if they can, or if
+    def mistaken_unit(self, measured: Measured) -> float | None:
+        """The unit in which it shows readings that cannot be in mm [mm]; None if they can, or if
         nothing tells."""
         return None
 
@@ -272,15 +247,6 @@ class Vocabulary:
     axes: Mapping[str, str] = field(default_factory=dict)  # parameters of its rails → in words
 
 
-class FirstStep(NamedTuple):
-    """What to do where nothing was measured yet."""
-
-    what: str
-    verb: str  # of the program
-    file: str = ""  # as such a file is usually called; empty for none
-    options: str = ""
-
-
 class Machine(Schema):
     """The nominal machine: three actuated rails, three legs, one tool centre point.
 
@@ -310,7 +276,9 @@ class Machine(Schema):
     # Ids that no controller compensates, but that are worth knowing for what is calibrated.
     recommended: ClassVar[tuple[str, ...]] = ()
     decimals: ClassVar[int | None] = None  # of what is entered; None for as many as U asks for
-    first_steps: ClassVar[tuple[FirstStep, ...]]
+    # Where nothing was measured yet: what to do, the verb of the program, a file as it is usually
+    # called, options; "" for none.
+    first_steps: ClassVar[tuple[tuple[str, str, str, str], ...]]
     has_cube: ClassVar[bool]  # the error of its tool is shown over a cube of its workspace
     controller_formats: ClassVar[tuple[str, ...]]
     vocabulary: ClassVar[Vocabulary]
@@ -399,7 +367,7 @@ class Machine(Schema):
         return ()
 
     @property
-    def doubted(self) -> Mapping[str, DoubtedValue]:
+    def doubted(self) -> Mapping[str, Suspicion]:
         """Id of a cause → why the controller's own values make it likely."""
         return MappingProxyType({})
 
@@ -461,8 +429,8 @@ class Machine(Schema):
         """
         return ()
 
-    def bar_warning(self, plan: AnyPlan) -> BarWarning | None:
-        """What is wrong where plungers touch their bars; None if nothing is, or none does."""
+    def bar_warning(self, plan: AnyPlan) -> Suspicion | None:
+        """The plunger that leaves its bar or comes nearest to its end; None if none comes near."""
         return None
 
     def check_recorded(self, remedy: str = "") -> None:

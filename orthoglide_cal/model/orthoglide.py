@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from orthoglide_cal.errors import InputError, PostureError, UnreachableError, UsageError
-from orthoglide_cal.model.gauge_doubts import difference_doubts, other_unit, reading_doubts
+from orthoglide_cal.model.gauge import Gauge
 from orthoglide_cal.model.kinematics import (
     Command,
     GaugeResponse,
@@ -29,23 +29,20 @@ from orthoglide_cal.model.kinematics import (
     tool_derivative,
 )
 from orthoglide_cal.model.machine import (
-    BarWarning,
-    FirstStep,
-    GaugeDoubt,
     Influence,
     Instrument,
     JointOffsets,
     Length,
     Machine,
-    MistakenUnit,
     Named,
     Origin,
     Predicted,
     SimulationOptions,
+    Suspicion,
     Vocabulary,
     empty,
 )
-from orthoglide_cal.model.measured import DataKind, Difference, Measured, Readings, Source
+from orthoglide_cal.model.measured import DataKind, Difference, Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, other_axes, part_words
 from orthoglide_cal.schema import Number, told
@@ -69,61 +66,6 @@ HEIGHT = 2  # single-posture gauges can stand on the xy-surface only, so they me
 # Which of the machine's moments belong to n readings: when each was taken, and when its gauge was
 # set up, at the isotropic posture; indices, each of shape (n,).
 _Moments = tuple[Ints, Ints]
-
-# Where the machine file says nothing of a gauge: a stand put by eye or with a rule is within a
-# millimetre or so; dial indicators may be off by 15 µm in 10 mm, and a plunger that leans by 2°
-# reads 0.06 % short.
-PLACEMENT_MM = 1.0
-SCALE_U = 0.001
-Fine = Annotated[Number, Field(ge=1e-6, le=100.0)]
-Travel = Annotated[Number, Field(ge=1e-3, le=1e3)]
-
-
-class Gauge(Instrument):
-    """A dial indicator."""
-
-    resolution_mm: Annotated[Fine, told("Gauge: one division", "the smallest step that it shows")]
-    range_mm: Annotated[Travel, told("Gauge: range", "travel of its plunger")]
-    revolution_mm: Annotated[
-        Travel | None, told("Gauge: one turn", "travel of one turn; 0 without a dial")
-    ] = None
-    repeatability_mm: Annotated[
-        Fine, told("Gauge: repeatability", "standard deviation of one reading")
-    ]
-    # How well its stand is put at its place along the leg, one standard deviation, and standard
-    # uncertainty of its scale (1); None if nobody stated it.
-    placement_mm: Annotated[Number, Field(ge=0.0, le=1e3)] | None = None
-    scale_u: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
-
-    @property
-    def travel_mm(self) -> float:
-        return self.range_mm
-
-    @property
-    def turn_mm(self) -> float:
-        return self.revolution_mm or 0.0
-
-    def doubts(self, measured: Measured) -> tuple[GaugeDoubt, ...]:
-        """Of differences only the decimals say something."""
-        if not isinstance(measured, Readings):
-            return tuple(difference_doubts(measured.value, self))
-        return tuple(reading_doubts(measured, GaugePlan.require(measured.plan), self))
-
-    def mistaken_unit(self, measured: Measured) -> MistakenUnit | None:
-        """Differences do not show it."""
-        if not isinstance(measured, Readings):
-            return None
-        return other_unit(measured, GaugePlan.require(measured.plan), self)
-
-    @property
-    def placement_std_mm(self) -> float:
-        """`placement_mm`, or its default."""
-        return PLACEMENT_MM if self.placement_mm is None else self.placement_mm
-
-    @property
-    def scale_std(self) -> float:
-        """`scale_u`, or its default."""
-        return SCALE_U if self.scale_u is None else self.scale_u
 
 
 class Orthoglide(Machine):
@@ -165,8 +107,8 @@ class Orthoglide(Machine):
         further="two more postures of each leg between the isotropic one and its limits",
     )
     first_steps = (
-        FirstStep("Measure", "measure"),
-        FirstStep("Or try it without a gauge", "measure", "practice.yaml", "--gauge simulated"),
+        ("Measure", "measure", "", ""),
+        ("Or try it without a gauge", "measure", "practice.yaml", "--gauge simulated"),
     )
     noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")
@@ -355,7 +297,7 @@ class Orthoglide(Machine):
             return ()
         return tuple(round(at * PLACE_STEP, 9) for at in sorted({near, far}))
 
-    def bar_warning(self, plan: GaugePlan) -> BarWarning | None:
+    def bar_warning(self, plan: GaugePlan) -> Suspicion | None:
         rows = np.flatnonzero(plan.contact == Contact.FIXED)
         if not rows.size:
             return None
@@ -380,7 +322,7 @@ class Orthoglide(Machine):
             f" joint_limits_mm in the machine file smaller: [{low:g}, {high:g}] is safe with the"
             " gauges half-way."
         )
-        return BarWarning((what, remedy), left < 0.0)
+        return Suspicion(what, remedy, max(-left, 0.0))
 
     def command(self, plan: GaugePlan) -> Command:
         """Where the carriages are sent; raises UnreachableError for a posture out of reach."""

@@ -20,7 +20,7 @@ import numpy as np
 from orthoglide_cal.errors import PostureError, RankDeficientError
 from orthoglide_cal.estimation import pose_plan
 from orthoglide_cal.estimation.accuracy import unit_covariance
-from orthoglide_cal.model.machine import BarWarning, Machine
+from orthoglide_cal.model.machine import Machine, Suspicion
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.model import Model, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import MARGIN, ROUNDING, Orthoglide, visiting
@@ -121,13 +121,13 @@ def _cost(jacobian: Floats, count: Ints) -> Floats:
     return np.asarray(largest * total * len(jacobian))
 
 
-def require_on_bar(plan: Plan, machine: Machine) -> BarWarning | None:
+def require_on_bar(plan: Plan, machine: Machine) -> Suspicion | None:
     """The warning of a plan whose plungers stay on the bars, but barely; None without one.
 
     Raises:
         PostureError: a plunger leaves its bar.
     """
     warning = machine.bar_warning(plan)
-    if warning is not None and warning.leaves:
-        raise PostureError(*warning.lines)
+    if warning is not None and warning.size > 0.0:
+        raise PostureError(warning.what, warning.remedy)
     return warning

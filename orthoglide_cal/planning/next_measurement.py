@@ -176,7 +176,7 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     again = f"read its last posture ({machine.posture_at(last) or f'{last:g} mm'}) again"
     there = replace(first.subset(np.array(rows)), displacement=np.full(len(rows), last))
     warning = machine.bar_warning(there)
-    if warning is None or not warning.leaves:
+    if warning is None or not warning.size:
         yield option(f"{still}, {again}.", [last])
         yield option(f"{still}, {again} after a quarter of an hour.", [last], wait_min=WAIT_MIN)
     for times, how_often in TIMES:

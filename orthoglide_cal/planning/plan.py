@@ -16,7 +16,7 @@ from pydantic import Field
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution, budget_lines
-from orthoglide_cal.model.machine import BarWarning
+from orthoglide_cal.model.machine import Suspicion
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import MARGIN
 from orthoglide_cal.planning.design import design_of, readings_needed
@@ -127,7 +127,7 @@ class MeasurementPlan(Schema):
     # Which causes its readings, or as many as `MOST_COMPARED` cycles, can distinguish.
     apart: Separations = Field(exclude=True)
     # Plungers that leave their bar in this session, or nearly; None if all stay.
-    bar_warning: BarWarning | None = Field(default=None, exclude=True)
+    bar_warning: Suspicion | None = Field(default=None, exclude=True)
     schema_version: Literal[1] = 1
     machine: str  # its name
     protocol: str  # of a machine that has layouts the name of one

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orthoglide_cal.estimation.gaussian import Mixture
-from orthoglide_cal.model.gauge_doubts import off_scale, too_steady
+from orthoglide_cal.model.gauge import off_scale, too_steady
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.session.events import Doubt

@@ -178,7 +178,7 @@ def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation |
     while True:
         asker.say(wording.machine(model))
         if careful:
-            asker.say(" ".join(careful.lines), Style.BAD)
+            asker.say(str(careful), Style.BAD)
         if found:
             found = found.holding(model.orthoglide.offsets_mm)
             if found.change:

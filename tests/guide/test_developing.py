@@ -62,7 +62,7 @@ import numpy as np
 
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry
 from orthoglide_cal.model.linear_delta import LinearDelta, Probe
-from orthoglide_cal.model.machine import Bed, FirstStep, Length, Machine
+from orthoglide_cal.model.machine import Bed, Length, Machine
 from orthoglide_cal.model.plan import read_only
 from orthoglide_cal.schema import Number, told
 
@@ -78,7 +78,7 @@ class TiltTable(Machine):
     has_cube = False
     controller_formats = ("text",)
     vocabulary = replace(LinearDelta.vocabulary, one="height", many="heights", title="Heights")
-    first_steps = (FirstStep("Solve it", "solve", "touches.csv"),)
+    first_steps = (("Solve it", "solve", "touches.csv", ""),)
     geometry_keys = ("bed_radius_mm", "screws_mm")
 
     kind: Literal["tilt_table"] = "tilt_table"

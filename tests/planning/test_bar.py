@@ -37,8 +37,8 @@ def test_off_the_bar_is_refused_and_near_its_end_is_said() -> None:
     assert SHORT.bar_warning(single_posture(SHORT)) is None
     warning = require_on_bar(double_posture(NEAR), NEAR)
     assert warning is not None
-    assert "25.1 mm from it with carriage x at -130 mm" in warning.lines[0]
-    assert "[-124, 60]" in warning.lines[1]
+    assert "25.1 mm from it with carriage x at -130 mm" in warning.what
+    assert "[-124, 60]" in warning.remedy
 
 
 @given(length=st.floats(150.0, 900.0), low=st.floats(0.42, 0.8), high=st.floats(0.0, 0.8))
@@ -49,7 +49,7 @@ def test_advised_limits_are_safe(length: float, low: float, high: float) -> None
     )
     warning = machine.bar_warning(double_posture(machine))
     assert warning is not None
-    limits = tuple(map(float, re.findall(r"\[(\S+), (\S+)\]", warning.lines[1])[0]))
+    limits = tuple(map(float, re.findall(r"\[(\S+), (\S+)\]", warning.remedy)[0]))
     safe = machine.changed(joint_limits_mm=limits)
     assert safe.bar_warning(double_posture(safe)) is None
 

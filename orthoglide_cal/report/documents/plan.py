@@ -130,7 +130,7 @@ def _to_do(
     if plan.next and begun:
         best = plan.next[0]
         yield doc.Instruction(best.what, begun.further(best.session))
-    elif plan.bar_warning is not None and plan.bar_warning.leaves and plan.design is not None:
+    elif plan.bar_warning is not None and plan.bar_warning.size > 0.0 and plan.design is not None:
         typed = _command(plan.design, plan, machine_file, begun)
         yield doc.Instruction("Measure what the plungers can follow", typed)
     elif plan.gauges is not None:
@@ -176,8 +176,9 @@ def _reach(model: Model, expanded: Floats) -> str:
 def _notice(plan: MeasurementPlan) -> doc.Notice:
     """What the session gives, and what it lacks."""
     chosen, warning, model = plan.chosen, plan.bar_warning, plan.model
-    if warning is not None and warning.leaves:
-        return doc.Notice(doc.Tone.BAD, "This cannot be measured in this way", warning.lines)
+    near = warning[:2] if warning else ()
+    if warning and warning.size > 0.0:
+        return doc.Notice(doc.Tone.BAD, "This cannot be measured in this way", near)
     words = model.machine.vocabulary
     noise = two_figures(plan.noise_mm)
     lines = [f"{model.machine.name}, {chosen.what}, {words.noise} noise {noise} mm"]
@@ -187,7 +188,7 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
         title += f": {reach}"
     else:
         lines.append(f"U: {reach}")
-    lines += warning.lines if warning else ()
+    lines += near
     missing = [name for name, each in chosen.parameters.items() if not each.determined]
     if missing:
         lines.append(f"Not determined: {' and '.join(missing)}. {words.more}")

@@ -1,4 +1,4 @@
-"""Can this gauge have shown these readings? What speaks against it, before any model is asked.
+"""The dial indicator, and what it can hardly have shown, before any model is asked.
 
 A gauge that is held shows the same number for ever; inches written as millimetres scatter 25
 times less than a gauge can. Both look like excellent data to a fit. Healthy readings are doubted
@@ -7,15 +7,18 @@ once in a million sessions: every chance here is an upper bound, for a gauge as 
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache, lru_cache
+from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from orthoglide_cal.model.machine import GaugeDoubt, Instrument, MistakenUnit
-from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.plan import Floats, Ints, read_only
-from orthoglide_cal.model.readings import GaugePlan
+from orthoglide_cal.model.machine import Instrument, Suspicion
+from orthoglide_cal.model.measured import Measured, Readings
+from orthoglide_cal.model.plan import Floats, Ints, Plan, read_only
+from orthoglide_cal.schema import Number, told
 from orthoglide_cal.words import MM, MM_PER_INCH
 
 CHANCE = 1e-6  # at which healthy readings are doubted
@@ -30,36 +33,89 @@ _TOO_MUCH = 2.0
 _MEDIAN = 0.6745  # of |x| of a normal x, in standard deviations
 _EQUAL_MM = 1e-9  # readings that differ by less are equal but for the rounding of a computer
 
-
-UNITS = (
-    MistakenUnit(MM_PER_INCH, "inches written as mm", "Name the column reading_in."),
-    MistakenUnit(1.0 / MM_PER_INCH, "mm written as inches", "Name the column reading_mm."),
-    MistakenUnit(MM["um"], "micrometres written as mm", "Divide them by 1000."),
-    MistakenUnit(MM["m"], "metres written as mm", "Multiply them by 1000."),
+# A unit that may have been taken for millimetres [mm] → what happened, and the remedy.
+UNITS: Mapping[float, tuple[str, str]] = MappingProxyType(
+    {
+        MM_PER_INCH: ("inches written as mm", "Name the column reading_in."),
+        1.0 / MM_PER_INCH: ("mm written as inches", "Name the column reading_mm."),
+        MM["um"]: ("micrometres written as mm", "Divide them by 1000."),
+        MM["m"]: ("metres written as mm", "Multiply them by 1000."),
+    }
 )
 
+# Where the machine file says nothing of a gauge: a stand put by eye or with a rule is within a
+# millimetre or so; dial indicators may be off by 15 µm in 10 mm, and a plunger that leans by 2°
+# reads 0.06 % short.
+PLACEMENT_MM = 1.0
+SCALE_U = 0.001
+Fine = Annotated[Number, Field(ge=1e-6, le=100.0)]
+Travel = Annotated[Number, Field(ge=1e-3, le=1e3)]
 
-def reading_doubts(readings: Readings, plan: GaugePlan, gauge: Instrument) -> Iterator[GaugeDoubt]:
+
+class Gauge(Instrument):
+    """A dial indicator."""
+
+    resolution_mm: Annotated[Fine, told("Gauge: one division", "the smallest step that it shows")]
+    range_mm: Annotated[Travel, told("Gauge: range", "travel of its plunger")]
+    revolution_mm: Annotated[
+        Travel | None, told("Gauge: one turn", "travel of one turn; 0 without a dial")
+    ] = None
+    repeatability_mm: Annotated[
+        Fine, told("Gauge: repeatability", "standard deviation of one reading")
+    ]
+    # How well its stand is put at its place along the leg, one standard deviation, and standard
+    # uncertainty of its scale (1); None if nobody stated it.
+    placement_mm: Annotated[Number, Field(ge=0.0, le=1e3)] | None = None
+    scale_u: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
+
+    @property
+    def turn_mm(self) -> float:
+        return self.revolution_mm or 0.0
+
+    @property
+    def placement_std_mm(self) -> float:
+        """`placement_mm`, or its default."""
+        return PLACEMENT_MM if self.placement_mm is None else self.placement_mm
+
+    @property
+    def scale_std(self) -> float:
+        """`scale_u`, or its default."""
+        return SCALE_U if self.scale_u is None else self.scale_u
+
+    def doubts(self, measured: Measured) -> tuple[Suspicion, ...]:
+        """Of differences only the decimals say something."""
+        if isinstance(measured, Readings):
+            return tuple(_doubt_readings(measured, self))
+        return tuple(_doubt_differences(measured.value, self))
+
+    def mistaken_unit(self, measured: Measured) -> float | None:
+        """Differences do not show it."""
+        return _other_unit(measured, self) if isinstance(measured, Readings) else None
+
+
+def _doubt_readings(readings: Readings, gauge: Gauge) -> Iterator[Suspicion]:
     """Repeats that differ too little, decimals that it does not show, travel that it has not."""
-    if unit := other_unit(readings, plan, gauge):
+    if unit := _other_unit(readings, gauge):
         # Where another unit makes all of it ordinary, the rest need not be said.
-        what = f"This gauge cannot show these readings in mm. Are they {unit.mistake}?"
-        yield GaugeDoubt(what, unit.remedy)
+        mistake, remedy = UNITS[unit]
+        what = f"This gauge cannot show these readings in mm. Are they {mistake}?"
+        yield Suspicion(what, remedy)
         return
-    value, step = readings.value, gauge.resolution_mm
-    ordinary = _ordinary(readings, plan, 1.0, gauge)
-    found = None if ordinary else too_steady(value, plan.setup, plan.cells, gauge)
+    plan, value, step = readings.plan, readings.value, gauge.resolution_mm
+    ordinary = _ordinary(readings, 1.0, gauge)
+    found = None if ordinary else too_steady(value, plan.shared, plan.cells, gauge)
     if found is not None:
         setup, scatter = found
         repeats = "Repeated readings"
         if setup is not None:
-            where = plan.series[int(np.argmax(plan.setup == setup))].words
-            repeats = f"{where}: repeated readings".capitalize()
+            repeats = (
+                f"{_series_words(plan, int(np.argmax(plan.shared == setup)))}: repeated readings"
+            )
         differ, check = "never differ", "Is the gauge stuck or its display held? Measure again."
         if scatter > 0.0:
             differ = f"differ by {scatter:.1g} mm only"
             check = "Check the unit, and whether the gauge moves freely."
-        yield GaugeDoubt(
+        yield Suspicion(
             f"{repeats} {differ}, though the gauge repeats within {gauge.repeatability_mm:g} mm.",
             f"{check} If the gauge repeats better than stated, correct repeatability_mm in the"
             " machine file.",
@@ -69,24 +125,29 @@ def reading_doubts(readings: Readings, plan: GaugePlan, gauge: Instrument) -> It
     inches = value[between] / _INCH_STEP
     if between.size and np.any(np.abs(inches - np.rint(inches)) >= 1e-2):
         first = between[0]
-        yield GaugeDoubt(
+        yield Suspicion(
             f"{between.size} of {len(readings)} readings have more decimals than a gauge with"
             f" divisions of {step:g} mm shows (first: line {readings.line[first]},"
             f" {value[first]:g} mm).",
             "Check the unit, and resolution_mm in the machine file.",
         )
     for setup in () if ordinary else range(plan.setups):
-        own = np.flatnonzero(plan.setup == setup)
+        own = np.flatnonzero(plan.shared == setup)
         span = float(np.ptp(value[own]))
-        if span > gauge.travel_mm * (1.0 + 1e-9):
+        if span > gauge.range_mm * (1.0 + 1e-9):
             far = own[np.argmax(np.abs(value[own] - np.median(value[own])))]
-            yield GaugeDoubt(
-                f"{plan.series[far].words.capitalize()}: readings {span:.4g} mm apart (line"
+            yield Suspicion(
+                f"{_series_words(plan, far)}: readings {span:.4g} mm apart (line"
                 f" {readings.line[far]}: {value[far]:g} mm) are beyond the gauge's range of"
-                f" {gauge.travel_mm:g} mm.",
+                f" {gauge.range_mm:g} mm.",
                 "Correct the reading or the unit, or range_mm in the machine file.",
             )
             return
+
+
+def _series_words(plan: Plan, reading: int) -> str:
+    """Leg and direction of a reading, at the beginning of a sentence."""
+    return "Leg {leg}, direction {direction}".format(**plan.entry(reading))
 
 
 # --- repeats ----------------------------------------------------------------------------------
@@ -188,7 +249,7 @@ def off_scale(value: Floats, step: float) -> np.ndarray:
     return np.asarray(np.abs(value / step - np.rint(value / step)) > OFF_SCALE)
 
 
-def difference_doubts(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]:
+def _doubt_differences(value: Floats, gauge: Gauge) -> Iterator[Suspicion]:
     """Decimals that neither differences of readings nor of means of up to ten have."""
     step = gauge.resolution_mm
     if step <= 0.0:
@@ -197,7 +258,7 @@ def difference_doubts(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]:
     nearest = (np.rint(value * count / step) * step / count for count in _MEANS_OF)
     if any(np.all(np.abs(value - mean) <= 0.5 * 10.0**-written + 1e-9) for mean in nearest):
         return
-    yield GaugeDoubt(
+    yield Suspicion(
         f"The differences have more decimals than a gauge with divisions of {step:g} mm gives,"
         " and their means cannot have them either.",
         "Check the unit, and resolution_mm in the machine file.",
@@ -208,38 +269,39 @@ def difference_doubts(value: Floats, gauge: Instrument) -> Iterator[GaugeDoubt]:
 
 
 @lru_cache(maxsize=4)
-def other_unit(readings: Readings, plan: GaugePlan, gauge: Instrument) -> MistakenUnit | None:
-    """The unit in which readings that cannot be in mm are what this gauge shows.
+def _other_unit(readings: Readings, gauge: Gauge) -> float | None:
+    """The unit in which readings that cannot be in mm are what this gauge shows [mm].
 
     None if they are in mm, or in no unit.
     """
-    if _ordinary(readings, plan, 1.0, gauge):
+    if _ordinary(readings, 1.0, gauge):
         return None
     for unit in UNITS:
-        scaled = readings.value * unit.mm
         # The divisions of an inch gauge are not those of the machine file.
-        on_scale = unit.mm == MM_PER_INCH or not np.any(off_scale(scaled, gauge.resolution_mm))
-        if on_scale and _ordinary(readings, plan, unit.mm, gauge):
+        on_scale = unit == MM_PER_INCH or not np.any(
+            off_scale(readings.value * unit, gauge.resolution_mm)
+        )
+        if on_scale and _ordinary(readings, unit, gauge):
             return unit
     return None
 
 
 @lru_cache(maxsize=4)
-def _ordinary(readings: Readings, plan: GaugePlan, unit_mm: float, gauge: Instrument) -> bool:
+def _ordinary(readings: Readings, unit_mm: float, gauge: Gauge) -> bool:
     """Whether the readings repeat and range as this gauge does if they are in a unit [mm].
 
     Not where none repeat.
     """
-    value = readings.value * unit_mm
-    left, repeat = _about_means(value, plan.setup, plan.cells)
+    value, plan = readings.value * unit_mm, readings.plan
+    left, repeat = _about_means(value, plan.shared, plan.cells)
     again = np.bincount(repeat)[repeat] > 1
     if not again.any():
         return False
     # The median: one misread number does not hide the unit.
     scatter = float(np.median(np.abs(left[again]))) / _MEDIAN
-    travel = max(np.ptp(value[plan.setup == k]) for k in range(plan.setups))
+    travel = max(np.ptp(value[plan.shared == k]) for k in range(plan.setups))
     return bool(
         scatter <= _TOO_MUCH * gauge.noise_mm
-        and travel <= gauge.travel_mm
-        and too_steady(value, plan.setup, plan.cells, gauge) is None
+        and travel <= gauge.range_mm
+        and too_steady(value, plan.shared, plan.cells, gauge) is None
     )

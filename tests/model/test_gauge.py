@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model.gauge_doubts import chance_of_less_scatter
+from orthoglide_cal.model.gauge import Gauge, chance_of_less_scatter
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
-from orthoglide_cal.model.orthoglide import Gauge
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.making import release
 from tests import truth
