@@ -45,14 +45,14 @@ def touched(place: Floats, surface: Floats | float = 0.0, hours: Floats | float 
     n = len(place)
     return ProbePlan(
         order=np.arange(n), hours=np.broadcast_to(hours, n), place=place, other=place,
-        surface=np.broadcast_to(surface, n), distance=np.zeros(n, dtype=bool), weight=np.ones(n),
+        surface=np.broadcast_to(surface, n), distance=np.zeros(n, dtype=bool), precision=np.ones(n),
     )  # fmt: skip
 
 
 def printed(first: Floats, second: Floats, weight: float = 1.0) -> ProbePlan:
     """Distances between places (n, 3) of a printed object [mm]."""
     every = np.ones(len(first))
-    return replace(touched(first), other=second, distance=every > 0, weight=weight * every)
+    return replace(touched(first), other=second, distance=every > 0, precision=weight * every)
 
 
 def both(touches: ProbePlan, distances: ProbePlan) -> ProbePlan:

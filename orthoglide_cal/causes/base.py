@@ -12,8 +12,7 @@ import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Effect, Place, Stage
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.patterns import Patterns
-from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Ints, Numbers, Plan
+from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Ints, Numbers, Patterns, Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
 
 

@@ -17,8 +17,7 @@ from orthoglide_cal.model.cause import Cause, Effect, Place, Stage
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.patterns import Patterns
-from orthoglide_cal.model.plan import Numbers
+from orthoglide_cal.model.plan import Numbers, Patterns
 from orthoglide_cal.model.readings import GaugePlan, Series, other_axes
 
 # Parameters in the order (leg, direction): x_y is what a gauge along x meets on leg y.

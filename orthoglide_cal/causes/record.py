@@ -19,8 +19,7 @@ from orthoglide_cal.model.gauge import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.patterns import Patterns
-from orthoglide_cal.model.plan import Bools, Floats, Plan
+from orthoglide_cal.model.plan import Bools, Floats, Patterns, Plan
 from orthoglide_cal.model.readings import GaugePlan, Series
 
 # A fault of a whole table is this likely compared to that of one gauge: it shows at once, mostly.

@@ -246,7 +246,7 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     excerpt = Excerpt(chosen, words, file.firmware, found.stale or file.stale)
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
     return Readings(
-        replace(found.plan, weight=np.where(found.plan.distance, ratio, 1.0)),
+        replace(found.plan, precision=np.where(found.plan.distance, ratio, 1.0)),
         found.value,
         found.line,
         False,

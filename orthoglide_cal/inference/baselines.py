@@ -100,7 +100,7 @@ def _touches(white: Whitened, offsets: Floats | None = None) -> tuple[Floats, Fl
     readings, jacobian = differentiate(white.problem.model, offsets, plan, ())
     left = white.plain(white.data) / plan.precision - readings
     touch = plan.touches
-    return plan.spots[touch, :2], left[touch], jacobian[touch], plan.days[touch]
+    return plan.spots[touch, :2], left[touch], jacobian[touch], plan.date[touch]
 
 
 def _surface(white: Whitened, place: Floats) -> Floats:

@@ -24,8 +24,7 @@ from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.cause import Stage
-from orthoglide_cal.model.patterns import Groups
-from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.plan import Floats, Groups
 
 # --- losses [min] -----------------------------------------------------------------------------
 

@@ -20,11 +20,11 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.estimation.gaussian import log_sum
-from orthoglide_cal.model.patterns import Patterns
 from orthoglide_cal.model.plan import (
     Contrasts,
     Floats,
     Ints,
+    Patterns,
     ReadOnly,
     Reduction,
     Structure,

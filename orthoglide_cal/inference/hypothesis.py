@@ -24,8 +24,7 @@ from orthoglide_cal.inference.data import OFFSETS_MM, Extra, Linearised, Placed
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.cause import Cause, Place
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.patterns import AT_ONCE
-from orthoglide_cal.model.plan import Contrasts, Floats, Ints, Plan, Structure
+from orthoglide_cal.model.plan import AT_ONCE, Contrasts, Floats, Ints, Plan, Structure
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)

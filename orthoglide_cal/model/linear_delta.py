@@ -53,8 +53,17 @@ from orthoglide_cal.model.machine import (
     Vocabulary,
 )
 from orthoglide_cal.model.measured import Measured, Readings, Source
-from orthoglide_cal.model.patterns import Patterns
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan, alike, joined, read_only
+from orthoglide_cal.model.plan import (
+    Bools,
+    Floats,
+    Ints,
+    Numbers,
+    Patterns,
+    Plan,
+    alike,
+    joined,
+    read_only,
+)
 from orthoglide_cal.schema import Number, told
 
 TOWERS = ("a", "b", "c")
@@ -165,10 +174,8 @@ class ProbePlan(Plan):
     other: Floats  # the second place of a distance; of a touch the place itself, (n, 3) [mm]
     surface: Floats  # height of the touched surface over the bed, (n,) [mm]; 0 for a distance
     distance: Bools  # whether it is a distance, (n,)
-    weight: Floats  # how precise it is compared to a touch: ratio of the std. deviations, (n,)
-    # On which day, 0 …, (n,). The calibrated parameters of each have values of their own; their
-    # derivatives, (n, 6), are zero on the day whose values are looked for.
-    date: Ints = field(default_factory=lambda: read_only(0, np.intp))
+    # Derivatives by the calibrated parameters, which have values of their own on each day, (n, 6);
+    # zero on the day whose values are looked for.
     slope: Floats = field(default_factory=lambda: read_only(0.0))
 
     rows = MappingProxyType({"place": 3, "other": 3, "slope": 6})
@@ -185,20 +192,12 @@ class ProbePlan(Plan):
         return np.asarray(np.linalg.norm(self.other - self.place, axis=1))
 
     @property
-    def precision(self) -> Floats:
-        return self.weight
-
-    @property
     def touches(self) -> Bools:
         return ~self.distance
 
     @property
     def spots(self) -> Floats:
         return self.place
-
-    @property
-    def days(self) -> Ints:
-        return self.date
 
     @cached_property
     def shared(self) -> Ints:
@@ -221,7 +220,7 @@ class ProbePlan(Plan):
         ends = np.where(self.distance[:, None], self.other, 0.0)
         height = np.where(self.distance, self.place[:, 2], self.surface)
         kind = self.distance.astype(np.intp)
-        return alike(*self.place[:, :2].T, height, *ends.T, self.weight, kind, self.part)[1]
+        return alike(*self.place[:, :2].T, height, *ends.T, self.precision, kind, self.part)[1]
 
     @cached_property
     def texture(self) -> Floats:
@@ -750,7 +749,7 @@ def touching(
         other=place if other is None else other,
         surface=np.concatenate((surface, np.zeros(n - touches))),
         distance=distance,
-        weight=np.where(distance, calliper, 1.0),
+        precision=np.where(distance, calliper, 1.0),
     )
 
 

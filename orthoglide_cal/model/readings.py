@@ -11,8 +11,17 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from orthoglide_cal.model.patterns import Groups, Wander
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, Structure, alike, read_only
+from orthoglide_cal.model.plan import (
+    Bools,
+    Floats,
+    Groups,
+    Ints,
+    Plan,
+    Structure,
+    Wander,
+    alike,
+    read_only,
+)
 
 AXES = ("x", "y", "z")
 

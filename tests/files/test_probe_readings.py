@@ -161,8 +161,8 @@ def test_the_calibration_comes_first_and_distances_are_distances(tmp_path: Path)
     ring[:, 2] = 0.2
     assert plan.place[7:] == pytest.approx(ring[:3], abs=5e-5)
     assert plan.other[7:] == pytest.approx(ring[3:], abs=5e-5)
-    assert plan.weight[7:] == pytest.approx(REPEATABILITY_MM / CALLIPER_MM)
-    assert plan.weight[:7].tolist() == [1.0] * 7
+    assert plan.precision[7:] == pytest.approx(REPEATABILITY_MM / CALLIPER_MM)
+    assert plan.precision[:7].tolist() == [1.0] * 7
 
 
 def test_what_else_is_known_comes_from_the_machine_file(tmp_path: Path) -> None:

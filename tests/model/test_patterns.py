@@ -7,8 +7,15 @@ import pytest
 
 from orthoglide_cal.inference.evidence import Places
 from orthoglide_cal.model.orthoglide import double_posture
-from orthoglide_cal.model.patterns import Groups, Patterns, Wander
-from orthoglide_cal.model.plan import Contrasts, Floats, Structure, zero_free
+from orthoglide_cal.model.plan import (
+    Contrasts,
+    Floats,
+    Groups,
+    Patterns,
+    Structure,
+    Wander,
+    zero_free,
+)
 from tests.machines import PROTOTYPE
 
 RNG = np.random.default_rng(4)
