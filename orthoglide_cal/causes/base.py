@@ -16,7 +16,7 @@ from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Ints, Numbers, Pat
 from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
 
 
-class PatternCause(Cause, ABC):
+class PatternCause(Cause):
     """A cause of one parameter that adds a known pattern of readings, at one of many places."""
 
     names = ("size",)
@@ -28,9 +28,17 @@ class PatternCause(Cause, ABC):
         """One unit of its size in what the patterns are multiplied by."""
         return 1.0
 
-    @abstractmethod
+    def onward(self, place: Place) -> bool:
+        """Whether all later readings that share what the one at its place does are concerned."""
+        return False
+
+    def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
+        reading = machine.reading_words(plan, place[0])
+        return f"from {reading} on" if self.onward(place) else reading
+
     def patterns(self, plan: AnyPlan, places: tuple[Place, ...]) -> Patterns:
-        """Readings added by one internal unit at each place, shape (n, places)."""
+        """Readings added by one internal unit at each place, a reading, shape (n, places)."""
+        return Patterns.at(plan, [place[0] for place in places], list(map(self.onward, places)))
 
     def spoiled(self, place: Place, plan: AnyPlan) -> Ints:
         return np.flatnonzero(self._pattern(place, plan))
@@ -179,10 +187,3 @@ def apart(plan: Plan, readings: Ints) -> tuple[int, ...]:
     rest = np.setdiff1d(np.flatnonzero(plan.shared == plan.shared[readings[0]]), readings)
     fewer = rest if 0 < rest.size <= readings.size else readings
     return tuple(fewer.tolist())
-
-
-def later_readings(plan: Plan) -> list[int]:
-    """Readings that have an earlier one in their set-up."""
-    rows, first = plan.sequence
-    later: list[int] = np.sort(rows[~first]).tolist()
-    return later

@@ -8,7 +8,6 @@ import numpy as np
 from orthoglide_cal.causes.base import (
     PatternCause,
     apart,
-    later_readings,
     series_places,
     there,
     words_of,
@@ -99,7 +98,11 @@ class StandShift(PatternCause):
     )
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
-        return tuple((i,) for i in later_readings(plan))
+        rows, first = plan.sequence
+        return tuple((i,) for i in np.sort(rows[~first]).tolist())
+
+    def onward(self, place: Place) -> bool:
+        return True
 
     def to_read_again(self, plan: GaugePlan, place: Place) -> tuple[int, ...]:
         """The only reading before it, or the only one after it with the stand gone; else none.
@@ -110,12 +113,6 @@ class StandShift(PatternCause):
         again = apart(plan, self.spoiled(place, plan))
         will_show = bool(plan.standing[knocked]) and knocked in again
         return () if will_show or len(again) > 1 else again
-
-    def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
-        return f"from {machine.reading_words(plan, place[0])} on"
-
-    def patterns(self, plan: GaugePlan, places: tuple[Place, ...]) -> Patterns:
-        return Patterns.at(plan, np.array([place[0] for place in places]), True)
 
 
 def _zernike(name: str) -> dict[tuple[int, int], float]:

@@ -16,11 +16,15 @@ from orthoglide_cal.model.readings import AXES
 # are g_yz apart along x, z and x are g_zx apart along y, half of it each. This symmetry fixes
 # the origin of the frame: moving the whole machine changes no reading.
 _SHIFT = np.zeros((3, 3, 3))
+# Lean of rail i towards axis j per unit of angle: each rail of a pair takes half of it. This
+# symmetry fixes the orientation of the frame: turning the whole machine changes no reading.
+_LEAN = np.zeros((3, 3, 3))
 for _k, (_first, _second) in enumerate(((0, 1), (1, 2), (2, 0))):
     _along = 3 - _first - _second
-    _SHIFT[_k, _first, _along] = 0.5
-    _SHIFT[_k, _second, _along] = -0.5
+    _SHIFT[_k, (_first, _second), _along] = 0.5, -0.5
+    _LEAN[_k, (_first, _second), (_second, _first)] = 0.5
 _SHIFT.setflags(write=False)
+_LEAN.setflags(write=False)
 
 
 class AxisGap(Cause):
@@ -50,14 +54,6 @@ class AxisGap(Cause):
         """Move the rails apart; theta (..., 3) [mm]."""
         shift = np.tensordot(theta, _SHIFT, axes=1)
         return Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
-
-
-# Lean of rail i towards axis j per unit of angle: each rail of a pair takes half of it. This
-# symmetry fixes the orientation of the frame: turning the whole machine changes no reading.
-_LEAN = np.zeros((3, 3, 3))
-for _k, (_first, _second) in enumerate(((0, 1), (1, 2), (2, 0))):
-    _LEAN[_k, _first, _second] = _LEAN[_k, _second, _first] = 0.5
-_LEAN.setflags(write=False)
 
 
 class AxisSquareness(Cause):

@@ -19,7 +19,7 @@ from orthoglide_cal.model.gauge import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Bools, Floats, Patterns, Plan
+from orthoglide_cal.model.plan import Bools, Floats, Plan
 from orthoglide_cal.model.readings import GaugePlan, Series
 
 # A fault of a whole table is this likely compared to that of one gauge: it shows at once, mostly.
@@ -47,12 +47,6 @@ class Misread(PatternCause):
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         return tuple((i,) for i in range(len(plan)))
-
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        return machine.reading_words(plan, place[0])
-
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Patterns:
-        return Patterns.at(plan, np.array([place[0] for place in places]), False)
 
 
 class GaugeSlip(PatternCause):
@@ -87,13 +81,8 @@ class GaugeSlip(PatternCause):
         kept = np.sort(rows[~first & ~last]).tolist()
         return (*((i, 0) for i in range(len(plan))), *((i, 1) for i in kept))
 
-    def label(self, place: Place, plan: Plan, machine: Machine) -> str:
-        reading = machine.reading_words(plan, place[0])
-        return f"from {reading} on" if place[1] else reading
-
-    def patterns(self, plan: Plan, places: tuple[Place, ...]) -> Patterns:
-        reading, onward = np.array(places).T
-        return Patterns.at(plan, reading, onward == 1)
+    def onward(self, place: Place) -> bool:
+        return place[1] == 1
 
 
 class SignFlip(RelabelCause):

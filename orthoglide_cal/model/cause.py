@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -29,15 +30,6 @@ class Stage(StrEnum):
     MOTION = "motion"
     CONTACT = "contact"
     RECORD = "record"
-
-
-class CauseWords(NamedTuple):
-    """A cause in words: what is wrong, what else would show it, and what to do about it."""
-
-    title: str
-    instrument: str
-    advice: str
-    no_setting: str  # what to do where no line of a firmware takes it
 
 
 # Where a cause acts, as indices that the cause understands.
@@ -86,16 +78,18 @@ class Cause:
     same_remedy_as: str | None = None  # id of another cause: they are one answer
     instrument: str  # what shows it where these readings leave no trace of it
     advice: str  # what a technician can do about it; "{where}" stands for its place in words
+    # What to do where no line of a firmware takes it.
     no_setting: str = "it has no setting for that: correct the fault"
     # Kind of machine → key of the machine file whose wrong number would look like it.
     number: Mapping[type[Machine], str] = MappingProxyType({})
-    # Kind of machine → those of its `words` that are others there.
+    # Kind of machine → title, instrument, advice and no_setting where they are others there.
     elsewhere: Mapping[type[Machine], Mapping[str, str]] = MappingProxyType({})
 
-    def words(self, machine: Machine) -> CauseWords:
-        """Words for this kind of machine."""
-        usual = CauseWords(self.title, self.instrument, self.advice, self.no_setting)
-        return usual._replace(**self.elsewhere.get(type(machine), {}))
+    def words(self, machine: Machine) -> Self:
+        """The same cause as people at this kind of machine call it."""
+        called = copy(self)
+        vars(called).update(self.elsewhere.get(type(machine), {}))
+        return called
 
     def usual(self, kind: type[Machine]) -> float | None:
         """Its plausible size on a kind of machine, in `unit`; None where it does not happen."""
@@ -291,10 +285,6 @@ class Effect(ReadOnly):
         matrix = np.divide(own, size, out=np.eye(named), where=size > 0.0)
         np.fill_diagonal(matrix, 1.0)
         return matrix
-
-    def motion(self, joints: Numbers, command: Command) -> Numbers:
-        """`Cause.motion` with these parameters."""
-        return self.cause.motion(joints, self.theta, command)
 
     def accepted(self, date: str, data_sha256: str) -> Effect:
         """The same, as part of the machine from this day on; where it started is forgotten."""

@@ -114,14 +114,11 @@ class Command(ReadOnly):
         return read_only(approach)
 
 
-class GaugeResponse(NamedTuple):
-    """What n gauges or probes are pushed to, on a machine of any kind."""
-
-    readings: Numbers  # shape (..., n) [mm]
-    # What they touch then, as the kind of machine has it: the place along the leg, from carriage
-    # joint (0) to tool (1), shape (..., n); or the tool, in radii of the bed, shape (..., n, 3).
-    where: Numbers
-    jacobian: Floats | None  # by the parameters, shape (..., n, p); None where it was not computed
+# What n gauges or probes are pushed to, on a machine of any kind, shape (..., n) [mm]; what they
+# touch then, as the kind has it: the place along the leg, from carriage joint (0) to tool (1),
+# shape (..., n), or the tool, in radii of the bed, shape (..., n, 3); and the derivative by the
+# parameters, shape (..., n, p), None where it was not computed.
+GaugeResponse = tuple[Numbers, Numbers, Floats | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +126,9 @@ class RealMachine:
     """A machine with its accepted causes, as rails and joints."""
 
     geometry: Geometry  # rails and legs as they really are
-    # What moves the carriages away from where the offsets alone put them, in order: (joints
-    # (..., n, 3), command) → joints [mm].
-    motions: tuple[Callable[[Numbers, Command], Numbers], ...]
+    # What moves the carriages away from where the offsets alone put them, in order: joints
+    # (..., n, 3) and a `command` → joints [mm].
+    motions: tuple[Callable[..., Numbers], ...]
     still: bool  # only rails and legs are wrong: the offsets alone move the carriages
 
     def joints(self, command: Command, offsets: Numbers) -> Numbers:
@@ -141,7 +138,7 @@ class RealMachine:
         """
         joints: Numbers = command.sent + offsets[..., None, :]
         for motion in self.motions:
-            joints = motion(joints, command)
+            joints = motion(joints, command=command)
         return joints
 
 

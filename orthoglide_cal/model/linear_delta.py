@@ -277,7 +277,8 @@ class ProbePlan(Plan):
         if ordered and touch.any():
             moments = self.in_time[touch[self.in_time]]
             steps = moments[:: max(len(moments) // MOMENTS, 1)]
-            wander = Patterns.at(self, steps, True).columns(slice(None)) / np.sqrt(len(steps))
+            onward = Patterns.at(self, steps, np.full(len(steps), True))
+            wander = onward.columns(slice(None)) / np.sqrt(len(steps))
             # A steady drift is a cause's own.
             steady = touch[:, None] * np.stack((np.ones(len(self)), self.hours), axis=1)
             wander -= steady @ np.linalg.lstsq(steady, wander)[0]
@@ -559,7 +560,7 @@ class LinearDelta(Machine):
             # In addition to a touch a length of one, whose derivative is finite.
             apart = np.sqrt(((second - first) ** 2).sum(axis=-1) + ~plan.distance)
             readings = np.where(plan.distance, apart - plan.wanted, readings)
-        return GaugeResponse(readings, first / self.bed_radius_mm, None)
+        return readings, first / self.bed_radius_mm, None
 
     def reading_words(self, plan: ProbePlan, index: int) -> str:
         """Such as "x 12.5, y -30 mm (touch 12)"."""
@@ -568,9 +569,6 @@ class LinearDelta(Machine):
         number = int(np.sum(plan.order <= plan.order[index]))
         what = "distance" if plan.distance[index] else "touch"
         return f"x {x}, y {y} mm ({what} {number})"
-
-    def uncertain(self, plan: ProbePlan, predict: Predicted) -> Iterator[Influence]:
-        yield self.local_shape(plan)
 
     def simulated_plan(self, wanted: SimulationOptions) -> Plan:
         """Touches spread evenly over the bed in a mixed order; all of one height, then the next."""

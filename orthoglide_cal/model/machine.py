@@ -466,9 +466,10 @@ class Machine(Schema):
         """What neighbouring readings share, and what nobody calls an error; None for nothing."""
         return None
 
-    @abstractmethod
     def uncertain(self, plan: AnyPlan, predict: Predicted) -> Iterator[Influence]:
         """What nobody knows exactly of gauges, or of what they touch, in the readings of a plan."""
+        local = self.local_shape(plan)
+        return iter(() if local is None else (local,))
 
     @abstractmethod
     def simulated_plan(self, wanted: SimulationOptions) -> Plan:

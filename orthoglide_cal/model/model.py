@@ -67,7 +67,7 @@ class Model:
         geometry = self.machine.nominal_rails
         for effect in self.accepted:
             geometry = effect.cause.geometry(geometry, effect.theta)
-        motions = tuple(effect.motion for effect in self.accepted)
+        motions = tuple(partial(e.cause.motion, theta=e.theta) for e in self.accepted)
         still = all(effect.cause.stage is Stage.GEOMETRY for effect in self.accepted)
         return RealMachine(geometry, motions, still)
 

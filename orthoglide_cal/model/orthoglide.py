@@ -446,7 +446,7 @@ def _touched(points: Points, plan: GaugePlan, moments: _Moments, derivative: boo
         fraction = np.where(fixed, fraction, column(plan.contact == Contact.TOOL, batch))
     heights, where = behind_batch(side + fraction * across, 1), behind_batch(fraction, 1)
     if not derivative:
-        return GaugeResponse(heights, where, None)
+        return heights, where, None
     tool_by_joint = tool_derivative(points.centres, points.directions, points.tool)
     turn = fixed * across / span
     jacobian = tool_by_joint[direction, :, moment]
@@ -460,7 +460,7 @@ def _touched(points: Points, plan: GaugePlan, moments: _Moments, derivative: boo
     own, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
     jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * own
     jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
-    return GaugeResponse(heights, where, behind_batch(jacobian, 2))
+    return heights, where, behind_batch(jacobian, 2)
 
 
 # --- protocols -----------------------------------------------------------------------------

@@ -376,14 +376,10 @@ class Patterns(ReadOnly):
     other: Floats  # shape (n, P − p)
 
     @classmethod
-    def at(cls, plan: Plan, reading: Ints, onward: bool | Bools) -> "Patterns":
-        """One column for each of some readings, (p,)."""
-        return cls(
-            plan,
-            np.asarray(reading, np.intp),
-            np.array(np.broadcast_to(onward, len(reading))),
-            np.zeros((len(plan), 0)),
-        )
+    def at(cls, plan: Plan, reading: ArrayLike, onward: ArrayLike) -> "Patterns":
+        """One column for each of some readings."""
+        bare = np.zeros((len(plan), 0))
+        return cls(plan, np.array(reading, np.intp), np.array(onward, np.bool_), bare)
 
     @classmethod
     def of(cls, plan: Plan, columns: Floats) -> "Patterns":

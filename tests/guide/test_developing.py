@@ -60,7 +60,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from orthoglide_cal.model.kinematics import GaugeResponse, Geometry
+from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.linear_delta import LinearDelta, Probe
 from orthoglide_cal.model.machine import Bed, Length, Machine
 from orthoglide_cal.model.plan import read_only
@@ -109,7 +109,7 @@ class TiltTable(Machine):
         corners[:, :2], place[:, 2] = real.geometry.points[:, :2], 1.0
         readings = parameters @ (place @ np.linalg.inv(corners)).T
         where = np.broadcast_to(plan.place / self.bed_radius_mm, (*readings.shape, 3))
-        return GaugeResponse(readings, where, None)
+        return readings, where, None
 ''',
     "configs/tilt_table.yaml": """schema_version: 1
 kind: tilt_table

@@ -88,9 +88,9 @@ def test_finer_terms_of_a_bed_are_zernike_polynomials(number: int) -> None:
         return radial * (np.cos(turn) if m >= 0 else np.sin(turn))
 
     plan = standard_plan()
-    at = PRINTER.sensed(Model(PRINTER).real, NONE, plan, strict=True, derivative=False)
-    found = bed.contact(np.zeros(len(plan)), bed.at(np.eye(25)[number]), at.where, plan, PRINTER)
-    x, y = at.where[:75, :2].T
+    _, at, _ = PRINTER.sensed(Model(PRINTER).real, NONE, plan, strict=True, derivative=False)
+    found = bed.contact(np.zeros(len(plan)), bed.at(np.eye(25)[number]), at, plan, PRINTER)
+    x, y = at[:75, :2].T
     near = 1e-4 * np.eye(2)
     slope = [(height(*(one[:, None])) - height(*(-one[:, None])))[0] / 2e-4 for one in near]
     middle = height(np.zeros(1), np.zeros(1))[0]
