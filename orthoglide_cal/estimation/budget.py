@@ -247,7 +247,7 @@ def _of_causes(
     machine = model.machine
     known = {effect.cause.id for effect in model.accepted}
     causes = [CAUSES[id] for id in ids if id not in known and CAUSES[id].size(machine) > 0.0]
-    readings, jacobians = differentiate_absent(model, offsets, plan, causes)
+    readings, (_, *jacobians) = differentiate_absent(model, offsets, plan, causes)
     found = [
         Influence(
             cause.id,

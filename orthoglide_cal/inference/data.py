@@ -31,7 +31,7 @@ from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
 from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place
 from orthoglide_cal.model.machine import Influence, Machine, Origin
 from orthoglide_cal.model.measured import DataKind, Measured, Readings
-from orthoglide_cal.model.model import Model, differentiate_each, simulate
+from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import (
     Contrasts,
@@ -175,10 +175,11 @@ class Whitened(ReadOnly):
 
     def linearised(self, *points: tuple[Floats, Sequence[Effect]]) -> list[tuple[Floats, Floats]]:
         """For offsets (3,) [mm] with effects: prediction (k,), its derivatives (k, 3 + p)."""
-        if not points:
-            return []
-        each = differentiate_each(self.problem.model, self.plan, points)
-        return [(self.matrix @ readings, self.matrix @ jacobian) for readings, jacobian in each]
+        at = (
+            differentiate(self.problem.model, point, self.plan, effects)
+            for point, effects in points
+        )
+        return [(self.matrix @ readings, self.matrix @ jacobian) for readings, jacobian in at]
 
 
 @functools.lru_cache(maxsize=8)

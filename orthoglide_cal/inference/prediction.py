@@ -68,8 +68,7 @@ def columns_of(
                 size * cause.millimetres(machine) * patterns.columns(slice(None)).T[..., None]
             )
     broad = [cause for cause in causes if cause.unknowns and cause.id not in columns]
-    readings, slope = differentiate(model, offsets, plan, ())
-    _, slopes = differentiate_absent(model, offsets, plan, broad)
+    readings, (slope, *slopes) = differentiate_absent(model, offsets, plan, broad)
     for cause, by_parameter in zip(broad, slopes, strict=True):
         columns[cause.id] = (by_parameter * cause.prior_std(machine))[None]
     return readings, slope, columns

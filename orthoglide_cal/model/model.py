@@ -17,7 +17,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place, Stage
+from orthoglide_cal.model.cause import Cause, Effect, Estimate, Stage
 from orthoglide_cal.model.kinematics import RealMachine
 from orthoglide_cal.model.machine import Instrument, JointOffsets, Machine
 from orthoglide_cal.model.measured import Readings
@@ -119,75 +119,53 @@ def simulate_with_jacobian(
     """
     point = np.asarray(offsets, dtype=np.float64)
     readings, jacobian = _simulate(model, point, plan, strict, derivative=True)
-    if jacobian is not None:
-        return readings, jacobian
-    steps = point[..., None, :] + 1j * STEP * np.eye(point.shape[-1])
-    # Real NaN divides in silence, complex NaN does not.
-    with np.errstate(invalid="ignore"):
-        stepped = [
-            _simulate(model, steps[..., k, :], plan, strict)[0].imag for k in range(point.shape[-1])
-        ]
-    return readings, np.stack(stepped, axis=-1) / STEP
+    if jacobian is None:
+        jacobian = differentiate(model, point, plan, (), strict)[1]
+    return readings, jacobian
 
 
 def differentiate(
-    model: Model, offsets: Floats, plan: Plan, effects: Sequence[Effect]
+    model: Model, offsets: Floats, plan: Plan, effects: Sequence[Effect], strict: bool = True
 ) -> tuple[Floats, Floats]:
-    """Readings (n,) [mm] and their derivatives by offsets and parameters of `effects`, (n, q).
+    """Readings (..., n) [mm], and their derivatives by offsets and parameters, (..., n, q).
 
-    At offsets Δρ (3,) [mm]; the effects are further ones than those of the model.
+    At offsets Δρ (..., 3) [mm]; the parameters are those of `effects`, each of theta (p,), further
+    ones than those of the model. One simulation of many machines: the point, then a complex step
+    in each unknown in turn. `strict` as of `simulate_with_jacobian`.
     """
-    return differentiate_each(model, plan, [(offsets, effects)])[0]
-
-
-def differentiate_each(
-    model: Model, plan: Plan, points: Sequence[tuple[Floats, Sequence[Effect]]]
-) -> list[tuple[Floats, Floats]]:
-    """`differentiate` at many points, each with its own offsets and effects.
-
-    One simulation of many machines: each point, then a complex step in each of its unknowns in
-    turn. At other points the parameters of its causes are zero.
-    """
-    widths = [
-        [offsets.size, *(effect.theta.size for effect in effects)] for offsets, effects in points
-    ]
-    starts = np.cumsum([0, *(sum(own) + 1 for own in widths)])
-    moved = np.zeros((starts[-1], widths[0][0]), dtype=np.complex128)
-    thetas: dict[tuple[Cause, Place], Numbers] = {}
-    for (offsets, effects), own, start, end in zip(
-        points, widths, starts, starts[1:], strict=False
-    ):
-        step = 1j * STEP * np.eye(sum(own) + 1, sum(own), k=-1)
-        by_offsets, *by_effect = np.split(step, np.cumsum(own)[:-1], axis=1)
-        moved[start:end] = offsets + by_offsets
-        for effect, block in zip(effects, by_effect, strict=True):
-            empty = np.zeros((starts[-1], effect.theta.size), dtype=np.complex128)
-            theta = thetas.setdefault((effect.cause, effect.place), empty)
-            theta[start:end] = effect.theta + block
-    every = np.empty((len(moved), len(plan)), dtype=np.complex128)
-    some = max(AT_ONCE // max(len(plan), 1), 1)
-    for at in range(0, len(moved), some):
-        block = slice(at, at + some)
-        stepped = [cause.at(theta[block], place) for (cause, place), theta in thetas.items()]
-        every[block] = simulate(model.extended(stepped), moved[block], plan)
-    readings = np.split(every, starts[1:-1])
-    return [(own[0].real, own[1:].imag.T / STEP) for own in readings]
+    ends = np.cumsum([offsets.shape[-1], *(effect.theta.size for effect in effects)])
+    many = [offsets, *(effect.theta for effect in (*effects, *model.accepted))]
+    batch = max(each.ndim for each in many) - 1
+    steps = 1j * STEP * np.eye(ends[-1] + 1, ends[-1], k=-1)
+    steps = steps.reshape(-1, *[1] * batch, ends[-1])
+    some = max(AT_ONCE * offsets.shape[-1] // max(offsets.size * len(plan), 1), 1)
+    every = []
+    for at in range(0, len(steps), some):
+        by_offsets, *by_effect = np.split(steps[at : at + some], ends[:-1], axis=-1)
+        stepped = [
+            effect.cause.at(effect.theta + step, effect.place)
+            for effect, step in zip(effects, by_effect, strict=True)
+        ]
+        # Real NaN divides in silence, complex NaN does not.
+        with np.errstate(invalid="warn" if strict else "ignore"):
+            moved = _simulate(model.extended(stepped), offsets + by_offsets, plan, strict)
+        every.append(moved[0])
+    readings = np.concatenate(every)
+    return readings[0].real, np.moveaxis(readings[1:].imag / STEP, 0, -1)
 
 
 def differentiate_absent(
     model: Model, offsets: Floats, plan: Plan, causes: Sequence[Cause]
 ) -> tuple[Floats, list[Floats]]:
-    """Readings (..., n) [mm], and their derivatives by parameters of `causes` that are not there.
+    """Readings (..., n) [mm], and their derivatives where `causes` are not there.
 
-    At offsets Δρ (..., 3) [mm]. Of each cause the derivatives by its p parameters, (..., n, p).
+    At offsets Δρ (..., 3) [mm]: the derivatives by these, (..., n, 3), then those by the p
+    parameters of each cause, (..., n, p).
     """
-    ends = np.cumsum([cause.unknowns for cause in causes], dtype=np.intp)
-    count = ends[-1] if causes else 0
-    steps = np.split(1j * STEP * np.eye(count + 1, count, k=-1), ends[:-1], axis=1)
-    absent = [cause.at(theta) for cause, theta in zip(causes, steps, strict=False)]
-    stepped = simulate(model.extended(absent), offsets[..., None, :], plan)
-    columns = stepped[..., 1:, :].swapaxes(-1, -2).imag / STEP
-    return stepped[..., 0, :].real, np.split(columns, ends, axis=-1)[:-1]
+    absent = [cause.at(np.zeros(cause.unknowns)) for cause in causes]
+    readings, slopes = differentiate(model, offsets, plan, absent)
+    ends = np.cumsum([offsets.shape[-1], *(cause.unknowns for cause in causes)])
+    return readings, np.split(slopes, ends[:-1], axis=-1)
 
 
 def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floats, ...]:

@@ -48,7 +48,7 @@ class Ambiguous:
 
 def continued(session: Session, option: Option, seed: int, rest_min: float = 0.0) -> Session:
     """The session with an option measured by the truth, some minutes later than planned."""
-    names = {item.name for item in fields(GaugePlan)} - {"contact", "setup"}
+    names = {item.name for item in fields(GaugePlan)} - {"contact", "setup", "date", "precision"}
     arrays = {name: getattr(option.plan, name) for name in names}
     arrays["hours"] = arrays["hours"] + rest_min / 60.0
     return continue_session(session, seed, **arrays)
