@@ -24,7 +24,7 @@ from orthoglide_cal.model.readings import GaugePlan, Series
 
 # A fault of a whole table is this likely compared to that of one gauge: it shows at once, mostly.
 CLERICAL = 0.1
-_UNITS = tuple(UNITS.items())
+_UNITS = tuple(UNITS)
 
 
 def whole_table(plan: Plan) -> tuple[Place, ...]:
@@ -180,10 +180,10 @@ class WrongUnit(RelabelCause):
         return tuple((k,) for _ in whole_table(plan) for k in range(len(_UNITS)))
 
     def label(self, place: Place, plan: GaugePlan, machine: Machine) -> str:
-        return _UNITS[place[0]][1][0]
+        return UNITS[self.unit_mm(place)][0]
 
     def unit_mm(self, place: Place) -> float:
-        return _UNITS[place[0]][0]
+        return _UNITS[place[0]]
 
 
 CAUSES = (

@@ -175,12 +175,6 @@ def behind_batch(values: Numbers, axes: int) -> Numbers:
     return values.transpose(*range(axes, values.ndim), *range(axes))
 
 
-def column(values: Numbers, batch: int) -> Numbers:
-    """Append `batch` axes of length 1."""
-    array = np.asarray(values)
-    return array.reshape(array.shape + (1,) * batch)
-
-
 def _cross(a: Numbers, b: Numbers) -> Numbers:
     """Cross product over the first axis, (3, ...)."""
     product = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))

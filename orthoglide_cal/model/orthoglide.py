@@ -25,7 +25,6 @@ from orthoglide_cal.model.kinematics import (
     Points,
     RealMachine,
     behind_batch,
-    column,
     tool_derivative,
 )
 from orthoglide_cal.model.machine import (
@@ -256,20 +255,17 @@ class Orthoglide(Machine):
 
         The limits are displacements of the carriages: p_i + √(L² − p_j² − p_k²) − L. The largest is
         at the middle of the upper face; the smallest at the corner (low, ±m, ±m), m the larger of
-        |low| and high.
+        |low| and high: low + √(L² − 2 m²) − L.
         """
         low_limit, high_limit = self.joint_limits_mm
         length = self.leg_length_mm
         # No farther than half a leg from the origin, whatever the limits: legs stay long enough.
         high = min(high_limit, length / 2.0)
-
-        def smallest(low: float) -> float:
-            return low + math.sqrt(length**2 - 2.0 * max(-low, high) ** 2) - length
-
-        low, outer = 0.0, -length / 2.0
-        for _ in range(60):
-            middle = (low + outer) / 2.0
-            low, outer = (middle, outer) if smallest(middle) >= low_limit else (low, middle)
+        reach = length + low_limit
+        low = reach - math.sqrt(length**2 - 2.0 * high**2)
+        if -low > high:
+            low = (reach - math.sqrt(3.0 * length**2 - 2.0 * reach**2)) / 3.0
+        low = min(max(low, -length / 2.0), 0.0)
         excess = max(high - low - self.workspace_mm, 0.0) / 2.0
         return low + excess, high - excess
 
@@ -431,10 +427,10 @@ def _touched(points: Points, plan: GaugePlan, moments: _Moments, derivative: boo
     because fresh memory for such long arrays costs more than the arithmetic.
     """
     moment, set_up = moments
-    leg, direction, batch = plan.leg, plan.direction, points.tool.ndim - 2
-    gauge_at, fixed = (
-        column(each, batch) for each in (plan.gauge_at, plan.contact == Contact.FIXED)
-    )
+    leg, direction = plan.leg, plan.direction
+    column = (-1, *[1] * (points.tool.ndim - 2))
+    gauge_at, contact = plan.gauge_at.reshape(column), plan.contact.reshape(column)
+    fixed = contact == Contact.FIXED
     carriage, side = points.centres[leg, leg, moment], points.centres[leg, direction, moment]
     # The gauge's place along the leg's axis, and the point of the leg that it now touches.
     place = (1.0 - gauge_at) * points.centres[leg, leg, set_up]
@@ -443,7 +439,7 @@ def _touched(points: Points, plan: GaugePlan, moments: _Moments, derivative: boo
     across = points.tool[direction, moment] - side
     fraction = (place - carriage) / span
     if not plan.fixed:
-        fraction = np.where(fixed, fraction, column(plan.contact == Contact.TOOL, batch))
+        fraction = np.where(fixed, fraction, contact == Contact.TOOL)
     heights, where = behind_batch(side + fraction * across, 1), behind_batch(fraction, 1)
     if not derivative:
         return heights, where, None
