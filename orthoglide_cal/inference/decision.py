@@ -450,7 +450,9 @@ class Decision:
 
     def _unexplained_covariance(self) -> Floats:
         """Of the offsets-only fit, widened by the likeliest unlisted pattern, (3, 3) [mm²]."""
-        pattern = max(self.belief.patterns, key=lambda unlisted: unlisted.log_evidence)
+        patterns = self.belief.patterns.values()
+        pattern = max(patterns, key=lambda scored: scored.log_evidence).pattern
+        assert pattern is not None
         fit, white = self.belief.fit(()), self.belief.at.white
         width = fit.offsets.size
         estimator = np.asarray(np.linalg.pinv(fit.columns[:, :width]), np.float64)

@@ -136,7 +136,9 @@ def answer_to(
     budget, std = chosen.budget, chosen.budget.std_mm
     decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
     parameters = _parameters(chosen)
-    others = tuple(answer_to(other, method, details=details) for other in given.others)
+    # They may hold a release; without one only a page shows them.
+    asked = given.others if decision.usable or details else ()
+    others = tuple(answer_to(other, method, details=details) for other in asked)
     if decision.usable:
         decision = _with_others(decision, parameters, others)
     right = diagnosis.put_right if diagnosis else None
