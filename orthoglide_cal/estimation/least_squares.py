@@ -75,7 +75,7 @@ class Problem(ReadOnly):
         return _reduce(matrix, readings, -1), _reduce(matrix, jacobian, -2)
 
     def change(self, offsets: Floats, entered: Floats) -> Floats:
-        """How entering offsets (3,) [mm] in the controller changes the data, shape (k,) [mm].
+        """Change of the data by entering offsets (3,) [mm] in the controller, shape (k,) [mm].
 
         What remains of the offsets Δρ (3,) [mm] before is Δρ − entered.
         """
@@ -123,7 +123,7 @@ class Problem(ReadOnly):
         return whiten_shared(ratio, *values)
 
     def remaining(self, data: Floats, offsets: Floats) -> Floats:
-        """How far the offsets are from the least-squares optimum, recomputed from the data.
+        """Distance of the offsets from the least-squares optimum, recomputed from the data.
 
         |J s|/σ of the Gauss–Newton step s = (JᵀJ)⁻¹Jᵀr that would still be taken, with the stated
         noise σ: no offset would move by more than as many of its standard deviations. Zero at a

@@ -1,4 +1,4 @@
-"""What an extension of a printer is compared with: a carried quartic surface, the earlier map.
+"""Baselines of an extension of a printer: a carried quartic surface, the earlier map.
 
 Both need no cause: the surface is fitted together with the calibrated parameters, the map is what
 these leave. An extension that predicts other readings no better has shown nothing.
@@ -73,9 +73,9 @@ def repeats(white: Whitened, later: Whitened | None) -> float | None:
     """
     maps = [
         (place[own], left[own], jacobian[own])
-        for each in (white, later)
-        if each is not None and each.plan.touches.any()
-        for place, left, jacobian, date in (_touches(each),)
+        for white_data in (white, later)
+        if white_data is not None and white_data.plan.touches.any()
+        for place, left, jacobian, date in (_touches(white_data),)
         for day in np.unique(date)
         for own in (date == day,)
     ]

@@ -74,7 +74,7 @@ class Belief:
             NotConvergedError: no offsets fit these data.
         """
         at = Linearised.of(white, Candidates.of(white.problem.model, ordered=white.raw))
-        patterns = {each.pattern.words: each for each in score_patterns(at) if each.pattern}
+        patterns = {scored.pattern.words: scored for scored in score_patterns(at) if scored.pattern}
         return cls(at, score_all(at), patterns)
 
     def scaled(self, factor: float) -> Belief:

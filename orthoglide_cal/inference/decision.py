@@ -238,12 +238,12 @@ class Decision:
 
     @property
     def wrong(self) -> bool:
-        """Whether to look for a fault costs less than to miss one."""
+        """True if to look for a fault costs less than to miss one."""
         return is_likely(self.belief.nothing, MISSED_FAULT, self.hold)
 
     @property
     def surely_sound(self) -> bool:
-        """Whether nothing is wrong by so far that no fit of a cause can change it."""
+        """True if nothing is wrong by so far that no fit of a cause can change it."""
         belief = self.belief
         return (1.0 - belief.nothing) * MISSED_FAULT < SURELY * belief.nothing * self.hold
 
@@ -283,7 +283,7 @@ class Decision:
 
     @cached_property
     def _others(self) -> Ids:
-        """What is open in place of the best answer or in addition to it."""
+        """Causes open in place of the best answer or in addition to it."""
         belief, rivals = self.belief, self.rivals
         certain = WRONG_NAME * belief.beyond <= OPEN_ANSWER * belief.something
         if certain and all(ids in self.silent for ids in rivals):

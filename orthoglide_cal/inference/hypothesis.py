@@ -47,7 +47,7 @@ Remedy = tuple[Ids, tuple[int, ...]]
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """What readings hold that no listed cause makes, too general for any one of them."""
+    """Something in the readings that no listed cause makes, too general for any one of them."""
 
     words: str
     log_prior: float  # ln prior weight
@@ -70,7 +70,7 @@ class Pattern:
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """What may be behind the data: listed causes, one of them at its best place, or a pattern."""
+    """A possible state of machine and record: listed causes, one at its best place, or a pattern."""
 
     at: Linearised  # the linear model that it was scored with
     log_evidence: float  # with the prior of places, without its own; averaged over sizes
@@ -119,7 +119,7 @@ class Hypothesis:
 
     @property
     def remedy(self) -> Remedy:
-        """What it asks of a technician: explanations that ask for the same are one answer."""
+        """Actions that it asks for; explanations that ask for the same are one answer."""
         base, extra = _mended(*self.base), self.extra
         if extra is None:
             return base, ()
@@ -148,7 +148,7 @@ def score_all(at: Linearised) -> dict[Ids, Hypothesis]:
     plan = at.white.plan
     for placed in at.extras.values():
         cause = placed.cause
-        for place in (each for each in placed.log_weight if not cause.reversible(plan, each)):
+        for place in (place for place in placed.log_weight if not cause.reversible(plan, place)):
             problem = replace(at.white.problem, plan=cause.really_read(plan, place))
             try:
                 require_rank(problem)
@@ -217,8 +217,10 @@ def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Hypothesis]:
 
 
 def offsets_and_seen(at: Linearised, jacobian: Floats) -> Floats:
-    """What acts without any cause, (k, r) [mm]: offsets, from their derivatives (k, 3), and what is
-    uncertain of the data and shows."""
+    """Columns of all that acts without any cause, (k, r) [mm].
+
+    Offsets, from their derivatives (k, 3), and what is uncertain of the data and shows.
+    """
     return np.hstack([OFFSETS_MM * jacobian, at.seen])
 
 
@@ -271,8 +273,8 @@ def all_or_one(
     if not acting:
         return []
     k, always = acting[0].others.shape
-    nuisance = max(len(each.cause.nuisance) for each in acting)
-    named = max(len(each.cause.names) for each in acting)
+    nuisance = max(len(one.cause.nuisance) for one in acting)
+    named = max(len(one.cause.names) for one in acting)
     columns = np.zeros((len(acting), k, always + nuisance))
     ones = np.zeros((len(acting), k, named))
     for each, filled, own in zip(acting, columns, ones, strict=True):
@@ -283,7 +285,7 @@ def all_or_one(
     sizes = np.ones((len(scales), columns.shape[-1]))
     sizes[:, always:] = tried
     density = noise.density(columns, sizes, np.log(list(scales.values())))
-    residuals = np.stack([each.residual for each in acting])
+    residuals = np.stack([one.residual for one in acting])
     weighed = density.against(density.overlap(ones, residuals), residuals)
     log = of_any_size(*weighed, tried[:, None] ** 2)
     log += density.log_density(residuals[..., None])
@@ -388,7 +390,7 @@ def pattern_density(
 
 
 def of_any_size(power: Floats, match: Floats, variance: Floats) -> Floats:
-    """What a column c of size N(0, variance) adds to a log density, from cᵀ S⁻¹ c and cᵀ S⁻¹ r."""
+    """Gain of a log density by a column c of size N(0, variance), from cᵀ S⁻¹ c and cᵀ S⁻¹ r."""
     widened = variance * power
     widened += 1.0
     log = match**2 * variance
