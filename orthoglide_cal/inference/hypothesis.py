@@ -70,7 +70,7 @@ class Pattern:
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A possible state of machine and record: listed causes, one at its best place, or a pattern."""
+    """A possible state of machine or record: listed causes, one of them placed, or a pattern."""
 
     at: Linearised  # the linear model that it was scored with
     log_evidence: float  # with the prior of places, without its own; averaged over sizes
