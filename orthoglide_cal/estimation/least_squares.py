@@ -25,7 +25,6 @@ from orthoglide_cal.model.plan import (
     Plan,
     ReadOnly,
     Reduction,
-    known_plan,
     read_only,
 )
 
@@ -39,8 +38,6 @@ SHORT_STEP = 1e-7
 ROUNDING_MM = 1e-12
 ROUNDING = 1e-12
 FIRST_DAMPING = 1e-3
-# More kinds of readings are predicted one by one: to fold them would take a matrix of that width.
-MOST_KINDS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +50,14 @@ class Problem(ReadOnly):
 
     def predict(self, offsets: Floats) -> Floats:
         """R·h(Δρ), offsets (..., 3) → (..., k) [mm]."""
-        plan, matrix = self._folded
-        return np.asarray(simulate(self.model, offsets, plan) @ matrix.T)
+        return np.asarray(simulate(self.model, offsets, self.plan) @ self.matrix.T)
 
     def predict_with_jacobian(self, offsets: Floats, strict: bool = True) -> tuple[Floats, Floats]:
         """R·h and R·∂h/∂Δρ: offsets (..., 3) → (..., k) [mm], (..., k, 3).
 
         Where a posture cannot be taken: an error if `strict`, NaN otherwise.
         """
-        plan, matrix = self._folded
+        plan, matrix = self.plan, self.matrix
         if offsets.size == offsets.shape[-1]:
             point = _at_point(self.model, tuple(offsets.reshape(-1).tolist()), plan, strict)
             readings, jacobian = (np.reshape(a, (*offsets.shape[:-1], *a.shape)) for a in point)
@@ -82,18 +78,6 @@ class Problem(ReadOnly):
         zero = np.zeros(len(self.model.machine.parameter_names))
         predicted, jacobian = self.predict_with_jacobian(zero)
         return read_only(predicted), read_only(jacobian)
-
-    @cached_property
-    def _folded(self) -> tuple[Plan, Reduction]:
-        """Plan and R with readings that repeat each other predicted once.
-
-        With a cause that may distinguish them nothing is folded.
-        """
-        first, kind = self.plan.distinct
-        if not self.model.repeats or len(first) > MOST_KINDS:
-            return self.plan, self.matrix
-        fold = kind[:, None] == np.arange(len(first))
-        return known_plan(self.plan.subset(first)), read_only(self.matrix @ fold)
 
     def covariance(self) -> Floats:
         """R Rᵀ: covariance of the data for unit variance of one reading (eqs. 28, 31), (k, k).

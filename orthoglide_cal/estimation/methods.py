@@ -29,7 +29,6 @@ from orthoglide_cal.model.plan import (
     Plan,
     ReadOnly,
     Reduction,
-    cell_contrasts,
     zero_free,
 )
 from orthoglide_cal.model.readings import Posture
@@ -130,16 +129,13 @@ class Posed(ReadOnly):
 
 
 @functools.lru_cache(maxsize=8)
-def pose_plan(
-    plan: Plan, model: Model, kind: DataKind, *, folded: bool = False
-) -> tuple[Problem, tuple[Difference, ...]]:
+def pose_plan(plan: Plan, model: Model, kind: DataKind) -> tuple[Problem, tuple[Difference, ...]]:
     """Problem and differences that a method makes of readings, whatever these will be.
 
-    Differences that the plan lacks are left out; `folded` as in `pose`.
+    Differences that the plan lacks are left out.
     """
     if kind is DataKind.READINGS:
-        contrasts = cell_contrasts if folded and model.repeats else zero_free
-        return Problem(model, plan, contrasts(plan)), ()
+        return Problem(model, plan, zero_free(plan)), ()
     wanted = DIFFERENCES[kind]
     matrix = reduction(kind, wanted, model.orthoglide, plan)
     present = np.abs(matrix).sum(axis=1) > 0.0
@@ -147,17 +143,15 @@ def pose_plan(
     return Problem(model, plan, matrix[present]), kept
 
 
-def pose(measured: Measured, model: Model, kind: DataKind, *, folded: bool = False) -> Posed:
+def pose(measured: Measured, model: Model, kind: DataKind) -> Posed:
     """Reduce the data to what is compared with the model; differences that they lack are left out.
 
     Args:
         measured, model: the data, and what they are of.
         kind: one that can be made of these data.
-        folded: of raw readings that repeat each other keep the mean only, where no accepted cause
-            can distinguish them; their scatter is not in the data then.
     """
     if isinstance(measured, Readings):
-        problem, kept = pose_plan(measured.plan, model, kind, folded=folded)
+        problem, kept = pose_plan(measured.plan, model, kind)
         return Posed(problem, problem.matrix @ measured.value, kept)
     wanted = DIFFERENCES[kind]
     values = dict(zip(measured.which, measured.value.tolist(), strict=True))

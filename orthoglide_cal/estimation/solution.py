@@ -25,7 +25,7 @@ from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference
 from orthoglide_cal.model.machine import GaugeDoubt, Influence, Instrument
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
-from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only, without_zeros
+from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only
 from orthoglide_cal.schema import Reason
 
 # Below this chance the residuals are called larger than the gauge's noise.
@@ -237,7 +237,7 @@ def solve(
         UnusableResultError: the offsets are larger than any machine has.
     """
     chosen = choose_method(measured, method)
-    plain = posed = pose(measured, model, chosen.uses, folded=True)
+    plain = posed = pose(measured, model, chosen.uses)
     require_rank(posed.problem)
     if chosen.linear:
         # At zero offsets every gauge of the nominal machine reads zero; known causes do not.
@@ -329,21 +329,15 @@ def _scatter(
         ratio: what the influences add to them, in standard deviations, (n, p).
         known: parameters that were fitted to the data.
     """
-    total, dof = 0.0, len(posed.data) - known
-    if isinstance(measured, Readings):
-        if posed.which:
-            posed = pose(measured, posed.problem.model, DataKind.READINGS, folded=True)
-        dof = len(measured) - measured.plan.setups - known
+    if isinstance(measured, Readings) and posed.which:
+        posed = pose(measured, posed.problem.model, DataKind.READINGS)
+    dof = len(posed.data) - known
     if dof <= 0:
         return None
     problem, matrix = posed.problem, posed.problem.matrix
     residual = posed.data - matrix @ readings
-    if isinstance(measured, Readings):
-        # Of readings that repeat each other only the means are in the problem.
-        apart = measured.plan.precision * (measured.value - readings)
-        total = float((without_zeros(measured.plan, apart) ** 2).sum() - (residual**2).sum())
-    total += sum_of_squares(problem, matrix @ jacobian, residual, matrix @ ratio)
-    return Scatter(float(np.sqrt(max(total, 0.0) / dof)), dof)
+    total = sum_of_squares(problem, matrix @ jacobian, residual, matrix @ ratio)
+    return Scatter(math.sqrt(total / dof), dof)
 
 
 def budget_of_readings(
