@@ -66,7 +66,7 @@ def baselines(
     return quartic, rms(unexplained(then[:, :free], error - _interpolated(place, left, there)))
 
 
-def repeats(white: Whitened, later: Whitened | None) -> float | None:
+def repeats(white: Whitened, later: Whitened | None = None) -> float | None:
     """Correlation of the residual maps of two dates, of more the smallest.
 
     What calibrated parameters leave of the touches of each date; None for few, or of one date.

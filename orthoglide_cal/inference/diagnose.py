@@ -79,7 +79,8 @@ def diagnose(
         entered = np.zeros(len(model.machine.parameter_names))
         if applied is not None:
             entered[: len(applied)] = applied
-        found, again = _decided(white, later)
+        found = _decided(white)
+        again = repeats(white, later)
         nothing, accepted = found.belief.fit(()), found.fit
         causes: tuple[FoundCause, ...] = ()
         free = len(entered) * anew
@@ -179,7 +180,7 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
             "Give it a size there if the machine may have it.",
         )
     with _weighable(model):
-        found, _ = _decided(Whitened.of(measured, model))
+        found = _decided(Whitened.of(measured, model))
         verdict, accepted = found.verdict, found.accepted
         if not accepted:
             raise UnusableResultError(
@@ -208,11 +209,10 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
         return model.extended([effect.accepted(on.isoformat(), measured.source.sha256)])
 
 
-def _decided(white: Whitened, later: Whitened | None = None) -> tuple[Decision, float | None]:
-    """Decide what the data say; how far the maps of several dates of a printer repeat."""
-    found = decide(white)
-    again = repeats(white, later)
-    return replace(found, repeats=again is not None and again > REPEATS), again
+def _decided(white: Whitened) -> Decision:
+    """Decide what the data say; maps of several dates that repeat are no noise."""
+    again = repeats(white)
+    return replace(decide(white), repeats=again is not None and again > REPEATS)
 
 
 @contextmanager
