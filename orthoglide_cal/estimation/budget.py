@@ -32,7 +32,7 @@ MINOR = 0.1
 
 
 class Contribution(Schema):
-    """What one source adds to the uncertainty of the parameters."""
+    """Share of one source in the uncertainty of the parameters."""
 
     source: str = Field(description="an origin or a cause id")
     type: Evaluation
@@ -48,7 +48,7 @@ class Contribution(Schema):
 
     @classmethod
     def beyond(cls, source: str, covariance: Floats, possible: bool = False) -> Self:
-        """What is left of a covariance (p, p) besides other sources; never negative."""
+        """Remainder of a covariance (p, p) besides other sources; never negative."""
         root = root_of(covariance)
         left = read_only(root @ root.T)
         return cls(
@@ -75,7 +75,7 @@ class Budget:
     contributions: tuple[Contribution, ...]
 
     def without(self, sources: Container[str]) -> Budget:
-        return Budget(tuple(each for each in self.contributions if each.source not in sources))
+        return Budget(tuple(part for part in self.contributions if part.source not in sources))
 
     def extended(self, more: Iterable[Contribution]) -> Budget:
         return replace(self, contributions=(*self.contributions, *more))
@@ -83,7 +83,7 @@ class Budget:
     @cached_property
     def covariance_mm2(self) -> Floats:
         """Of the offsets, from all sources, shape (3, 3)."""
-        return read_only(sum(each.covariance_mm2 for each in self.contributions))
+        return read_only(sum(part.covariance_mm2 for part in self.contributions))
 
     @property
     def std_mm(self) -> Floats:
@@ -93,7 +93,7 @@ class Budget:
     @cached_property
     def dof(self) -> float:
         """Effective degrees of freedom u⁴/Σ(uᵢ⁴/νᵢ), of the offset that has the fewest."""
-        spent = sum(np.array(each.std) ** 4 / each.dof for each in self.contributions)
+        spent = sum(np.array(part.std) ** 4 / part.dof for part in self.contributions)
         worst = float(np.max(spent / self.std_mm**4))
         return 1.0 / worst if worst > 0.0 else math.inf
 
@@ -151,15 +151,15 @@ def budget_of(
             covariance_mm2=read_only(rounding2 * unit),
         ),
     ]
-    for each in uncertain:
-        moved = estimator @ each.columns
+    for influence in uncertain:
+        moved = estimator @ influence.columns
         parts.append(
             Contribution(
-                source=each.source,
+                source=influence.source,
                 type="B",
-                size=each.size,
-                unit=each.unit,
-                assumed=each.assumed,
+                size=influence.size,
+                unit=influence.unit,
+                assumed=influence.assumed,
                 covariance_mm2=read_only(moved @ moved.T),
             )
         )
@@ -172,7 +172,7 @@ REFERENCE_C = 20.0  # ISO 1
 
 
 def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
-    """What readings at a mean temperature off the reference [°C] leave open; nothing if unknown.
+    """Contribution of a mean temperature off the reference [°C]; none if it is unknown.
 
     The legs L [mm] grow by α·L per kelvin and so do the rails; how much of it is left over between
     the two is not known: anything up to all of it (rectangular).
@@ -230,7 +230,7 @@ def _influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, .
 
 
 def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
-    """What is taken as the controller has it, although nobody knows it exactly.
+    """Causes taken as the controller has it, although nobody knows it exactly.
 
     A diagnosis asks whether the readings contradict it; the parameters found have its uncertainty
     in any case. Arguments as of `influences`.
@@ -262,7 +262,7 @@ def _of_causes(
 
 
 class BudgetTotal(Schema):
-    """What the sources of the budget add together."""
+    """Sums of the sources of the budget."""
 
     minor: tuple[float, ...] = Field(description="the minor ones; empty without any")
     std: tuple[float, ...]
@@ -273,10 +273,10 @@ class BudgetTotal(Schema):
 def budget_lines(budget: Budget) -> tuple[tuple[Contribution, ...], BudgetTotal]:
     """Every source of an uncertainty, and what they add together."""
     lines = tuple(
-        each.changed(minor=bool(np.all(each.std <= MINOR * budget.std_mm)))
-        for each in budget.contributions
+        part.changed(minor=bool(np.all(part.std <= MINOR * budget.std_mm)))
+        for part in budget.contributions
     )
-    rest = [np.square(each.std) for each in lines if each.minor]
+    rest = [np.square(line.std) for line in lines if line.minor]
     total = BudgetTotal(
         minor=tuple(np.sqrt(sum(rest)).tolist()) if rest else (),
         std=tuple(budget.std_mm.tolist()),

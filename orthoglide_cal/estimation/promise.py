@@ -72,10 +72,10 @@ def promise(
     scatter = 2.0 * known.noise.sigma_mm**2 * np.diag(problem.covariance())
     # What one standard deviation of each other source changes in the effect of what is entered.
     sources = [(second - first) @ np.linalg.cholesky(known.budget.covariance_mm2)]
-    for each in influences(known.model, both, problem.plan):
-        was, is_left = problem.matrix @ each.columns
+    for influence in influences(known.model, both, problem.plan):
+        was, is_left = problem.matrix @ influence.columns
         # The stands are put there again; machine and gauge are the same.
-        anew = each.source == Origin.GAUGE_PLACEMENT
+        anew = influence.source == Origin.GAUGE_PLACEMENT
         sources += [was, is_left] if anew else [is_left - was]
     if not problem.model.repeats:
         # Another pace changes what time does in an accepted cause.
@@ -96,6 +96,6 @@ def promise(
 
 
 def stays(promised: Sequence[PromisedDifference]) -> bool:
-    """Whether more is left after the correction than its uncertainty allows for."""
+    """Return whether more is left after the correction than its uncertainty allows for."""
     left = sum(row.expected_mm**2 for row in promised)
     return left > sum(row.expanded_mm**2 for row in promised)

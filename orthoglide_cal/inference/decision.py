@@ -237,12 +237,12 @@ class Decision:
 
     @property
     def wrong(self) -> bool:
-        """Whether to look for a fault costs less than to miss one."""
+        """True if to look for a fault costs less than to miss one."""
         return is_likely(self.belief.nothing, MISSED_FAULT, self.hold)
 
     @property
     def surely_sound(self) -> bool:
-        """Whether nothing is wrong by so far that no fit of a cause can change it."""
+        """True if nothing is wrong by so far that no fit of a cause can change it."""
         belief = self.belief
         return (1.0 - belief.nothing) * MISSED_FAULT < SURELY * belief.nothing * self.hold
 
@@ -282,7 +282,7 @@ class Decision:
 
     @cached_property
     def _others(self) -> Ids:
-        """What is open in place of the best answer or in addition to it."""
+        """Causes open in place of the best answer or in addition to it."""
         belief, rivals = self.belief, self.rivals
         certain = WRONG_NAME * belief.beyond <= OPEN_ANSWER * belief.something
         if certain and all(ids in self.silent for ids in rivals):
@@ -449,7 +449,9 @@ class Decision:
 
     def _unexplained_covariance(self) -> Floats:
         """Of the offsets-only fit, widened by the likeliest unlisted pattern, (3, 3) [mm²]."""
-        pattern = max(self.belief.patterns, key=lambda unlisted: unlisted.log_evidence)
+        patterns = self.belief.patterns.values()
+        pattern = max(patterns, key=lambda scored: scored.log_evidence).pattern
+        assert pattern is not None
         fit, white = self.belief.fit(()), self.belief.at.white
         width = fit.offsets.size
         estimator = np.asarray(np.linalg.pinv(fit.columns[:, :width]), np.float64)

@@ -79,7 +79,8 @@ def diagnose(
         entered = np.zeros(len(model.machine.parameter_names))
         if applied is not None:
             entered[: len(applied)] = applied
-        found, again = _decided(white, later)
+        found = _decided(white)
+        again = repeats(white, later)
         nothing, accepted = found.belief.fit(()), found.fit
         causes: tuple[FoundCause, ...] = ()
         free = len(entered) * anew
@@ -179,7 +180,7 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
             "Give it a size there if the machine may have it.",
         )
     with _weighable(model):
-        found, _ = _decided(Whitened.of(measured, model))
+        found = _decided(Whitened.of(measured, model))
         verdict, accepted = found.verdict, found.accepted
         if not accepted:
             raise UnusableResultError(
@@ -208,11 +209,10 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
         return model.extended([effect.accepted(on.isoformat(), measured.source.sha256)])
 
 
-def _decided(white: Whitened, later: Whitened | None = None) -> tuple[Decision, float | None]:
-    """What the data say, and how far the maps of several dates of a printer repeat."""
-    found = decide(white)
-    again = repeats(white, later)
-    return replace(found, repeats=again is not None and again > REPEATS), again
+def _decided(white: Whitened) -> Decision:
+    """Decide what the data say; maps of several dates that repeat are no noise."""
+    again = repeats(white)
+    return replace(decide(white), repeats=again is not None and again > REPEATS)
 
 
 @contextmanager
@@ -291,7 +291,7 @@ def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause
         return id == found.shape or all(CAUSES[other].compensable for other in instead)
 
     def aliases(id: str) -> Ids:
-        """What stands in its place in a rival explanation, or in one of the same remedy."""
+        """Causes that stand in its place in a rival explanation, or in one of the same remedy."""
         others = (*found.same_answer(found.accepted), *rivals)
         instead = (each for each in others if ids - {id} <= set(each) and id not in each)
         return tuple(dict.fromkeys(other for each in instead for other in each if other not in ids))
@@ -357,7 +357,7 @@ def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOf
 def _predicted(
     white: Whitened, measured: Measured, residual: Floats, effects: Sequence[Effect] = ()
 ) -> Floats:
-    """What a fit with some effects says of each value, in the order of the file, (n,) [mm].
+    """Prediction of each value by a fit with some effects, in the order of the file, (n,) [mm].
 
     `residual` is what it leaves of the whitened data, shape (k,) [mm].
     """
@@ -369,7 +369,7 @@ def _predicted(
 
 
 def _of_local_shape(found: Decision) -> Iterator[Reason]:
-    """How much stays unexplained where that is the rule, and what is not claimed."""
+    """Size of what stays unexplained where that is the rule, and claims not made."""
     white, accepted = found.belief.at.white, found.fit
     if white.texture is None:
         return

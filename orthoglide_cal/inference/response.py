@@ -35,7 +35,7 @@ NOISE = 2.0 ** np.arange(-1.0, 7.0, 0.5)  # that are tried, in units of what is 
 
 
 class Behaviour(StrEnum):
-    """How the machine responded."""
+    """Response of the machine."""
 
     AS_MODELLED = "as modelled"
     OPPOSITE = "opposite sign"
@@ -114,7 +114,8 @@ def decide_response(
     covariances = variance[:, None, None] * unit_covariance
     log_noise = -0.5 * (spare * np.log(variance) + square / variance)
     weighed = [
-        (each.log_weight(found, covariances, log_noise), each) for each in responses(applied)
+        (response.log_weight(found, covariances, log_noise), response)
+        for response in responses(applied)
     ]
     weights: dict[Behaviour, list[float]] = {}
     for log, response in weighed:

@@ -28,7 +28,7 @@ WORTH_SAYING = 0.005
 
 
 class Verdict(StrEnum):
-    """What the data say of the offsets-only model."""
+    """Statement of the data about the offsets-only model."""
 
     CONSISTENT = "consistent"  # nothing contradicts it
     NAMED = "named"  # one explanation stands out
@@ -85,14 +85,14 @@ class Parameter(Schema):
         return 0.0 if self.found is None else round(self.found, decimals) + 0.0
 
     def new(self, decimals: int) -> float:
-        """What is active once it is entered, free of the errors of binary addition."""
+        """Value that is active once it is entered, free of the errors of binary addition."""
         if self.found is None:
             return self.active
         return round(self.active + self.change(decimals), 9) + 0.0
 
 
 class Explanation(Schema):
-    """What may be behind the data."""
+    """A possible state of machine and record."""
 
     ids: Ids = Field((), description="causes that act together; empty: nothing is wrong")
     pattern: str | None = Field(None, description="that no listed cause makes, in words")
@@ -110,7 +110,9 @@ class Explanation(Schema):
 
 def nothing_wrong(explanations: Iterable[Explanation]) -> float | None:
     """Probability of a sound machine, soundly measured; None where it is not worth saying."""
-    found = next((each.probability for each in explanations if each.sound), 0.0)
+    found = next(
+        (explanation.probability for explanation in explanations if explanation.sound), 0.0
+    )
     return found if found >= WORTH_SAYING else None
 
 
@@ -198,7 +200,7 @@ class Otherwise(Schema):
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis(ReadOnly):
-    """What the simulation gets wrong for one file."""
+    """Everything that the simulation gets wrong for one file."""
 
     measured: Measured
     model: Model  # that they were judged by
@@ -239,7 +241,7 @@ class Diagnosis(ReadOnly):
 
     @property
     def undecided(self) -> bool:
-        """Whether the offsets depend on what these data leave open, or would not show."""
+        """True if the offsets depend on what these data leave open, or would not show."""
         return self.verdict is Verdict.AMBIGUOUS or any(fault.matters for fault in self.unshown)
 
     @property
@@ -274,7 +276,7 @@ class Diagnosis(ReadOnly):
                 )
 
     def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
-        """What it adds to the uncertainty of the solution's offsets, by cause.
+        """Contributions to the uncertainty of the solution's offsets, by cause.
 
         Each explanation, besides the offsets alone, by the probability that the data leave it: how
         far it would move the offsets, and how much less sure of them it is.
@@ -310,7 +312,7 @@ class Diagnosis(ReadOnly):
 
     @property
     def rivals(self) -> tuple[Ids, ...]:
-        """What is open in place of the answer or besides it, in the order of `ambiguous_with`.
+        """Causes open in place of the answer or besides it, in the order of `ambiguous_with`.
 
         Causes that act together are one, unless each of them is open alone, too.
         """
@@ -326,7 +328,7 @@ class Diagnosis(ReadOnly):
 
     @property
     def spare(self) -> int:
-        """How many readings there are beyond the unknowns of the answer."""
+        """Number of readings beyond the unknowns of the answer."""
         return self.lack_of_fit.dof - sum(effect.cause.freedom for effect in self.effects)
 
     @property

@@ -201,7 +201,7 @@ def estimator_for(
     Raises:
         RankDeficientError: the readings do not determine the parameters.
     """
-    problem, which = pose_plan(plan, model, method.uses, folded=True)
+    problem, which = pose_plan(plan, model, method.uses)
     require_rank(problem)
     posed = Posed(problem, problem.at_zero[0], which)
     if method is Method.READINGS:

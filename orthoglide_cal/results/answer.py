@@ -32,7 +32,7 @@ from orthoglide_cal.schema import Schema, Sentence
 
 
 class InputFile(Schema):
-    """What the answer is about."""
+    """The file that the answer is about."""
 
     path: str
     sha256: str
@@ -57,7 +57,7 @@ class MachineName(Schema):
 
 
 class Remedy(Schema):
-    """What to do instead of entering the result.
+    """Something to do instead of entering the result.
 
     `sentence` ends with a colon where a command about the same file follows: `verb`, `options`.
     """
@@ -95,7 +95,7 @@ class Release(Schema):
 
 
 class Alone(Schema):
-    """What the parameters would be without any cause."""
+    """The parameters without any cause."""
 
     parameters: tuple[Parameter, ...]
     rms_after_mm: float
@@ -165,7 +165,7 @@ class Residual(Schema):
 
 
 class Undetermined(Schema):
-    """What these readings do not determine, and how far it may be off."""
+    """A parameter that these readings do not determine, and how far it may be off."""
 
     name: str
     within: float

@@ -153,7 +153,7 @@ class _DiagnosedSession:
         self.white = white = Whitened.of(given.measured, last.judging(given.model))
         noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
         at = Linearised.of(white, Candidates((), (), (), {(): 0.0}))
-        self.belief = Belief(at, {(): Hypothesis(at, 0.0, (), 1.0)}, ())
+        self.belief = Belief(at, {(): Hypothesis(at, 0.0)}, {})
         self.alone = self.belief.fit(())
         self.unexplained: Floats | None = None  # covariance of the offsets, shape (3, 3)
         if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:

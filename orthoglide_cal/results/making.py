@@ -136,7 +136,9 @@ def answer_to(
     budget, std = chosen.budget, chosen.budget.std_mm
     decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
     parameters = _parameters(chosen)
-    others = tuple(answer_to(other, method, details=details) for other in given.others)
+    # They may hold a release; without one only a page shows them.
+    asked = given.others if decision.usable or details else ()
+    others = tuple(answer_to(other, method, details=details) for other in asked)
     if decision.usable:
         decision = _with_others(decision, parameters, others)
     right = diagnosis.put_right if diagnosis else None
@@ -157,8 +159,10 @@ def answer_to(
         rows = promised_after(change)
     if decision.usable:
         parameters = tuple(
-            each.changed(enter=each.new(decimals) if decision.needed else each.active)
-            for each in parameters
+            parameter.changed(
+                enter=parameter.new(decimals) if decision.needed else parameter.active
+            )
+            for parameter in parameters
         )
         left = remainder(rows, real.model)
         cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
@@ -225,7 +229,7 @@ def answer_to(
         **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
         explanations=tuple(_explanations(diagnosis, solution, alone)),
         shims=tuple(_shims(diagnosis.causes)) if named else (),
-        assumed=tuple(each.id for each in diagnosis.assumed_sizes),
+        assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
         sensitivity=dict(diagnosis.sensitivity) or None,
         notes=(*decision.cautions, *diagnosis.notes),
@@ -242,13 +246,13 @@ def with_dates(
     day, sha256 = datetime.now(UTC).date().isoformat(), diagnosis.measured.source.sha256
     lasting = [effect.accepted(day, sha256) for effect in diagnosis.effects if effect.cause.lasting]
     dates = []
-    for each in inputs:
-        before, own = diagnosis.model.machine, each.model.machine
-        model = each.model.extended(effect.transferred(before, own) for effect in lasting)
-        found = _alone(replace(each, model=model), solve(each.measured, model), None)
+    for dated in inputs:
+        before, own = diagnosis.model.machine, dated.model.machine
+        model = dated.model.extended(effect.transferred(before, own) for effect in lasting)
+        found = _alone(replace(dated, model=model), solve(dated.measured, model), None)
         dates.append(
             schema.OfDate(
-                path=each.measured.source.path,
+                path=dated.measured.source.path,
                 parameters=_parameters(found),
             )
         )
@@ -266,7 +270,7 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Off
     """The parameters under what the diagnosis found."""
     model = with_causes(given.model, diagnosis)
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
-    taken = [each for each in solution.budget.contributions if each.source in held]
+    taken = [source for source in solution.budget.contributions if source.source in held]
     budget = diagnosis.budget.extended([*taken, *_warmth(given)])
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
     return OffsetEstimate(model, diagnosis.offsets_mm, budget, noise)
@@ -322,7 +326,7 @@ def _with_others(
             if abs(one.found - its.found) > math.hypot(one.expanded, its.expanded)
         ]
         data = other.input.data
-        stale = any(each.code == "stale_mesh" for each in other.validity.reservations)
+        stale = any(reservation.code == "stale_mesh" for reservation in other.validity.reservations)
         if apart and not stale:
             reasons.append(Reason.of("other_data_contradict", data=data, apart=apart))
             remedies.append(Remedy(sentence=Reason.of("probe_both")))
@@ -357,7 +361,7 @@ def _one_fit(solution: Solution, diagnosis: Diagnosis) -> Diagnosis:
 
 
 def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | None:
-    """What offsets do not remove; None where nothing but noise is left."""
+    """Deviations that offsets do not remove; None where nothing but noise is left."""
     if not stays(promised):
         return None
     left = rms(np.array([row.expected_mm for row in promised]))
@@ -403,9 +407,11 @@ def _residuals(
 
 def _undetermined(model: Model, parameters: Iterable[Parameter]) -> Iterator[schema.Undetermined]:
     """Parameters, and what no reading of this kind determines: taken as the controller has it."""
-    for each in parameters:
-        if not each.determined:
-            yield schema.Undetermined(name=each.name, within=each.expanded, unit=each.unit)
+    for parameter in parameters:
+        if not parameter.determined:
+            yield schema.Undetermined(
+                name=parameter.name, within=parameter.expanded, unit=parameter.unit
+            )
     known = {effect.cause.id for effect in model.accepted}
     for cause in (CAUSES[id] for id in model.machine.fixed_parameters if id not in known):
         yield schema.Undetermined(name=cause.id, within=cause.size(model.machine), unit=cause.unit)
@@ -453,7 +459,7 @@ def _workspace(found: OffsetEstimate, model: Model) -> Workspace | None:
 
 
 def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
-    for id, gap in ((cause.id, each) for cause in causes for each in cause.parameters):
+    for id, gap in ((cause.id, parameter) for cause in causes for parameter in cause.parameters):
         if shim := CAUSES[id].shim(gap.name, gap.value):
             rail, along = shim
             yield schema.Shim(rail=rail, along=along, mm=abs(gap.value), expanded_mm=gap.expanded)
@@ -464,13 +470,15 @@ def _explanations(
 ) -> Iterator[Explanation]:
     """Those not dismissed; the parameters alone are those of the solution."""
     bound = DISMISSED * diagnosis.explanations[0].probability
-    for each in diagnosis.explanations:
-        if not each.parameters and each.probability < (WORTH_SAYING if each.sound else bound):
+    for explanation in diagnosis.explanations:
+        if not explanation.parameters and explanation.probability < (
+            WORTH_SAYING if explanation.sound else bound
+        ):
             continue
-        if each.sound:
-            yield each.changed(rms_mm=solution.rms_after_mm, parameters=_parameters(alone))
+        if explanation.sound:
+            yield explanation.changed(rms_mm=solution.rms_after_mm, parameters=_parameters(alone))
         else:
-            yield each
+            yield explanation
 
 
 # --- may the parameters be entered? one rule for every command that says so -------------------
@@ -479,7 +487,7 @@ def _explanations(
 def release(
     solution: Solution, diagnosis: Diagnosis | None, following: NextMeasurement | None = None
 ) -> Release:
-    """Whether the solution's offsets may be entered, from its own check and the diagnosis.
+    """Decide whether the solution's offsets may be entered, from its own check and the diagnosis.
 
     Readings that this gauge can hardly have shown prevent it, whatever fits them. A named cause
     prevents it only if it moves the offsets by more than their uncertainty.
@@ -515,7 +523,7 @@ def release(
 
 
 def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[Reason]:
-    """What to know of offsets that are released."""
+    """Cautions about offsets that are released."""
     rough = 1.0 if diagnosis is None else diagnosis.left_open[0][1].scale_factor
     if solution.suspicious and rough > 1.0:
         yield Reason.of("local_shape", factor=rough)
@@ -528,7 +536,7 @@ def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[Reaso
 
 
 def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[Reason, Remedy]]:
-    """What the solution's own check has against it, each with what to do."""
+    """Objections of the solution's own check, each with what to do."""
     machine, more = solution.model.machine, Remedy(sentence=Reason.of("more_readings"))
     if not solution.converged:
         check = Remedy(sentence=Reason.of("validate"), verb="validate")
@@ -536,7 +544,7 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
         return
     columns = machine.parameter_names, machine.parameter_units, solution.offsets_mm.tolist()
     parameters = zip(*columns, machine.plausible, strict=True)
-    beyond = [each for each in parameters if abs(each[2]) > each[3]]
+    beyond = [parameter for parameter in parameters if abs(parameter[2]) > parameter[3]]
     if beyond:
         yield Reason.of("implausible", values=beyond), Remedy(sentence=Reason.of("recheck"))
     pairs = zip(machine.parameter_names, solution.determined, strict=True)
@@ -570,7 +578,7 @@ def _advice(cause: FoundCause) -> Reason:
 
 
 def _to_check(ids: Sequence[str], faults: Sequence[UnshownFault]) -> Release:
-    """What these readings would not show must be looked at before anything is entered."""
+    """Hold the release until faults that these readings would not show are looked at."""
     reasons, remedies = [Reason.of("cause_found", ids=ids)], []
     for fault in faults:
         place = {"id": fault.id, "where": fault.where}
