@@ -183,15 +183,6 @@ class Plan(ABC):
     def repeats(self) -> Ints:
         """Number of the readings that each one repeats exactly, zero and all, shape (n,)."""
 
-    @property
-    def distinct(self) -> tuple[Ints, Ints]:
-        """Readings equal but for zero and time: one of each kind, (m,), each one's kind, (n,).
-
-        By default each is its own.
-        """
-        alone = read_only(np.arange(len(self)), np.intp)
-        return alone, alone
-
     @abstractmethod
     def entry(self, index: int) -> Mapping[str, object]:
         """What one reading is of: name → value, in the unit of the name."""

@@ -144,15 +144,6 @@ class GaugePlan(Plan):
         return alike(self.leg, self.direction, self.displacement, self.contact, *self.state)[1]
 
     @cached_property
-    def distinct(self) -> tuple[Ints, Ints]:
-        if np.any(self.entered != self.stood):
-            # Where something was entered within a set-up, what a gauge shows depends on when that
-            # began: each reading is its own kind.
-            return super().distinct
-        where = (self.leg, self.direction, self.displacement, self.contact, self.gauge_at)
-        return alike(*where, *self.state)
-
-    @cached_property
     def moments(self) -> tuple[Ints, Ints]:
         """Distinct true postures: a reading of each, (m,), and each reading's one, (n,)."""
         leg = np.where(self.displacement == 0.0, 0, self.leg)
@@ -187,7 +178,8 @@ class GaugePlan(Plan):
 
     @cached_property
     def repeats(self) -> Ints:
-        return alike(self.setup, self.displacement, self.contact, self.gauge_at, *self.state)[1]
+        where = (self.leg, self.direction, self.displacement, self.contact, self.gauge_at)
+        return alike(self.setup, *where, *self.state)[1]
 
     def subset(self, chosen: Ints | Bools) -> Self:
         """As of any plan; set-ups are renumbered, and begin at their first chosen reading."""

@@ -493,8 +493,8 @@ def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContr
     # Each session's machine as it was found: not what was read with something entered meanwhile.
     plans = [each.plan.subset(each.plan.as_found) for each in (before, after)]
     values = [each.value[each.plan.as_found] for each in (before, after)]
-    both = joined(*plans)
-    first, cell = both.distinct
+    both = joined(*plans).at_once()
+    _, first, cell = np.unique(both.repeats, return_index=True, return_inverse=True)
     cells = np.arange(len(first))
     design = (cell[:, None] == cells).astype(np.float64)
     later = (np.arange(len(both)) >= len(plans[0])).astype(np.float64)
@@ -503,7 +503,7 @@ def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContr
     information, axes = np.linalg.eigh(seen.T @ seen)
     kept = information > NO_INFORMATION
     contrasts, variance = np.ascontiguousarray(axes[:, kept].T), 1.0 / information[kept]
-    plan = both.subset(first).at_once()
+    plan = both.subset(first)
     return SharedContrasts(
         kind=DataKind.READINGS,
         problem=Problem(model, plan, contrasts),

@@ -178,7 +178,6 @@ def test_touches_have_no_unknown_zero_and_distances_share_nothing() -> None:
     assert (plan.setups, plan.zeros.shape) == (0, (len(plan), 0))
     assert groups(plan.shared) == [[*range(75)], *([k] for k in range(75, 81))]
     assert plan.precision.tolist() == [1.0] * 75 + [0.4] * 6
-    assert len(plan.distinct[0]) == len(plan)
 
 
 def test_touches_of_one_spot_repeat_each_other() -> None:
@@ -189,7 +188,6 @@ def test_touches_of_one_spot_repeat_each_other() -> None:
         touched(place, np.array([0, 0, 30, 30, 0, 0])), part=np.array([0, 0, 0, 0, 1, 0])
     )
     assert groups(plan.repeats) == [[0, 1], [2, 3], [4], [5]]
-    assert len(plan.distinct[0]) == 6
     ends = np.array([[9.0, 0, 0], [9, 0, 0], [0, 9, 0]])
     assert groups(printed(0.0 * ends, ends).repeats) == [[0, 1], [2]]
 
