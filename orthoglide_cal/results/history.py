@@ -22,20 +22,19 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
 from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
+from orthoglide_cal.estimation.losses import (
+    DISMISSED,
+    MISSED_CHANGE,
+    WRONG_STORY,
+    is_dismissed,
+)
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.belief import Belief, mixture, probabilities
 from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened
-from orthoglide_cal.inference.decision import (
-    DISMISSED,
-    MISSED_CHANGE,
-    WRONG_STORY,
-    decide,
-    is_dismissed,
-    state,
-)
+from orthoglide_cal.inference.decision import decide, state
 from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.result import CauseParameter
