@@ -121,7 +121,7 @@ class OtherChange(Schema):
     noise_mm: float = Field(description="what the gauge's noise alone gives for it")
     dof: int
     p_value: float
-    found: bool = Field(description="noise alone gives it less than once in a thousand times")
+    found: bool = Field(description="noise alone hardly ever gives it")
 
 
 class ComparedDifference(Schema):
