@@ -99,14 +99,14 @@ class SessionForecast(Schema):
         reach = [np.zeros_like(noise) if part is None else part.expanded_mm for part in parted]
         values = (noise, expanded, determined(model, expanded), *reach)
         rows = zip(machine.parameter_units, *(np.asarray(v).tolist() for v in values), strict=True)
-        each = [ParameterForecast(*row) for row in rows]
+        parameters = [ParameterForecast(*row) for row in rows]
         return cls(
             model=model,
             budget=budget,
             readings=len(plan),
             noise_std_mm=lengths(model, noise),
             expanded_mm=lengths(model, expanded),
-            parameters=dict(zip(machine.parameter_names, each, strict=True)),
+            parameters=dict(zip(machine.parameter_names, parameters, strict=True)),
             **session._asdict(),
             **more,
         )
@@ -145,8 +145,7 @@ def rivals_sigma(model: Model, plan: Plan) -> float | None:
     """How far apart readings get the rivals of a kind of machine, see `SessionForecast`."""
     if not model.machine.rivals:
         return None
-    pairs = separations(model, plan, model.machine.rivals).pairs
-    return pairs[0].sigma if pairs else None
+    return next(iter(separations(model, plan, model.machine.rivals).pairs.values()), None)
 
 
 # Every method asks for the same sessions.
@@ -158,11 +157,7 @@ def session_of(
     stands: int = 2,
     order: Order = Order.PAPER,
 ) -> Layout:
-    """A session as `measure` guides it: at least one cycle, `stands` gauges read side by side.
-
-    The single-posture protocol always takes one.
-    """
-    stands = 1 if protocol is MeasuringProtocol.SINGLE else stands
+    """A session as `measure` guides it: at least one cycle, `stands` gauges read side by side."""
     steps = sequence(model.orthoglide, protocol, cycles, order, stands)
     plan, minutes = timed_plan(steps)
     what = f"{protocol}, {counted(cycles, 'cycle')}"
@@ -231,7 +226,9 @@ def fewest_cycles(
     def with_cycles(cycles: int) -> SessionForecast:
         return forecast(model, protocol, cycles, method, stands)
 
-    numbers = range(1, MOST_CYCLES + 1)
+    def enough(cycles: int) -> bool:
+        return max(with_cycles(cycles).expanded_mm.values()) <= wanted_mm
+
     # More cycles never leave a larger U.
-    at = bisect_left(numbers, -wanted_mm, key=lambda n: -max(with_cycles(n).expanded_mm.values()))
-    return with_cycles(numbers[at]) if at < len(numbers) else None
+    fewest = 1 + bisect_left(range(1, MOST_CYCLES + 1), True, key=enough)
+    return with_cycles(fewest) if fewest <= MOST_CYCLES else None
