@@ -9,12 +9,13 @@ import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from itertools import pairwise, zip_longest
+from functools import partial
+from itertools import chain, pairwise, zip_longest
 from pathlib import PurePath
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_serializer
 from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import CAUSES
@@ -41,7 +42,7 @@ from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.result import CauseParameter
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
 from orthoglide_cal.model.cause import Cause
-from orthoglide_cal.model.machine import Bed, Machine, Origin
+from orthoglide_cal.model.machine import Bed, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.validity import STEP_K
@@ -88,23 +89,6 @@ class Change(Schema):
     parameters: Sizes
 
 
-class Drift(Schema):
-    """A rate; null where no dates are known."""
-
-    name: str
-    unit: str
-    per_day: float | None = None
-    std: float | None = None
-
-
-class HomingScatter(Schema):
-    """Standard deviation of a parameter from session to session."""
-
-    name: str
-    unit: str
-    std: float
-
-
 class Reached(Schema):
     """When a limit is reached, if the best values are entered now."""
 
@@ -127,8 +111,8 @@ class History(Schema):
     probability: float
     ambiguous_with: tuple[Trend, ...] = ()
     changes: tuple[Change, ...] = ()
-    drift: tuple[Drift, ...] = ()
-    scatter: tuple[HomingScatter, ...] = ()
+    drift: Sizes = Field((), description="rates, per day if `dated`")
+    scatter: Sizes = Field((), description="of homing: std from session to session")
     pooled: Sizes = Field(description="best values now, from all sessions together")
     further: Mapping[int, tuple[float, ...]] = Field(description="sessions more → U of the same")
     prediction: Sizes = Field(description="what the next session will find")
@@ -137,6 +121,17 @@ class History(Schema):
     notes: tuple[str, ...] = ()
     next: str
     shapes: tuple[_Shape, ...] = Field((), exclude=True, repr=False)  # of a bed: first, last
+
+    @field_serializer("drift")
+    def _rates(self, drift: Sizes) -> list[dict[str, str | float | None]]:
+        """Rates; null where no dates are known."""
+        known = [(r.value, r.std) if self.dated else (None, None) for r in drift]
+        rows = zip(drift, known, strict=True)
+        return [{"name": r.name, "unit": r.unit, "per_day": v, "std": u} for r, (v, u) in rows]
+
+    @field_serializer("scatter")
+    def _stds(self, scatter: Sizes) -> list[dict[str, object]]:
+        return [size.model_dump(include={"name", "unit", "std"}) for size in scatter]
 
 
 class _DiagnosedSession:
@@ -269,37 +264,26 @@ def _standing(sessions: Sequence[_DiagnosedSession]) -> list[Ids]:
     return [max(filter(best.issuperset, own), key=own.__getitem__, default=()) for own in weights]
 
 
-class _Names:
-    """Names and units of all parameters that are compared, those of lasting causes last."""
-
-    def __init__(self, machine: Machine, causes: Sequence[Cause]) -> None:
-        self.names, self.units = [*machine.parameter_names], [*machine.parameter_units]
-        self.groups = [range(3), range(len(self.names))]
-        for cause in causes:
-            self.groups.append(range(len(self.names), len(self.names) + len(cause.names)))
-            self.names += [f"{cause.id} {name}" for name in machine.named(cause.names).values()]
-            self.units += [cause.unit] * len(cause.names)
-
-    def of(self, values: Floats, covariance: Floats, chosen: Sequence[int] = ()) -> Sizes:
-        """The chosen parameters, or all, of values (q,) and covariance (q, q)."""
-        rows = zip(values.tolist(), np.sqrt(np.diagonal(covariance)).tolist(), strict=True)
-        return tuple(
-            CauseParameter(
-                name=self.names[k], unit=self.units[k], value=value, std=std, expanded=U95 * std
-            )
-            for k, (value, std) in zip(chosen or range(len(values)), rows, strict=True)
-        )
+def _sized(
+    named: Sequence[tuple[str, str]],
+    values: Floats,
+    covariance: Floats,
+    chosen: Sequence[int] | None = None,
+) -> Sizes:
+    """Some of the parameters with these names and units, or all: values (q,), covariance (q, q)."""
+    chosen = range(len(named)) if chosen is None else chosen
+    rows = zip(chosen, values.tolist(), np.sqrt(np.diagonal(covariance)).tolist(), strict=True)
+    return tuple(
+        CauseParameter(name=named[k][0], unit=named[k][1], value=value, std=std, expanded=U95 * std)
+        for k, value, std in rows
+    )
 
 
 def _reached(
-    limit_mm: float,
-    now: Sizes,
-    rates: Sizes,
-    scatter: Sequence[HomingScatter],
-    last: datetime | None,
+    limit_mm: float, now: Sizes, rates: Sizes, scatter: Sizes, last: datetime | None
 ) -> Reached:
     """When the first length drifts to a limit: |r| t + z √(u² + t² u(r)²) = limit."""
-    beyond = tuple(s.name for s in scatter if s.unit == "mm" and U95 * s.std > limit_mm)
+    beyond = tuple(s.name for s in scatter if s.unit == "mm" and s.expanded > limit_mm)
     reached, std = Reached(limit_mm=limit_mm, scatter_exceeds=beyond), {p.name: p.std for p in now}
     for rate in (rate for rate in rates if rate.unit == "mm" and last):
         times = np.linspace(0.0, limit_mm / max(abs(rate.value), 1e-12), 100_001)
@@ -369,13 +353,19 @@ def compare(
     causes = tuple(cause for id, cause in CAUSES.items() if any(id in ids for ids in standing))
     for session, ids in zip(diagnosed, standing, strict=True):
         session.settle(ids, causes)
-    names = _Names(machine, causes)
+    named = [*zip(machine.parameter_names, machine.parameter_units, strict=True)]
+    groups = [range(3), range(len(named))]
+    for cause in causes:
+        groups.append(range(len(named), len(named) + len(cause.names)))
+        own = machine.named(cause.names).values()
+        named += [(f"{cause.id} {name}", cause.unit) for name in own]
+    sized = partial(_sized, named)
     data = DatedValues(
         np.array([session.values for session in diagnosed]),
         np.array([session.covariance for session in diagnosed]),
         [session.common for session in diagnosed],
         times,
-        names.groups,
+        groups,
     )
     verdict, probability, rivals, also, fit = _state(data)
     sessions = []
@@ -385,7 +375,7 @@ def compare(
         dated_session = DatedSession(
             path=session.given.measured.source.path,
             started=moments[k].isoformat() if dated else conditions.started,
-            parameters=names.of(session.values, total),
+            parameters=sized(session.values, total),
             own_expanded=tuple((U95 * np.sqrt(session.covariance.diagonal())).tolist()),
             fitted=tuple(fit.state(k)[0].tolist()),
             causes=standing[k],
@@ -393,16 +383,21 @@ def compare(
             gauges=tuple(gauge.id for gauge in conditions.gauges),
         )
         sessions.append(dated_session)
-    steps = [
-        (p.at, names.of(size, spread, p.subset)) for p, size, spread in fit.sizes(Trend.CHANGED)
-    ]
-    drifts = [names.of(rate, spread, p.subset) for p, rate, spread in fit.sizes(Trend.DRIFTING)]
-    rates = tuple(rate for drift in drifts for rate in drift)
-    scatter = tuple(
-        HomingScatter(name=names.names[k], unit=names.units[k], std=float(fit.homing[k]))
-        for k in np.flatnonzero(fit.scatter).tolist()
+    changes = tuple(
+        Change(
+            at=step.at,
+            before=sessions[step.at].path,
+            after=sessions[step.at + 1].path,
+            parameters=sized(size, spread, step.subset),
+        )
+        for step, size, spread in fit.sizes(Trend.CHANGED)
     )
-    now, last = names.of(*fit.state(-1)), moments[-1] if dated else None
+    drifts = (sized(rate, spread, p.subset) for p, rate, spread in fit.sizes(Trend.DRIFTING))
+    drift = tuple(chain(*drifts))
+    scattering = np.flatnonzero(fit.scatter)
+    homing = fit.homing[scattering]
+    scatter = sized(0.0 * homing, np.diag(homing**2), scattering.tolist())
+    now, last = sized(*fit.state(-1)), moments[-1] if dated else None
     decides = HOMINGS if Trend.SCATTERING in (verdict, *rivals) else AGAIN
     return History(
         machine=machine.name,
@@ -412,23 +407,17 @@ def compare(
         verdict=verdict,
         probability=probability,
         ambiguous_with=rivals,
-        changes=tuple(
-            Change(at=at, before=sessions[at].path, after=sessions[at + 1].path, parameters=step)
-            for at, step in steps
-        ),
-        drift=tuple(
-            Drift(name=r.name, unit=r.unit, **({"per_day": r.value, "std": r.std} if dated else {}))
-            for r in rates
-        ),
+        changes=changes,
+        drift=drift,
         scatter=scatter,
         pooled=now,
         further={
             n: tuple((U95 * np.sqrt(np.diagonal(fit.state(-1, more=n)[1]))).tolist())
             for n in (1, 2, 5)
         },
-        prediction=names.of(*fit.state(-1, float(np.median(np.diff(times))), measured=True)),
+        prediction=sized(*fit.state(-1, float(np.median(np.diff(times))), measured=True)),
         also=also,
-        limit=None if limit_mm is None else _reached(limit_mm, now, rates, scatter, last),
+        limit=None if limit_mm is None else _reached(limit_mm, now, drift, scatter, last),
         notes=(*notes, *_circumstances(sessions, diagnosed)),
         next=decides if rivals else ADVICE[verdict],
         shapes=tuple(

@@ -22,7 +22,7 @@ from enum import StrEnum
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, computed_field
 from scipy.linalg import block_diag
 from scipy.special import fdtrc
 
@@ -85,14 +85,13 @@ class VerifiedParameter(Schema):
     found: float = Field(description="change that the first measurement asked for")
     expanded: float
     entered: float | None = Field(description="change in the controller; null: nobody knows")
-    as_found: bool | None = Field(
-        default_factory=lambda known: (
-            None if known["entered"] is None else abs(known["entered"] - known["found"]) <= AS_FOUND
-        ),
-        description="entered is what was found",
-    )
     left: float = Field(description="change that the second measurement asks for")
     left_expanded: float
+
+    @computed_field(description="entered is what was found")
+    @property
+    def as_found(self) -> bool | None:
+        return None if self.entered is None else abs(self.entered - self.found) <= AS_FOUND
 
 
 class Coefficient(Schema):
@@ -248,8 +247,8 @@ def verify(
     second, _ = _solved(after, model)
     shared = shared_contrasts(before.measured, after.measured, model)
     later = pose(after.measured, model, table_kind(before.measured))
-    held = {each.name for each in later.which}
-    promise = [row for row in first.promised(applied, right) if row.name in held]
+    shown = {difference.name for difference in later.which}
+    promise = [row for row in first.promised(applied, right) if row.name in shown]
     rows = _differences(promise, later)
     as_left = spread({row.difference: row.after_mm for row in rows})
     response = _respond(shared, first.offsets_mm, applied)
@@ -400,16 +399,16 @@ def _differences(
         )
     gauge = later.problem.model.machine.instrument
     noise = gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
-    reach = (half_width(np.inf) * noise).tolist()
-    rank = {each.name: k for k, each in enumerate(later.which)}
+    pairs = zip(later.data.tolist(), (half_width(np.inf) * noise).tolist(), strict=True)
+    measured = dict(zip([difference.name for difference in later.which], pairs, strict=True))
     return tuple(
         ComparedDifference(
             difference=row.name,
             before_mm=row.measured_mm,
             promised_mm=row.expected_mm,
             promised_expanded_mm=row.expanded_mm,
-            after_mm=float(later.data[rank[row.name]]),
-            expanded_mm=reach[rank[row.name]],
+            after_mm=measured[row.name][0],
+            expanded_mm=measured[row.name][1],
         )
         for row in promise
     )
