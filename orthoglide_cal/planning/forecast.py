@@ -1,4 +1,4 @@
-"""What a session will give, before its first reading is taken: on any kind of machine.
+"""The forecast of a session before its first reading is taken: on any kind of machine.
 
 Everything here holds at the parameters that are plausible before anything is measured, with the
 gauge's stated noise and the degrees of freedom that the readings will have. On average it is what
@@ -48,7 +48,7 @@ def lengths(model: Model, values: Floats) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class ParameterForecast:
-    """What is expected of one calibrated parameter, in its unit."""
+    """The forecast of one calibrated parameter, in its unit."""
 
     unit: str
     noise_std: float
@@ -59,7 +59,7 @@ class ParameterForecast:
 
 
 class SessionForecast(Schema):
-    """What a `Layout` or a session like it will give."""
+    """The forecast of a `Layout`, or of a session like it."""
 
     model: Model = Field(exclude=True)
     plan: Plan = Field(exclude=True)
@@ -79,7 +79,7 @@ class SessionForecast(Schema):
     def of(
         cls, model: Model, session: Layout, method: Method = Method.READINGS, **more: Any
     ) -> Self:
-        """What a method finds of a session's readings, on average; `more` as of a subclass.
+        """Forecast what a method finds of a session's readings; `more` as of a subclass.
 
         Raises:
             RankDeficientError: they will not determine the parameters; says what to add.
@@ -131,13 +131,13 @@ class SessionForecast(Schema):
 
     @cached_property
     def floor(self) -> Budget | None:
-        """What is left of it besides the scatter of the readings; None if that is nothing."""
+        """The budget without the scatter of the readings; None if nothing is left of it."""
         return _without(self.budget, AVERAGED)
 
 
 def _without(budget: Budget, sources: Collection[str]) -> Budget | None:
     left = budget.without(sources).contributions
-    parts = tuple(each for each in left if np.any(each.std_mm**2 > TINY))
+    parts = tuple(part for part in left if np.any(part.std_mm**2 > TINY))
     return Budget(parts) if parts else None
 
 
@@ -173,7 +173,7 @@ def forecast(
     method: Method = Method.READINGS,
     stands: int = 2,
 ) -> SessionForecast:
-    """What a session of a protocol will give.
+    """Forecast a session of a protocol.
 
     The method is one that the readings of a `session_of` these can feed.
 
@@ -186,7 +186,7 @@ def forecast(
 def estimator_for(
     model: Model, plan: Plan, uncertain: Sequence[Influence], method: Method = Method.READINGS
 ) -> Floats:
-    """What a small change of each reading does to the parameters, shape (p, n).
+    """Derivatives of the parameters by the readings, shape (p, n).
 
     Args:
         plan: n readings.
@@ -200,7 +200,7 @@ def estimator_for(
     require_rank(problem)
     posed = Posed(problem, problem.at_zero[0], which)
     if method is Method.READINGS:
-        columns = np.hstack([each.columns for each in uncertain])
+        columns = np.hstack([influence.columns for influence in uncertain])
         posed = posed.weighted(problem.matrix @ columns / model.machine.instrument.noise_mm)
     # The slope hardly depends on the offsets: near zero every method is a linear one.
     return np.asarray(method.estimator(posed) @ posed.problem.matrix)
@@ -211,8 +211,10 @@ def _plausible_influences(model: Model, plan: Plan) -> tuple[Influence, ...]:
     """Influences on these readings: their squares are the means over plausible parameters."""
     points = model.machine.linearization_points
     share = 1.0 / np.sqrt(len(points))
-    found = influences(model, points, plan)
-    return tuple(replace(each, columns=share * np.hstack([*each.columns])) for each in found)
+    return tuple(
+        replace(influence, columns=share * np.hstack([*influence.columns]))
+        for influence in influences(model, points, plan)
+    )
 
 
 def fewest_cycles(

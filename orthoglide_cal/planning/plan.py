@@ -50,12 +50,12 @@ METHODS: Mapping[MeasuringProtocol, tuple[Method, ...]] = {
 # More repeats hardly change what can be distinguished, but the time that it takes to say so.
 MOST_COMPARED = 10
 ROUNDING = 1e-9
-# Distinguished: so far from each other that chance does not count [standard deviations].
+# Causes that are separated by more than this are distinguished [standard deviations].
 CERTAIN_SIGMA = 5.0
 
 
 class Wanted(NamedTuple):
-    """What somebody wants to measure; None where they say nothing."""
+    """A wish what to measure; None where nothing is said."""
 
     protocol: MeasuringProtocol | None = None
     cycles: int | None = None
@@ -98,7 +98,7 @@ class Target:
 
 
 class MeasurementPlan(Schema):
-    """What a session will give before a reading is taken; its dump is `plan --json`.
+    """The forecast of a session, and of other ways to measure; its dump is `plan --json`.
 
     The floor is less than what the session leaves in addition to scatter: more readings say more
     about what else is uncertain.
@@ -146,7 +146,7 @@ class MeasurementPlan(Schema):
 def measurement_plan(
     model: Model, wanted: Wanted, following: tuple[Option, ...] = (), details: bool = True
 ) -> MeasurementPlan:
-    """What the session that is wanted will give, and what other ways there are.
+    """Forecast the session that is wanted, and other ways to measure.
 
     `following` is what to measure in addition to existing data, best first. Without `details` only
     the best design is compared with the session.
@@ -218,9 +218,9 @@ def chosen_session(model: Model, wanted: Wanted) -> SessionForecast:
         raise UsageError("--layout is for printers.", "Name a --protocol instead.")
     protocol, method = wanted.protocol or MeasuringProtocol.DOUBLE, Method.READINGS
     if wanted.target_mm is not None:
-        found = fewest_cycles(model, protocol, method, wanted.stands, wanted.target_mm)
-        if found is not None:
-            return found
+        shortest = fewest_cycles(model, protocol, method, wanted.stands, wanted.target_mm)
+        if shortest is not None:
+            return shortest
     return forecast(model, protocol, wanted.cycles or CYCLES, method, wanted.stands)
 
 
@@ -233,25 +233,27 @@ def _compared(
     """Each way, with as many cycles and for the same U; the best design comes last."""
     wanted = max(chosen.expanded_mm.values()) * (1.0 + ROUNDING)
 
-    def fewest_moves(found: SessionForecast, protocol: MeasuringProtocol) -> SessionForecast:
+    def fewest_moves(usual: SessionForecast) -> SessionForecast:
         """The same readings in the order that moves the gauges least, which leaves U as it is."""
-        session = session_of(model, protocol, found.cycles, stands, Order.FEWEST_MOVES)
-        return found.model_copy(update=session._asdict())
+        protocol = MeasuringProtocol(usual.name)
+        session = session_of(model, protocol, usual.cycles, stands, Order.FEWEST_MOVES)
+        return usual.changed(**session._asdict())
 
     for protocol, methods in ways.items():
         for method in methods:
             same = forecast(model, protocol, chosen.cycles, method, stands)
             as_sure = fewest_cycles(model, protocol, method, stands, wanted)
-            found = None if as_sure is None else fewest_moves(as_sure, protocol)
-            yield Alternative(protocol, method, fewest_moves(same, protocol), found)
+            yield Alternative(
+                protocol, method, fewest_moves(same), as_sure and fewest_moves(as_sure)
+            )
 
 
 def _fewest_readings(model: Model, cycles: int, way: Alternative) -> BestDesign:
     """The best design for the same U; with as many cycles where no number reaches it."""
-    found, design = way.same_expanded or way.same_cycles, design_of(model.machine)
+    session, design = way.same_expanded or way.same_cycles, design_of(model.machine)
     usual, best = session_of(model, MeasuringProtocol.DOUBLE, cycles).plan, design.plan(cycles)
     return BestDesign(
-        **{name: getattr(found, name) for name in SessionForecast.model_fields},
+        **{name: getattr(session, name) for name in SessionForecast.model_fields},
         reached=way.same_expanded is not None,
         gauge_at=design.gauge_at,
         margin=MARGIN,
@@ -275,7 +277,7 @@ def _offered(
     best = _distinguishing(model)
     usual = (SessionForecast.of(model, layout) for layout in layouts)
     offered = (*usual,) if best is None else (*usual, best)
-    names = {each.name: each for each in offered}
+    names = {session.name: session for session in offered}
     name = wanted.layout or (offered[0] if best is None else best).name
     if name not in names:
         raise UsageError(f"There is no layout {name!r}.", f"Choose one of {', '.join(names)}.")

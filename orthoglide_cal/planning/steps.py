@@ -112,16 +112,16 @@ def sequence(
 
 
 def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, stands: int) -> str:
-    """What `measure` and `plan` are told for a `sequence`; nothing for the usual one."""
+    """Options of `measure` and `plan` for a `sequence`; none for the usual one."""
     single = protocol is MeasuringProtocol.SINGLE
-    told = {
+    options = {
         "--protocol single": single,
         "--design best": protocol is MeasuringProtocol.BEST,
         f"--cycles {cycles}": cycles != CYCLES,
         f"--order {order}": order is not Order.PAPER,
         f"--gauges {stands}": stands != 2 and not single,
     }
-    return " ".join(option for option, said in told.items() if said)
+    return " ".join(option for option, needed in options.items() if needed)
 
 
 def steps_of(

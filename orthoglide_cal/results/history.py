@@ -256,12 +256,11 @@ def _fit_with(causes: tuple[Cause, ...], hypotheses: Sequence[Hypothesis]) -> li
 def _standing(sessions: Sequence[_DiagnosedSession]) -> list[Ids]:
     """Lasting causes at each date: of those of the likeliest set for all that show any."""
     weights = [session.log_weight for session in sessions]
-    shown = [own for own in weights if max(own, key=own.__getitem__, default=())]
-    total = {
-        ids: sum(own.get(ids, min(own.values())) for own in shown) for own in shown for ids in own
-    }
+    shown = [weight for weight in weights if max(weight, key=weight.__getitem__, default=())]
+    sets = dict.fromkeys(ids for weight in shown for ids in weight)
+    total = {ids: sum(w.get(ids, min(w.values())) for w in shown) for ids in sets}
     best = {*max(sorted(total), key=total.__getitem__, default=())}
-    return [max(filter(best.issuperset, own), key=own.__getitem__, default=()) for own in weights]
+    return [max(filter(best.issuperset, w), key=w.__getitem__, default=()) for w in weights]
 
 
 def _sized(
@@ -303,18 +302,18 @@ def moment_of(given: Input, stated: str | None = None) -> datetime | None:
     named = _IN_NAME.search(PurePath(given.measured.source.path).name)
     name = "T".join(filter(None, named.groups())).replace("-", "") if named else ""
     try:
-        found = datetime.fromisoformat((stated or given.conditions.started or name).strip())
+        moment = datetime.fromisoformat((stated or given.conditions.started or name).strip())
     except ValueError:
         if stated is None:
             return None
         raise UsageError(f"{stated!r} is no date.", "Write --dates 2026-03-02,2026-04-07") from None
-    return found.replace(tzinfo=found.tzinfo or UTC)
+    return moment.replace(tzinfo=moment.tzinfo or UTC)
 
 
 def compare(
     inputs: Sequence[Input], dates: Sequence[str] = (), limit_mm: float | None = None
 ) -> History:
-    """What happened to a machine from session to session.
+    """Compare the sessions of a machine.
 
     Args:
         inputs: two or more sessions of it.
@@ -338,7 +337,7 @@ def compare(
     if dated:
         order = sorted(range(len(inputs)), key=moments.__getitem__)
         inputs, moments = [inputs[k] for k in order], [moments[k] for k in order]
-        times = np.array([(each - moments[0]) / timedelta(days=1) for each in moments])
+        times = np.array([(moment - moments[0]) / timedelta(days=1) for moment in moments])
     machine = inputs[-1].model.machine
     notes = [] if dated else ["Not every file has a date: the order given counts."]
     notes += _one_machine([given.model for given in inputs])
@@ -357,8 +356,8 @@ def compare(
     groups = [range(3), range(len(named))]
     for cause in causes:
         groups.append(range(len(named), len(named) + len(cause.names)))
-        own = machine.named(cause.names).values()
-        named += [(f"{cause.id} {name}", cause.unit) for name in own]
+        names = machine.named(cause.names).values()
+        named += [(f"{cause.id} {name}", cause.unit) for name in names]
     sized = partial(_sized, named)
     data = DatedValues(
         np.array([session.values for session in diagnosed]),
@@ -447,10 +446,10 @@ def _state(
 
 
 def _one_machine(models: Sequence[Model]) -> list[str]:
-    """What differs between the machines of the sessions; raises UsageError if they are several."""
+    """Differences between the machines of sessions; raises UsageError for several machines."""
     last = models[-1]
-    pairs = ((machine_values(each), machine_values(last.judging(each))) for each in models)
-    other = {key for own, by in pairs for key in own if own[key] != by.get(key)}
+    pairs = ((machine_values(model), machine_values(last.judging(model))) for model in models)
+    other = {key for then, by in pairs for key in then if then[key] != by.get(key)}
     if other & {"kind", "name", "leg_length_mm", "joint_limits_mm"}:
         names = listed([*dict.fromkeys(model.machine.name for model in models)])
         raise UsageError(
@@ -467,12 +466,12 @@ def _one_machine(models: Sequence[Model]) -> list[str]:
 def _circumstances(
     sessions: Sequence[DatedSession], diagnosed: Sequence[_DiagnosedSession]
 ) -> Iterator[str]:
-    """What else differed between the sessions, and which causes they show."""
-    warm = [each.temperature_c for each in sessions if each.temperature_c is not None]
+    """Other differences between the sessions, and the causes that they show."""
+    warm = [s.temperature_c for s in sessions if s.temperature_c is not None]
     if warm and max(warm) - min(warm) > STEP_K:
         swing = f"{min(warm):.1f} to {max(warm):.1f} °C"
         yield f"The temperature differs ({swing}); what follows it is not a change of the machine."
-    if len({each.gauges for each in sessions if each.gauges}) > 1:
+    if len({s.gauges for s in sessions if s.gauges}) > 1:
         yield "The gauges differ; the scale error of each set is accounted for."
     if len({tuple(session.white.machine.nominal_rails.lengths) for session in diagnosed}) > 1:
         yield "The arm lengths in the firmware differ: parameters are compared at the last ones."
@@ -483,8 +482,8 @@ def _circumstances(
         entered = ", ".join(f"{name} {signed(by, 3)}" for name, by in moved if abs(by) > 1e-9)
         if entered and not old.differing(new):
             yield f"Recorded adjustment between {one.path} and {two.path}: {entered} mm."
-    for id in dict.fromkeys(id for each in sessions for id in each.causes):
-        shown = [each.path for each in sessions if id in each.causes]
+    for id in dict.fromkeys(id for session in sessions for id in session.causes):
+        shown = [session.path for session in sessions if id in session.causes]
         where = "all sessions: it is pooled" if len(shown) == len(diagnosed) else listed(shown)
         yield f"{id} shows in {where}."
 
