@@ -250,14 +250,17 @@ def _compared(
 
 def _fewest_readings(model: Model, cycles: int, way: Alternative) -> BestDesign:
     """The best design for the same U; with as many cycles where no number reaches it."""
-    session, design = way.same_expanded or way.same_cycles, design_of(model.machine)
-    usual, best = session_of(model, MeasuringProtocol.DOUBLE, cycles).plan, design.plan(cycles)
+    session, (postures, gauge_at) = way.same_expanded or way.same_cycles, design_of(model.machine)
+    usual, best = (
+        session_of(model, protocol, cycles).plan
+        for protocol in (MeasuringProtocol.DOUBLE, MeasuringProtocol.BEST)
+    )
     return BestDesign(
         **{name: getattr(session, name) for name in SessionForecast.model_fields},
         reached=way.same_expanded is not None,
-        gauge_at=design.gauge_at,
+        gauge_at=gauge_at,
         margin=MARGIN,
-        postures_mm=design.displacements_mm,
+        postures_mm=postures,
         share_of_readings=readings_needed(model, best) / readings_needed(model, usual),
     )
 

@@ -15,6 +15,7 @@ from orthoglide_cal.model.orthoglide import (
     double_posture,
     plan_of,
     single_posture,
+    visiting,
 )
 from orthoglide_cal.model.plan import Ints
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, Series
@@ -107,7 +108,8 @@ def sequence(
         case MeasuringProtocol.SINGLE:
             plan = single_posture(machine, cycles, closing=True)
         case MeasuringProtocol.BEST:
-            plan = design_of(machine).plan(cycles)
+            displacements, gauge_at = design_of(machine)
+            plan = visiting(displacements * cycles, gauge_at)
     return steps_of(plan, machine, order, stands)
 
 
