@@ -20,6 +20,7 @@ from orthoglide_cal.estimation.accuracy import (
 )
 from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
 from orthoglide_cal.estimation.least_squares import OPTIMAL, LeastSquaresFit, fit_offsets
+from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, UNLISTED, surprising
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
 from orthoglide_cal.model.machine import Influence, Instrument, Suspicion
@@ -29,7 +30,7 @@ from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only
 from orthoglide_cal.schema import Reason
 
 # Below this chance the residuals are called larger than the gauge's noise.
-SUSPICIOUS = 0.001
+SUSPICIOUS = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, NEEDLESS_HOLD)
 # Below this one they are called larger than usual.
 UNUSUAL = 0.01
 

@@ -2,8 +2,8 @@
 
 A technician is told that nothing is wrong, a name, several answers that are left open, or that no
 listed cause explains the data. Each statement is weighed by what it costs if it is wrong; the table
-below is the only place where that is stated, in minutes of a workshop. Everything else follows from
-the belief: no probability is compared with a number of its own.
+is in `estimation.losses`. Everything else follows from the belief: no probability is compared with
+a number of its own.
 """
 
 from __future__ import annotations
@@ -17,6 +17,19 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import chance_of_residual
+from orthoglide_cal.estimation.losses import (
+    DISMISSED,
+    FALSE_RELEASE,
+    MENTION,
+    MISSED_FAULT,
+    NEEDLESS_HOLD,
+    OPEN_ANSWER,
+    UNLISTED,
+    WRONG_NAME,
+    is_dismissed,
+    is_likely,
+    surprising,
+)
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture
 from orthoglide_cal.inference.candidates import Ids
@@ -26,38 +39,10 @@ from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.plan import Floats, Groups
 
-# --- losses [min] -----------------------------------------------------------------------------
-
-# An answer is left open: one more measurement, stands fetched, set up and read.
-OPEN_ANSWER = 30.0
-# A sound part is named: it is ordered and replaced, the machine is calibrated again, and the fault
-# is still there. A week of 50 hours.
-WRONG_NAME = 3000.0
-# Offsets are entered that a fault of the record has falsified: what is made until the next check,
-# half a week, is scrap.
-FALSE_RELEASE = 1500.0
-# A fault that these readings hardly show is missed: it is found at the next check, and one session
-# more has to be measured then, with its set-up.
-MISSED_FAULT = 75.0
-# A fault is looked for, or corrected, that is not there: the machine stands still for two hours.
-NEEDLESS_HOLD = 120.0
-# A step, drift or scatter of a machine is stated that is none: carriage, couplings and switches are
-# taken apart in vain. A day of ten hours.
-WRONG_STORY = 600.0
-# A change of the machine is missed: the next session shows it, and what the machine, a little off,
-# has made since is measured again. A quarter of a day.
-MISSED_CHANGE = 150.0
-# A cause is mentioned as not excluded: its name is read, in five seconds.
-MENTION = 0.075
-
-# A session begins: stands are fetched, the machine is stopped and warmed up.
-SITTING = 30.0
-# An answer is still open after a measurement: somebody comes back for it, a shift later.
-STILL_OPEN = 480.0
-
-# Probability relative to the answer below which one that contradicts it is dismissed: to keep it
-# open would cost more than to be wrong.
-DISMISSED = OPEN_ANSWER / WRONG_NAME
+# The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
+# than stated. If something beyond the list acts with them, an open question costs a measurement in
+# vain; if not, to look for it in the set-up costs a hold.
+MISFIT = surprising(UNLISTED / (1.0 - UNLISTED), OPEN_ANSWER, NEEDLESS_HOLD)
 
 # --- limits of effort -------------------------------------------------------------------------
 
@@ -73,9 +58,6 @@ WEIGHS = 0.01
 # A place less probable than this is not looked at, no more than so many; where a fault would not
 # show, one less probable than the last is not mentioned.
 PLACE_COUNTS, PLACES, PLACE_LIKELY = 0.002, 6, 0.05
-# The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
-# than stated: in so many of right answers it leaves more by chance.
-MISFIT = 2e-4
 # A cause that many times its plausible size is beyond it; for the search for one of any size.
 BEYOND, ANY_SIZE = 3.0, 1e3
 
@@ -92,19 +74,6 @@ def keep_ratio(ids: Ids, best: Ids) -> float:
     return OPEN_ANSWER / (FALSE_RELEASE if is_sizeless(ids, best) else MISSED_FAULT)
 
 
-def is_dismissed(probability: float, missed: float) -> bool:
-    """Return whether to keep something open costs more than to miss it, a loss in minutes."""
-    return probability * missed < OPEN_ANSWER
-
-
-def is_likely(nothing: float, missed: float, needless: float) -> bool:
-    """Return whether to miss something, of minutes `missed`, costs more than a needless search.
-
-    `nothing` is the probability that there is nothing.
-    """
-    return (1.0 - nothing) * missed >= nothing * needless
-
-
 def state(
     belief: Mapping[Key, float], nothing: Key, missed: float, needless: float
 ) -> tuple[Key, tuple[Key, ...]]:
@@ -118,11 +87,6 @@ def state(
     lost = needless if happened else missed
     others.remove(stated)
     return stated, tuple(key for key in others if not is_dismissed(belief[key], lost))
-
-
-def loss_after(minutes: float, chance: float) -> float:
-    """Expected loss of a session of its own, which leaves one answer with this chance [min]."""
-    return SITTING + minutes + (1.0 - chance) * STILL_OPEN
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,7 +223,7 @@ class Decision:
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.
         lost = belief.beyond * OPEN_ANSWER > belief.something * NEEDLESS_HOLD
-        if lost or self._misfit < MISFIT:
+        if lost or self._chance_beyond(belief.fit(best)) < MISFIT:
             return Verdict.UNEXPLAINED
         # To name what is beyond the list costs a wrong name for each cause, and false offsets.
         risk = len(best) * (WRONG_NAME + FALSE_RELEASE) * belief.beyond
@@ -289,13 +253,14 @@ class Decision:
             rivals = ()
         return tuple(dict.fromkeys(id for ids in rivals for id in ids if id not in self.best))
 
-    @cached_property
-    def _misfit(self) -> float:
-        """Chance that noise leaves more than the best set of causes does."""
-        at, fit = self.belief.at, self.belief.fit(self.best)
-        noise = max(at.noise.stated, fit.sigma if at.local else 0.0)
-        square = float(fit.residual @ fit.residual)
-        return chance_of_residual(square, len(at.white) - fit.unknowns, noise)
+    def _chance_beyond(self, fit: Fit) -> float:
+        """Chance that noise leaves more than a fit does, as large as its statement may mean."""
+        at = self.belief.at
+        square, dof = float(fit.residual @ fit.residual), len(at.white) - fit.unknowns
+        if at.local:
+            return chance_of_residual(square, dof, max(at.noise.stated, fit.sigma))
+        by_noise = [chance_of_residual(square, dof, sigma) for sigma in at.noise.sigma]
+        return float(np.exp(at.noise.log_weight) @ by_noise)
 
     @cached_property
     def unseen(self) -> Ids:
@@ -411,11 +376,9 @@ class Decision:
                 (fit,) = fit_explanations([replace(hypotheses[(cause.id,)], scale=ANY_SIZE)])
             except PostureError:  # no machine of any size is like that
                 continue
-            square, spare = float(fit.residual @ fit.residual), len(at.white) - fit.unknowns
-            noise = fit.sigma if at.local else at.noise.stated
             times = fit.effects[0].times(at.white.machine)
-            if times > BEYOND and chance_of_residual(square, spare, noise) >= MISFIT:
-                explaining.append((square, cause.id, times))
+            if times > BEYOND and self._chance_beyond(fit) >= MISFIT:
+                explaining.append((float(fit.residual @ fit.residual), cause.id, times))
         return tuple((id, times) for _, id, times in sorted(explaining))
 
     @property

@@ -12,16 +12,11 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import half_width, rms, scatter_of_repeats
+from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
 from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.inference.data import Whitened, unit_of
-from orthoglide_cal.inference.decision import (
-    BEYOND,
-    DISMISSED,
-    Decision,
-    decide,
-    decide_by,
-)
+from orthoglide_cal.inference.decision import BEYOND, Decision, decide, decide_by
 from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
 from orthoglide_cal.inference.result import (
     CauseParameter,

@@ -30,6 +30,7 @@ from orthoglide_cal.estimation.gaussian import (
     whiten_shared,
 )
 from orthoglide_cal.estimation.least_squares import fit_offsets
+from orthoglide_cal.estimation.losses import MISSED_CHANGE, UNLISTED, WRONG_STORY, surprising
 from orthoglide_cal.inference.candidates import Ids, ids_of
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.hypothesis import (
@@ -58,7 +59,7 @@ STEEP = 100.0
 # So many touches for each calibrated parameter say how rough a bed is.
 ENOUGH = 2
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
-MOVED = 1e-4
+MOVED = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_CHANGE, WRONG_STORY)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,8 @@ from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
-from orthoglide_cal.inference.candidates import UNLISTED, Ids, ids_of
+from orthoglide_cal.estimation.losses import UNLISTED
+from orthoglide_cal.inference.candidates import Ids, ids_of
 from orthoglide_cal.inference.data import OFFSETS_MM, Extra, Linearised, Placed
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.cause import Cause, Place

@@ -17,14 +17,14 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from orthoglide_cal.estimation.gaussian import log_density, log_mean, log_sum
-from orthoglide_cal.inference.belief import probabilities
-from orthoglide_cal.inference.decision import (
+from orthoglide_cal.estimation.losses import (
     FALSE_RELEASE,
     MISSED_FAULT,
     NEEDLESS_HOLD,
     is_dismissed,
-    state,
 )
+from orthoglide_cal.inference.belief import probabilities
+from orthoglide_cal.inference.decision import state
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.words import MM_PER_INCH
 

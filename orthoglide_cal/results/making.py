@@ -37,6 +37,7 @@ from orthoglide_cal.estimation.accuracy import (
     rms,
 )
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
+from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
     Diagnosis,
@@ -50,7 +51,6 @@ from orthoglide_cal.inference import (
     nothing_wrong,
 )
 from orthoglide_cal.inference.data import unit_of
-from orthoglide_cal.inference.decision import DISMISSED
 from orthoglide_cal.inference.result import WORTH_SAYING
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
