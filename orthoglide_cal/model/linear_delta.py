@@ -410,15 +410,14 @@ class LinearDelta(Machine):
         if spread <= UNEQUAL_MM:
             return super().doubted
         first, second, third = (f"{arm:.1f}" for arm in arms)
-        what = (
+        doubt = Suspicion(
             f"Arms of {first}, {second} and {third} mm are stored; printers of this kind have equal"
-            " arms."
+            " arms.",
+            f"They are taken to be off by as much as they differ, {spread:.1f} mm: measure them"
+            " from joint centre to joint centre.",
+            spread,
         )
-        remedy = (
-            f"They are taken to be off by as much as they differ, {spread:.1f} mm: measure"
-            " them from joint centre to joint centre."
-        )
-        return MappingProxyType({"leg_length": Suspicion(what, remedy, spread)})
+        return MappingProxyType({"leg_length": doubt})
 
     @property
     def active(self) -> tuple[float, ...]:

@@ -1,6 +1,5 @@
 """What gauges on the legs read: axes, postures, and the plan of such readings."""
 
-from collections import Counter
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
@@ -168,12 +167,10 @@ class GaugePlan(Plan):
     @cached_property
     def cycles(self) -> Ints:
         """Repeats counted in time within each part and cell, from 1, shape (n,)."""
-        alike = list(zip(self.part.tolist(), self.cells.tolist(), strict=True))
-        seen: Counter[tuple[int, int]] = Counter()
-        cycles = np.empty(len(self), dtype=np.intp)
-        for index in self.in_time.tolist():
-            seen[alike[index]] += 1
-            cycles[index] = seen[alike[index]]
+        kind = alike(self.part, self.cells)[1]
+        rows = np.lexsort((self.order, kind))
+        cycles = np.empty_like(rows)
+        cycles[rows] = 1 + np.arange(len(self)) - np.searchsorted(kind[rows], kind[rows])
         return read_only(cycles, np.intp)
 
     @cached_property
