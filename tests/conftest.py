@@ -22,6 +22,8 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
+from tests import decisions  # noqa: E402, F401  # after that: it loads numpy
+
 # A shell starts background jobs with this signal ignored, and children inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
