@@ -3,14 +3,16 @@
 A decision is a pure function of them, which `tests.inference.test_verdicts` asserts of `decide`.
 """
 
+import functools
 import importlib
 from collections.abc import Hashable
 from dataclasses import fields
 
 import numpy as np
 
+from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.decision import Decision, decide
+from orthoglide_cal.inference.decision import Decision, decide, decide_by
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import ReadOnly
 
@@ -37,5 +39,11 @@ def decide_once(white: Whitened) -> Decision:
     return _decisions[key]
 
 
-for name in ("inference.diagnose", "results.history"):
-    vars(importlib.import_module(f"orthoglide_cal.{name}"))["decide"] = decide_once
+DIAGNOSE, HISTORY = (
+    vars(importlib.import_module(f"orthoglide_cal.{name}"))
+    for name in ("inference.diagnose", "results.history")
+)
+DIAGNOSE["decide"] = HISTORY["decide"] = decide_once
+# And what follows from the very same decision with all tolerances halved and doubled.
+DIAGNOSE["decide_by"] = functools.lru_cache(KEPT)(decide_by)
+Belief.scaled = functools.lru_cache(KEPT)(Belief.scaled)  # type: ignore[method-assign]
