@@ -1,6 +1,7 @@
 """Programs that the tests start are those of this checkout; random examples are always the same."""
 
 import functools
+import gc
 import os
 import shutil
 import signal
@@ -33,6 +34,11 @@ settings.load_profile("steady")
 
 # Options are made of the functions' signatures once, not for every command that a test runs.
 typer.testing._get_command = functools.cache(typer.testing._get_command)
+
+
+def pytest_collection_finish() -> None:
+    """Keep what was loaded and collected out of the search for garbage: it stays to the end."""
+    gc.freeze()
 
 
 @pytest.fixture
