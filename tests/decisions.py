@@ -1,6 +1,7 @@
 """The same data under the same model are decided once in a process, whichever tests ask.
 
 A decision is a pure function of them, which `tests.inference.test_verdicts` asserts of `decide`.
+A test that replaces a part of the inference calls `decide` itself.
 """
 
 import functools
