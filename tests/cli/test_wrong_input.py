@@ -18,7 +18,6 @@ from tests.session.virtual import answered, readings_of, steps_of, typed
 from .program import DOUBLE, SIX, answer, done, refused, run
 
 PROTOTYPE = (shipped_folder() / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
-DELTA = str(shipped_folder() / "linear_delta.yaml")
 
 
 def test_apply_says_nothing_is_entered_before_it_asks(tmp_path: Path) -> None:
