@@ -228,8 +228,8 @@ class Decision:
         lost = belief.beyond * OPEN_ANSWER > belief.something * NEEDLESS_HOLD
         if lost or self._chance_beyond(belief.fit(best)) < MISFIT:
             return Verdict.UNEXPLAINED
-        # To name what is beyond the list costs a wrong name for each cause.
-        risk = len(best) * WRONG_NAME * belief.beyond
+        # To name what is beyond the list costs a wrong name for each cause, and false offsets.
+        risk = len(best) * (WRONG_NAME + FALSE_RELEASE) * belief.beyond
         if risk <= OPEN_ANSWER * belief.something:
             return Verdict.AMBIGUOUS if self._others else Verdict.NAMED
         # Two causes follow nearly any pattern: a further measurement would not decide.
