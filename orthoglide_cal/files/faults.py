@@ -1,15 +1,16 @@
 """Everything that is wrong with one file, each fault with its place; pydantic's errors in words."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
-from typing import NamedTuple, get_args, get_type_hints
+from typing import Any, NamedTuple, get_args, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
 from orthoglide_cal.errors import InputError, InvalidFileError
-from orthoglide_cal.schema import parse_number, shortened
+from orthoglide_cal.files.text import FileText
+from orthoglide_cal.schema import parse_number, shortened, yaml_number
 from orthoglide_cal.words import listed
 
 Steps = tuple[str | int, ...]
@@ -27,7 +28,7 @@ WORDS = {
     "model_type": ("This must be a group of keys.", "Write `name: value` lines, indented."),
     "list_type": ("This must be a list.", "Write [first, second] or `- …` lines."),
     "number_type": ("This must be a number.", "Write a plain number such as 310.25."),
-    "string_type": ("This must be text.", "Write a word or put the text in quotes."),
+    "string_type": ("This must be one value, as text.", "Write a word or put the text in quotes."),
     "literal_error": ("This {key} is not known.", "{near}Known: {known}."),
     "greater_than": ("The number must be greater than {gt:g}.", _NUMBER),
     "greater_than_zero": ("The number must be greater than zero.", "Give its size."),
@@ -67,9 +68,6 @@ class Faults:
         self.file = file
         self.problems: list[InputError] = []
 
-    def __bool__(self) -> bool:
-        return bool(self.problems)
-
     def add(
         self,
         what: str,
@@ -93,11 +91,46 @@ class Faults:
         except InputError as error:
             self.add(error.what, error.remedy, line, column, shortened(text))
 
+    def error(self) -> InvalidFileError:
+        """All faults, at least one, by line."""
+        problems = sorted(self.problems, key=lambda fault: fault.line or 0)
+        return InvalidFileError(problems, file=self.file)
+
+    def check(self) -> None:
+        """Raise `error()` if there are any faults."""
+        if self.problems:
+            raise self.error()
+
+
+class Content(Faults):
+    """The content of a file as dicts, lists and texts, with the lines of them, and its faults."""
+
+    def __init__(self, document: FileText) -> None:
+        super().__init__(document.path)
+        self.document = document
+        self.value: Any = None  # dict, list, str or None, nested
+        self.lines: dict[Steps, int] = {}  # of each node, from 1
+
+    def place(self, path: Steps) -> FaultPlace:
+        """Where the node at `path` stands; of one that is missing, where its parent does."""
+        value, there = self.value, path
+        while there and there not in self.lines:
+            there = there[:-1]
+        for step in there:
+            value = value[step]
+        text = value if there == path and isinstance(value, str) else None
+        return FaultPlace(self.lines.get(there, 1), dotted(path), text)
+
+    def note(self, path: Steps, what: str, remedy: str, value: str | None = None) -> None:
+        """Note a fault of the node at `path`; `value` instead of the text there."""
+        line, column, text = self.place(path)
+        self.add(what, remedy, line, column, value or text)
+
     def take(
         self,
         error: ValidationError,
         schema: object,
-        place: Callable[[Steps], FaultPlace],
+        at: Steps = (),
         words: Mapping[str, tuple[str, str]] = {},
     ) -> None:
         """Note everything that pydantic found.
@@ -105,7 +138,7 @@ class Faults:
         Args:
             error: what it raised.
             schema: what the content was checked by, for the names that are known there.
-            place: from a path inside the content to its place in the file.
+            at: path of what was checked.
             words: instead of those for all files: "missing posture" → (what, remedy).
         """
         for each in error.errors(include_url=False):
@@ -116,7 +149,7 @@ class Faults:
                 for problem in cause.problems:
                     inner = _STEP.findall(problem.column or "")
                     steps = (int(index) if index else name for index, name in inner)
-                    self.add(problem.what, problem.remedy, *place((*path, *steps)))
+                    self.add(problem.what, problem.remedy, *self.place((*at, *path, *steps)))
                 continue
             known = _QUOTED.findall(given.get("expected", ""))
             meant = ""
@@ -145,17 +178,11 @@ class Faults:
                 "near": nearest(meant, known),
                 "known": ", ".join(known),
             }
-            self.add(what.format(**said), remedy.format(**said), *place(path))
+            self.add(what.format(**said), remedy.format(**said), *self.place((*at, *path)))
 
-    def error(self) -> InvalidFileError:
-        """All faults, at least one, by line."""
-        problems = sorted(self.problems, key=lambda fault: fault.line or 0)
-        return InvalidFileError(problems, file=self.file)
-
-    def check(self) -> None:
-        """Raise `error()` if there are any faults."""
-        if self.problems:
-            raise self.error()
+    def number(self, text: str) -> float:
+        """The number that a text of this file writes. Raises InputError without a place."""
+        return yaml_number(text)
 
 
 def dotted(path: Steps) -> str:

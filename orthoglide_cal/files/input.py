@@ -18,8 +18,6 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import gcode, klipper, machine_file, probe_readings
 from orthoglide_cal.files.probe_readings import PrinterFile
 from orthoglide_cal.files.readings import (
-    CODED_COLUMNS,
-    DIFFERENCE_COLUMNS,
     Conditions,
     conditions_in,
     differences_from_table,
@@ -37,7 +35,6 @@ from orthoglide_cal.schema import Schema
 # The machine that the user names, or the settings of its firmware.
 Known = Model | PrinterFile
 
-_CODED = (*DIFFERENCE_COLUMNS, *CODED_COLUMNS)
 _YAML = re.compile(r"""(---|%YAML|\{|\[|-\s|["']?[A-Za-z_][A-Za-z_0-9 ]*["']?\s*:(\s|$))""")
 # Keys at the beginning of a line; parsing every file of a large folder would take seconds.
 _KEY = re.compile(
@@ -281,7 +278,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     entered = judge.machine.entered_from(document.sha256)
     if entered and entered.before:
         judge = judge.holding(entered.before)
-    table = read_table(document, _CODED)
+    table = read_table(document)
     columns = set(table.columns)
     places = columns & set(probe_readings.PLACE_COLUMNS)
     probed = bool(places) and not columns & {"leg", "difference"}

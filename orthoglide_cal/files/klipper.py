@@ -431,7 +431,7 @@ def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Stored | None:
     x, y = (_grid(settings, section, axis) for axis in "xy")
     lines, rows = _rows(settings, section, len(x), len(y))
     stated = settings.number("bed_mesh", "mesh_radius", 0.0, low=0.0)
-    if settings.faults:
+    if settings.faults.problems:
         return None
     probed = _probed(*np.meshgrid(x, y), rows, stated)
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
@@ -505,7 +505,7 @@ def _rows(settings: _Settings, section: str, across: int, along: int) -> tuple[l
     if along and len(points.texts) != along:
         what = f"The mesh has {len(points.texts)} rows, y_count says {along}."
         settings.note(section, "points", what, _AGAIN, points.line)
-    return [line for line, _ in points.texts], np.array([] if settings.faults else rows)
+    return [line for line, _ in points.texts], np.array([] if settings.faults.problems else rows)
 
 
 def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:

@@ -19,9 +19,9 @@ from pydantic_core import PydanticCustomError
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
-from orthoglide_cal.files.faults import WORDS, Steps, nearest
+from orthoglide_cal.files.faults import WORDS, Content, Steps, nearest
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes, read_document
-from orthoglide_cal.files.yaml_tree import Tree, edited, load_tree, yaml_text
+from orthoglide_cal.files.yaml_tree import edited, load_tree, yaml_text
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Entered, JointOffsets, Machine
@@ -173,9 +173,9 @@ def read_machine_file(path: Path | str) -> StoredMachine:
     return machine_file_in(load_tree(file))
 
 
-def machine_file_in(tree: Tree) -> StoredMachine:
+def machine_file_in(tree: Content) -> StoredMachine:
     """The machine file that a parsed document is. Raises as `read_machine_file` does."""
-    value, file = tree.value, tree.file
+    value, file = tree.value, tree.document
     if not isinstance(value, dict):
         remedy = f"Copy configs/{DEFAULT_NAME} and change its values."
         raise InputError("This is not a machine file.", remedy, file=file.path, line=1)
@@ -186,9 +186,9 @@ def machine_file_in(tree: Tree) -> StoredMachine:
     if file.text.startswith(WRITTEN) and "complete" not in value:
         what = "The last line, `complete: true`, is missing: the file was cut off."
         remedy = "Take it from a copy; add the line only if you know that nothing is missing."
-        tree.faults.add(what, remedy, line=file.text.count("\n"), column="complete")
-    if model is None or tree.faults:
-        raise tree.faults.error()
+        tree.add(what, remedy, line=file.text.count("\n"), column="complete")
+    if model is None or tree.problems:
+        raise tree.error()
     remark = "It does not say `identified:`. Was it cut off? If not, add the line `identified: []`."
     return StoredMachine(model, file, () if "identified" in value else (remark,))
 
@@ -218,13 +218,12 @@ def shipped_folder() -> Path:
     return inside if inside.is_dir() else package.parent / "configs"
 
 
-def machine_in(tree: Tree, path: Steps) -> Model | None:
+def machine_in(tree: Content, path: Steps) -> Model | None:
     """The machine that a group of keys describes; None after noting what is wrong with it."""
     value = tree.value
     for step in path:
         value = value.get(step)
-    faults, before = tree.faults, len(tree.faults.problems)
-
+    before = len(tree.problems)
     if not isinstance(value, dict):
         if path[-1] in tree.value:
             tree.note(path, *WORDS["model_type"])
@@ -244,7 +243,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
         remedy = f"{nearest(str(kind), MACHINES)}Known: {', '.join(MACHINES)}."
         tree.note((*path, "kind"), "This kind of machine is not known.", remedy)
     elif "kind" not in value and kind != kind_of({}):
-        faults.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
+        tree.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
     found: list[Any] = []
     schemas: tuple[type[Schema] | None, ...] = made, _Around
     for schema in filter(None, schemas):
@@ -252,7 +251,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
         try:
             found.append(schema.model_validate(part, context=own))
         except ValidationError as error:
-            faults.take(error, schema, lambda inner: tree.place((*path, *inner)))
+            tree.take(error, schema, path)
     tolerances = value.get("tolerances")
     causes = _causes_of(own)
     for id, text in tolerances.items() if made and isinstance(tolerances, dict) else ():
@@ -271,7 +270,7 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
         if 0.0 < size < _SMALLEST_TOLERANCE:
             what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
             tree.note(at, what, "Give 0 to rule it out.")
-    if len(faults.problems) > before:
+    if len(tree.problems) > before:
         return None
     machine, rest = found
     return Model(machine, tuple(each.effect(own) for each in rest.identified))
@@ -287,7 +286,7 @@ def _unknown_cause(id: str, known: list[str]) -> tuple[str, str]:
     return what, f"{nearest(id, known)}Known: {', '.join(known)}."
 
 
-def is_machine_file(tree: Tree) -> bool:
+def is_machine_file(tree: Content) -> bool:
     """Whether a file without readings has a key that makes it a machine file, or means to."""
     keys = set(tree.value) if isinstance(tree.value, dict) else set()
     known = machine_values(default_machine()).keys() - {"name"}

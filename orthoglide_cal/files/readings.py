@@ -2,27 +2,26 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
-from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import AfterValidator, AliasChoices, ConfigDict, Field
+from pydantic import AliasChoices, ConfigDict, Field
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.faults import Content, Steps
 from orthoglide_cal.files.rows import (
+    DIFFERENCE_NAMES,
+    KIND_WORDS,
     LATEST_MINUTES,
     TURNED,
-    Length,
-    Reading,
+    DifferenceRow,
     ReadingRow,
-    Record,
-    Row,
     Rows,
     check_order,
+    difference_name,
 )
 from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
@@ -30,14 +29,8 @@ from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Re
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import known_plan
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, number_setups
-from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number, yaml_number
+from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number
 
-_SESSION_COLUMNS = ("timestamp", "reason")
-READING_COLUMNS = (
-    *(name for name in ReadingRow.model_fields if name not in _SESSION_COLUMNS),
-    "reading_in",
-)
-CODED_COLUMNS = tuple(name for name in READING_COLUMNS if name not in ("gauge", "note"))
 # The note of a reading that was questioned and kept, with its step.
 QUESTIONED = "kept although questioned (r {}): {}"
 _QUESTIONED = re.compile(r"kept although questioned \(r ([0-9]+)\): ([^;:]+)")
@@ -117,52 +110,44 @@ class Conditions(Circumstances):
 
 def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
     """The readings of a CSV. Raises InvalidFileError with everything that is wrong."""
-    needed = ("leg", "posture", "direction", "reading_mm")
-    remarks = table.check_header(needed, READING_COLUMNS, "reading_in")
-    table.check_split_numbers(CODED_COLUMNS)
-    # What only a session may have is no part of a table.
-    records = [
-        replace(each, cells={k: v for k, v in each.cells.items() if k not in _SESSION_COLUMNS})
-        for each in table.rows
-    ]
-    return readings_from_records(
-        records, machine, table.file.source, table.faults, table.number, remarks=remarks
-    )
+    remarks = table.check_header(ReadingRow)
+    for cells in table.rows:
+        for name in ReadingRow.only_in_sessions:
+            cells.pop(name, None)
+    return readings_in(table, machine, remarks=remarks)
 
 
-def readings_from_records(
-    records: Sequence[Record],
+def readings_in(
+    content: Content,
     machine: Orthoglide,
-    source: Source,
-    faults: Faults,
-    number: Callable[[str], float] = yaml_number,
+    path: Steps = (),
     *,
     started: str | None = None,
     remarks: Sequence[str] = (),
 ) -> Readings:
-    """Convert and check the records of a file, by the limits of a machine.
+    """Convert and check the readings of a file, by the limits of a machine.
 
     Args:
-        records: in the order of the file.
-        faults, remarks: those found earlier; these are added.
-        number: what a text is as a number; raises InputError.
+        content: of the file, with the faults found earlier; these are added.
+        path: of the list of readings.
         started: when the session began, ISO 8601, for times without `minutes`.
+        remarks: those found earlier; these are added.
 
     Raises:
-        InvalidFileError: everything that is wrong with the records.
+        InvalidFileError: everything that is wrong with the file.
     """
     leg = machine.leg_length_mm
     than = "the leg is long"
     longest = {"reading_mm": (leg, "reading", than), "entered": (leg, "offset", than)}
-    reading = Reading(number, longest, machine.joint_limits_mm)
-    checking = Rows(records, ReadingRow, reading, faults)
-    checking.check_complete(("seq", "cycle", "minutes", "end"))
-    clock = _clock(checking, started)
-    check_order(checking, clock)
-    _check_parts(checking)
-    lines = [record.line for record in records]
-    readings = readings_of(checking.checked(), machine, source, lines, clock)
-    return replace(readings, remarks=(*remarks, *_remarks(readings, records, machine)))
+    rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.joint_limits_mm)
+    rows.check_complete(("seq", "cycle", "minutes", "end"))
+    clock = _clock(rows, started)
+    check_order(rows, clock)
+    _check_parts(rows)
+    checked = rows.checked()
+    lines = [rows.line(index) for index in range(len(checked))]
+    readings = readings_of(checked, machine, content.document.source, lines, clock)
+    return replace(readings, remarks=(*remarks, *_remarks(readings, rows.cells, machine)))
 
 
 def readings_of(
@@ -291,7 +276,7 @@ def readings_csv(readings: Readings) -> str:
 def _clock(rows: Rows[ReadingRow], started: str | None) -> list[float] | None:
     """Minutes from the timestamps; None unless all readings have one and none has `minutes`."""
     taken = {index: row.timestamp for index, row in rows.sound if row.timestamp}
-    if not taken or len(taken) < len(rows.sound) or any("minutes" in r.cells for r in rows.records):
+    if not taken or len(taken) < len(rows.sound) or any("minutes" in cells for cells in rows.cells):
         return None
     moments = {index: datetime.fromisoformat(at) for index, at in taken.items()}
     try:
@@ -321,7 +306,9 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
         last = max(last, part)
 
 
-def _remarks(readings: Readings, records: Sequence[Record], machine: Orthoglide) -> list[str]:
+def _remarks(
+    readings: Readings, rows: Sequence[Mapping[str, str]], machine: Orthoglide
+) -> list[str]:
     """What the user should know although nothing is wrong."""
     remarks = []
     travel = machine.gauge.range_mm
@@ -336,75 +323,39 @@ def _remarks(readings: Readings, records: Sequence[Record], machine: Orthoglide)
     if not readings.timed:
         assumed = f"{_MINUTES_PER_READING:g} minutes per reading were assumed."
         remarks.append(f"Times were not given, or are all the same; {assumed}")
-    if readings.timed or "cycle" in records[0].cells:
+    if readings.timed or "cycle" in rows[0]:
         # Cycle or minutes should tell repeats apart.
         lines: dict[frozenset[tuple[str, str]], int] = {}
-        for row in records:
-            content = frozenset(item for item in row.cells.items() if item[0] != "seq")
+        for line, cells in zip(readings.line.tolist(), rows, strict=True):
+            content = frozenset(item for item in cells.items() if item[0] != "seq")
             if content in lines:
-                repeats = f"Line {row.line} repeats line {lines[content]} word for word"
+                repeats = f"Line {line} repeats line {lines[content]} word for word"
                 remarks.append(f"{repeats}; both were used.")
-            lines.setdefault(content, row.line)
+            lines.setdefault(content, line)
     return remarks
 
 
 # --- differences of readings, as the paper prints them --------------------------------------------
 
-DIFFERENCE_COLUMNS = ("difference", "value_mm", "value_in")
-_KINDS = {
-    DataKind.SIX: "max − min",
-    DataKind.TWELVE: "relative to the isotropic posture",
-    DataKind.SINGLE: "tool end − joint end",
-}
-_NAMED = {each.name for known in DIFFERENCES.values() for each in known}
-_KNOWN = "Direction first, leg second. Known: {}.".format(
-    "; ".join(
-        f"{kind} ({_KINDS[kind]}): {', '.join(each.name for each in known)}"
-        for kind, known in DIFFERENCES.items()
-    )
-)
-
-
-def _canonical(text: str) -> str:
-    """The canonical name; the leading d may be missing, or a delta."""
-    name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
-    if name not in _NAMED:
-        raise InputError("This is not the name of a difference.", _KNOWN)
-    return name
-
-
-class DifferenceRow(Row):
-    """A difference as the paper prints it."""
-
-    difference: Annotated[str, AfterValidator(_canonical)]
-    value_mm: Length
-
-    noun = "difference"
-    inches = "value_in"
-    empty: ClassVar[Mapping[str, str]] = {
-        "difference": _KNOWN,
-        "value_mm": "Give the value or remove the row.",
-    }
-
 
 def differences_from_table(table: Table, machine: Orthoglide) -> Differences:
     """The differences of a CSV. Raises InvalidFileError with everything that is wrong."""
-    remarks = table.check_header(DIFFERENCE_COLUMNS[:2], DIFFERENCE_COLUMNS, DIFFERENCE_COLUMNS[2])
+    remarks = table.check_header(DifferenceRow)
     longest = {"value_mm": (machine.leg_length_mm, "difference", "the leg is long")}
-    checking = Rows(table.rows, DifferenceRow, Reading(table.number, longest), table.faults)
-    kind = _kind(checking)
-    rows = {row.difference: row.value_mm for row in checking.checked()}
+    rows = Rows(table, DifferenceRow, longest=longest)
+    kind = _kind(rows)
+    values = {row.difference: row.value_mm for row in rows.checked()}
     known = {each.name: each for each in DIFFERENCES[kind]}
-    if missing := [name for name in known if name not in rows]:
+    if missing := [name for name in known if name not in values]:
         remarks.append(f"Of the {kind} differences these are missing: {', '.join(missing)}.")
-    if kind is DataKind.TWELVE and rows.keys() <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:
+    if kind is DataKind.TWELVE and values.keys() <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:
         remarks.append(
             "These names were taken as max and min relative to the isotropic posture; a"
             " single-posture file also has dz_x0 or dz_y0."
         )
-    which = tuple(known[name] for name in rows)
-    value = np.array(list(rows.values()))
-    return Differences(kind, which, value, table.file.source, remarks=tuple(remarks))
+    which = tuple(known[name] for name in values)
+    value = np.array(list(values.values()))
+    return Differences(kind, which, value, table.document.source, remarks=tuple(remarks))
 
 
 def _kind(rows: Rows[DifferenceRow]) -> DataKind:
@@ -412,9 +363,9 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     # The single set shares four names with the twelve; its own two decide.
     known = {kind: {each.name for each in DIFFERENCES[kind]} for kind in DIFFERENCES}
     names: dict[int, str] = {}
-    for index, record in enumerate(rows.records):
+    for index, cells in enumerate(rows.cells):
         with suppress(InputError):
-            names[index] = _canonical(record.cells.get("difference", ""))
+            names[index] = difference_name(cells.get("difference", ""))
     order = [DataKind.TWELVE, DataKind.SIX]
     if {"dz_x0", "dz_y0"} & set(names.values()):
         order.insert(0, DataKind.SINGLE)
@@ -422,12 +373,12 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     first: dict[str, int] = {}
     for index, name in names.items():
         if name not in known[kind]:
-            others = f"{kind} ({_KINDS[kind]})"
+            others = f"{kind} ({KIND_WORDS[kind]})"
             what = f"The name is of another kind than the others, which are {others}."
-            rows.note(index, "difference", what, f"Give one kind in one file. {_KNOWN}")
+            rows.note(index, "difference", what, f"Give one kind in one file. {DIFFERENCE_NAMES}")
         elif name in first:
             what = f"The difference is already in line {first[name]}."
             remedy = "Give each difference once; average repeats, or give the raw readings."
             rows.note(index, "difference", what, remedy)
-        first.setdefault(name, rows.records[index].line)
+        first.setdefault(name, rows.line(index))
     return kind
