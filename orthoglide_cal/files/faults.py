@@ -56,7 +56,7 @@ _STEP = re.compile(r"\[([0-9]+)\]|([^.\[\]]+)")
 class FaultPlace(NamedTuple):
     """Where a fault is: line from 1, column header or dotted path, and the text there."""
 
-    line: int
+    line: int | None
     column: str | None
     value: str | None
 
@@ -180,7 +180,7 @@ class Content(Faults):
             }
             self.add(what.format(**said), remedy.format(**said), *self.place((*at, *path)))
 
-    def number(self, text: str) -> float:
+    def parse(self, text: str) -> float:
         """The number that a text of this file writes. Raises InputError without a place."""
         return yaml_number(text)
 

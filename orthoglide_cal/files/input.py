@@ -25,7 +25,13 @@ from orthoglide_cal.files.readings import (
 )
 from orthoglide_cal.files.session_file import session_from_tree
 from orthoglide_cal.files.table import read_table
-from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, read_document
+from orthoglide_cal.files.text import (
+    YAML_LIMIT,
+    FileText,
+    document_from_bytes,
+    read_bytes,
+    read_document,
+)
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import Excerpt, Measured, Readings, Source
@@ -130,19 +136,17 @@ def check_file(
     """Check a file of any kind, also of a machine; arguments as of `read_input`.
 
     With what was found, what was measured: None for a machine, or if the file is not valid. Raises
-    UnreadableError: there is nothing to check.
+    InputError: it cannot be read at all, so that there is nothing to check.
     """
-    input = CheckedFile(path=path)
+    input, data = CheckedFile(path=path), read_bytes(path)
     try:
-        file = read_document(path)
+        file = document_from_bytes(data, path)
         input = input.changed(sha256=file.sha256)
         if _is_yaml(file) and machine_file.is_machine_file(tree := load_tree(file)):
             held = machine_file.machine_file_in(tree)
             input, name = input.changed(kind="machine"), held.model.machine.name
             return Check(input=input, machine=name, remarks=held.remarks), None
         given = read_input(file, model, otherwise, stored)
-    except UnreadableError:
-        raise
     except InputError as error:
         faults = tuple(map(Fault.model_validate, error.problems))
         return Check(input=input, valid=False, problems=faults), None

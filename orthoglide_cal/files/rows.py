@@ -275,7 +275,7 @@ class Rows(Generic[R]):
         wanted: bool = True,
     ) -> None:
         self.content, self.path, self.noun = content, path, schema.noun
-        self.number, self.wanted = content.number, wanted
+        self.number, self.wanted = content.parse, wanted
         self.longest, self.travel = longest, travel
         self.in_inches = ""  # the column that the row being read gives in inches
         self.cells: list[dict[str, str]] = []  # column → text, of cells that are not empty
@@ -303,7 +303,7 @@ class Rows(Generic[R]):
 
     def line(self, index: int) -> int:
         """The line at which a row begins."""
-        return self.content.place((*self.path, index)).line
+        return self.content.lines[*self.path, index]
 
     def note(self, index: int, column: str, what: str, remedy: str) -> None:
         """Note a fault in row `index`."""

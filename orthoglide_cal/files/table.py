@@ -39,7 +39,7 @@ class Table(Content):
         self.value = self.rows
         self.decimal_comma = False  # the delimiter leaves the comma free
 
-    def number(self, text: str) -> float:
+    def parse(self, text: str) -> float:
         return parse_number(text, decimal_comma=self.decimal_comma)
 
     def place(self, path: Steps) -> FaultPlace:
