@@ -66,8 +66,7 @@ class Conditions(Circumstances):
     """Circumstances as recorded; the gauges are those of the session, or labels in the readings."""
 
     environment: tuple[tuple[str, str], ...] = ()  # name, and what is said of it
-    temperature_c: tuple[float, float] | None = None  # lowest and highest of the thermometer
-    first_and_last_c: tuple[float, float] | None = None  # its first and last reading in time
+    temperature_c: tuple[float, ...] = ()  # of the thermometer, in the order of time
     retaken: int = 0  # number of readings that were replaced
     skipped: int = 0  # number of steps that were left out
     notes: tuple[tuple[int, str], ...] = ()  # (line of the file, remark)
@@ -78,34 +77,36 @@ class Conditions(Circumstances):
         found = (_QUESTIONED.match(note) for _, note in self.notes)
         return tuple((each[1], each[2]) for each in found if each)
 
-    def _told_c(self, end: int, *names: str) -> float | None:
+    def _stated_c(self, end: int, *names: str) -> float | None:
         """What the environment states under one of these names, else the thermometer at one end."""
         for name in names:
             with suppress(InputError):
                 return parse_number(dict(self.environment).get(name, ""))
-        return self.first_and_last_c[end] if self.first_and_last_c else None
+        return self.temperature_c[end] if self.temperature_c else None
 
     @property
     def temperature_start_c(self) -> float | None:
         """As the environment states it, else of the thermometer; None if neither."""
-        return self._told_c(0, "temperature_start_c", "temperature_c")
+        return self._stated_c(0, "temperature_start_c", "temperature_c")
 
     @property
     def temperature_end_c(self) -> float | None:
         """As the environment states it, else of the thermometer; None if neither."""
-        return self._told_c(-1, "temperature_end_c")
+        return self._stated_c(-1, "temperature_end_c")
 
     @property
     def temperatures_c(self) -> tuple[float, ...]:
         """Every temperature that is known; empty if none is."""
         ends = (self.temperature_start_c, self.temperature_end_c)
-        return (*(self.temperature_c or ()), *(each for each in ends if each is not None))
+        return (*self.temperature_c, *(end for end in ends if end is not None))
 
     @property
     def mean_temperature_c(self) -> float | None:
-        """Of the thermometer, else of what the environment states; None if neither."""
+        """Middle of the thermometer's range, else mean of what is stated; None if neither."""
         known = self.temperature_c or self.temperatures_c
-        return sum(known) / len(known) if known else None
+        if not known:
+            return None
+        return (min(known) + max(known)) / 2.0
 
 
 def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
@@ -212,8 +213,7 @@ def conditions_in(readings: Readings) -> Conditions:
     labels = dict.fromkeys(label for label in readings.gauge if label)
     notes = zip(readings.line.tolist(), readings.note, strict=True)
     return Conditions(
-        temperature_c=(min(known), max(known)) if known else None,
-        first_and_last_c=(known[0], known[-1]) if known else None,
+        temperature_c=tuple(known),
         gauges=tuple(GaugeIdentity(id=label) for label in labels),
         notes=tuple((line, note) for line, note in notes if note),
     )
