@@ -149,7 +149,8 @@ class Content(Faults):
                 for problem in cause.problems:
                     inner = _STEP.findall(problem.column or "")
                     steps = (int(index) if index else name for index, name in inner)
-                    self.add(problem.what, problem.remedy, *self.place((*at, *path, *steps)))
+                    place = (*at, *path, *steps)
+                    self.note(place, problem.what, problem.remedy, problem.value)
                 continue
             known = _QUOTED.findall(given.get("expected", ""))
             meant = ""

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 
 import numpy as np
-from pydantic import BeforeValidator, ValidationError, ValidationInfo, field_validator
+from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_model, field_validator
 from pydantic_core import PydanticCustomError
 
 from orthoglide_cal.causes import CAUSES
@@ -26,7 +26,7 @@ from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Entered, JointOffsets, Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that, yaml_number
+from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
@@ -138,13 +138,41 @@ class Identified(Schema):
 
 
 class _Around(Schema):
-    """What a machine file says besides the machine."""
+    """What a machine file says besides the machine; the context is the class of the machine."""
 
     schema_version: Version
     identified: Annotated[
         tuple[Identified, ...], BeforeValidator(lambda given: () if given is None else given)
     ] = ()
     complete: Annotated[str, _TRUE] | None = None
+
+    @field_validator("tolerances", check_fields=False)
+    @classmethod
+    def _of_causes(cls, sizes: Mapping[str, float], info: ValidationInfo) -> Mapping[str, float]:
+        machine = cast(type[Machine], info.context)
+        known, faults = _causes_of(machine), []
+        for id, size in sizes.items():
+            if id not in known:
+                faults.append(InputError(*_unknown_cause(id, known), column=id, value=id))
+                continue
+            usual = CAUSES[id].usual(machine) or 0.0
+            if size > _LARGEST_TOLERANCE * usual:
+                times = f"{_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}"
+                remedy = f"Give it in {CAUSES[id].unit or 'its unit'}."
+                faults.append(InputError(f"That is more than {times}.", remedy, column=id))
+            if 0.0 < size < _SMALLEST_TOLERANCE:
+                what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
+                faults.append(InputError(what, "Give 0 to rule it out.", column=id))
+        if faults:
+            raise InvalidFileError(faults)
+        return sizes
+
+
+@functools.cache
+def _file_schema(machine: type[Machine]) -> type[_Around]:
+    """The whole file of a kind of machine."""
+    bases: tuple[type[Schema], ...] = _Around, machine
+    return cast(type[_Around], create_model(f"{machine.__name__}File", __base__=bases))
 
 
 @dataclass(frozen=True)
@@ -231,49 +259,23 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
             tree.note(path, "The key is missing.", "Add a line `machine: …`.")
         return None
     kind = value.get("kind", kind_of(value))
-    made = MACHINES.get(kind) if isinstance(kind, str) else None
-    own = made or MACHINES[kind_of(value)]
-    order = sorted(own.model_fields, key=lambda key: key in Machine.model_fields)
-    known = list(dict.fromkeys(("schema_version", "kind", "name", *order, *_Around.model_fields)))
-    for key in value:
-        if key not in known:
-            remedy = f"{nearest(key, known)}Known here: {', '.join(known)}."
-            tree.note((*path, key), "The key is not known.", remedy)
-    if made is None:
+    if not isinstance(kind, str) or kind not in MACHINES:
         remedy = f"{nearest(str(kind), MACHINES)}Known: {', '.join(MACHINES)}."
         tree.note((*path, "kind"), "This kind of machine is not known.", remedy)
-    elif "kind" not in value and kind != kind_of({}):
+        return None
+    if "kind" not in value and kind != kind_of({}):
         tree.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
-    found: list[Any] = []
-    schemas: tuple[type[Schema] | None, ...] = made, _Around
-    for schema in filter(None, schemas):
-        part = {key: value[key] for key in value if key in schema.model_fields}
-        try:
-            found.append(schema.model_validate(part, context=own))
-        except ValidationError as error:
-            tree.take(error, schema, path)
-    tolerances = value.get("tolerances")
-    causes = _causes_of(own)
-    for id, text in tolerances.items() if made and isinstance(tolerances, dict) else ():
-        at = (*path, "tolerances", id)
-        if id not in causes:
-            tree.note(at, *_unknown_cause(id, causes), id)
-            continue
-        usual = CAUSES[id].usual(own) or 0.0
-        size = 0.0
-        with suppress(InputError):  # said of the machine
-            size = yaml_number(text)
-        if _LARGEST_TOLERANCE * usual < size <= 1e6:
-            times = f"{_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}"
-            remedy = f"Give it in {CAUSES[id].unit or 'its unit'}."
-            tree.note(at, f"That is more than {times}.", remedy)
-        if 0.0 < size < _SMALLEST_TOLERANCE:
-            what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
-            tree.note(at, what, "Give 0 to rule it out.")
+    machine = MACHINES[kind]
+    schema = _file_schema(machine)
+    try:
+        file = schema.model_validate(value, context=machine)
+    except ValidationError as error:
+        tree.take(error, schema, path)
     if len(tree.problems) > before:
         return None
-    machine, rest = found
-    return Model(machine, tuple(each.effect(own) for each in rest.identified))
+    fields = {name: getattr(file, name) for name in machine.model_fields}
+    effects = tuple(entry.effect(machine) for entry in file.identified)
+    return Model(machine.model_construct(**fields), effects)
 
 
 def _causes_of(machine: type[Machine]) -> list[str]:

@@ -84,7 +84,7 @@ BAD = [
     (L, "leg_length_mm: [1]", 7, "leg_length_mm", None, "must be a number", "plain number"),
     (L, "leg_lenght_mm: 310.25", 3, "leg_length_mm", None, "missing", "leg_length_mm: …"),
     (L, L + "\nkind:", 8, "kind", None, "kind of machine", "Known: orthoglide"),
-    (L, L + "\nL: 3", 8, "L", "3", "not known", "Known here: schema_version"),
+    (L, L + "\nL: 3", 8, "L", "3", "not known", "Known here: kind, name"),
     (L, L + "\n" + L, 8, "leg_length_mm", "310.25", "given twice", "Remove"),
     ("[-100, 60]", "[60, -100]", 10, "joint_limits_mm", None, "ordered", "displacements"),
     ("[-100, 60]", "[-100, 370.25]", 10, "joint_limits_mm[1]", "370.25", "beyond", "not the joint"),
