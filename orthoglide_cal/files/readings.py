@@ -21,7 +21,6 @@ from orthoglide_cal.files.rows import (
     ReadingRow,
     Rows,
     check_order,
-    difference_name,
 )
 from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
@@ -142,12 +141,12 @@ def readings_in(
     longest = {"reading_mm": (leg, "reading", than), "entered": (leg, "offset", than)}
     rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.joint_limits_mm)
     rows.check_complete(("seq", "cycle", "minutes", "end"))
-    clock = _clock(rows, started)
-    check_order(rows, clock)
+    _time(rows, started)
+    check_order(rows)
     _check_parts(rows)
     checked = rows.checked()
     lines = [rows.line(index) for index in range(len(checked))]
-    readings = readings_of(checked, machine, content.document.source, lines, clock)
+    readings = readings_of(checked, machine, content.document.source, lines)
     return replace(readings, remarks=(*remarks, *_remarks(readings, rows.cells, machine)))
 
 
@@ -156,17 +155,15 @@ def readings_of(
     machine: Orthoglide,
     source: Source,
     lines: Sequence[int],
-    clock: Sequence[float] | None = None,
 ) -> Readings:
     """Checked rows in the order of their file, and their lines, as arrays.
 
-    The machine gives the postures, and `clock` the minutes of each row; None for its own, if any.
+    The machine gives the postures.
     """
     first = rows[0]  # what is numbered or timed in one row is so in all
-    minutes = clock or [row.minutes or 0.0 for row in rows]
+    minutes = [row.minutes or 0.0 for row in rows]
     # The same time for all means no times.
-    told = clock is not None or first.minutes is not None
-    timed = told and (len(rows) == 1 or len(set(minutes)) > 1)
+    timed = first.minutes is not None and (len(rows) == 1 or len(set(minutes)) > 1)
     in_time = np.argsort([-1 if row.seq is None else row.seq for row in rows], kind="stable")
     order = np.argsort(in_time)
     contact = np.array([Contact[(row.end or "fixed").upper()] for row in rows], dtype=np.intp)
@@ -273,11 +270,11 @@ def readings_csv(readings: Readings) -> str:
     return csv_text(columns, texts)
 
 
-def _clock(rows: Rows[ReadingRow], started: str | None) -> list[float] | None:
-    """Minutes from the timestamps; None unless all readings have one and none has `minutes`."""
+def _time(rows: Rows[ReadingRow], started: str | None) -> None:
+    """Give the rows the minutes of their timestamps, if all have one and none has `minutes`."""
     taken = {index: row.timestamp for index, row in rows.sound if row.timestamp}
     if not taken or len(taken) < len(rows.sound) or any("minutes" in cells for cells in rows.cells):
-        return None
+        return
     moments = {index: datetime.fromisoformat(at) for index, at in taken.items()}
     try:
         first = datetime.fromisoformat(started) if started else min(moments.values())
@@ -286,12 +283,12 @@ def _clock(rows: Rows[ReadingRow], started: str | None) -> list[float] | None:
         what = "Some times have a time zone and others have none."
         remedy = "Write all of them, and `started`, in the same way."
         rows.note(min(taken), "timestamp", what, remedy)
-        return None
-    for index, value in minutes.items():
-        if not 0.0 <= value <= LATEST_MINUTES:
+        return
+    for index, row in rows.sound:
+        rows.rows[index] = row.changed(minutes=minutes[index])
+        if not 0.0 <= minutes[index] <= LATEST_MINUTES:
             what = "The time is before `started`, or years after it."
             rows.note(index, "timestamp", what, "Correct the time, or `started`.")
-    return [minutes.get(index, 0.0) for index in range(len(rows.rows))]
 
 
 def _check_parts(rows: Rows[ReadingRow]) -> None:
@@ -362,10 +359,7 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     """The kind that most of the names belong to; the others are faults, and so are repeats."""
     # The single set shares four names with the twelve; its own two decide.
     known = {kind: {each.name for each in DIFFERENCES[kind]} for kind in DIFFERENCES}
-    names: dict[int, str] = {}
-    for index, cells in enumerate(rows.cells):
-        with suppress(InputError):
-            names[index] = difference_name(cells.get("difference", ""))
+    names = {index: row.difference for index, row in rows.sound}
     order = [DataKind.TWELVE, DataKind.SIX]
     if {"dz_x0", "dz_y0"} & set(names.values()):
         order.insert(0, DataKind.SINGLE)

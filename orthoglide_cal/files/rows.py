@@ -220,7 +220,7 @@ DIFFERENCE_NAMES = "Direction first, leg second. Known: {}.".format(
 )
 
 
-def difference_name(text: str) -> str:
+def _difference(text: str) -> str:
     """The canonical name; the leading d may be missing, or a delta."""
     name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
     if name not in _NAMED:
@@ -231,7 +231,7 @@ def difference_name(text: str) -> str:
 class DifferenceRow(Row):
     """A difference as the paper prints it."""
 
-    difference: Annotated[str, AfterValidator(difference_name)]
+    difference: Annotated[str, AfterValidator(_difference)]
     value_mm: Length = Field(validation_alias=AliasChoices("value_mm", "value_in"))
 
     noun = "difference"
@@ -326,20 +326,15 @@ class Rows(Generic[R]):
     def check_complete(self, columns: Sequence[str]) -> None:
         """Each of these columns is filled in every row or in none."""
         for column in columns:
-            filled = [index for index, cells in enumerate(self.cells) if column in cells]
-            empty = sorted(
-                {index for index, cells in enumerate(self.cells) if cells}.difference(filled)
-            )
-            for index in empty if filled else ():
-                what = "The cell is empty here but filled in other rows."
-                self.note(index, column, what, "Fill it in every row or in none.")
+            filled = [column in cells for cells in self.cells]
+            for index, cells in enumerate(self.cells if any(filled) else ()):
+                if cells and not filled[index]:
+                    what = "The cell is empty here but filled in other rows."
+                    self.note(index, column, what, "Fill it in every row or in none.")
 
 
-def check_order(rows: Rows[Timed], minutes: Sequence[float] | None = None) -> None:
-    """Each `seq` stands once, and time never runs backwards along it.
-
-    The minutes of each row are from its `timestamp`; None where rows have `minutes`.
-    """
+def check_order(rows: Rows[Timed]) -> None:
+    """Each `seq` stands once, and time never runs backwards along it."""
     first: dict[int, int] = {}
     for index, row in rows.sound:
         if row.seq is not None and first.setdefault(row.seq, index) != index:
@@ -349,9 +344,8 @@ def check_order(rows: Rows[Timed], minutes: Sequence[float] | None = None) -> No
     in_time = sorted(rows.sound, key=lambda item: -1 if item[1].seq is None else item[1].seq)
     for (before, one), (after, other) in pairwise(in_time):
         earlier, later = one.minutes, other.minutes
-        if minutes is not None:
-            earlier, later = minutes[before], minutes[after]
         if earlier is not None and later is not None and later < earlier:
             what = f"Time runs backwards: line {rows.line(before)} was taken before this one."
             remedy = "Give minutes since the session began; correct seq or the order of the rows."
-            rows.note(after, "minutes" if minutes is None else "timestamp", what, remedy)
+            column = "minutes" if "minutes" in rows.cells[after] else "timestamp"
+            rows.note(after, column, what, remedy)
