@@ -141,9 +141,9 @@ class Content(Faults):
             at: path of what was checked.
             words: instead of those for all files: "missing posture" → (what, remedy).
         """
-        for each in error.errors(include_url=False):
-            path = each["loc"]
-            given = each.get("ctx", {})
+        for finding in error.errors(include_url=False):
+            path = finding["loc"]
+            given = finding.get("ctx", {})
             cause = given.get("error")
             if isinstance(cause, InputError):
                 for problem in cause.problems:
@@ -154,9 +154,9 @@ class Content(Faults):
                 continue
             known = _QUOTED.findall(given.get("expected", ""))
             meant = ""
-            kind = _ALSO.get(each["type"], each["type"])
+            kind = _ALSO.get(finding["type"], finding["type"])
             if kind == "literal_error":
-                meant = str(each["input"])
+                meant = str(finding["input"])
             elif kind == "extra_forbidden":
                 meant = str(path[-1])
                 known = _known(path, schema)
@@ -165,21 +165,21 @@ class Content(Faults):
             elif kind == "greater_than_equal" and given["ge"] == 0:
                 kind = "not_negative"
             elif kind.startswith("greater_than"):
-                size = parse_number(str(each["input"]), decimal_comma=True)
+                size = parse_number(str(finding["input"]), decimal_comma=True)
                 if size <= 0.0 <= min(given.values()):  # it has the wrong sign, or is zero
                     kind = "greater_than_zero"
             key = next((step for step in reversed(path) if isinstance(step, str)), "value")
-            usual = WORDS.get(kind, (f"{each['msg']}.", "Correct it."))
+            usual = WORDS.get(kind, (f"{finding['msg']}.", "Correct it."))
             what, remedy = words.get(f"{kind} {key}", usual)
             mm = "; lengths are in mm" if key.endswith("_mm") else ""
-            said = {
+            data = {
                 **given,
                 "mm": mm,
                 "key": key,
                 "near": nearest(meant, known),
                 "known": ", ".join(known),
             }
-            self.add(what.format(**said), remedy.format(**said), *self.place((*at, *path)))
+            self.add(what.format(**data), remedy.format(**data), *self.place((*at, *path)))
 
     def parse(self, text: str) -> float:
         """The number that a text of this file writes. Raises InputError without a place."""
@@ -211,10 +211,10 @@ def _known(path: Steps, schema: object) -> list[str]:
     """Names that are known where an unknown one stands."""
     classes = _classes(schema)
     for step in path[:-1]:
-        fields = [_fields(each)[step] for each in classes if step in _fields(each)]
+        fields = [_fields(kind)[step] for kind in classes if step in _fields(kind)]
         if fields:
-            classes = [each for field in fields for each in _classes(field)]
-    return list(dict.fromkeys(str(name) for each in classes for name in _fields(each)))
+            classes = [kind for field in fields for kind in _classes(field)]
+    return list(dict.fromkeys(str(name) for kind in classes for name in _fields(kind)))
 
 
 def _fields(kind: type) -> dict[str | int, object]:

@@ -86,21 +86,21 @@ class _Settings(Content):
         super().__init__(document)
         lines = list(enumerate(document.text.split("\n"), start=1))
         written = [(line, text[len(SAVED) :]) for line, text in lines if text.startswith(SAVED)]
-        typed = [(line, text) for line, text in lines if not text.startswith(SAVED)]
-        own_sections, own, own_lines = self._parsed(typed)
+        above = [(line, text) for line, text in lines if not text.startswith(SAVED)]
+        own_sections, typed, typed_lines = self._parsed(above)
         saved_sections, saved, saved_lines = self._parsed(written)
         self.sections = {**saved_sections, **own_sections}  # name → line
-        self.options = {**saved, **own}  # (section, option) → text, in as many lines as there
-        self.lines = {**saved_lines, **own_lines}
+        self.options = {**saved, **typed}  # (section, option) → text, in as many lines as there
+        self.lines = {**saved_lines, **typed_lines}
         # Whether it includes other files, which are not read.
         self.included = any(name.startswith("include ") for name in own_sections)
         self._cut_off = not saved_sections
         self.remarks = [  # on what SAVE_CONFIG wrote in vain
             f"Line {saved_lines[key]}, {key[1]} of [{key[0]}], which SAVE_CONFIG wrote, is not in"
-            f" force: line {own_lines[key]} says otherwise, and Klipper obeys that one."
+            f" force: line {typed_lines[key]} says otherwise, and Klipper obeys that one."
             " Delete one of the two."
             for key, text in saved.items()
-            if key in own and own[key].split() != text.split() and _MATTERS.fullmatch(key[0])
+            if key in typed and typed[key].split() != text.split() and _MATTERS.fullmatch(key[0])
         ]
 
     def _parsed(
@@ -257,16 +257,16 @@ def read_klippy_log(document: FileText) -> PrinterFile:
     start = starts[-1] + 1
     inside = itertools.takewhile(lambda line: not _ENDS.fullmatch(line.strip()), lines[start:])
     kept = [""] * start + list(inside)
-    found = [number for number, line in enumerate(lines) if line.startswith(_CALCULATING)]
-    unsaved = bool(found) and found[-1] > start
+    calibrations = [number for number, line in enumerate(lines) if line.startswith(_CALCULATING)]
+    unsaved = bool(calibrations) and calibrations[-1] > start
     calculated = None
-    if found and (unsaved or not any(map(_LOGGED.match, kept))):
-        calculated = _calculated(document, lines, found[-1])
+    if calibrations and (unsaved or not any(map(_LOGGED.match, kept))):
+        calculated = _calculated(document, lines, calibrations[-1])
     file = read_printer_file(replace(document, text="\n".join(kept)), calculated)
     if unsaved:
         remark = (
-            f"SAVE_CONFIG does not follow the calibration of line {found[-1] + 1}: the settings"
-            " before it are in force and are used."
+            f"SAVE_CONFIG does not follow the calibration of line {calibrations[-1] + 1}: the"
+            " settings before it are in force and are used."
         )
         file = replace(file, remarks=(*file.remarks, remark))
     if file.heights is None and file.mesh is None and PROBED.search(document.text):
@@ -277,14 +277,14 @@ def read_klippy_log(document: FileText) -> PrinterFile:
 def _calculated(document: FileText, lines: Sequence[str], at: int) -> Mapping[str, tuple[int, str]]:
     """Heights and distances that a calibration reckoned with, as [delta_calibrate] stores them."""
     stored = {}
-    for number, name, each in ((at + 1, "height", _HEIGHT), (at + 2, "distance", _DISTANCE)):
+    for number, name, entry in ((at + 1, "height", _HEIGHT), (at + 2, "distance", _DISTANCE)):
         text = lines[number].strip() if number < len(lines) else ""
-        if not re.fullmatch(rf"\[(?:{each}(?:, |(?=\])))*\]", text):
+        if not re.fullmatch(rf"\[(?:{entry}(?:, |(?=\])))*\]", text):
             what = f"This is not a list of {name}s with stepper positions."
             remedy = "Was the log cut off or changed? Give it as Klipper wrote it."
             line, value = number + 1, shortened(text) or None
             raise InputError(what, remedy, file=document.path, line=line, value=value)
-        for index, parts in enumerate(re.findall(each, text)):
+        for index, parts in enumerate(re.findall(entry, text)):
             ends = ("", "_pos") if len(parts) == 2 else ("", "_pos1", "_pos2")
             for end, part in zip(ends, parts, strict=True):
                 stored[f"{name}{index}{end}"] = number + 1, part
@@ -360,11 +360,11 @@ def _calibration(
     """
     pattern = re.compile(rf"(({'|'.join(names)})([0-9]{{1,6}}))(?:{'|'.join(('', *ends))})")
     options = settings.options_of(_CALIBRATION)
-    found: dict[tuple[int, int, str], int] = {}
+    starts: dict[tuple[int, int, str], int] = {}
     for option, line in options.items():
         if match := pattern.fullmatch(option):
-            found.setdefault((names.index(match[2]), int(match[3]), match[1]), line)
-    lines = {key[-1]: found[key] for key in sorted(found)}
+            starts.setdefault((names.index(match[2]), int(match[3]), match[1]), line)
+    lines = {key[-1]: starts[key] for key in sorted(starts)}
     low = 0.0 if names == ("distance",) else -LARGEST_MM
     values = [settings.number(_CALIBRATION, stem, math.nan, low) for stem in lines]
     for stem, line in lines.items():
@@ -381,7 +381,7 @@ def _calibration(
         [settings.read(_CALIBRATION, stem + end, _three, nothing, nothing) for stem in lines]
         for end in ends
     )
-    carriages = (home - np.reshape(each, (-1, 3)) * step for each in steps)
+    carriages = (home - np.reshape(counts, (-1, 3)) * step for counts in steps)
     return [*carriages, np.array(values), np.array(list(lines.values()))]
 
 

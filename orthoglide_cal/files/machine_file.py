@@ -47,11 +47,11 @@ _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths a
 
 def kind_of(keys: Mapping[str, object]) -> str:
     """The kind of a file without a `kind`: of most keys that no other has, or an Orthoglide."""
-    own = {
+    keys_of = {
         kind: keys.keys() & made.model_fields.keys() - Machine.model_fields.keys()
         for kind, made in MACHINES.items()
     }
-    return max(own, key=lambda kind: len(own[kind]))
+    return max(keys_of, key=lambda kind: len(keys_of[kind]))
 
 
 def _group(value: object) -> object:
@@ -78,7 +78,7 @@ class Identified(Schema):
         if id not in known:
             raise InputError(*_unknown_cause(id, known))
         if not CAUSES[id].lasting:
-            lasting = ", ".join(each for each in known if CAUSES[each].lasting)
+            lasting = ", ".join(id for id in known if CAUSES[id].lasting)
             raise InputError("This cause cannot be part of a machine.", f"Use one of {lasting}.")
         return id
 
@@ -98,12 +98,12 @@ class Identified(Schema):
             what = f"{id} has the parameters {', '.join(names)}."
             raise InputError(what, "Give each of them once.")
         faults = []
-        for name, each in given.items():
-            if each.unit != cause.unit:
-                what = f"{id} is measured in {cause.unit or 'no unit'}, not {each.unit!r}."
+        for name, estimate in given.items():
+            if estimate.unit != cause.unit:
+                what = f"{id} is measured in {cause.unit or 'no unit'}, not {estimate.unit!r}."
                 remedy = f"Convert the value and its std, and write unit: {cause.unit!r}."
                 faults.append(InputError(what, remedy, column=f"{name}.unit"))
-            if cause.positive and each.value < 0.0:
+            if cause.positive and estimate.value < 0.0:
                 what, remedy = "The number must not be negative.", "Give zero or more."
                 faults.append(InputError(what, remedy, column=f"{name}.value"))
         if faults:
@@ -131,8 +131,8 @@ class Identified(Schema):
     def effect(self, machine: type[Machine]) -> Effect:
         """The cause with these parameters, as part of a machine of this kind."""
         cause = CAUSES[self.cause]
-        own = {called: name for name, called in machine.named(cause.names).items()}
-        estimates = {own[name]: each for name, each in self.parameters.items()}
+        names = {called: name for name, called in machine.named(cause.names).items()}
+        estimates = {names[name]: estimate for name, estimate in self.parameters.items()}
         matrix = np.array(self.correlation) if self.correlation else np.eye(len(estimates))
         return cause.estimated(estimates, matrix).accepted(self.date, self.data_sha256)
 
@@ -310,14 +310,14 @@ def machine_values(model: Model) -> dict[str, Any]:
         "schema_version": 1,
         **stated,
         **{key: value for key, value in last.items() if value or key == "tolerances"},
-        "history": [each.model_dump(mode="json", exclude_none=True) for each in machine.history],
+        "history": [entry.model_dump(mode="json", exclude_none=True) for entry in machine.history],
         "identified": [
             {
                 "cause": effect.cause.id,
                 "where": "",
                 "parameters": {
-                    name: {"value": digits(each.value), "std": digits(each.std), "unit": each.unit}
-                    for name, each in model.called(effect).items()
+                    name: {"value": digits(value), "std": digits(std), "unit": unit}
+                    for name, (value, std, unit) in model.called(effect).items()
                 },
                 "date": effect.date,
                 "data_sha256": effect.data_sha256,

@@ -73,8 +73,8 @@ class Conditions(Circumstances):
     @property
     def questioned(self) -> tuple[tuple[str, str], ...]:
         """Step and question of each reading of a session that was questioned and kept."""
-        found = (_QUESTIONED.match(note) for _, note in self.notes)
-        return tuple((each[1], each[2]) for each in found if each)
+        matches = (_QUESTIONED.match(note) for _, note in self.notes)
+        return tuple((match[1], match[2]) for match in matches if match)
 
     def _stated_c(self, end: int, *names: str) -> float | None:
         """What the environment states under one of these names, else the thermometer at one end."""
@@ -294,7 +294,7 @@ def _time(rows: Rows[ReadingRow], started: str | None) -> None:
 def _check_parts(rows: Rows[ReadingRow]) -> None:
     """Parts are numbered in order of time, without a gap."""
     last = 1
-    for index, row in sorted(rows.sound, key=lambda each: each[1].seq or 0):
+    for index, row in sorted(rows.sound, key=lambda item: item[1].seq or 0):
         part = row.part or 1
         if not last <= part <= last + 1:
             what = f"Part {part} does not follow part {last}."
@@ -342,7 +342,7 @@ def differences_from_table(table: Table, machine: Orthoglide) -> Differences:
     rows = Rows(table, DifferenceRow, longest=longest)
     kind = _kind(rows)
     values = {row.difference: row.value_mm for row in rows.checked()}
-    known = {each.name: each for each in DIFFERENCES[kind]}
+    known = {difference.name: difference for difference in DIFFERENCES[kind]}
     if missing := [name for name in known if name not in values]:
         remarks.append(f"Of the {kind} differences these are missing: {', '.join(missing)}.")
     if kind is DataKind.TWELVE and values.keys() <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:
@@ -358,12 +358,12 @@ def differences_from_table(table: Table, machine: Orthoglide) -> Differences:
 def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     """The kind that most of the names belong to; the others are faults, and so are repeats."""
     # The single set shares four names with the twelve; its own two decide.
-    known = {kind: {each.name for each in DIFFERENCES[kind]} for kind in DIFFERENCES}
+    known = {kind: {difference.name for difference in DIFFERENCES[kind]} for kind in DIFFERENCES}
     names = {index: row.difference for index, row in rows.sound}
     order = [DataKind.TWELVE, DataKind.SIX]
     if {"dz_x0", "dz_y0"} & set(names.values()):
         order.insert(0, DataKind.SINGLE)
-    kind = max(order, key=lambda each: sum(name in known[each] for name in names.values()))
+    kind = max(order, key=lambda kind: sum(name in known[kind] for name in names.values()))
     first: dict[str, int] = {}
     for index, name in names.items():
         if name not in known[kind]:

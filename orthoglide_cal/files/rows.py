@@ -81,7 +81,7 @@ def _posture(text: str, info: ValidationInfo) -> str:
 def _entered(value: object, info: ValidationInfo) -> object:
     if not isinstance(value, str):
         return value
-    offsets = tuple(_length(each, info) for each in value.split())
+    offsets = tuple(_length(text, info) for text in value.split())
     if len(offsets) != len(AXES):
         what = f"Three numbers are needed, for x, y and z, not {len(offsets)}."
         raise InputError(what, "Write mm with blanks between them, such as 0.5 0 0.")
@@ -211,10 +211,10 @@ KIND_WORDS = {
     DataKind.TWELVE: "relative to the isotropic posture",
     DataKind.SINGLE: "tool end − joint end",
 }
-_NAMED = {each.name for known in DIFFERENCES.values() for each in known}
+_NAMED = {difference.name for known in DIFFERENCES.values() for difference in known}
 DIFFERENCE_NAMES = "Direction first, leg second. Known: {}.".format(
     "; ".join(
-        f"{kind} ({KIND_WORDS[kind]}): {', '.join(each.name for each in known)}"
+        f"{kind} ({KIND_WORDS[kind]}): {', '.join(difference.name for difference in known)}"
         for kind, known in DIFFERENCES.items()
     )
 )

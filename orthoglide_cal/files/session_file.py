@@ -90,23 +90,28 @@ def session_from_tree(
     readings = readings_in(tree, machine, ("readings",), started=started, remarks=remarks)
     if session is None:
         raise tree.error()
-    found = conditions_in(readings)
-    own, said = {gauge.id for gauge in session.gauges}, session.environment or {}
+    conditions = conditions_in(readings)
+    labels, environment = {gauge.id for gauge in session.gauges}, session.environment or {}
     given = {key: getattr(session, key) or None for key in Circumstances.model_fields} | {
-        "environment": tuple((name, text) for name, text in said.items() if text),
-        "gauges": (*session.gauges, *(each for each in found.gauges if each.id not in own)),
+        "environment": tuple((name, text) for name, text in environment.items() if text),
+        "gauges": (
+            *session.gauges,
+            *(gauge for gauge in conditions.gauges if gauge.id not in labels),
+        ),
         "retaken": len(session.retaken),
         "skipped": len(session.skipped),
     }
-    return readings, judge, found.changed(**given), recorded
+    return readings, judge, conditions.changed(**given), recorded
 
 
 def session_json(session: Session) -> dict[str, object]:
     """A whole session as a JSON object; saved as a .json file it reads back as a session."""
     rows = {key: [row.cells() for row in getattr(session, key)] for key in _ROWS}
     content = session.model_dump(by_alias=True, exclude=set(_ROWS))
-    said = (gauge.items() for gauge in content["gauges"])
-    content["gauges"] = [{key: each for key, each in one if key != "due" or each} for one in said]
+    gauges = (gauge.items() for gauge in content["gauges"])
+    content["gauges"] = [
+        {key: value for key, value in one if key != "due" or value} for one in gauges
+    ]
     return {**dict.fromkeys(("schema_version", "machine")), **content, **rows}
 
 

@@ -65,20 +65,22 @@ def load_tree(file: FileText) -> Content:
             return None if not event.style and event.value in _NULLS else event.value
         items: list[object] = []
         group: dict[str, object] = {}
-        for each in events:
-            line = each.start_mark.line + 1
-            if isinstance(each, yaml.CollectionEndEvent):
+        for inner in events:
+            line = inner.start_mark.line + 1
+            if isinstance(inner, yaml.CollectionEndEvent):
                 break
             if isinstance(event, yaml.SequenceStartEvent):
-                items.append(read(tree, each, (*path, len(items)), line))
+                items.append(read(tree, inner, (*path, len(items)), line))
                 continue
-            key = (*path, getattr(each, "value", ""))
-            check(each, path, line)
-            if not isinstance(each, yaml.ScalarEvent) or (not each.style and each.value in _NULLS):
+            key = (*path, getattr(inner, "value", ""))
+            check(inner, path, line)
+            if not isinstance(inner, yaml.ScalarEvent) or (
+                not inner.style and inner.value in _NULLS
+            ):
                 what, remedy = "A key must be a word.", "Write `name: value`."
                 raise InputError(what, remedy, file=file.path, line=line)
-            if each.value not in group:
-                group[each.value] = read(tree, next(events), key, line)
+            if inner.value not in group:
+                group[inner.value] = read(tree, next(events), key, line)
                 continue
             value = read(Content(file), next(events), key, line)
             what = f"The key is given twice (first in line {tree.lines[key]})."
