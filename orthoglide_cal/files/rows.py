@@ -300,6 +300,9 @@ class Rows(Generic[R]):
                 content.take(error, schema, (*path, index), words)
             if self.in_inches in cells:
                 self.note(index, schema.inches, "The row has two readings.", _READING)
+            for name, text in cells.items():
+                if not isinstance(text, str) and name not in schema.model_fields:
+                    self.note(index, name, *WORDS["string_type"])
 
     def line(self, index: int) -> int:
         """The line at which a row begins."""
