@@ -110,7 +110,7 @@ class _Settings(Content):
         sections: dict[str, int] = {}
         options: dict[tuple[str, str], str] = {}
         starts: dict[Steps, int] = {}
-        key, indented = ("", ""), 0  # no option where none can go on
+        key, indented, last = ("", ""), 0, 0  # no option where none can go on
         for line, raw in lines:
             text = _COMMENT.sub("", raw).rstrip()
             plain = text.lstrip()
@@ -118,8 +118,8 @@ class _Settings(Content):
             if not plain:
                 continue
             if key[1] and indent > indented:
-                last = starts[key] + options[key].count("\n")
                 options[key] += "\n" * (line - last) + plain
+                last = line
                 continue
             section, _ = key
             key, indented = (section, ""), indent
@@ -132,7 +132,7 @@ class _Settings(Content):
                 self.add(what, "Write [name].", line=line, value=shortened(plain))
             elif setting := _OPTION.match(plain):
                 key = section, setting[1].lower()
-                options[key], starts[key] = setting[2], line
+                options[key], starts[key], last = setting[2], line, line
             elif _MATTERS.fullmatch(section):
                 what = f"The line in [{section}] is not an option."
                 remedy = "Write “option: value”, or “#” in front of a remark."
