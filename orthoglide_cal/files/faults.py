@@ -89,7 +89,7 @@ class Faults:
         try:
             yield
         except InputError as error:
-            self.add(error.what, error.remedy, line, column, shortened(text))
+            self.add(error.what, error.remedy, line, column, shortened(text) or None)
 
     def error(self) -> InvalidFileError:
         """All faults, at least one, by line."""

@@ -142,7 +142,7 @@ class _Settings(Content):
     def place(self, path: Steps) -> FaultPlace:
         """Where an option stands, or its section."""
         section, option = map(str, path)
-        text = " ".join(self.options.get((section, option), "").split("\n")).strip()
+        text = " ".join(self.options.get((section, option), "").split())
         line = self.lines.get(path) or self.sections.get(section)
         return FaultPlace(line, f"{option} of [{section}]", shortened(text) or None)
 

@@ -150,12 +150,9 @@ class _Around(Schema):
     @classmethod
     def _of_causes(cls, sizes: Mapping[str, float], info: ValidationInfo) -> Mapping[str, float]:
         machine = cast(type[Machine], info.context)
-        known, faults = _causes_of(machine), []
-        for id, size in sizes.items():
-            if id not in known:
-                faults.append(InputError(*_unknown_cause(id, known), column=id, value=id))
-                continue
-            usual = CAUSES[id].usual(machine) or 0.0
+        faults = []
+        for id in (id for id in _causes_of(machine) if id in sizes):
+            size, usual = sizes[id], CAUSES[id].usual(machine) or 0.0
             if size > _LARGEST_TOLERANCE * usual:
                 times = f"{_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}"
                 remedy = f"Give it in {CAUSES[id].unit or 'its unit'}."
@@ -271,6 +268,10 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
         file = schema.model_validate(value, context=machine)
     except ValidationError as error:
         tree.take(error, schema, path)
+    sizes, causes = value.get("tolerances"), _causes_of(machine)
+    for id in sizes if isinstance(sizes, dict) else ():
+        if id not in causes:
+            tree.note((*path, "tolerances", id), *_unknown_cause(id, causes), id)
     if len(tree.problems) > before:
         return None
     fields = {name: getattr(file, name) for name in machine.model_fields}

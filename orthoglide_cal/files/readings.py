@@ -21,6 +21,7 @@ from orthoglide_cal.files.rows import (
     ReadingRow,
     Rows,
     check_order,
+    difference_name,
 )
 from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
@@ -359,7 +360,10 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     """The kind that most of the names belong to; the others are faults, and so are repeats."""
     # The single set shares four names with the twelve; its own two decide.
     known = {kind: {difference.name for difference in DIFFERENCES[kind]} for kind in DIFFERENCES}
-    names = {index: row.difference for index, row in rows.sound}
+    names: dict[int, str] = {}  # also of rows whose value is wrong
+    for index, cells in enumerate(rows.cells):
+        with suppress(InputError):
+            names[index] = difference_name(cells.get("difference", ""))
     order = [DataKind.TWELVE, DataKind.SIX]
     if {"dz_x0", "dz_y0"} & set(names.values()):
         order.insert(0, DataKind.SINGLE)

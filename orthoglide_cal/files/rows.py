@@ -220,7 +220,7 @@ DIFFERENCE_NAMES = "Direction first, leg second. Known: {}.".format(
 )
 
 
-def _difference(text: str) -> str:
+def difference_name(text: str) -> str:
     """The canonical name; the leading d may be missing, or a delta."""
     name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
     if name not in _NAMED:
@@ -231,7 +231,7 @@ def _difference(text: str) -> str:
 class DifferenceRow(Row):
     """A difference as the paper prints it."""
 
-    difference: Annotated[str, AfterValidator(_difference)]
+    difference: Annotated[str, AfterValidator(difference_name)]
     value_mm: Length = Field(validation_alias=AliasChoices("value_mm", "value_in"))
 
     noun = "difference"
@@ -298,7 +298,7 @@ class Rows(Generic[R]):
                 self.rows[index] = schema.model_validate(given, context=self)
             except ValidationError as error:
                 content.take(error, schema, (*path, index), words)
-            if self.in_inches in cells:
+            if self.in_inches and self.in_inches in cells:
                 self.note(index, schema.inches, "The row has two readings.", _READING)
             for name, text in cells.items():
                 if not isinstance(text, str) and name not in schema.model_fields:
