@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from orthoglide_cal.errors import system_words, visible
+from orthoglide_cal.errors import InputError, system_words, visible
 from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
 from orthoglide_cal.files.session_file import session_text
 from orthoglide_cal.files.text import write_text
@@ -27,7 +27,7 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
-from orthoglide_cal.session.gauges import NotAReading, SimulatedGauge, Token, parse_typed
+from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
 from orthoglide_cal.words import Unit, counted, decimals_for, signed
@@ -62,7 +62,7 @@ class Dialogue:
     _shown: tuple[object, ...] = (None,)  # the visit of the machine that was shown last
 
     def __post_init__(self) -> None:
-        self.so_far = ReadingsSoFar(replay(self.journal.recovered.events), self.setting)
+        self.so_far = ReadingsSoFar(replay(self.journal.events), self.setting)
 
     @property
     def state(self) -> State:
@@ -96,7 +96,7 @@ class Dialogue:
         lines.append(f"File     {visible(str(self.path))}")
         lines.append(f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help.")
         self.asker.say("\n".join(lines))
-        if lost := self.journal.recovered.lost:
+        if lost := self.journal.lost:
             self.asker.say(
                 f"The interruption cut off the last entry ({lost} bytes): ignored. No reading that"
                 " was shown as saved is missing.",
@@ -155,7 +155,7 @@ class Dialogue:
         there = self.path.read_bytes() if self.path.is_file() else None
         if there != (text := session_text(self.so_far.session)).encode():
             # What this session wrote when it was ended before may be replaced, nothing else.
-            records = self.journal.recovered.events
+            records = self.journal.events
             ends = [at for at, each in enumerate(records, 1) if isinstance(each, events.Ended)]
             before = [ReadingsSoFar(replay(records[:at]), self.setting).session for at in ends]
             mine = there in [session_text(session).encode() for session in before]
@@ -306,9 +306,11 @@ class Dialogue:
             self.asker.say("Type the reading, or ? for help.")
         else:
             try:
-                self._read(step, parse_typed(answer))
-            except NotAReading as refusal:
+                token = parse_typed(answer)
+            except InputError as refusal:
                 self.asker.say(str(refusal), Style.BAD)
+            else:
+                self._read(step, token)
 
     def _take_back(self, stream: Unasked) -> None:
         """A gauge sends by itself: take back the readings that its messages became."""
@@ -447,7 +449,7 @@ class Dialogue:
                 self._skip_all(words[3:].strip())
             case "s":
                 why = words or self._words("Why is it skipped? > ")
-                with suppress(NotAReading):
+                with suppress(InputError):
                     parse_typed(why)
                     why = ""  # a reading is no reason
                 if why:

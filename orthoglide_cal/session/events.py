@@ -312,14 +312,12 @@ def advance(state: State, event: Event) -> State:
             restored = {id(item.take) for item in then.accepted.values()}
             kept = (item for item in state.replaced if id(item.take) not in restored)
             return replace(
-                state,
-                accepted=then.accepted,
-                skipped=then.skipped,
-                dropped=then.dropped,
-                moved=then.moved,
-                shortened=then.shortened,
+                then,
                 replaced=(*kept, *back),
-                before=then.before,
+                notes=state.notes,
+                source=state.source,
+                ended=state.ended,
+                count=state.count,
             )
         case Retake():
             again = set(event.steps)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from orthoglide_cal.errors import OrthocalError, UsageError, visible
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError, visible
 from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.steps import SessionStep
@@ -64,15 +64,11 @@ class Token(NamedTuple):
         return round(self.value * MM_PER_INCH, 6)
 
 
-class NotAReading(Exception):
-    """Typed text that is no reading; the message is the sentence to show."""
-
-
 def parse_typed(text: str) -> Token:
     """What a person or a keyboard-wedge gauge types at a prompt.
 
     Accepts a sign (also U+2212), decimal point or comma, and a unit; nothing else. Exponents,
-    digit groups and error codes are not readings. Raises NotAReading.
+    digit groups and error codes are not readings. Raises InputError.
     """
     plain = text.strip().replace("\u2212", "-")
     match = _TYPED.fullmatch(plain)
@@ -82,10 +78,10 @@ def parse_typed(text: str) -> Token:
     clean = visible(plain)
     shown = f"'{clean if len(clean) <= 24 else clean[:23] + '~'}'"
     if token is not None or re.search(r"err|^\d\s+to\b", plain, flags=re.IGNORECASE):
-        raise NotAReading(f"{shown} is an error message of the gauge, not a reading.")
+        raise InputError(f"{shown} is an error message of the gauge, not a reading.")
     if re.fullmatch(r"[+-]?[\d.,\s]+", plain) and len(re.findall(r"[.,]", plain)) > 1:
-        raise NotAReading(f"{shown}: two numbers in one? Type one, such as -0.12.")
-    raise NotAReading(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
+        raise InputError(f"{shown}: two numbers in one? Type one, such as -0.12.")
+    raise InputError(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
 
 
 class LiveGauge(Protocol):

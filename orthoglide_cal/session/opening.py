@@ -110,7 +110,7 @@ def open_session(
         first = _first_records(request, found.model if found else model, now(), found)
         journal = Journal.create(path.with_suffix(JOURNAL), *first)
     try:
-        state = events.replay(journal.recovered.events)
+        state = events.replay(journal.events)
         setting = _setting(journal, state)
         if request.resume:
             _refuse_changes(state.opened, setting.held, request)
@@ -362,7 +362,7 @@ def _setting(journal: Journal, state: events.State) -> Setting:
         steps = sequence(
             model.orthoglide, opened.protocol, opened.cycles, opened.order, opened.stands
         )
-    known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.recovered.events)
+    known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):
         raise InputError(
             "The journal has a step that this session does not have, or another reading for it.",
@@ -440,28 +440,28 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
     if given is None:
         waiting = unfinished(folder)
         names = ", ".join(path.name for path in waiting)
-        if not resume and waiting:
+        if resume and len(waiting) != 1:
+            what = f"There are {len(waiting)} unfinished sessions here: {names}."
+            if not waiting:
+                what = "There is no unfinished session in this folder."
+            raise UsageError(what, "Name its file: orthocal measure NAME.yaml --resume")
+        if resume:
+            return waiting[0].with_suffix(".yaml")
+        if waiting:
             raise UsageError(
                 f"There is an unfinished session here: {names}.",
                 "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
             )
-        if not resume:
-            free = chain(("session.yaml",), (f"session-{number}.yaml" for number in count(2)))
-            return next(folder / name for name in free if not (folder / name).exists())
-        if not waiting:
-            what = "There is no unfinished session in this folder."
-            raise UsageError(what, "Name its file: orthocal measure NAME.yaml --resume")
-        if len(waiting) > 1:
-            what = f"There are {len(waiting)} unfinished sessions here: {names}."
-            raise UsageError(what, "Name one: orthocal measure NAME.yaml --resume")
-        return waiting[0].with_suffix(".yaml")
+        free = chain(("session.yaml",), (f"session-{number}.yaml" for number in count(2)))
+        return next(folder / name for name in free if not (folder / name).exists())
     path = session_path(given)
+    journal = path.with_suffix(JOURNAL)
     if not resume and path.exists():
         raise UsageError(
             f"{path} exists; a session is never overwritten.",
             "Name another file, or continue an unfinished session with --resume.",
         )
-    if not resume and (journal := path.with_suffix(JOURNAL)).exists():
+    if not resume and journal.exists():
         what = f"{journal} holds a session that is not finished."
         raise UsageError(what, f"Continue it: {command('measure', str(path), options='--resume')}")
     return path

@@ -222,7 +222,7 @@ def a_dialogue(
 ) -> tuple[Dialogue, Screen, Journal]:
     """A session in `path` (a journal; resumed if it exists) that is answered by these lines."""
     journal = Journal.resume(path) if path.exists() else Journal.create(path, first or opened())
-    begun = journal.recovered.events[0]
+    begun = journal.events[0]
     assert isinstance(begun, Opened)
     steps = sequence(PROTOTYPE, begun.protocol, begun.cycles, begun.order, begun.stands)
     screen = Screen()
