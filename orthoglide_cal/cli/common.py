@@ -24,7 +24,6 @@ from orthoglide_cal.errors import InputError, OrthocalError, UsageError, file_wo
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.status import Status
 
     from orthoglide_cal.files.input import Input
     from orthoglide_cal.files.machine_file import StoredMachine
@@ -333,42 +332,34 @@ def deliver(
     Text without `details` is one screen where the document has one. Raises UsageError: a file
     exists and may not be replaced: only one that this wrote may ever be.
     """
-    pages = html is not None or markdown is not None
-    if as_json and pages:
+    if as_json and (html or markdown):
         raise UsageError(
             "--json cannot be combined with a page.", "Leave out --html and --markdown."
         )
     if as_json:
         print_json(document.data())
         return
-    make = document.page if details or pages else document.screen or document.page
+    make = document.page if details or html or markdown else document.screen or document.page
     page = make()
-    if not pages:
+    if not (html or markdown):
         from orthoglide_cal.report.terminal import TerminalPage
 
         console().print(TerminalPage(page), crop=False)
-    if html is not None:
-        from orthoglide_cal.report.html import html as as_html
-
-        _write(html, as_html(page), page.name, overwrite)
-    if markdown is not None:
-        from orthoglide_cal.report.markdown import markdown as as_markdown
-
-        _write(markdown, as_markdown(page), page.name, overwrite)
-
-
-def _write(path: Path, text: str, name: str, overwrite: bool) -> None:
-    """Write a page; in the place of an existing file only if that one is a page, too."""
+        return
     from orthoglide_cal.report.document import MARK
+    from orthoglide_cal.report.html import html as as_html
+    from orthoglide_cal.report.markdown import markdown as as_markdown
 
-    if overwrite and path.is_file() and not path.read_bytes().endswith(MARK.encode()):
-        raise UsageError(
-            f"{path} is not a page that orthocal wrote: it is not replaced.", "Name another file."
-        )
-    try:
-        put(text, path, f"{name} written to {path}", overwrite)
-    except UsageError as error:
-        raise UsageError(error.what, "Name another file, or replace it: --overwrite") from error
+    for path, render in ((html, as_html), (markdown, as_markdown)):
+        if path is None:
+            continue
+        if overwrite and path.is_file() and not path.read_bytes().endswith(MARK.encode()):
+            what = f"{path} is not a page that orthocal wrote: it is not replaced."
+            raise UsageError(what, "Name another file.")
+        try:
+            put(render(page), path, f"{page.name} written to {path}", overwrite)
+        except UsageError as error:
+            raise UsageError(error.what, "Name another file, or replace it: --overwrite") from error
 
 
 def put(text: str, target: Path | None, told: str, overwrite: bool = False) -> None:
@@ -419,13 +410,8 @@ def working(path: str) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    shown: list[Status] = []
-
-    def show() -> None:
-        shown.append(console(stderr=True).status(f"{path} …"))
-        shown[0].start()
-
-    timer = threading.Timer(SLOW_S, show)
+    status = console(stderr=True).status(f"{path} …")
+    timer = threading.Timer(SLOW_S, status.start)
     timer.daemon = True
     timer.start()
     try:
@@ -433,8 +419,7 @@ def working(path: str) -> Iterator[None]:
     finally:
         timer.cancel()
         timer.join()
-        for status in shown:
-            status.stop()
+        status.stop()
 
 
 def tell(message: str) -> None:

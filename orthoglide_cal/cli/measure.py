@@ -123,8 +123,9 @@ def measure(
 
     if until is not None and until <= 0.0:
         raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")
-    named = ([visible(text) for text in given or ()] for given in (gauge_id, certificate))
-    labels = list(zip_longest(*named))
+    texts = ([visible(text) for text in given or ()] for given in (gauge_id, certificate))
+    pairs = zip_longest(*texts, fillvalue="")
+    labels = tuple(GaugeLabel(id=label, certificate=number) for label, number in pairs)
     if len(labels) > len(gauge_id or ()):
         raise UsageError(
             "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
@@ -154,7 +155,7 @@ def measure(
         until_mm=until,
         operator=visible(operator or ""),
         temperature_c=temperature,
-        gauges=tuple(GaugeLabel(id=id, certificate=no or "") for id, no in labels),
+        gauges=labels,
     )
     standing = Standing(follow) if follow else None
     aside = common.console(stderr=True)

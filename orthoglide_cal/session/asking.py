@@ -141,9 +141,9 @@ class Asker:
         """Whether what comes too soon is a second press; a simulated gauge has no button."""
         return self.gauge is None or not self.gauge.reads_itself
 
-    def say(self, text: str, style: Style = Style.PLAIN) -> None:
-        """Show text whose lines end where the screen does; it moves the place up the screen."""
-        self.pushed = True
+    def say(self, text: str, style: Style = Style.PLAIN, *, pushes: bool = True) -> None:
+        """Show text whose lines end where the screen does; if it `pushes`, the place moves up."""
+        self.pushed = self.pushed or pushes
         self.show(wrapped(text, self.columns), style)
 
     def rest(self, driving: bool) -> None:

@@ -119,7 +119,7 @@ class Dialogue:
             elif self.so_far.left:
                 self._ask_for(self.so_far.left[0])
             else:
-                reason = self.state.shortened.reason if self.state.shortened else "complete"
+                reason = next(iter(self.state.dropped.values()), "complete")
                 self.write(events.Ended(at=self.now(), reason=reason))
         return self.state
 
@@ -210,7 +210,7 @@ class Dialogue:
                 gap = ""
             left = clock(self.so_far.left)[-1]
             asker.say(f"{gap}{wording.step_line(step, setting, left)}", Style.TITLE)
-        if new or asker.pushed:
+        if asker.pushed:  # also by the line of a new step
             asker.say(place)
         if new:
             self._wait_for(step)
@@ -378,16 +378,14 @@ class Dialogue:
         left = self.so_far.left
         stays = bool(left) and left[0].visit == step.visit
         self.asker.rest(driving=not stays)
-        pushed = self.asker.pushed
-        told = ""
-        for before, last in self._alike(step)[-2:-1]:
-            told = f"   (cycle {before.cycle}: {wording.value_text(last, self.unit)})"
-        self.asker.say(f"   saved {wording.value_text(value, self.unit)}{told}", Style.GOOD)
-        if stays:
-            self.asker.pushed = pushed  # a reading saved leaves the place where it is
-            return
-        self._say_offsets()
-        self._shorten()
+        last = ""
+        for before, old in self._alike(step)[-2:-1]:
+            last = f"   (cycle {before.cycle}: {wording.value_text(old, self.unit)})"
+        saved = f"   saved {wording.value_text(value, self.unit)}{last}"
+        self.asker.say(saved, Style.GOOD, pushes=not stays)
+        if not stays:
+            self._say_offsets()
+            self._shorten()
 
     def _alike(self, step: SessionStep) -> list[tuple[SessionStep, float]]:
         """Readings of the same cell, gauge and zero as a step's, with their steps."""
@@ -409,7 +407,7 @@ class Dialogue:
     def _shorten(self) -> None:
         """Leave out what the offsets do not need any more, if they are known well enough."""
         until, known = self.until_mm, self.so_far.expanded_mm
-        if until is None or self.state.shortened or known is None or not (known <= until).all():
+        if until is None or self.state.dropped or known is None or not (known <= until).all():
             return
         if not (dropped := self.so_far.unneeded()):
             return

@@ -252,13 +252,12 @@ class State:
     planned: Planned | None = None  # what is read, where no protocol says it
     accepted: Mapping[int, Accepted] = field(default_factory=dict)  # by step, from first to last
     skipped: Mapping[int, str] = field(default_factory=dict)  # step number → reason
-    dropped: frozenset[int] = frozenset()  # steps that are no longer needed
+    dropped: Mapping[int, str] = field(default_factory=dict)  # step no longer needed → reason
     replaced: tuple[Replaced, ...] = ()  # readings that no longer count
     notes: tuple[tuple[int, str], ...] = ()  # (step number, text)
     # (step number, rank) of readings from which on a stand stood elsewhere.
     moved: tuple[tuple[int, int], ...] = ()
     pending: Questioned | None = None  # a questioned reading that waits for an answer
-    shortened: Shortened | None = None  # the record that dropped steps
     ended: Ended | None = None  # the last record, once the session is complete
     source: tuple[str, ...] = ()  # where readings come from now
     count: int = 1  # of records
@@ -323,13 +322,11 @@ def advance(state: State, event: Event) -> State:
             again = set(event.steps)
             accepted = state.accepted.items()
             replaced = (Replaced(item.take, event.reason) for n, item in accepted if n in again)
-            dropped = state.dropped - again
             return replace(
                 state,
                 accepted={n: item for n, item in accepted if n not in again},
                 skipped={n: why for n, why in state.skipped.items() if n not in again},
-                dropped=dropped,
-                shortened=state.shortened if dropped else None,
+                dropped={n: why for n, why in state.dropped.items() if n not in again},
                 replaced=(*state.replaced, *replaced),
                 before=state,
             )
@@ -338,7 +335,8 @@ def advance(state: State, event: Event) -> State:
         case Noted():
             return replace(state, notes=(*state.notes, (event.step, event.text)))
         case Shortened():
-            return replace(state, dropped=state.dropped | {*event.drop}, shortened=event)
+            dropped = dict.fromkeys(event.drop, event.reason)
+            return replace(state, dropped={**state.dropped, **dropped})
         case Ended():
             return replace(state, ended=event)
         case Reopened():
