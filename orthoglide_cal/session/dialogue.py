@@ -29,7 +29,7 @@ from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
 from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
 from orthoglide_cal.session.journal import Journal
-from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
+from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.words import Unit, counted, decimals_for, signed
 
 if TYPE_CHECKING:
@@ -336,7 +336,6 @@ class Dialogue:
         # A clock that was set back must not turn the order of the readings around.
         earlier = [item.take.minutes for item in self.state.accepted.values()]
         minutes = max([0.0, gone.total_seconds() / 60.0, *earlier])
-        coming = NextReading(self.so_far, step, minutes, token.unit or self.unit)
         taken = events.Taken(
             at=at,
             step=step.number,
@@ -346,7 +345,8 @@ class Dialogue:
             source=token.source,
             remark=stood.words,
         )
-        question = check(coming, value)
+        readings = ReadingsSoFar(advance(self.state, taken), self.setting)
+        question = check(readings, token.unit or self.unit)
         if stood.away_mm > NEAR_MM:
             far = f"The machine stands {stood.away_mm:.2f} mm from where this is read: drive there?"
             question = Question(Doubt.PLACE, far)
@@ -364,7 +364,7 @@ class Dialogue:
         ]
         self.write(asked)
         self.asker.rest(driving=False)
-        near = 3.0 * coming.sigma_mm
+        near = 3.0 * readings.sigma_mm
         if any(abs(value - old) <= near for old in before):
             self.asker.say("Read again, and the same: kept, with a note.")
             self._keep(asked)

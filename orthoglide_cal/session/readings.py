@@ -34,7 +34,6 @@ from orthoglide_cal.model.plan import Floats, Ints, joined
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep, planned_readings
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
-from orthoglide_cal.words import Unit
 
 TICK_MIN = 1e-4  # to which times are written
 _ORIGIN = "goes_on_from"
@@ -166,27 +165,41 @@ class ReadingsSoFar:
         # Since the session began, shape (n,).
         self.minutes: Floats = np.array([item.take.file_minutes for item in items])
         self.left = [step for step in steps if state.is_open(step.number)]  # to be measured
-        # The step at which the stand of each was moved last; None if it never was.
-        ranks = [(step, item.rank) for step, item in zip(self.steps, items, strict=True)]
-        self.moved = [self.moved_before(step, rank) for step, rank in ranks]
-        # Whether each was kept although it does not fit: it proves nothing.
-        self.doubted = [False] * len(self.steps)
         # Doubts of readings that were kept, with the step that they were about.
         self.settled: set[tuple[Doubt, int]] = set()
-        for index, (take, rank) in enumerate(items):
+        # The step at which the stand of each was moved last; None if it never was.
+        self.moved: list[int | None] = []
+        # Not 0 where a reading that was kept in doubt began a new zero.
+        self.fresh: list[int] = []
+        self.setup: list[int] = []  # readings of one share a zero
+        # Indices of those that others are compared with: not of those kept in doubt, though they
+        # do not fit, which prove nothing.
+        proven: list[int] = []
+        begun, known = dict[object, int](), dict[object, int]()
+        for index, (step, (take, rank)) in enumerate(zip(self.steps, items, strict=True)):
+            moves = (at for at, then in state.moved if then <= rank)
+            self.moved.append([None, *(at for at in moves if steps[at - 1].zero == step.zero)][-1])
+            self.fresh.append(begun.get(step.zero, 0))
+            zero = (step.zero, self.moved[-1], self.fresh[-1])
+            self.setup.append(known.setdefault(zero, len(known)))
+            doubted = False
             if isinstance(take, Questioned):
                 self.settled.add((take.doubt, take.about))
                 # One that showed that its stand was moved is right: only the zero before is not.
                 # A doubt about an earlier set-up says nothing of this one.
-                here = steps[(take.about or take.step) - 1].setup == self.steps[index].setup
-                moved = (take.step, rank) in state.moved
-                self.doubted[index] = take.doubt.compares and here and not moved
-
-    def moved_before(self, step: SessionStep, rank: int) -> int | None:
-        """The step at which the stand of this gauge was moved last up to record `rank`."""
-        steps, so_far = self.setting.steps, self.state.moved
-        own = [at for at, then in so_far if then <= rank and steps[at - 1].zero == step.zero]
-        return own[-1] if own else None
+                here = steps[(take.about or take.step) - 1].setup == step.setup
+                doubted = take.doubt.compares and here and (take.step, rank) not in state.moved
+            if doubted:
+                begun[step.zero] = index + 1
+            else:
+                proven.append(index)
+        # What the last reading is compared with, (k,); and with itself, (k + 1,).
+        last = len(self.steps) - 1
+        self.past: Ints = np.array([index for index in proven if index != last], dtype=np.int64)
+        self.compared: Ints = np.append(self.past, last)
+        # Of these the readings by the same gauge in the same set-up; and in the same cell.
+        self.series = [i for i in self.past.tolist() if self.setup[i] == self.setup[last]]
+        self.repeats = [i for i in self.series if self.steps[i].cell == self.steps[last].cell]
 
     def row(self, number: int, take: Arrived | None = None, **further: object) -> ReadingRow:
         """A step as a row of the session file: what it reads, a reading, and what is said of it."""
@@ -308,54 +321,22 @@ class ReadingsSoFar:
             return left
         return [step for step in left if step.visit != closing[0].visit]
 
-
-class NextReading:
-    """A reading to come, after the n readings so far.
-
-    It is of a step, taken so many minutes after the session began, given and spoken of in a unit.
-    """
-
-    def __init__(
-        self, so_far: ReadingsSoFar, step: SessionStep, minutes: float, unit: Unit = Unit.MM
-    ) -> None:
-        self.so_far = so_far
-        self.minutes = minutes
-        self.unit = unit
-        self.steps = steps = [*so_far.steps, step]  # in time order, n + 1
-        # Indices of the readings to compare with: not those that were kept in doubt, (k,).
-        self.past: Ints = np.flatnonzero(~np.array(so_far.doubted, dtype=bool))
-        self.rows: Ints = np.append(self.past, len(so_far.steps))  # with the one to come, (k + 1,)
-        begun: dict[object, int] = {}
-        fresh: list[int] = []
-        for each, doubted in zip(steps, [*so_far.doubted, False], strict=True):
-            fresh.append(begun.get(each.zero, 0))
-            if doubted:
-                begun[each.zero] = len(fresh)
-        # Not 0 where a reading that was kept in doubt began a new zero, (n + 1,).
-        self.fresh: Ints = np.array(fresh)
-        moved = [*so_far.moved, so_far.moved_before(step, so_far.state.count)]
-        known: dict[object, int] = {}
-        keys = zip((each.zero for each in steps), moved, fresh, strict=True)
-        setup = [known.setdefault(key, len(known)) for key in keys]
-        last = {(s.setup, s.leg, s.stand): own for s, own in zip(steps, setup, strict=True)}
-        self.setup: Ints = np.array(setup)  # readings of one share a zero, (n + 1,)
-        # Set-up of the other gauge of the same leg, (n + 1,); −1 without one.
-        self.partner: Ints = np.array([last.get((s.setup, s.leg, 1 - s.stand), -1) for s in steps])
-        # Indices of earlier readings by the same gauge in the same set-up; and in the same cell.
-        self.series = [i for i in self.past.tolist() if setup[i] == setup[-1]]
-        self.repeats = [i for i in self.series if steps[i].cell == step.cell]
+    @cached_property
+    def partner(self) -> Ints:
+        """Set-up of the other gauge of the same leg, (n,); −1 without one."""
+        setups = zip(self.steps, self.setup, strict=True)
+        last = {(step.setup, step.leg, step.stand): setup for step, setup in setups}
+        return np.array([last.get((s.setup, s.leg, 1 - s.stand), -1) for s in self.steps])
 
     @cached_property
     def forecast(self) -> Mixture:
-        """Of 2·(n + 1) readings: these, and the same with the gauges of each leg exchanged."""
-        setting, setup = self.so_far.setting, self.setup
+        """Of 2·n readings: these, and the same with the gauges of each leg exchanged."""
         rows = np.array([step.number - 1 for step in self.steps])
-        hours = np.append(self.so_far.minutes, self.minutes) / 60.0
-        return setting.outlook.forecast(
-            np.concatenate((rows, rows + len(setting.steps))),
-            np.concatenate((setup, np.where(self.partner >= 0, self.partner, setup))),
+        return self.setting.outlook.forecast(
+            np.concatenate((rows, rows + len(self.setting.steps))),
+            np.concatenate((self.setup, np.where(self.partner < 0, self.setup, self.partner))),
             np.tile(np.arange(len(rows)), 2),
-            np.tile(hours, 2),
+            np.tile(self.minutes / 60.0, 2),
             np.tile(self.fresh, 2),
             self.sigma_mm,
         )
@@ -364,13 +345,13 @@ class NextReading:
     def sigma_mm(self) -> float:
         """Standard deviation of a reading: as stated, or larger where successive repeats say so.
 
-        The median ignores blunders.
+        The median ignores blunders; the last reading is not asked.
         """
-        stated = self.so_far.setting.machine.gauge.noise_mm
+        stated = self.setting.machine.gauge.noise_mm
         last: dict[object, float] = {}
         jumps: list[float] = []
-        readings = zip(self.so_far.steps, self.setup[:-1], self.so_far.value, strict=True)
-        for step, setup, value in readings:
+        earlier = zip(self.steps[:-1], self.setup, self.value.tolist(), strict=False)
+        for step, setup, value in earlier:
             if (step.cell, setup) in last:
                 jumps.append(abs(value - last[step.cell, setup]))
             last[step.cell, setup] = value
