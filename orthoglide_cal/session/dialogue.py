@@ -84,11 +84,11 @@ class Dialogue:
                 f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is"
                 " wrong with a machine, leave out --design."
             )
-        minutes = clock(steps)[-1]
+        following = self.setting.following
+        minutes = following.minutes if following else clock(steps)[-1]
         if first:
             from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
             lines = [f"{from_here} both are solved together at the end."]
-            minutes = first.following.minutes
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
         set_ups = counted(len({step.setup for step in steps}), "set-up")
         moves = counted(gauge_moves(steps), "gauge move")

@@ -26,6 +26,7 @@ from orthoglide_cal.files.readings import (
 )
 from orthoglide_cal.files.rows import ReadingRow
 from orthoglide_cal.files.session_file import Session
+from orthoglide_cal.files.text import FileText
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model
@@ -48,13 +49,13 @@ class PriorReadings:
     UsageError: these are no readings.
     """
 
-    def __init__(self, following: Following, model: Model) -> None:
-        given = read_input(following.data, model)
-        self.path = following.data.path
+    def __init__(self, data: FileText, model: Model) -> None:
+        given = read_input(data, model)
+        self.path = data.path
         if not isinstance(given.measured, Readings):
             what = f"{self.path} holds differences; new readings cannot be joined to them."
             raise UsageError(what, "Give the file of the raw readings, if you have it.")
-        self.following = following
+        self.data, self.model = data, given.model
         self.readings = given.measured
         self.conditions = given.conditions
         self.is_session = given.is_session
@@ -67,7 +68,7 @@ class PriorReadings:
         rows = reading_rows(self.readings)
         entries: list[dict[str, str]] = []
         if self.is_session:
-            entries = load_tree(self.following.data).value["readings"]
+            entries = load_tree(self.data).value["readings"]
         for index, row in enumerate(rows):
             # Steps are counted from 1 in each session: those of an earlier one cannot be retaken.
             note = re.sub(r" \(r [0-9]+\)", "", row.note or "")
@@ -78,7 +79,7 @@ class PriorReadings:
     @property
     def environment(self) -> dict[str, str]:
         """What was written around them, and where they are from."""
-        said, data, told = dict(self.conditions.environment), self.following.data, self.conditions
+        said, data, told = dict(self.conditions.environment), self.data, self.conditions
         counts = f"{len(self.readings)} readings"
         for number, word in ((told.retaken, "replaced"), (told.skipped, "skipped")):
             counts += f", {number} {word}" if number else ""
@@ -118,23 +119,28 @@ class Setting:
 
     model: Model
     steps: tuple[SessionStep, ...]  # all of them, number k at index k − 1
-    first: PriorReadings | None = None  # the readings that it continues
+    following: Following | None = None  # how it continues others
 
     @property
     def machine(self) -> Orthoglide:
         return self.model.orthoglide
 
+    @cached_property
+    def first(self) -> PriorReadings | None:
+        """The readings that it continues."""
+        return PriorReadings(self.following.data, self.model) if self.following else None
+
     @property
     def held(self) -> Model:
         """The machine with the offsets that its controller holds while this is measured."""
-        return self.first.following.held(self.model) if self.first else self.model
+        return self.following.held(self.model) if self.following else self.model
 
     def short_mm(self, step: SessionStep) -> Floats:
         """How much short of its posture each carriage is commanded, shape (3,) [mm].
 
         For the machine that is the same as if it had been entered in the controller.
         """
-        active = self.first.following.entered if self.first else NOTHING_ENTERED
+        active = self.following.entered if self.following else NOTHING_ENTERED
         short = np.subtract(step.cell.entered, active, dtype=np.float64)
         return np.asarray(short.round(9))
 
@@ -221,14 +227,14 @@ class ReadingsSoFar:
     @cached_property
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of the session file; a gauge that was moved has another label."""
-        rows, first = list[ReadingRow](), self.setting.first
+        rows, first, following = list[ReadingRow](), self.setting.first, self.setting.following
         seq = len(first.readings) if first else 0
         for (take, _), step, moved in zip(
             self.state.accepted.values(), self.steps, self.moved, strict=True
         ):
             label = self.state.opened.gauge_id(step.stand)
             seq += 1
-            if first and first.following.continues:
+            if first and following and following.continues:
                 names = AXES[step.leg], AXES[step.direction]
                 mine = (row.gauge for row in first.rows if (row.leg, row.direction) == names)
                 label = [None, *mine][-1]  # of the gauge that read it last

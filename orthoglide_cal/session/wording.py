@@ -55,7 +55,7 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
     Once it is `begun`, readings were taken in it: the stands must stay where they are.
     """
     here = [step for step in setting.steps if step.setup == setup]
-    planned, first = here[0].cell, setting.first
+    planned, following = here[0].cell, setting.following
     leg, contact = AXES[planned.leg].upper(), planned.contact
     directions = sorted({step.direction for step in here})
     names = [AXES[direction].upper() for direction in directions]
@@ -70,10 +70,11 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
             f"2. Slide the stand between the ends of leg {leg}; never touch the gauge's zero.",
             "3. Joint end: at the carriage joint. Tool end: at the tool centre point.",
         ]
-    elif first and first.following.continues and not begun and setup == 1:
+    elif following and following.continues and not begun and setup == 1:
+        path = visible(following.data.path)
         words = [
             "Do not touch the stands: they must be where they were for the last reading",
-            f"of {visible(first.path)}. If one was touched since: q, and another measurement.",
+            f"of {path}. If one was touched since: q, and another measurement.",
         ]
     elif begun:
         words = [
@@ -82,7 +83,8 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
         ]
     else:
         words = []
-        bars = [row.bar for row in (first.rows if first else []) if row.leg == AXES[planned.leg]]
+        rows = setting.first.rows if setting.first else []
+        bars = [row.bar for row in rows if row.leg == AXES[planned.leg]]
         if planned.turned:
             sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))
             words = [
