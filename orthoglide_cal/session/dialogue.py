@@ -359,7 +359,7 @@ class Dialogue:
         asked = Questioned(**same, doubt=doubt, question=text, about=about)
         before = [
             old.value_mm
-            for old in (*(old.take for old in self.state.replaced), self.state.pending)
+            for old in (*(take for take, _ in self.state.replaced), self.state.pending)
             if isinstance(old, Questioned) and old.step == step.number
         ]
         self.write(asked)

@@ -230,13 +230,6 @@ RECORD: TypeAdapter[Event] = TypeAdapter(
 )  # fmt: skip
 
 
-class Replaced(NamedTuple):
-    """A reading that does not count any more, and why."""
-
-    take: Arrived
-    reason: str
-
-
 class Accepted(NamedTuple):
     """A reading that counts; `rank` is the number of the record that accepted it."""
 
@@ -253,7 +246,7 @@ class State:
     accepted: Mapping[int, Accepted] = field(default_factory=dict)  # by step, from first to last
     skipped: Mapping[int, str] = field(default_factory=dict)  # step number → reason
     dropped: Mapping[int, str] = field(default_factory=dict)  # step no longer needed → reason
-    replaced: tuple[Replaced, ...] = ()  # readings that no longer count
+    replaced: tuple[tuple[Arrived, str], ...] = ()  # (reading that no longer counts, reason)
     notes: tuple[tuple[int, str], ...] = ()  # (step number, text)
     # (step number, rank) of readings from which on a stand stood elsewhere.
     moved: tuple[tuple[int, int], ...] = ()
@@ -270,7 +263,7 @@ class State:
 
     def takes(self, step: int) -> int:
         """How many readings arrived for a step so far, whatever became of them."""
-        old = sum(item.take.step == step for item in self.replaced)
+        old = sum(take.step == step for take, _ in self.replaced)
         waiting = self.pending is not None and self.pending.step == step
         return old + (step in self.accepted) + waiting
 
@@ -290,7 +283,7 @@ def advance(state: State, event: Event) -> State:
     if pending and isinstance(event, Arrived | Answered | Undone | Retake | Skipped):
         state = replace(state, pending=None)
         if not (isinstance(event, Answered) and event.keep):
-            old = Replaced(pending, f"read again: {pending.question}")
+            old = (pending, f"read again: {pending.question}")
             state = replace(state, replaced=(*state.replaced, old))
     match event:
         case Planned():
@@ -304,12 +297,12 @@ def advance(state: State, event: Event) -> State:
             return replace(_accept(state, pending), moved=(*state.moved, *moved))
         case Undone() if then := state.before:  # what was added since counts as replaced
             back = (
-                Replaced(item.take, "taken back")
+                (item.take, "taken back")
                 for step, item in state.accepted.items()
                 if then.accepted.get(step) != item
             )
             restored = {id(item.take) for item in then.accepted.values()}
-            kept = (item for item in state.replaced if id(item.take) not in restored)
+            kept = (old for old in state.replaced if id(old[0]) not in restored)
             return replace(
                 then,
                 replaced=(*kept, *back),
@@ -321,7 +314,7 @@ def advance(state: State, event: Event) -> State:
         case Retake():
             again = set(event.steps)
             accepted = state.accepted.items()
-            replaced = (Replaced(item.take, event.reason) for n, item in accepted if n in again)
+            replaced = ((item.take, event.reason) for n, item in accepted if n in again)
             return replace(
                 state,
                 accepted={n: item for n, item in accepted if n not in again},

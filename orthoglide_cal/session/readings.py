@@ -285,7 +285,7 @@ class ReadingsSoFar:
             finished=state.ended.at if state.ended else None,
             environment=said,
             readings=(*(first.rows if first else ()), *self.rows),
-            retaken=tuple(self.row(old.step, old, reason=why) for old, why in state.replaced),
+            retaken=tuple(self.row(take.step, take, reason=why) for take, why in state.replaced),
             skipped=tuple(self.row(n, reason=why) for n, why in sorted(state.skipped.items())),
         )
 
