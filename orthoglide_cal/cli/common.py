@@ -48,10 +48,11 @@ class PlainCommand(TyperCommand):
         parameters: list[Any] = super().get_params(ctx)
         # The program's own option is every command's; the last one is --help.
         parameters[-1:-1] = (p for p in ctx.find_root().command.params if p.name == NO_COLOUR)
-        for each in parameters:
+        for parameter in parameters:
             # The help would call files `<list[str]>`, and a choice `<this|that>`.
-            shown = "" if each.param_type_name == "argument" else each.display_type_rich(ctx)
-            vars(each).update(
+            named = parameter.param_type_name == "argument"
+            shown = "" if named else parameter.display_type_rich(ctx)
+            vars(parameter).update(
                 display_type_rich=lambda ctx, shown=shown: (shown or "").strip("<>"),
                 # It would say `[1<=x<=50]`: the help text has the limits in words.
                 _get_number_range_help_str=lambda: None,
@@ -89,7 +90,7 @@ def flag(name: str, help: str) -> object:
 
 
 def argument(metavar: str, help: str, complete: Callable[[str], list[str]] | None = None) -> object:
-    """What stands without a name; `complete` lists what may follow what was typed of it."""
+    """An argument, which has no name; `complete` lists what may follow what was typed of it."""
     return typer.Argument(metavar=metavar, help=help, show_default=False, autocompletion=complete)
 
 
@@ -169,7 +170,7 @@ AsJson = Annotated[bool, flag("--json", "Print JSON: one object for each file, o
 
 
 def measuring_protocol(protocol: str | None, design: str | None) -> MeasuringProtocol | None:
-    """How is measured, by --protocol or --design; None if neither says. Raises UsageError."""
+    """The protocol of --protocol or --design; None if neither says. Raises UsageError."""
     from orthoglide_cal.planning.steps import MeasuringProtocol
 
     if design and protocol:
@@ -204,7 +205,7 @@ def read_input(
     data: Stored | None = None,
     rule_out: Sequence[str] | None = None,
 ) -> Input:
-    """What was measured at `path` ("-": standard input), judged by the machine of --machine.
+    """Read what was measured at `path` ("-": standard input), judged by the machine of --machine.
 
     `rule_out` names causes that were looked for and are not there. Raises UsageError for others.
     """
@@ -219,14 +220,14 @@ def read_input(
     keeper = None
     with suppress(OrthocalError):  # nothing can be recorded; what was measured stands for itself
         keeper = own_machine_file(machine_file)
-    others = (_completed(other, keeper, rule_out) for other in given.others)
-    return replace(_completed(given, keeper, rule_out), others=tuple(others))
+    ruled_out = tuple(sorted(set(rule_out or ())))
 
+    def completed(one: Input) -> Input:
+        """With where it is recorded, and what was looked for and is not there."""
+        model = replace(one.model, ruled_out=ruled_out) if ruled_out else one.model
+        return replace(one, keeper=keeper, model=model)
 
-def _completed(given: Input, keeper: StoredMachine | None, rule_out: Sequence[str] | None) -> Input:
-    """With where it is recorded, and what was looked for and is not there."""
-    model = replace(given.model, ruled_out=tuple(sorted(set(rule_out or ()))))
-    return replace(given, keeper=keeper, model=model if rule_out else given.model)
+    return replace(completed(given), others=tuple(map(completed, given.others)))
 
 
 def require_printer(source: Source, data: Stored | None) -> None:
@@ -314,8 +315,8 @@ def folder_machine() -> Model:
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    for each in (read_machine_file, _file_in_folder, remembered_machine, folder_machine):
-        each.cache_clear()
+    for read in (read_machine_file, _file_in_folder, remembered_machine, folder_machine):
+        read.cache_clear()
 
 
 def deliver(
@@ -432,12 +433,12 @@ def tell(message: str) -> None:
 
 def _fitted(line: str) -> str:
     """A line for a terminal: broken between words; a command stays whole, on a line of its own."""
-    said, _, typed = line.partition(": orthocal ")
+    words, _, typed = line.partition(": orthocal ")
     columns = shutil.get_terminal_size().columns
     if len(line) <= columns:
         return line
     command = [f"  orthocal {typed}"] if typed else []
-    words = f"{said}:" if typed else said
+    words = f"{words}:" if typed else words
     broken = textwrap.wrap(words, columns, break_long_words=False, break_on_hyphens=False)
     return "\n".join(broken + command)
 

@@ -172,16 +172,16 @@ def measure(
             dialogue.run()
         dialogue.publish()
         given = common.read_input(str(dialogue.path))
-        found = answer_to(given, details=json)
-        common.deliver(solution_document(Case(given, found)), as_json=json, details=False)
-        dialogue.reveal(found.parameters)
-        if not found.release.usable:
+        answer = answer_to(given, details=json)
+        common.deliver(solution_document(Case(given, answer)), as_json=json, details=False)
+        dialogue.reveal(answer.parameters)
+        if not answer.release.usable:
             raise typer.Exit(UnusableResultError.exit_code)
 
 
 @contextmanager
 def _saved_when_interrupted() -> "Iterator[list[Dialogue]]":
-    """Whatever interrupts a session, it ends with exit code 130 and how to go on.
+    """End a session, whatever interrupts it, with exit code 130 and how to go on.
 
     The session is put into the list that this gives, once there is one.
     """
@@ -197,9 +197,9 @@ def _saved_when_interrupted() -> "Iterator[list[Dialogue]]":
     except (Quit, EOFError, KeyboardInterrupt, BrokenPipeError) as reason:
         message = "\nNo session was started."
         if running:
-            said = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
+            saved = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
             again = command("measure", str(running[0].path), options="--resume")
-            message = f"{said} Continue with:\n  {again}"
+            message = f"{saved} Continue with:\n  {again}"
     except OSError as error:
         if error.errno != errno.EIO:  # the terminal was closed
             raise

@@ -43,16 +43,17 @@ class Question(NamedTuple):
 
 
 class Blunder(NamedTuple):
-    """A blunder as what it makes of k readings: their signs, and their rows of the forecast."""
+    """A blunder by what undoes it in k readings: factors, rows of the forecast, a last shift."""
 
     question: Question
-    signs: Floats
+    factors: Floats
     rows: Ints
+    shift_mm: float = 0.0  # of the last reading
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What speaks against a reading; of q readings at once, of as many sessions."""
+    """Evidence against a reading; of q readings at once, of as many sessions."""
 
     prediction: Mixture  # of this one value, from the readings before
     tail: Floats  # chance of a reading at least this far off, shape (q,)
@@ -61,7 +62,7 @@ class Evidence:
 
     @property
     def questioned(self) -> NDArray[np.bool_]:
-        """Whether a question is due, shape (q,)."""
+        """True where a question is due, shape (q,)."""
         together = (self.gains > math.log(RATIO)).any(axis=0)
         return np.asarray((self.tail < RARE) | together)
 
@@ -139,26 +140,26 @@ def check_reading(readings: ReadingsSoFar, unit: Unit) -> Question | None:
         return best._replace(text=f"the readings together would fit far better: {best.text}")
     expected, std = evidence.prediction.mean.item(), evidence.prediction.std.item()
     far = _how_far(readings, unit, expected, std)
-    found = [
+    likely = [
         (chance, question)
         for question, chance, std in _explanations(readings, evidence)
         if chance >= _ORDINARY and LIMIT * std <= abs(value - expected)
     ]
-    found.sort(key=lambda pair: -pair[0])
+    likely.sort(key=lambda pair: -pair[0])
     moved = f"since step {readings.steps[readings.series[-1]].number}"
-    if not found and readings.repeats:
+    if not likely and readings.repeats:
         return Question(Doubt.STAND, f"{far}: the stand seems to have moved {moved}")
-    if not found:
+    if not likely:
         return Question(Doubt.UNEXPECTED, f"{far}: read and typed correctly?")
     # The best explanation, and others that are nearly as good.
-    likely, words = found[0][1], dict[Doubt, str]()
-    for chance, question in found:
-        if chance >= 0.3 * found[0][0]:
+    (most, best), words = likely[0], dict[Doubt, str]()
+    for chance, question in likely:
+        if chance >= 0.3 * most:
             words.setdefault(question.doubt, question.text)
     text = f"{far}: {' or '.join(words.values())}"
-    if readings.repeats and likely.doubt is not Doubt.REVOLUTION:
+    if readings.repeats and best.doubt is not Doubt.REVOLUTION:
         text += f" or has the stand moved {moved}?"
-    return likely._replace(text=text)
+    return best._replace(text=text)
 
 
 def gather(readings: ReadingsSoFar, known: Floats, value: Floats) -> Evidence:
@@ -176,7 +177,7 @@ def gather(readings: ReadingsSoFar, known: Floats, value: Floats) -> Evidence:
         values = np.vstack((known, value))
         base = forecast.log_density(values, rows)
         for index, reversal in enumerate(whole):
-            fit = forecast.log_density(values * reversal.signs[:, None], reversal.rows)
+            fit = forecast.log_density(values * reversal.factors[:, None], reversal.rows)
             gains[index] = fit - base
     return Evidence(prediction, prediction.tail(value[None])[0], whole, gains)
 
@@ -211,27 +212,29 @@ def _explanations(
 
     With the chance of a reading at least this far off if so, and the prediction's std then [mm].
     """
-    rows, prediction, value = readings.compared, evidence.prediction, float(readings.value[-1])
-    corrected = list[tuple[Question, float]]()
+    rows, value = readings.compared, readings.value[readings.compared]
+
+    def of_last(doubt: Doubt, words: str, factor: float = 1.0, shift_mm: float = 0.0) -> Blunder:
+        factors = np.append(np.ones(len(rows) - 1), factor)
+        return Blunder(Question(doubt, words), factors, rows, shift_mm)
+
+    blunders: list[Blunder] = []
     if turn := readings.setting.machine.gauge.revolution_mm:
+        slip = math.copysign(turn, value[-1] - evidence.prediction.mean.item())
         for turns in (1, 2, 3):
             words = f"{_NUMBERS[turns]} revolution{'s' if turns > 1 else ''}?"
-            slip = math.copysign(turns * turn, value - prediction.mean.item())
-            corrected.append((Question(Doubt.REVOLUTION, words), value - slip))
-    corrected.append((Question(Doubt.SIGN, "opposite sign?"), -value))
-    point = Question(Doubt.POINT, "decimal point misplaced?")
-    corrected += [(point, value * 10.0), (point, value * 0.1)]
-    for question, candidate in corrected:
-        yield question, prediction.tail(np.array([[candidate]])).item(), prediction.std.item()
-    others = list(evidence.whole)
+            blunders.append(of_last(Doubt.REVOLUTION, words, shift_mm=-turns * slip))
+    blunders.append(of_last(Doubt.SIGN, "opposite sign?", -1.0))
+    blunders += [of_last(Doubt.POINT, "decimal point misplaced?", k) for k in (10.0, 0.1)]
     if readings.partner[-1] >= 0:
-        question = Question(Doubt.EXCHANGED, "are the two gauges exchanged?")
         swapped = np.append(rows[:-1], rows[-1] + len(readings.steps))
-        others.insert(0, Blunder(question, np.ones(len(rows)), swapped))
-    for other in others:
-        signed = (readings.value[rows] * other.signs)[:, None]
-        prediction = readings.forecast.given(signed[:-1], other.rows[:-1], other.rows[-1:])
-        yield other.question, prediction.tail(signed[-1:]).item(), prediction.std.item()
+        exchanged = of_last(Doubt.EXCHANGED, "are the two gauges exchanged?")
+        blunders.append(exchanged._replace(rows=swapped))
+    for blunder in (*blunders, *evidence.whole):
+        undone = (value * blunder.factors)[:, None]
+        prediction = readings.forecast.given(undone[:-1], blunder.rows[:-1], blunder.rows[-1:])
+        chance = prediction.tail(undone[-1:] + blunder.shift_mm).item()
+        yield blunder.question, chance, prediction.std.item()
 
 
 def _how_far(readings: ReadingsSoFar, unit: Unit, expected: float, std: float) -> str:

@@ -66,7 +66,7 @@ class Dialogue:
 
     @property
     def state(self) -> State:
-        """What follows from all records."""
+        """The state after all records."""
         return self.so_far.state
 
     def write(self, event: Event) -> None:
@@ -156,7 +156,7 @@ class Dialogue:
         if there != (text := session_text(self.so_far.session)).encode():
             # What this session wrote when it was ended before may be replaced, nothing else.
             records = self.journal.events
-            ends = [at for at, each in enumerate(records, 1) if isinstance(each, events.Ended)]
+            ends = [at for at, event in enumerate(records, 1) if isinstance(event, events.Ended)]
             before = [ReadingsSoFar(replay(records[:at]), self.setting).session for at in ends]
             mine = there in [session_text(session).encode() for session in before]
             write_text(self.path, text, overwrite=mine)
@@ -172,23 +172,23 @@ class Dialogue:
             lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
         self.asker.show("\n".join(lines), Style.GOOD)
 
-    def reveal(self, found: "Sequence[Parameter]") -> None:
-        """After a simulated session, say what was hidden, and whether it was found."""
+    def reveal(self, parameters: "Sequence[Parameter]") -> None:
+        """Say, after a simulated session, what was hidden, and if it was found."""
         if not isinstance(gauge := self.asker.gauge, SimulatedGauge):
             return
         hidden: list[str] = []
-        told = "all lie within U"
-        for each, value in zip(found, gauge.offsets_mm.tolist(), strict=True):
-            hidden.append(f"{each.name} {signed(value, decimals_for(each.expanded))}")
-            if each.found is not None and abs(value - each.found) > each.expanded:
-                told = "not all lie within U: expected once in seven sessions"
-        self.asker.show(f"Simulated; hidden were {' '.join(hidden)} mm: {told}.")
+        result = "all lie within U"
+        for parameter, value in zip(parameters, gauge.offsets_mm.tolist(), strict=True):
+            hidden.append(f"{parameter.name} {signed(value, decimals_for(parameter.expanded))}")
+            if parameter.found is not None and abs(value - parameter.found) > parameter.expanded:
+                result = "not all lie within U: expected once in seven sessions"
+        self.asker.show(f"Simulated; hidden were {' '.join(hidden)} mm: {result}.")
 
     def close(self) -> None:
         """Let go of the gauge, the machine that is followed, and the journal."""
-        for each in (self.asker.gauge, self.standing, self.journal):
-            if each is not None:
-                each.close()
+        for resource in (self.asker.gauge, self.standing, self.journal):
+            if resource is not None:
+                resource.close()
 
     # ---- what is asked
 
@@ -223,7 +223,7 @@ class Dialogue:
         self._receive(answer, step)
 
     def _stood(self, step: SessionStep) -> Stood:
-        """Where the machine stands, if it is followed; that it is not any more is said once."""
+        """Place of the machine, if it is followed; says once that it is not any more."""
         if self.standing is None:
             return Stood()
         point = wording.point(step, self.setting)
@@ -232,17 +232,17 @@ class Dialogue:
         except (OSError, ValueError) as gone:
             self.standing.close()
             self.standing = None
-            said = f"LinuxCNC does not answer any more: {system_words(gone)}."
-            self.asker.say(f"{said} Continue by hand: nothing is lost.", Style.BAD)
+            lost = f"LinuxCNC does not answer any more: {system_words(gone)}."
+            self.asker.say(f"{lost} Continue by hand: nothing is lost.", Style.BAD)
             return Stood()
 
     def _wait_for(self, step: SessionStep) -> None:
         """Wait until a machine that is followed stands where the step is read."""
-        said, keyboard = False, self.asker.keyboard
+        waiting, keyboard = False, self.asker.keyboard
         while self._stood(step).away_mm > NEAR_MM:
-            if not said:
+            if not waiting:
                 self.asker.say("   waiting until the machine stands there (Return: continue)")
-            said = True
+            waiting = True
             if not keyboard.live:
                 time.sleep(WAIT_S)
             elif (line := keyboard.read(WAIT_S)) is not None:
@@ -276,7 +276,7 @@ class Dialogue:
             self._receive(answer, step)
 
     def _agrees(self, prompt: str) -> bool:
-        """Whether a question is answered with yes; anything else is no."""
+        """True if a question is answered with yes; anything else is no."""
         return self._words(prompt).lower() in ("y", "yes")
 
     def _words(self, prompt: str) -> str:
@@ -390,7 +390,8 @@ class Dialogue:
     def _alike(self, step: SessionStep) -> list[tuple[SessionStep, float]]:
         """Readings of the same cell, gauge and zero as a step's, with their steps."""
         taken = zip(self.so_far.steps, self.so_far.value.tolist(), strict=True)
-        return [each for each in taken if (each[0].cell, each[0].zero) == (step.cell, step.zero)]
+        here = (step.cell, step.zero)
+        return [(other, value) for other, value in taken if (other.cell, other.zero) == here]
 
     def _say_offsets(self) -> None:
         """The offsets so far with their U; what else may be wrong adds to it at the end only."""
@@ -514,8 +515,8 @@ class Dialogue:
         left = self.so_far.left
         self.asker.say(f"{_are(len(left))} missing.")
         # A script that gives its reason has said all.
-        told = reason and not self.asker.keyboard.live
-        if not told and not self._agrees("End the session here? y/n > "):
+        agreed = reason and not self.asker.keyboard.live
+        if not agreed and not self._agrees("End the session here? y/n > "):
             self.asker.say("Not ended.")
             return
         why = reason or "the session was ended"

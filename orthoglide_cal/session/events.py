@@ -1,4 +1,4 @@
-"""What can happen in a session, one small record each, and the state that follows from them.
+"""Events of a session, one small record each, and the state that follows from them.
 
 The journal is a list of these records. The state is a pure fold over them (`replay`): a session
 that was interrupted anywhere continues as if it had not been.
@@ -20,7 +20,7 @@ from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order
 
 
 class Doubt(StrEnum):
-    """What may be wrong with a reading."""
+    """Possible fault of a reading."""
 
     RANGE = "range"  # beyond the gauge's travel
     GRID = "resolution"  # finer than the gauge can show
@@ -38,7 +38,7 @@ class Doubt(StrEnum):
 
     @property
     def compares(self) -> bool:
-        """Whether the reading does not fit the others; not that the gauge can hardly show it."""
+        """True if the reading does not fit the others; not that the gauge can hardly show it."""
         alone = (Doubt.RANGE, Doubt.GRID, Doubt.DEAD, Doubt.SCATTER, Doubt.LAYOUT, Doubt.DOUBLE)
         return self not in (*alone, Doubt.PLACE)
 
@@ -66,7 +66,7 @@ class GaugeLabel(Recorded):
 
 
 class Following(Recorded):
-    """What a session continues."""
+    """How a session continues earlier readings."""
 
     data: FileText  # the file of the first readings, whole
     what: str  # the instruction that is carried out
@@ -109,12 +109,12 @@ class Opened(Event):
     gauges: tuple[GaugeLabel, ...]
 
     def gauge_id(self, stand: int) -> str | None:
-        """What the gauge on this stand is called; None if nobody said."""
+        """Name of the gauge on this stand; None if nobody gave one."""
         return self.gauges[stand].id if stand < len(self.gauges) else None
 
 
 class Planned(Event):
-    """What is read, in this order, where no protocol says it; it stands behind `Opened`."""
+    """The readings to take, in this order, where no protocol says it; it stands behind `Opened`."""
 
     kind: Literal["planned"] = "planned"
     readings: tuple[_Planned, ...]
@@ -239,7 +239,7 @@ class Accepted(NamedTuple):
 
 @dataclass(frozen=True)
 class State:
-    """Where a session stands."""
+    """State of a session."""
 
     opened: Opened
     planned: Planned | None = None  # what is read, where no protocol says it
@@ -262,7 +262,7 @@ class State:
         return not (step in self.accepted or step in self.skipped or step in self.dropped)
 
     def takes(self, step: int) -> int:
-        """How many readings arrived for a step so far, whatever became of them."""
+        """Number of readings that arrived for a step so far, whatever became of them."""
         old = sum(take.step == step for take, _ in self.replaced)
         waiting = self.pending is not None and self.pending.step == step
         return old + (step in self.accepted) + waiting

@@ -161,14 +161,14 @@ def decode(data: bytes, path: str | Path) -> Journal:
 
 
 def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:
-    found = _LINE.fullmatch(line)
-    if found is None:
+    match = _LINE.fullmatch(line)
+    if match is None:
         raise ValueError("not a record")
-    after = zlib.crc32(found[2], checksum)
-    if found[1] != b"%08x" % after:
+    after = zlib.crc32(match[2], checksum)
+    if match[1] != b"%08x" % after:
         raise ValueError("the checksum does not match")
     try:
-        return RECORD.validate_json(found[2]), after
+        return RECORD.validate_json(match[2]), after
     except ValidationError as error:
         fault = error.errors()[0]
         where = ".".join(map(str, fault["loc"]))

@@ -51,7 +51,7 @@ _LONGEST = 200  # bytes; file systems take 255, also of the temporary file's nam
 
 @dataclass(frozen=True)
 class Request:
-    """What the operator asks for on the command line; None where it says nothing.
+    """The operator's wishes on the command line; None where it says nothing.
 
     What stands in `events.Opened` too must not change while a session lasts.
     """
@@ -143,14 +143,14 @@ def _check_options(request: Request) -> None:
     if path and session_path(path).resolve() == Path(following).resolve():
         what = f"{following} is never changed: it cannot be the new session, too."
         raise UsageError(what, "Name another file for the session that will hold both.")
-    told = {
+    options = {
         "--resume": request.resume,
         "--protocol or --design": request.protocol,
         "--cycles": request.cycles,
         "--order": request.order,
         "--until": request.until_mm,
     }
-    if wrong := [name for name, value in told.items() if value]:
+    if wrong := [name for name, value in options.items() if value]:
         what = f"--then and {wrong[0]} do not go together."
         raise UsageError(what, "Leave out one of them: what is read follows from what was begun.")
 
@@ -213,7 +213,7 @@ def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation |
 
 @dataclass(frozen=True, eq=False)
 class Recommendation:
-    """What could be measured next, given earlier readings."""
+    """Measurements that could be taken next, given earlier readings."""
 
     first: PriorReadings
     options: tuple[Option, ...]  # best first
@@ -221,7 +221,7 @@ class Recommendation:
     stands: int | None  # number of gauges, if the operator says it
 
     def measured_with(self, offsets_mm: Sequence[float]) -> tuple[GaugePlan, events.Following, str]:
-        """What is carried out with these offsets [mm] in the controller.
+        """Plan the measurement with these offsets [mm] in the controller.
 
         The last is what was entered since the first readings, in a sentence. Raises UsageError.
         """
@@ -261,21 +261,21 @@ class Recommendation:
 
 
 def _recommended(path: str, request: Request) -> tuple[Recommendation, Model]:
-    """What to measure next, given the readings in a file, and on which machine."""
+    """Rank what to measure next, given the readings in a file, and on which machine."""
     given, keeper, choice = request.model, request.keeper, request.choice
     if path == "-":
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
     data = read_document(path)
-    own = read_input(data, None, request.otherwise)
-    own.model.machine.check_guided()
-    names = machine_file.differing(own.model, given) if given and own.is_session else []
+    alone = read_input(data, None, request.otherwise)
+    alone.model.machine.check_guided()
+    names = machine_file.differing(alone.model, given) if given and alone.is_session else []
     if names:
         raise UsageError(
             f"{path} was measured on another machine than that of --machine: they differ in"
             f" {', '.join(names)}.",
             "Leave out --machine to use the machine of the session.",
         )
-    first = PriorReadings(data, given or own.model)
+    first = PriorReadings(data, given or alone.model)
     if not first.plan.fixed:
         raise UsageError(
             f"{path} was measured with the single-posture protocol. What comes next is read with"
@@ -349,7 +349,7 @@ def _first_records(
 
 
 def _setting(journal: Journal, state: events.State) -> Setting:
-    """What the session is measured with. Raises InputError."""
+    """Machine, steps and earlier readings of a session. Raises InputError."""
     path, opened, planned = str(journal.path), state.opened, state.planned
     model = machine_file.machine_from_text(opened.machine, path)
     if planned is not None:

@@ -78,20 +78,21 @@ class PriorReadings:
 
     @property
     def environment(self) -> dict[str, str]:
-        """What was written around them, and where they are from."""
-        said, data, told = dict(self.conditions.environment), self.data, self.conditions
+        """Notes around them, and where they are from."""
+        conditions, data = self.conditions, self.data
+        environment = dict(conditions.environment)
         counts = f"{len(self.readings)} readings"
-        for number, word in ((told.retaken, "replaced"), (told.skipped, "skipped")):
+        for number, word in ((conditions.retaken, "replaced"), (conditions.skipped, "skipped")):
             counts += f", {number} {word}" if number else ""
         origin = f"{visible(data.path)} ({counts}), sha256 {data.sha256}"
-        before = said.get(_ORIGIN)
-        return {**said, _ORIGIN: f"{origin}; {before}" if before else origin}
+        before = environment.get(_ORIGIN)
+        return {**environment, _ORIGIN: f"{origin}; {before}" if before else origin}
 
-    def minutes(self, opened_at: str, own: float) -> float | None:
+    def minutes(self, opened_at: str, since: float) -> float | None:
         """The time of a new reading on the clock of the first ones; None where they have none.
 
         The clock runs on from their end, if that is known and was on the same day; else it stands
-        from the last of them to `opened_at`, when the session began (ISO 8601), `own` minutes ago.
+        from the last of them to `opened_at`, when the session began (ISO 8601), minutes `since`.
         """
         if not self.readings.timed:
             return None
@@ -102,11 +103,11 @@ class PriorReadings:
             then = then.astimezone(now.tzinfo) if then.tzinfo else then.replace(tzinfo=now.tzinfo)
             if then.date() == now.date():
                 last += max((now - then).total_seconds() / 60.0, 0.0)
-        return round(math.ceil(last / TICK_MIN) * TICK_MIN + own, 4)
+        return round(math.ceil(last / TICK_MIN) * TICK_MIN + since, 4)
 
     @property
     def left_entered(self) -> Floats:
-        """What the controller held at the end beyond what it held at the beginning, (3,) [mm].
+        """Offsets in the controller at the end, less those at the beginning, (3,) [mm].
 
         A carriage that was commanded short was so for its readings alone.
         """
@@ -115,7 +116,7 @@ class PriorReadings:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What a session is measured with; the same from its first record to its last."""
+    """Machine, steps and earlier readings of a session; they never change while it lasts."""
 
     model: Model
     steps: tuple[SessionStep, ...]  # all of them, number k at index k − 1
@@ -136,7 +137,7 @@ class Setting:
         return self.following.held(self.model) if self.following else self.model
 
     def short_mm(self, step: SessionStep) -> Floats:
-        """How much short of its posture each carriage is commanded, shape (3,) [mm].
+        """Distance by which each carriage is commanded short of its posture, shape (3,) [mm].
 
         For the machine that is the same as if it had been entered in the controller.
         """
@@ -151,7 +152,7 @@ class Setting:
 
     @cached_property
     def outlook(self) -> PlanForecast:
-        """Of 2·N readings: the steps', and the same with the gauges of each leg exchanged."""
+        """Forecast of 2·N readings: the steps', then the same with each leg's gauges exchanged."""
         both = joined(self.plan, self.plan)
         exchanged = both.contact == Contact.FIXED
         exchanged[: len(self.plan)] = False
@@ -211,18 +212,18 @@ class ReadingsSoFar:
         """A step as a row of the session file: what it reads, a reading, and what is said of it."""
         setting, opened, step = self.setting, self.state.opened, self.setting.steps[number - 1]
         first = setting.first
-        said = {"cycle": step.cycle + (first.repeats[step.cell] if first else 0), **further}
+        cells = {"cycle": step.cycle + (first.repeats[step.cell] if first else 0), **further}
         if take is not None:
-            own = take.file_minutes
-            said = {
+            minutes = take.file_minutes
+            cells = {
                 "reading_mm": take.value_mm,
                 "gauge": opened.gauge_id(step.stand),
                 "timestamp": take.at,
-                "minutes": first.minutes(opened.at, own) if first else own,
+                "minutes": first.minutes(opened.at, minutes) if first else minutes,
                 "temperature_c": opened.temperature_c,
-                **said,
+                **cells,
             }
-        return row_at(setting.plan, number - 1, str(step.posture)).model_copy(update=said)
+        return row_at(setting.plan, number - 1, str(step.posture)).model_copy(update=cells)
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
@@ -267,23 +268,26 @@ class ReadingsSoFar:
             for gauge in opened.gauges
         ]
         before = first.conditions.gauges if first else ()
-        said = first.environment if first else {}
-        said["readings_from"] = ", ".join(state.source)
+        environment = first.environment if first else {}
+        environment["readings_from"] = ", ".join(state.source)
         if opened.seed is not None:
-            said["seed"] = str(opened.seed)
+            environment["seed"] = str(opened.seed)
         if opened.temperature_c is not None:
-            said["temperature_c"] = f"{opened.temperature_c:g}"
+            environment["temperature_c"] = f"{opened.temperature_c:g}"
         loose = [f"step {step}: {text}" for step, text in state.notes if step not in state.accepted]
         if loose:
-            said["notes"] = "; ".join(loose)
+            environment["notes"] = "; ".join(loose)
         return Session(
             machine=self.setting.model,
             protocol=opened.protocol.value,
             operator=opened.operator or (first.conditions.operator if first else None),
-            gauges=(*gauges, *(each for each in before if each.id not in {g.id for g in gauges})),
+            gauges=(
+                *gauges,
+                *(gauge for gauge in before if gauge.id not in {g.id for g in gauges}),
+            ),
             started=(first.conditions.started if first else None) or opened.at,
             finished=state.ended.at if state.ended else None,
-            environment=said,
+            environment=environment,
             readings=(*(first.rows if first else ()), *self.rows),
             retaken=tuple(self.row(take.step, take, reason=why) for take, why in state.replaced),
             skipped=tuple(self.row(n, reason=why) for n, why in sorted(state.skipped.items())),
@@ -336,7 +340,7 @@ class ReadingsSoFar:
 
     @cached_property
     def forecast(self) -> Mixture:
-        """Of 2·n readings: these, and the same with the gauges of each leg exchanged."""
+        """Forecast of 2·n readings: these, and the same with the gauges of each leg exchanged."""
         rows = np.array([step.number - 1 for step in self.steps])
         return self.setting.outlook.forecast(
             np.concatenate((rows, rows + len(self.setting.steps))),

@@ -110,9 +110,9 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
 
 
 def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
-    """Where step n of N is; `minutes` are those left."""
+    """Place of step n of N; `minutes` are those left."""
     # The isotropic posture once more than the others closes a set-up.
-    repeats = Counter(each.cell for each in setting.steps if each.setup == step.setup)
+    repeats = Counter(other.cell for other in setting.steps if other.setup == step.setup)
     here = repeats[step.cell]
     moved = [number for cell, number in repeats.items() if cell.displacement != 0.0]
     closes = step.displacement_mm == 0.0 and here == max(moved, default=here) + 1
@@ -131,14 +131,14 @@ def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
 
 
 def point(step: SessionStep, setting: Setting) -> tuple[Floats, Floats]:
-    """Where to drive: joints and tool, shape (3,) each [mm]."""
+    """Point to drive to: joints and tool, shape (3,) each [mm]."""
     machine = setting.model.orthoglide
     joints = machine.joints_at(step.leg, step.displacement_mm) - setting.short_mm(step)
     return joints, machine.nominal_rails.tool_for(joints)
 
 
 def place(step: SessionStep, setting: Setting) -> str:
-    """Where to drive: the joints, or the tool; either moves the machine to the same posture."""
+    """Point to drive to, in words: its joints, and its tool; either is the same posture."""
     joints, tool = point(step, setting)
     return (
         f"Drive to  joints   {_axes(joints, '.3f', '   ')}  mm\n"
