@@ -14,7 +14,6 @@ from typing import Annotated, Literal, NamedTuple
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, TypeAdapter
 
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order
 
@@ -78,11 +77,6 @@ class Following(Recorded):
     def words(self) -> str:
         """One sentence with its minutes."""
         return f"Next, about {max(self.minutes, 1.0):.0f} min: {self.what}"
-
-    def held(self, model: Model) -> Model:
-        """The machine of the first reading, with what its controller holds now."""
-        x, y, z = (a + b for a, b in zip(model.orthoglide.offsets_mm, self.entered, strict=True))
-        return model.holding((round(x, 9), round(y, 9), round(z, 9)))
 
 
 class Event(Recorded):

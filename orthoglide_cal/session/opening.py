@@ -83,9 +83,7 @@ def clock() -> str:
     return datetime.now().astimezone().isoformat(timespec="milliseconds")
 
 
-def open_session(
-    request: Request, folder: Path, keyboard: Keyboard, show: Show, now: Callable[[], str] = clock
-) -> Dialogue:
+def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show) -> Dialogue:
     """Begin a session, or go on with one; files without a name go into `folder`.
 
     Raises:
@@ -105,7 +103,7 @@ def open_session(
         if serial:
             serial.open()
         model, recommended = _confirmed(request, Asker(keyboard, show))
-        records = _first_records(request, model, recommended, now())
+        records = _first_records(request, model, recommended, clock())
         journal = Journal.create(path.with_suffix(JOURNAL), *records)
     try:
         state = events.replay(journal.events)
@@ -124,9 +122,9 @@ def open_session(
             asker.say(wording.machine(setting.held))
             if setting.following:
                 asker.say(setting.following.words, Style.TITLE)
-        dialogue = Dialogue(path, journal, setting, asker, now, request.unit, request.until_mm)
+        dialogue = Dialogue(path, journal, setting, asker, clock, request.unit, request.until_mm)
         if request.source and request.source != state.source and state.ended is None:
-            dialogue.write(events.Reopened(at=now(), source=request.source))
+            dialogue.write(events.Reopened(at=clock(), source=request.source))
         return dialogue
     except BaseException:
         journal.close()

@@ -134,7 +134,10 @@ class Setting:
     @property
     def held(self) -> Model:
         """The machine with the offsets that its controller holds while this is measured."""
-        return self.following.held(self.model) if self.following else self.model
+        if self.following is None:
+            return self.model
+        held = np.add(self.machine.offsets_mm, self.following.entered)
+        return self.model.holding(tuple(held.round(9).tolist()))
 
     def short_mm(self, step: SessionStep) -> Floats:
         """Distance by which each carriage is commanded short of its posture, shape (3,) [mm].
