@@ -290,32 +290,26 @@ def _file_in_folder() -> Path | None:
 
 
 @functools.cache
-def remembered_machine() -> Model | None:
-    """The machine of the only machine file in this folder, and says so; None if there is none."""
-    path = _file_in_folder()
-    if path is not None:
-        tell(f"The machine is that of {path}, the machine file in this folder.")
-    return given_machine(path)
-
-
-@functools.cache
 def folder_machine() -> Model:
     """The machine that this folder remembers, else the prototype; says once which one it is."""
     from orthoglide_cal.files.machine_file import default_machine
 
-    model = remembered_machine()
-    if model is None and sys.stderr.isatty():
+    path = _file_in_folder()
+    if path is not None:
+        tell(f"The machine is that of {path}, the machine file in this folder.")
+        return read_machine_file(path).model
+    if sys.stderr.isatty():
         # A script that has always worked with the prototype needs no reminder.
         tell(
             "No machine file is named, and this folder has none: the numbers of the paper's"
             " prototype are used. Make a file for your machine: orthocal machine new"
         )
-    return model or default_machine()
+    return default_machine()
 
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    for read in (read_machine_file, _file_in_folder, remembered_machine, folder_machine):
+    for read in (read_machine_file, _file_in_folder, folder_machine):
         read.cache_clear()
 
 

@@ -130,9 +130,7 @@ def measure(
         raise UsageError(
             "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
         )
-    known = common.given_machine(machine) or (
-        None if resume or then else common.remembered_machine()
-    )
+    known = common.given_machine(machine)
     if known is not None:
         known.machine.check_guided()
     request = Request(

@@ -61,7 +61,7 @@ class Request:
     agreed: bool = False  # to what is asked before the first reading
     offsets_mm: tuple[float, float, float] | None = None  # that the controller holds now
     model: Model | None = None
-    otherwise: Callable[[], Model] = machine_file.default_machine  # of a table, if none is named
+    otherwise: Callable[[], Model] = machine_file.default_machine  # where no file names one
     keeper: Model | None = None  # whose file keeps what is entered, for what continues data
     following: str | None = None  # path of the data that the session continues
     choice: int | None = None  # which recommendation is carried out, from 1
@@ -160,9 +160,11 @@ def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation |
     who has agreed already, or has no terminal.
     """
     recommended = None
-    model = request.model or machine_file.default_machine()
     if request.following is not None:
         recommended, model = _recommended(request.following, request)
+    else:
+        model = request.model or request.otherwise()
+        model.machine.check_guided()
     model = _holding(model, request.offsets_mm)
     # One cycle of what would be measured, unless something is recommended.
     protocol = request.protocol or MeasuringProtocol.DOUBLE
@@ -181,12 +183,6 @@ def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation |
             asker.say(following.words, Style.TITLE)
         if request.agreed or not asker.keyboard.live:
             return model, recommended
-        if request.model is None and not recommended:
-            asker.say(
-                "No machine file is named, and this folder has none: these are the numbers"
-                " of the paper's prototype. Make a file for your machine: orthocal machine new",
-                Style.BAD,
-            )
         also = ", and shall this be measured now" if recommended else ""
         asker.say(
             f"Is it this machine, with these offsets in its controller{also}? Return: yes.  n: no."
