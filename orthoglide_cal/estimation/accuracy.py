@@ -1,4 +1,4 @@
-"""How sure the offsets are, and whether the data determine them at all.
+"""Uncertainty of the offsets, and whether the data determine them at all.
 
 Covariance (eqs. 26–33), σ of one reading from three sources, intervals, the digits worth writing;
 and, where the rank is missing, which offsets stay free and which reading to add.
@@ -53,7 +53,7 @@ class Scatter:
 
 
 def sum_of_squares(problem: Problem, jacobian: Floats, residual: Floats, ratio: Floats) -> float:
-    """What noise must have left of data, σ²·χ² of k − 3 degrees of freedom [mm²].
+    """Sum of squares that noise must have left of data, σ²·χ² of k − 3 degrees of freedom [mm²].
 
     Generalised least squares: rᵀ Λᵀ P Λ r with (Λ ᵀΛ)⁻¹ = G + C Cᵀ/σ² and P the projector onto
     what the offsets cannot explain. Whichever estimator left the residual, it is the same.

@@ -11,17 +11,17 @@ import math
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.gaussian import root_of
 from orthoglide_cal.model.machine import Influence, Instrument, Origin
 from orthoglide_cal.model.model import Model, carried_uncertainty, differentiate_absent, simulate
-from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only
+from orthoglide_cal.model.plan import Floats, Plan, read_only
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Schema
 
@@ -31,29 +31,41 @@ Evaluation = Literal["A", "B"]
 MINOR = 0.1
 
 
-@dataclass(frozen=True, eq=False)
-class Contribution(ReadOnly):
-    """What one source adds to the uncertainty of the offsets."""
+class Contribution(Schema):
+    """Share of one source in the uncertainty of the parameters."""
 
-    source: str  # an `Origin` or a cause id
-    evaluation: Evaluation
-    size: float | None  # its standard uncertainty, in `unit`; None where it has no single size
-    unit: str  # of the size; "" without one
-    assumed: bool  # nobody stated its size: a default
-    covariance_mm2: Floats  # of the offsets, from this source alone, shape (3, 3)
-    dof: float = math.inf  # degrees of freedom; infinite for type B
-    possible: bool = False  # may be there or not, by the probability that the data leave it
+    source: str = Field(description="an origin or a cause id")
+    type: Evaluation
+    size: float | None = Field(description="its standard uncertainty, in `unit`")
+    unit: str = Field(description='of the size; "" without one')
+    assumed: bool = Field(False, description="nobody stated its size")
+    # Of the parameters, from this source alone, shape (p, p).
+    covariance_mm2: Floats = Field(exclude=True)
+    # Degrees of freedom of its size; infinite for type B.
+    dof: float = Field(math.inf, exclude=True, allow_inf_nan=True)
+    possible: bool = Field(False, description="may be there or not")
+    minor: bool = Field(False, description="too small for a line of its own on a page")
 
     @classmethod
-    def beyond(cls, source: str, covariance: Floats, possible: bool = False) -> Contribution:
-        """What is left of a covariance (3, 3) [mm²] besides other sources; never negative."""
+    def beyond(cls, source: str, covariance: Floats, possible: bool = False) -> Self:
+        """Remainder of a covariance (p, p) besides other sources; never negative."""
         root = root_of(covariance)
-        return cls(source, "B", None, "", False, root @ root.T, possible=possible)
+        left = read_only(root @ root.T)
+        return cls(
+            source=source, type="B", size=None, unit="", covariance_mm2=left, possible=possible
+        )
 
+    def __eq__(self, other: object) -> bool:
+        """As they are printed: arrays have no truth of their own."""
+        return isinstance(other, Contribution) and self.model_dump() == other.model_dump()
+
+    def __hash__(self) -> int:
+        return hash(self.model_dump_json())
+
+    @computed_field(description="what it adds to each parameter's std")
     @property
-    def std_mm(self) -> Floats:
-        """What it adds to the standard uncertainty of each offset, shape (3,) [mm]."""
-        return np.sqrt(np.maximum(np.diag(self.covariance_mm2), 0.0))
+    def std(self) -> tuple[float, ...]:
+        return tuple(np.sqrt(np.maximum(np.diag(self.covariance_mm2), 0.0)).tolist())
 
 
 @dataclass(frozen=True)
@@ -63,7 +75,7 @@ class Budget:
     contributions: tuple[Contribution, ...]
 
     def without(self, sources: Container[str]) -> Budget:
-        return Budget(tuple(each for each in self.contributions if each.source not in sources))
+        return Budget(tuple(part for part in self.contributions if part.source not in sources))
 
     def extended(self, more: Iterable[Contribution]) -> Budget:
         return replace(self, contributions=(*self.contributions, *more))
@@ -71,7 +83,7 @@ class Budget:
     @cached_property
     def covariance_mm2(self) -> Floats:
         """Of the offsets, from all sources, shape (3, 3)."""
-        return read_only(sum(each.covariance_mm2 for each in self.contributions))
+        return read_only(sum(part.covariance_mm2 for part in self.contributions))
 
     @property
     def std_mm(self) -> Floats:
@@ -81,7 +93,7 @@ class Budget:
     @cached_property
     def dof(self) -> float:
         """Effective degrees of freedom u⁴/Σ(uᵢ⁴/νᵢ), of the offset that has the fewest."""
-        spent = sum(each.std_mm**4 / each.dof for each in self.contributions)
+        spent = sum(np.array(part.std) ** 4 / part.dof for part in self.contributions)
         worst = float(np.max(spent / self.std_mm**4))
         return 1.0 / worst if worst > 0.0 else math.inf
 
@@ -123,12 +135,34 @@ def budget_of(
             # The scatter holds the rounding, too; what is left of it is known no better.
             dof = scatter.dof * (noise2 / scatter.sigma_mm**2) ** 2
     parts = [
-        Contribution(Origin.NOISE, evaluation, math.sqrt(noise2), "mm", False, noise2 * unit, dof),
-        Contribution(Origin.RESOLUTION, "B", gauge.rounding_mm, "mm", False, rounding2 * unit),
+        Contribution(
+            source=Origin.NOISE,
+            type=evaluation,
+            size=math.sqrt(noise2),
+            unit="mm",
+            covariance_mm2=read_only(noise2 * unit),
+            dof=dof,
+        ),
+        Contribution(
+            source=Origin.RESOLUTION,
+            type="B",
+            size=gauge.rounding_mm,
+            unit="mm",
+            covariance_mm2=read_only(rounding2 * unit),
+        ),
     ]
-    for each in uncertain:
-        moved = (estimator @ each.columns) @ (estimator @ each.columns).T
-        parts.append(Contribution(each.source, "B", each.size, each.unit, each.assumed, moved))
+    for influence in uncertain:
+        moved = estimator @ influence.columns
+        parts.append(
+            Contribution(
+                source=influence.source,
+                type="B",
+                size=influence.size,
+                unit=influence.unit,
+                assumed=influence.assumed,
+                covariance_mm2=read_only(moved @ moved.T),
+            )
+        )
     return Budget(tuple(parts))
 
 
@@ -138,7 +172,7 @@ REFERENCE_C = 20.0  # ISO 1
 
 
 def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
-    """What readings at a mean temperature off the reference [°C] leave open; nothing if unknown.
+    """Contribution of a mean temperature off the reference [°C]; none if it is unknown.
 
     The legs L [mm] grow by α·L per kelvin and so do the rails; how much of it is left over between
     the two is not known: anything up to all of it (rectangular).
@@ -147,8 +181,12 @@ def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
         return ()
     kelvin = abs(mean_c - REFERENCE_C)
     std = EXPANSION_PER_K * length_mm * kelvin / math.sqrt(3.0)
-    covariance = np.full((len(AXES), len(AXES)), std**2)
-    return (Contribution(Origin.TEMPERATURE, "B", kelvin, "K", False, covariance),)
+    covariance = read_only(np.full((len(AXES), len(AXES)), std**2))
+    return (
+        Contribution(
+            source=Origin.TEMPERATURE, type="B", size=kelvin, unit="K", covariance_mm2=covariance
+        ),
+    )
 
 
 # What readings hold besides noise that nobody knows exactly, and hardly any reading shows: sets of
@@ -192,7 +230,7 @@ def _influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, .
 
 
 def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
-    """What is taken as the controller has it, although nobody knows it exactly.
+    """Causes taken as the controller has it, although nobody knows it exactly.
 
     A diagnosis asks whether the readings contradict it; the parameters found have its uncertainty
     in any case. Arguments as of `influences`.
@@ -223,21 +261,8 @@ def _of_causes(
     return readings, found
 
 
-class BudgetLine(Schema):
-    """One line of the uncertainty budget."""
-
-    source: str
-    type: Evaluation
-    size: float | None = Field(description="its standard uncertainty, in `unit`")
-    unit: str
-    assumed: bool = Field(description="nobody stated its size")
-    possible: bool = Field(description="may be there or not")
-    minor: bool = Field(description="too small for a line of its own on a page")
-    std: tuple[float, ...] = Field(description="what it adds to each parameter's std")
-
-
 class BudgetTotal(Schema):
-    """What the sources of the budget add together."""
+    """Sums of the sources of the budget."""
 
     minor: tuple[float, ...] = Field(description="the minor ones; empty without any")
     std: tuple[float, ...]
@@ -245,23 +270,13 @@ class BudgetTotal(Schema):
     k: float
 
 
-def budget_lines(budget: Budget) -> tuple[tuple[BudgetLine, ...], BudgetTotal]:
+def budget_lines(budget: Budget) -> tuple[tuple[Contribution, ...], BudgetTotal]:
     """Every source of an uncertainty, and what they add together."""
-    minor = [np.all(each.std_mm <= MINOR * budget.std_mm) for each in budget.contributions]
     lines = tuple(
-        BudgetLine(
-            source=each.source,
-            type=each.evaluation,
-            size=each.size,
-            unit=each.unit,
-            assumed=each.assumed,
-            possible=each.possible,
-            minor=bool(small),
-            std=tuple(each.std_mm.tolist()),
-        )
-        for each, small in zip(budget.contributions, minor, strict=True)
+        part.changed(minor=bool(np.all(part.std <= MINOR * budget.std_mm)))
+        for part in budget.contributions
     )
-    rest = [np.square(each.std) for each in lines if each.minor]
+    rest = [np.square(line.std) for line in lines if line.minor]
     total = BudgetTotal(
         minor=tuple(np.sqrt(sum(rest)).tolist()) if rest else (),
         std=tuple(budget.std_mm.tolist()),

@@ -1,4 +1,4 @@
-"""What the next reading should be, from the readings before it, and how sure that is.
+"""Forecast of the next reading, from the readings before it, and how sure that is.
 
 A reading is, near the nominal machine and before any of it is measured,
 
@@ -34,7 +34,7 @@ PLACE = ("leg", "direction", "displacement", "contact", "gauge_at", "part", "tur
 
 
 class PlanForecast:
-    """What is known of a plan's readings before the first is taken: computed once.
+    """Knowledge of a plan's readings before the first is taken: computed once.
 
     Any of them, in the order in which they are taken, are then forecast by selection.
     """

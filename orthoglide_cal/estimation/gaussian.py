@@ -115,7 +115,7 @@ def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen:
 def predict(
     covariance: Floats, values: Floats, shared: Floats, prior: Floats
 ) -> tuple[Floats, Floats]:
-    """What values less their expectation (..., k, q) say of others that are jointly normal.
+    """Predict others from values less their expectation (..., k, q), jointly normal.
 
     From S of the values, noise included (..., k, k), their covariance `shared` with the others
     (..., k, m), and that of the others before, `prior` (..., m, m).

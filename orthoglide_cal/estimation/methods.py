@@ -29,7 +29,6 @@ from orthoglide_cal.model.plan import (
     Plan,
     ReadOnly,
     Reduction,
-    cell_contrasts,
     zero_free,
 )
 from orthoglide_cal.model.readings import Posture
@@ -55,7 +54,7 @@ class Method(StrEnum):
 
     @property
     def uses(self) -> DataKind:
-        """What it compares with the model: all readings, or differences of them."""
+        """Data that it compares with the model: all readings, or differences of them."""
         return DataKind(self.partition("-")[0])
 
     @property
@@ -130,16 +129,13 @@ class Posed(ReadOnly):
 
 
 @functools.lru_cache(maxsize=8)
-def pose_plan(
-    plan: Plan, model: Model, kind: DataKind, *, folded: bool = False
-) -> tuple[Problem, tuple[Difference, ...]]:
-    """What a method makes of readings, whatever they will be: the problem, and its differences.
+def pose_plan(plan: Plan, model: Model, kind: DataKind) -> tuple[Problem, tuple[Difference, ...]]:
+    """Problem and differences that a method makes of readings, whatever these will be.
 
-    Differences that the plan lacks are left out; `folded` as in `pose`.
+    Differences that the plan lacks are left out.
     """
     if kind is DataKind.READINGS:
-        contrasts = cell_contrasts if folded and model.repeats else zero_free
-        return Problem(model, plan, contrasts(plan)), ()
+        return Problem(model, plan, zero_free(plan)), ()
     wanted = DIFFERENCES[kind]
     matrix = reduction(kind, wanted, model.orthoglide, plan)
     present = np.abs(matrix).sum(axis=1) > 0.0
@@ -147,17 +143,15 @@ def pose_plan(
     return Problem(model, plan, matrix[present]), kept
 
 
-def pose(measured: Measured, model: Model, kind: DataKind, *, folded: bool = False) -> Posed:
+def pose(measured: Measured, model: Model, kind: DataKind) -> Posed:
     """Reduce the data to what is compared with the model; differences that they lack are left out.
 
     Args:
         measured, model: the data, and what they are of.
         kind: one that can be made of these data.
-        folded: of raw readings that repeat each other keep the mean only, where no accepted cause
-            can distinguish them; their scatter is not in the data then.
     """
     if isinstance(measured, Readings):
-        problem, kept = pose_plan(measured.plan, model, kind, folded=folded)
+        problem, kept = pose_plan(measured.plan, model, kind)
         return Posed(problem, problem.matrix @ measured.value, kept)
     wanted = DIFFERENCES[kind]
     values = dict(zip(measured.which, measured.value.tolist(), strict=True))
@@ -168,12 +162,12 @@ def pose(measured: Measured, model: Model, kind: DataKind, *, folded: bool = Fal
             for six, (high, low) in zip(wanted, ends, strict=True)
             if high in values and low in values
         }
-    kept = tuple(each for each in wanted if each in values)
+    kept = tuple(difference for difference in wanted if difference in values)
     # The readings behind the printed differences: one of each cell, so that a difference of
     # the twelve shares its isotropic reading with its partner (errata, eq. 30).
     plan = ideal_plan(measured.kind, model.orthoglide)
     problem = Problem(model, plan, reduction(kind, kept, model.orthoglide, plan))
-    return Posed(problem, np.array([values[each] for each in kept]), kept)
+    return Posed(problem, np.array([values[difference] for difference in kept]), kept)
 
 
 def _sequential(jacobian: Floats, which: Sequence[Difference]) -> Floats:
@@ -189,7 +183,7 @@ def _sequential(jacobian: Floats, which: Sequence[Difference]) -> Floats:
         which: the differences of its rows.
     """
     needed = DIFFERENCES[DataKind.SINGLE]
-    missing = [each.name for each in needed if each not in which]
+    missing = [difference.name for difference in needed if difference not in which]
     if missing:
         raise RankDeficientError(
             f"Eq. (11) needs all six differences; {', '.join(missing)} missing.",
@@ -197,8 +191,8 @@ def _sequential(jacobian: Floats, which: Sequence[Difference]) -> Floats:
         )
     at_iso, moved = needed[:2], (needed[2:4], needed[4:])
     weights = np.zeros((3, len(which)))
-    weights[2, [which.index(each) for each in at_iso]] = 1.0
+    weights[2, [which.index(difference) for difference in at_iso]] = 1.0
     for axis, pair in enumerate(moved):
-        rows = [which.index(each) for each in pair]
+        rows = [which.index(difference) for difference in pair]
         weights[axis, rows] = jacobian[rows, axis]
     return np.asarray(np.linalg.solve(weights @ jacobian, weights), dtype=np.float64)

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import Field
 
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
-from orthoglide_cal.estimation.budget import influences
+from orthoglide_cal.estimation.budget import Budget, influences
 from orthoglide_cal.estimation.methods import pose, table_kind
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import DataKind, Measured
@@ -31,18 +31,18 @@ class PromisedDifference(Schema):
 
 @dataclass(frozen=True, eq=False)
 class OffsetEstimate(ReadOnly):
-    """What is known of the machine when something is entered in its controller."""
+    """The parameters of a machine as readings know them, and that machine."""
 
     model: Model  # the machine and its accepted causes, with their uncertainty
-    offsets_mm: Floats  # Δρ that the controller does not know yet, shape (3,)
-    covariance_mm2: Floats  # of these, shape (3, 3)
+    offsets_mm: Floats  # that the controller does not know yet, shape (p,)
+    budget: Budget  # where their uncertainty comes from
+    noise: Scatter  # of one reading
 
 
 def promise(
     measured: Measured,
     known: OffsetEstimate,
     entered: Floats,
-    noise: Scatter,
     right: Measured | None = None,
 ) -> tuple[PromisedDifference, ...]:
     """Measured, modelled and expected differences, in the order of Table 4.
@@ -53,7 +53,7 @@ def promise(
     and of what the change depends on.
 
     Args:
-        measured, known, noise: the data, the machine, and the scatter of one reading.
+        measured, known: the data, and what is known of the machine.
         entered: added to the controller's offsets, shape (3,) [mm].
         right: the data without faults that will not return, such as a misreading; None if there
             are none.
@@ -69,13 +69,13 @@ def promise(
     (modelled, left), (first, second) = problem.predict_with_jacobian(both)
     expected = kept.data + left - modelled
     # The same readings are taken once before and once after.
-    scatter = 2.0 * noise.sigma_mm**2 * np.diag(problem.covariance())
+    scatter = 2.0 * known.noise.sigma_mm**2 * np.diag(problem.covariance())
     # What one standard deviation of each other source changes in the effect of what is entered.
-    sources = [(second - first) @ np.linalg.cholesky(known.covariance_mm2)]
-    for each in influences(known.model, both, problem.plan):
-        was, is_left = problem.matrix @ each.columns
+    sources = [(second - first) @ np.linalg.cholesky(known.budget.covariance_mm2)]
+    for influence in influences(known.model, both, problem.plan):
+        was, is_left = problem.matrix @ influence.columns
         # The stands are put there again; machine and gauge are the same.
-        anew = each.source == Origin.GAUGE_PLACEMENT
+        anew = influence.source == Origin.GAUGE_PLACEMENT
         sources += [was, is_left] if anew else [is_left - was]
     if not problem.model.repeats:
         # Another pace changes what time does in an accepted cause.
@@ -83,7 +83,7 @@ def promise(
         sources.append((replace(problem, plan=slower).predict(after) - left)[:, None])
     variance = scatter + (np.hstack(sources) ** 2).sum(axis=1)
     # Effective degrees of freedom by Welch–Satterthwaite, all but the noise known without end.
-    factor = [half_width(noise.dof * ratio**2) for ratio in (variance / scatter).tolist()]
+    factor = [half_width(known.noise.dof * ratio**2) for ratio in (variance / scatter).tolist()]
     reach = np.array(factor) * np.sqrt(variance)
     columns = (posed.data, modelled, expected, reach)
     rows = zip(posed.which, *(column.tolist() for column in columns), strict=True)
@@ -96,6 +96,6 @@ def promise(
 
 
 def stays(promised: Sequence[PromisedDifference]) -> bool:
-    """Whether more is left after the correction than its uncertainty allows for."""
+    """Return whether more is left after the correction than its uncertainty allows for."""
     left = sum(row.expected_mm**2 for row in promised)
     return left > sum(row.expanded_mm**2 for row in promised)

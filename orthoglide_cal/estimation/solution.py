@@ -20,16 +20,17 @@ from orthoglide_cal.estimation.accuracy import (
 )
 from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
 from orthoglide_cal.estimation.least_squares import OPTIMAL, LeastSquaresFit, fit_offsets
+from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, UNLISTED, surprising
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
 from orthoglide_cal.model.machine import GaugeDoubt, Influence, Instrument
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
-from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only, without_zeros
+from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only
 from orthoglide_cal.schema import Reason
 
 # Below this chance the residuals are called larger than the gauge's noise.
-SUSPICIOUS = 0.001
+SUSPICIOUS = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, NEEDLESS_HOLD)
 # Below this one they are called larger than usual.
 UNUSUAL = 0.01
 
@@ -108,13 +109,13 @@ class Solution(ReadOnly):
     def promised(
         self, entered: Floats | None = None, right: Measured | None = None
     ) -> tuple[PromisedDifference, ...]:
-        """What the differences will be once (3,) [mm] were entered; its own offsets if None.
+        """Differences to expect once (3,) [mm] were entered; its own offsets if None.
 
         `right` as in `promise`.
         """
-        known = OffsetEstimate(self.model, self.offsets_mm, self.covariance_mm2)
+        known = OffsetEstimate(self.model, self.offsets_mm, self.budget, self.noise)
         change = self.offsets_mm if entered is None else entered
-        return promise(self.measured, known, change, self.noise, right)
+        return promise(self.measured, known, change, right)
 
     @cached_property
     def _fit(self) -> tuple[float, Floats]:
@@ -160,12 +161,12 @@ class Solution(ReadOnly):
 
     @cached_property
     def doubts(self) -> tuple[GaugeDoubt, ...]:
-        """What no such gauge can have shown."""
+        """Readings that no such gauge can have shown."""
         return self.model.machine.instrument.doubts(self.measured)
 
     @property
     def warnings(self) -> tuple[Reason, ...]:
-        """What to know of the data."""
+        """Remarks on the data."""
         scatter, floor = self.sigma_residuals_mm, self.model.machine.instrument.rounding_mm
         doubts = (Reason.of("doubtful_readings", **doubt._asdict()) for doubt in self.doubts)
         remarks = (Reason.of("remark", text=text) for text in self.measured.remarks)
@@ -175,7 +176,7 @@ class Solution(ReadOnly):
 
     @cached_property
     def remaining(self) -> float:
-        """How far the offsets are from their optimum, recomputed [standard deviations].
+        """Distance of the offsets from their optimum, recomputed [standard deviations].
 
         A nonlinear method: the step that it would still take. A linear one: what its own
         estimator finds in its residual.
@@ -204,7 +205,7 @@ class Solution(ReadOnly):
 
     @property
     def judgement(self) -> Reason:
-        """Are the residuals what this gauge's noise would give?"""
+        """Statement on whether the residuals are what this gauge's noise would give."""
         stated, p_value = self.stated_mm, self.lack_of_fit_p
         if p_value is None:
             return Reason.of("no_spare_readings", stated_mm=stated)
@@ -237,7 +238,7 @@ def solve(
         UnusableResultError: the offsets are larger than any machine has.
     """
     chosen = choose_method(measured, method)
-    plain = posed = pose(measured, model, chosen.uses, folded=True)
+    plain = posed = pose(measured, model, chosen.uses)
     require_rank(posed.problem)
     if chosen.linear:
         # At zero offsets every gauge of the nominal machine reads zero; known causes do not.
@@ -266,7 +267,7 @@ def solve(
         for effect in model.accepted
         if effect.data_sha256 == measured.source.sha256
     }
-    left = [each for each in uncertain if each.source not in here]
+    left = [influence for influence in uncertain if influence.source not in here]
     stated_mm = math.hypot(gauge.noise_mm, math.sqrt(sum(each.rest for each in left)))
     ratios = [(each.source, each.columns / stated_mm) for each in left]
     if chosen is Method.READINGS:
@@ -329,21 +330,15 @@ def _scatter(
         ratio: what the influences add to them, in standard deviations, (n, p).
         known: parameters that were fitted to the data.
     """
-    total, dof = 0.0, len(posed.data) - known
-    if isinstance(measured, Readings):
-        if posed.which:
-            posed = pose(measured, posed.problem.model, DataKind.READINGS, folded=True)
-        dof = len(measured) - measured.plan.setups - known
+    if isinstance(measured, Readings) and posed.which:
+        posed = pose(measured, posed.problem.model, DataKind.READINGS)
+    dof = len(posed.data) - known
     if dof <= 0:
         return None
     problem, matrix = posed.problem, posed.problem.matrix
     residual = posed.data - matrix @ readings
-    if isinstance(measured, Readings):
-        # Of readings that repeat each other only the means are in the problem.
-        apart = measured.plan.precision * (measured.value - readings)
-        total = float((without_zeros(measured.plan, apart) ** 2).sum() - (residual**2).sum())
-    total += sum_of_squares(problem, matrix @ jacobian, residual, matrix @ ratio)
-    return Scatter(float(np.sqrt(max(total, 0.0) / dof)), dof)
+    total = sum_of_squares(problem, matrix @ jacobian, residual, matrix @ ratio)
+    return Scatter(math.sqrt(total / dof), dof)
 
 
 def budget_of_readings(
@@ -354,5 +349,8 @@ def budget_of_readings(
     uncertain: Sequence[Influence],
 ) -> Budget:
     """Of parameters that a linear estimator makes of readings, (p, n): of equally precise ones."""
-    equal = [replace(each, columns=plan.precision[:, None] * each.columns) for each in uncertain]
+    equal = [
+        replace(influence, columns=plan.precision[:, None] * influence.columns)
+        for influence in uncertain
+    ]
     return budget_of(estimator / plan.precision, gauge, scatter, equal)

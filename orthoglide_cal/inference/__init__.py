@@ -10,6 +10,7 @@ from orthoglide_cal.inference.result import (
     LackOfFit,
     NextMeasurement,
     Otherwise,
+    Parameter,
     TimesStated,
     UnshownFault,
     Verdict,

@@ -1,4 +1,4 @@
-"""What an extension of a printer is compared with: a carried quartic surface, the earlier map.
+"""Baselines of an extension of a printer: a carried quartic surface, the earlier map.
 
 Both need no cause: the surface is fitted together with the calibrated parameters, the map is what
 these leave. An extension that predicts other readings no better has shown nothing.
@@ -66,16 +66,16 @@ def baselines(
     return quartic, rms(unexplained(then[:, :free], error - _interpolated(place, left, there)))
 
 
-def repeats(white: Whitened, later: Whitened | None) -> float | None:
+def repeats(white: Whitened, later: Whitened | None = None) -> float | None:
     """Correlation of the residual maps of two dates, of more the smallest.
 
     What calibrated parameters leave of the touches of each date; None for few, or of one date.
     """
     maps = [
         (place[own], left[own], jacobian[own])
-        for each in (white, later)
-        if each is not None and each.plan.touches.any()
-        for place, left, jacobian, date in (_touches(each),)
+        for white_data in (white, later)
+        if white_data is not None and white_data.plan.touches.any()
+        for place, left, jacobian, date in (_touches(white_data),)
         for day in np.unique(date)
         for own in (date == day,)
     ]

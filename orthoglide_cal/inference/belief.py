@@ -21,7 +21,7 @@ from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
 from orthoglide_cal.inference.fit import Fit, fit_explanations
-from orthoglide_cal.inference.hypothesis import Hypothesis, Unlisted, score_all, score_unlisted
+from orthoglide_cal.inference.hypothesis import Hypothesis, score_all, score_patterns
 from orthoglide_cal.model.plan import Floats
 
 TINY = 1e-300  # a probability, for its logarithm
@@ -61,7 +61,7 @@ class Belief:
 
     at: Linearised  # the data, and what every candidate would do to them
     hypotheses: Mapping[Ids, Hypothesis]  # sets of listed causes; () is that nothing is wrong
-    patterns: tuple[Unlisted, ...]  # those beyond the list
+    patterns: Mapping[str, Hypothesis]  # those beyond the list, by their words
     fits: Mapping[Ids, Fit] = field(default_factory=dict)  # those that the probabilities rest on
     # Fits of other hypotheses, made when first asked for; they change no probability.
     _further: dict[Ids, Fit] = field(default_factory=dict)
@@ -74,7 +74,8 @@ class Belief:
             NotConvergedError: no offsets fit these data.
         """
         at = Linearised.of(white, Candidates.of(white.problem.model, ordered=white.raw))
-        return cls(at, score_all(at), tuple(score_unlisted(at)))
+        patterns = {scored.pattern.words: scored for scored in score_patterns(at) if scored.pattern}
+        return cls(at, score_all(at), patterns)
 
     def scaled(self, factor: float) -> Belief:
         """The same data and patterns with the plausible sizes of all causes multiplied."""
@@ -102,15 +103,15 @@ class Belief:
     @cached_property
     def log_weight(self) -> Mapping[Ids, float]:
         """ln of prior times evidence of each set of causes."""
-        prior = self.at.candidates.log_prior
-        evidence = {ids: each.log_evidence for ids, each in self.hypotheses.items()}
-        evidence |= {ids: fit.log_evidence for ids, fit in self.fits.items()}
-        return {ids: value + prior[ids] for ids, value in evidence.items()}
+        by_ids = self.hypotheses.items()
+        evidence = {ids: self.fits.get(ids, scored).log_evidence for ids, scored in by_ids}
+        return {ids: evidence[ids] + scored.log_prior for ids, scored in by_ids}
 
     @cached_property
     def _probabilities(self) -> Mapping[Ids | str, float]:
         """Probability of each set of listed causes and each pattern, the most probable first."""
-        beyond = {each.what: each.log_evidence + each.log_prior for each in self.patterns}
+        patterns = self.patterns.items()
+        beyond = {words: scored.log_evidence + scored.log_prior for words, scored in patterns}
         return probabilities({**self.log_weight, **beyond})
 
     @cached_property
@@ -161,11 +162,10 @@ class Belief:
         Neither in the mean over plausible sizes nor, of a fault without size, where both fit best:
         that the other causes are then of more usual size is no evidence.
         """
-        prior = self.at.candidates.log_prior
         if not set(part) < set(ids) or not self.listed[part]:
             return False
         gain = math.log(max(self.listed[ids], TINY)) - math.log(self.listed[part])
-        gain -= prior[ids] - prior[part]
+        gain -= self.hypotheses[ids].log_prior - self.hypotheses[part].log_prior
         fits = [self.fits.get(ids), self.fits.get(part)]
         if is_sizeless(ids, part) and all(fit and unit_of(fit.effects) == 1.0 for fit in fits):
             first, second = (fit.log_likelihood for fit in fits if fit)

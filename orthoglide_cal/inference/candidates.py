@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.model.cause import Cause, Stage
 from orthoglide_cal.model.model import Model
 
@@ -21,7 +22,6 @@ Ids = tuple[str, ...]  # of causes that act together, sorted; () is "nothing is 
 # Prior weight of the kinds of explanation; the last but one is shared by the unlisted patterns.
 ONE_CAUSE = 0.38
 TWO_CAUSES = ONE_CAUSE**2 / 2.0  # independent of each other
-UNLISTED = 0.04
 NOTHING = 1.0 - ONE_CAUSE - TWO_CAUSES - UNLISTED
 
 

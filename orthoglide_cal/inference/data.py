@@ -126,7 +126,7 @@ class Whitened(ReadOnly):
 
     @property
     def weight(self) -> Floats:
-        """How much an error of each reading, or difference, counts against a common one, (m,)."""
+        """Weight of an error of each reading, or difference, counts against a common one, (m,)."""
         return self.plan.precision if self.raw else np.ones(len(self.in_file))
 
     def rms(self, residual: Floats) -> float:
@@ -158,7 +158,7 @@ class Whitened(ReadOnly):
         return replace(fit, residuals_mm=versions - predicted)
 
     def uncertain(self, offsets: Floats) -> tuple[Influence, ...]:
-        """What is uncertain of the data in addition to noise, for offsets (..., 3) [mm]."""
+        """Influences on the data in addition to noise, for offsets (..., 3) [mm]."""
         found = influences(self.problem.model, offsets, self.plan)
         return tuple(each.reduced(self.matrix) for each in found)
 
@@ -167,12 +167,12 @@ class Whitened(ReadOnly):
     ) -> tuple[Influence, ...]:
         """The same on a machine with some effects: what a stand's place does to the readings
         depends on how the touched surface lies."""
-        if all(each.source != Origin.GAUGE_PLACEMENT for each in uncertain):
+        if all(influence.source != Origin.GAUGE_PLACEMENT for influence in uncertain):
             return uncertain
         known, plan = self.problem.model.extended(effects), self.plan
         gauges = self.machine.uncertain(plan, lambda other: simulate(known, offsets, other))
-        anew = {each.source: each.reduced(self.matrix) for each in gauges}
-        return tuple(anew.get(each.source, each) for each in uncertain)
+        anew = {influence.source: influence.reduced(self.matrix) for influence in gauges}
+        return tuple(anew.get(influence.source, influence) for influence in uncertain)
 
     def linearised(self, *points: tuple[Floats, Sequence[Effect]]) -> list[tuple[Floats, Floats]]:
         """For offsets (3,) [mm] with effects: prediction (k,), its derivatives (k, 3 + p)."""
@@ -291,7 +291,7 @@ def _places(
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """What every candidate would do to these data, where the offsets-only model fits best.
+    """Effects of every candidate on these data, where the offsets-only model fits best.
 
     A relabelling is undone in the data, which gives another version of them; version 0 is as
     recorded.
@@ -356,13 +356,13 @@ class Linearised:
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
         weighed = {cause.id for cause in broad}
         uncertain: list[Influence] = []
-        for each in white.uncertain(offsets):
-            if each.source in weighed:
-                shown = unexplained(jacobian, each.columns)
+        for influence in white.uncertain(offsets):
+            if influence.source in weighed:
+                shown = unexplained(jacobian, influence.columns)
                 if np.linalg.norm(shown) > machine.instrument.noise_mm:
                     # It has a name of its own for what shows: what offsets imitate is carried.
-                    each = replace(each, columns=each.columns - shown)
-            uncertain.append(each)
+                    influence = replace(influence, columns=influence.columns - shown)
+            uncertain.append(influence)
         return cls(
             white=white,
             candidates=candidates,
@@ -377,14 +377,14 @@ class Linearised:
         )
 
     def pattern(self, extra: Extra) -> Floats:
-        """What one unit of a pattern cause at its place adds to the data, shape (k,) [mm]."""
+        """Column of one unit of a pattern cause at its place adds to the data, shape (k,) [mm]."""
         patterns = self.extras[extra.cause.id].patterns
         return np.zeros(len(self.white)) if patterns is None else patterns.column(extra.number)
 
     @property
     def local(self) -> bool:
-        """Whether a local shape is uncertain."""
-        return any(each.local for each in self.uncertain)
+        """True if a local shape is uncertain."""
+        return any(influence.local for influence in self.uncertain)
 
     @property
     def scales(self) -> Mapping[float, float]:
@@ -404,7 +404,7 @@ class Linearised:
     def carried(self) -> Floats:
         """All that is uncertain of the data, side by side, shape (k, c) [mm]."""
         nothing = np.zeros((len(self.white), 0))
-        return read_only(np.hstack([nothing, *(each.columns for each in self.uncertain)]))
+        return read_only(np.hstack([nothing, *(influence.columns for influence in self.uncertain)]))
 
     @cached_property
     def seen(self) -> Floats:
@@ -412,12 +412,12 @@ class Linearised:
         return self.shown(self.uncertain, self.jacobian)
 
     def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:
-        """What is uncertain of the data and shows, with as few columns as tell it, (k, b) [mm].
+        """Influences on the data that show, in as few columns as tell them, (k, b) [mm].
 
         A local shape is part of the noise. What the offsets, of derivatives (k, 3), imitate changes
         no evidence, and what stays far below the noise none that matters.
         """
-        few = [each.columns for each in uncertain if not each.local]
+        few = [influence.columns for influence in uncertain if not influence.local]
         carried = np.hstack([np.zeros((len(self.white), 0)), *few])
         left, size, _ = np.linalg.svd(unexplained(jacobian, carried), full_matrices=False)
         kept = size > UNSEEN * self.noise.stated

@@ -2,8 +2,8 @@
 
 A technician is told that nothing is wrong, a name, several answers that are left open, or that no
 listed cause explains the data. Each statement is weighed by what it costs if it is wrong; the table
-below is the only place where that is stated, in minutes of a workshop. Everything else follows from
-the belief: no probability is compared with a number of its own.
+is in `estimation.losses`. Everything else follows from the belief: no probability is compared with
+a number of its own.
 """
 
 from __future__ import annotations
@@ -17,6 +17,19 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import chance_of_residual
+from orthoglide_cal.estimation.losses import (
+    DISMISSED,
+    FALSE_RELEASE,
+    MENTION,
+    MISSED_FAULT,
+    NEEDLESS_HOLD,
+    OPEN_ANSWER,
+    UNLISTED,
+    WRONG_NAME,
+    is_dismissed,
+    is_likely,
+    surprising,
+)
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture
 from orthoglide_cal.inference.candidates import Ids
@@ -27,38 +40,10 @@ from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.patterns import Groups
 from orthoglide_cal.model.plan import Floats
 
-# --- losses [min] -----------------------------------------------------------------------------
-
-# An answer is left open: one more measurement, stands fetched, set up and read.
-OPEN_ANSWER = 30.0
-# A sound part is named: it is ordered and replaced, the machine is calibrated again, and the fault
-# is still there. A week of 50 hours.
-WRONG_NAME = 3000.0
-# Offsets are entered that a fault of the record has falsified: what is made until the next check,
-# half a week, is scrap.
-FALSE_RELEASE = 1500.0
-# A fault that these readings hardly show is missed: it is found at the next check, and one session
-# more has to be measured then, with its set-up.
-MISSED_FAULT = 75.0
-# A fault is looked for, or corrected, that is not there: the machine stands still for two hours.
-NEEDLESS_HOLD = 120.0
-# A step, drift or scatter of a machine is stated that is none: carriage, couplings and switches are
-# taken apart in vain. A day of ten hours.
-WRONG_STORY = 600.0
-# A change of the machine is missed: the next session shows it, and what the machine, a little off,
-# has made since is measured again. A quarter of a day.
-MISSED_CHANGE = 150.0
-# A cause is mentioned as not excluded: its name is read, in five seconds.
-MENTION = 0.075
-
-# A session begins: stands are fetched, the machine is stopped and warmed up.
-SITTING = 30.0
-# An answer is still open after a measurement: somebody comes back for it, a shift later.
-STILL_OPEN = 480.0
-
-# Probability relative to the answer below which one that contradicts it is dismissed: to keep it
-# open would cost more than to be wrong.
-DISMISSED = OPEN_ANSWER / WRONG_NAME
+# The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
+# than stated. If something beyond the list acts with them, an open question costs a measurement in
+# vain; if not, to look for it in the set-up costs a hold.
+MISFIT = surprising(UNLISTED / (1.0 - UNLISTED), OPEN_ANSWER, NEEDLESS_HOLD)
 
 # --- limits of effort -------------------------------------------------------------------------
 
@@ -74,9 +59,6 @@ WEIGHS = 0.01
 # A place less probable than this is not looked at, no more than so many; where a fault would not
 # show, one less probable than the last is not mentioned.
 PLACE_COUNTS, PLACES, PLACE_LIKELY = 0.002, 6, 0.05
-# The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
-# than stated: in so many of right answers it leaves more by chance.
-MISFIT = 2e-4
 # A cause that many times its plausible size is beyond it; for the search for one of any size.
 BEYOND, ANY_SIZE = 3.0, 1e3
 
@@ -93,19 +75,6 @@ def keep_ratio(ids: Ids, best: Ids) -> float:
     return OPEN_ANSWER / (FALSE_RELEASE if is_sizeless(ids, best) else MISSED_FAULT)
 
 
-def is_dismissed(probability: float, missed: float) -> bool:
-    """Return whether to keep something open costs more than to miss it, a loss in minutes."""
-    return probability * missed < OPEN_ANSWER
-
-
-def is_likely(nothing: float, missed: float, needless: float) -> bool:
-    """Return whether to miss something, of minutes `missed`, costs more than a needless search.
-
-    `nothing` is the probability that there is nothing.
-    """
-    return (1.0 - nothing) * missed >= nothing * needless
-
-
 def state(
     belief: Mapping[Key, float], nothing: Key, missed: float, needless: float
 ) -> tuple[Key, tuple[Key, ...]]:
@@ -119,11 +88,6 @@ def state(
     lost = needless if happened else missed
     others.remove(stated)
     return stated, tuple(key for key in others if not is_dismissed(belief[key], lost))
-
-
-def loss_after(minutes: float, chance: float) -> float:
-    """Expected loss of a session of its own, which leaves one answer with this chance [min]."""
-    return SITTING + minutes + (1.0 - chance) * STILL_OPEN
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,10 +149,7 @@ class Decision:
     def is_open(self, ids: Ids) -> bool:
         """Return whether a set of causes is too probable to be dismissed for the best answer."""
         best = self.best
-        return self.belief.listed[ids] >= keep_ratio(ids, best) * self._something(best)
-
-    def _something(self, best: Ids) -> float:
-        return self.belief.something if best else 1.0
+        return self.belief.listed[ids] >= keep_ratio(ids, best) * self.belief.something
 
     @cached_property
     def rivals(self) -> tuple[Ids, ...]:
@@ -222,7 +183,7 @@ class Decision:
 
     def nearly_dismissed(self, ids: Ids) -> bool:
         """Return whether a set contradicts the best one and is below its bound, not far below."""
-        bound = keep_ratio(ids, self.best) * self._something(self.best)
+        bound = keep_ratio(ids, self.best) * self.belief.something
         contradicts = not set(self.best) <= set(ids)
         return contradicts and FAR_BELOW * bound <= self.belief.listed[ids] < bound
 
@@ -231,11 +192,6 @@ class Decision:
         belief = self.belief
         both, alone = (belief.share(belief.answer_of(one)) for one in (ids, part))
         return both * MISSED_FAULT < self.hold * alone
-
-    def may_matter(self, ids: Ids) -> bool:
-        """Return whether a fault without size would be left open at this probability."""
-        least = OPEN_ANSWER / FALSE_RELEASE * self.belief.listed[self.best]
-        return self.belief.listed[ids] >= least
 
     @property
     def hold(self) -> float:
@@ -246,12 +202,12 @@ class Decision:
 
     @property
     def wrong(self) -> bool:
-        """Whether to look for a fault costs less than to miss one."""
+        """True if to look for a fault costs less than to miss one."""
         return is_likely(self.belief.nothing, MISSED_FAULT, self.hold)
 
     @property
     def surely_sound(self) -> bool:
-        """Whether nothing is wrong by so far that no fit of a cause can change it."""
+        """True if nothing is wrong by so far that no fit of a cause can change it."""
         belief = self.belief
         return (1.0 - belief.nothing) * MISSED_FAULT < SURELY * belief.nothing * self.hold
 
@@ -268,7 +224,7 @@ class Decision:
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.
         lost = belief.beyond * OPEN_ANSWER > belief.something * NEEDLESS_HOLD
-        if lost or self._misfit < MISFIT:
+        if lost or self._chance_beyond(belief.fit(best)) < MISFIT:
             return Verdict.UNEXPLAINED
         # To name what is beyond the list costs a wrong name for each cause, and false offsets.
         risk = len(best) * (WRONG_NAME + FALSE_RELEASE) * belief.beyond
@@ -291,20 +247,21 @@ class Decision:
 
     @cached_property
     def _others(self) -> Ids:
-        """What is open in place of the best answer or in addition to it."""
+        """Causes open in place of the best answer or in addition to it."""
         belief, rivals = self.belief, self.rivals
         certain = WRONG_NAME * belief.beyond <= OPEN_ANSWER * belief.something
         if certain and all(ids in self.silent for ids in rivals):
             rivals = ()
         return tuple(dict.fromkeys(id for ids in rivals for id in ids if id not in self.best))
 
-    @cached_property
-    def _misfit(self) -> float:
-        """Chance that noise leaves more than the best set of causes does."""
-        at, fit = self.belief.at, self.belief.fit(self.best)
-        noise = max(at.noise.stated, fit.sigma if at.local else 0.0)
-        square = float(fit.residual @ fit.residual)
-        return chance_of_residual(square, len(at.white) - fit.unknowns, noise)
+    def _chance_beyond(self, fit: Fit) -> float:
+        """Chance that noise leaves more than a fit does, as large as its statement may mean."""
+        at = self.belief.at
+        square, dof = float(fit.residual @ fit.residual), len(at.white) - fit.unknowns
+        if at.local:
+            return chance_of_residual(square, dof, max(at.noise.stated, fit.sigma))
+        by_noise = [chance_of_residual(square, dof, sigma) for sigma in at.noise.sigma]
+        return float(np.exp(at.noise.log_weight) @ by_noise)
 
     @cached_property
     def unseen(self) -> Ids:
@@ -420,11 +377,9 @@ class Decision:
                 (fit,) = fit_explanations([replace(hypotheses[(cause.id,)], scale=ANY_SIZE)])
             except PostureError:  # no machine of any size is like that
                 continue
-            square, spare = float(fit.residual @ fit.residual), len(at.white) - fit.unknowns
-            noise = fit.sigma if at.local else at.noise.stated
             times = fit.effects[0].times(at.white.machine)
-            if times > BEYOND and chance_of_residual(square, spare, noise) >= MISFIT:
-                explaining.append((square, cause.id, times))
+            if times > BEYOND and self._chance_beyond(fit) >= MISFIT:
+                explaining.append((float(fit.residual @ fit.residual), cause.id, times))
         return tuple((id, times) for _, id, times in sorted(explaining))
 
     @property
@@ -458,7 +413,9 @@ class Decision:
 
     def _unexplained_covariance(self) -> Floats:
         """Of the offsets-only fit, widened by the likeliest unlisted pattern, (3, 3) [mm²]."""
-        pattern = max(self.belief.patterns, key=lambda unlisted: unlisted.log_evidence)
+        patterns = self.belief.patterns.values()
+        pattern = max(patterns, key=lambda scored: scored.log_evidence).pattern
+        assert pattern is not None
         fit, white = self.belief.fit(()), self.belief.at.white
         width = fit.offsets.size
         estimator = np.asarray(np.linalg.pinv(fit.columns[:, :width]), np.float64)
@@ -507,7 +464,9 @@ def decide_by(linear: Belief) -> Decision:
         decision = Decision(decision.belief.refined(again[:FITS]))
     # What has no size is judged by the fits, too; and linear scores know no bounds: what is left
     # open is so by its fit.
-    likely = [ids for ids in decision.belief.listed if ids and decision.may_matter(ids)]
+    listed = decision.belief.listed
+    least = OPEN_ANSWER / FALSE_RELEASE * listed[decision.best]
+    likely = [ids for ids in listed if ids and listed[ids] >= least]
     pairs = [(ids, (id,)) for ids in likely for id in ids if is_sizeless(ids, (id,))]
     wanted = [ids for pair in pairs for ids in pair]
     for _ in range(FITS):

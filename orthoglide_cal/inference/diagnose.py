@@ -12,16 +12,11 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import half_width, rms, scatter_of_repeats
+from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
 from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.inference.data import Whitened, unit_of
-from orthoglide_cal.inference.decision import (
-    BEYOND,
-    DISMISSED,
-    Decision,
-    decide,
-    decide_by,
-)
+from orthoglide_cal.inference.decision import BEYOND, Decision, decide, decide_by
 from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
 from orthoglide_cal.inference.result import (
     CauseParameter,
@@ -30,10 +25,10 @@ from orthoglide_cal.inference.result import (
     FoundCause,
     LackOfFit,
     Otherwise,
+    Parameter,
     TimesStated,
     UnshownFault,
     Verdict,
-    estimated,
 )
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import Measured
@@ -79,7 +74,8 @@ def diagnose(
         entered = np.zeros(len(model.machine.parameter_names))
         if applied is not None:
             entered[: len(applied)] = applied
-        found, again = _decided(white, later)
+        found = _decided(white)
+        again = repeats(white, later)
         nothing, accepted = found.belief.fit(()), found.fit
         causes: tuple[FoundCause, ...] = ()
         free = len(entered) * anew
@@ -179,7 +175,7 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
             "Give it a size there if the machine may have it.",
         )
     with _weighable(model):
-        found, _ = _decided(Whitened.of(measured, model))
+        found = _decided(Whitened.of(measured, model))
         verdict, accepted = found.verdict, found.accepted
         if not accepted:
             raise UnusableResultError(
@@ -208,11 +204,10 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
         return model.extended([effect.accepted(on.isoformat(), measured.source.sha256)])
 
 
-def _decided(white: Whitened, later: Whitened | None = None) -> tuple[Decision, float | None]:
-    """What the data say, and how far the maps of several dates of a printer repeat."""
-    found = decide(white)
-    again = repeats(white, later)
-    return replace(found, repeats=again is not None and again > REPEATS), again
+def _decided(white: Whitened) -> Decision:
+    """Decide what the data say; maps of several dates that repeat are no noise."""
+    again = repeats(white)
+    return replace(decide(white), repeats=again is not None and again > REPEATS)
 
 
 @contextmanager
@@ -231,7 +226,7 @@ def _weighable(model: Model) -> Iterator[None]:
 
 def _explanations(found: Decision) -> tuple[Explanation, ...]:
     """All that were tried, best first, with the parameters of those that are left open."""
-    names = found.belief.at.white.machine.parameter_names
+    model = found.belief.at.white.problem.model
     fits = {tuple(sorted(fit.ids)): fit for _, fit in found.left_open}
 
     def told(ids: Ids, probability: float) -> Explanation:
@@ -243,7 +238,7 @@ def _explanations(found: Decision) -> tuple[Explanation, ...]:
             ids=ids,
             probability=probability,
             rms_mm=found.belief.at.white.rms(fit.left) if ids else None,
-            parameters=estimated(names, fit.offsets, std),
+            parameters=Parameter.all_of(model, fit.offsets, std, half_width(np.inf)),
         )
 
     tried = [told(ids, value) for ids, value in found.belief.listed.items()]
@@ -291,7 +286,7 @@ def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause
         return id == found.shape or all(CAUSES[other].compensable for other in instead)
 
     def aliases(id: str) -> Ids:
-        """What stands in its place in a rival explanation, or in one of the same remedy."""
+        """Causes that stand in its place in a rival explanation, or in one of the same remedy."""
         others = (*found.same_answer(found.accepted), *rivals)
         instead = (each for each in others if ids - {id} <= set(each) and id not in each)
         return tuple(dict.fromkeys(other for each in instead for other in each if other not in ids))
@@ -357,7 +352,7 @@ def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOf
 def _predicted(
     white: Whitened, measured: Measured, residual: Floats, effects: Sequence[Effect] = ()
 ) -> Floats:
-    """What a fit with some effects says of each value, in the order of the file, (n,) [mm].
+    """Prediction of each value by a fit with some effects, in the order of the file, (n,) [mm].
 
     `residual` is what it leaves of the whitened data, shape (k,) [mm].
     """
@@ -369,7 +364,7 @@ def _predicted(
 
 
 def _of_local_shape(found: Decision) -> Iterator[Reason]:
-    """How much stays unexplained where that is the rule, and what is not claimed."""
+    """Size of what stays unexplained where that is the rule, and claims not made."""
     white, accepted = found.belief.at.white, found.fit
     if white.texture is None:
         return

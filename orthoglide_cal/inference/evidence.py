@@ -171,7 +171,7 @@ class Places(ReadOnly):
 
 
 class Overlap(NamedTuple):
-    """What columns c (..., k, q) have in common with a density, and with one residual r."""
+    """Products of columns c (..., k, q) with a density, and with one residual r."""
 
     power: Floats  # cᵀ c, shape (..., q)
     match: Floats  # cᵀ r, shape (..., q)
@@ -226,7 +226,7 @@ class Gaussian:
         return Overlap((columns**2).sum(axis=-2), match[..., 0, :], inside, axes.T @ columns)
 
     def against(self, columns: Overlap, residual: Floats) -> tuple[Floats, Floats]:
-        """How columns c weigh and match the residual r (..., k) of their overlap.
+        """Weights of columns c and their matches with the residual r (..., k) of their overlap.
 
         Returns:
             cᵀ S⁻¹ c and cᵀ S⁻¹ r, each of shape (..., s, g, q).

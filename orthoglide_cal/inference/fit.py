@@ -30,6 +30,7 @@ from orthoglide_cal.estimation.gaussian import (
     whiten_shared,
 )
 from orthoglide_cal.estimation.least_squares import fit_offsets
+from orthoglide_cal.estimation.losses import MISSED_CHANGE, UNLISTED, WRONG_STORY, surprising
 from orthoglide_cal.inference.candidates import Ids, ids_of
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.hypothesis import (
@@ -58,7 +59,7 @@ STEEP = 100.0
 # So many touches for each calibrated parameter say how rough a bed is.
 ENOUGH = 2
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
-MOVED = 1e-4
+MOVED = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_CHANGE, WRONG_STORY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,7 @@ class Fit(ReadOnly):
 
     @property
     def left(self) -> Floats:
-        """What offsets and causes leave, a local shape included, shape (k,) [mm]."""
+        """Remainder after offsets and causes, a local shape included, shape (k,) [mm]."""
         return self.residual + self.local
 
     @property
@@ -153,28 +154,30 @@ def fit_explanations(scores: Sequence[Hypothesis], scale_factor: float | None = 
     """
     searches = [_Search(score.replanned or score, scale_factor) for score in scores]
     # One simulation gives the next linear models of all; the second is enough but for large causes.
-    moving = [each for each in searches if each.beyond_noise]
+    moving = [search for search in searches if search.beyond_noise]
     for _ in range(ROUNDS):
         far: list[_Search] = []
-        for white in dict.fromkeys(each.at.white for each in moving):
-            together = [each for each in moving if each.at.white is white]
-            points = [(each.offsets, each.effects) for each in together]
+        for white in dict.fromkeys(search.at.white for search in moving):
+            together = [search for search in moving if search.at.white is white]
+            points = [(search.offsets, search.effects) for search in together]
             try:
                 models = white.linearised(*points)
             except PostureError:
                 # No machine is like that: such an explanation stays as it was scored.
-                together = [each for each in together if each.possible]
-                models = white.linearised(*((each.offsets, each.effects) for each in together))
+                together = [search for search in together if search.possible]
+                models = white.linearised(
+                    *((search.offsets, search.effects) for search in together)
+                )
             for each, (predicted, own) in zip(together, models, strict=True):
                 before, each.moved = each.moved, each.move(predicted, own)
                 if FAR_MM < each.moved < 0.5 * before:
                     far.append(each)
         moving = far
-    for each in searches:
-        each.settle()
+    for search in searches:
+        search.settle()
     weighed: dict[_Search, tuple[Floats, float]] = {}
-    for at in dict.fromkeys(each.at for each in searches):
-        weighed |= _weighed(at, [each for each in searches if each.at is at])
+    for at in dict.fromkeys(search.at for search in searches):
+        weighed |= _weighed(at, [search for search in searches if search.at is at])
     return [
         each.fitted(score, *weighed[each]) for each, score in zip(searches, scores, strict=True)
     ]
@@ -187,24 +190,24 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
     """
     acting: dict[_Search, Acting] = {}
     # What stays where it was scored is as likely as its score says.
-    found = {each: each.by_noise for each in group if each.by_noise is not None}
-    moved = [each for each in group if each not in found]
+    found = {search: search.by_noise for search in group if search.by_noise is not None}
+    moved = [search for search in group if search not in found]
     logs = {each: each.score.log_evidence for each in found}
-    alone = [each for each in moved if each.score.extra is None and len(each.base) < 2]
-    others = [each for each in moved if each not in alone]
+    alone = [search for search in moved if search.score.extra is None and len(search.base) < 2]
+    others = [search for search in moved if search not in alone]
     for scales, some in ((at.scales, alone), (at.usual, others)):
         if some:
             columns, bases = [each.own for each in some], [each.base for each in some]
             density = density_of(at, columns, bases, scales, [each.seen for each in some])
             residuals = np.stack([each.linear + each.added for each in some])[..., None]
             found |= zip(some, density.log_density(residuals)[..., 0], strict=True)
-    for each in alone:
-        if each.base:
-            width = each.width
-            mine = each.own[:, width:] * at.sizes(each.base)[width:]
-            rest = offsets_and_seen(at, each.own[:, :width])
-            log_all = float(log_sum(found[each]))
-            acting[each] = Acting(each.base[0], mine, rest, each.linear, log_all)
+    for search in alone:
+        if search.base:
+            width = search.width
+            mine = search.own[:, width:] * at.sizes(search.base)[width:]
+            rest = offsets_and_seen(at, search.own[:, :width])
+            log_all = float(log_sum(found[search]))
+            acting[search] = Acting(search.base[0], mine, rest, search.linear, log_all)
     for each in others:
         extra = each.score.extra
         if extra is None:
@@ -218,7 +221,9 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
         blocks = pattern_densities(at, placed, density, residual, by_noise)
         by_block = [log_sum(log[0] + placed.weights[where], (-2, -1)) for where, log in blocks]
         found[each] = log_sum(np.stack(by_block), 0)
-    logs |= {each: float(log_sum(found[each])) + LOG_ALL * bool(each.base) for each in moved}
+    logs |= {
+        search: float(log_sum(found[search])) + LOG_ALL * bool(search.base) for search in moved
+    }
     either = all_or_one(list(acting.values()), at.noise, at.scales)
     logs.update(zip(acting, either, strict=True))
     return {each: (own, logs[each]) for each, own in found.items()}
@@ -248,13 +253,15 @@ class _Search:
         ids = ids_of(*self.base)
         offsets = at.offsets[self.version]
         uncertain = at.white.uncertain(offsets) if self.version else at.uncertain
-        self.uncertain = tuple(each for each in uncertain if each.source not in ids)
+        self.uncertain = tuple(influence for influence in uncertain if influence.source not in ids)
         self.carried = at.carried
         if self.uncertain != at.uncertain:
             nothing = np.zeros((len(at.white), 0))
-            self.carried = np.hstack([nothing, *(each.columns for each in self.uncertain)])
-        widths = [each.columns.shape[1] for each in self.uncertain]
-        local = np.repeat([each.local for each in self.uncertain], widths)
+            self.carried = np.hstack(
+                [nothing, *(influence.columns for influence in self.uncertain)]
+            )
+        widths = [influence.columns.shape[1] for influence in self.uncertain]
+        local = np.repeat([influence.local for influence in self.uncertain], widths)
         # Undone, other offsets fit: what is uncertain of the data acts as with those.
         self.seen = at.shown(uncertain, at.jacobian) if self.version else at.seen
         self.width = width = at.offsets.shape[1]
@@ -274,7 +281,7 @@ class _Search:
         self.scale_factor = 1.0 if scale_factor is None else scale_factor
         self.sizes[self.local] = self.scale_factor
         # What of a local shape is too fine to be described, and the noise with it [mm², mm].
-        self.rest = self.scale_factor**2 * sum(each.rest for each in self.uncertain)
+        self.rest = self.scale_factor**2 * sum(influence.rest for influence in self.uncertain)
         self.stated = math.hypot(at.noise.stated, math.sqrt(self.rest))
         self._solve()
 
@@ -305,7 +312,7 @@ class _Search:
 
     @property
     def beyond_noise(self) -> bool:
-        """Whether it moves the data, each unknown by itself, by more than noise does.
+        """True if it moves the data, each unknown by itself, by more than noise does.
 
         From where they were linearised: the offsets alone, fitted to the data as recorded.
         """
@@ -316,7 +323,7 @@ class _Search:
 
     @property
     def possible(self) -> bool:
-        """Whether a machine with its causes can take the postures of the plan."""
+        """True if a machine with its causes can take the postures of the plan."""
         try:
             self.at.white.linearised((self.offsets, self.effects))
         except PostureError:
@@ -352,7 +359,7 @@ class _Search:
             self.uncertain = at.white.with_effects(uncertain, self.offsets, self.effects)
         if self.uncertain is not uncertain:
             self.by_noise = None
-            self.carried = np.hstack([each.columns for each in self.uncertain])
+            self.carried = np.hstack([influence.columns for influence in self.uncertain])
             self.seen = at.shown(self.uncertain, self.own[:, : self.width])
             # Once more from where the last step began.
             self.offsets = self.offsets - self.found[: self.width]
@@ -556,7 +563,7 @@ def known_then(
     uncertain: Iterable[Influence],
     stands: int,
 ) -> tuple[Floats, Floats]:
-    """How other data depend on what is uncertain of them, and how well a fit knows that.
+    """Derivatives of other data by what is uncertain of them, and how well a fit knows that.
 
     Args:
         fit, effects: of the first data; and those of it that are expected again.
@@ -567,13 +574,18 @@ def known_then(
     Returns:
         Derivatives, shape (k, u), and the covariance of the unknowns, (u, u); the offsets first.
     """
-    slots = [slice(0, len(fit.offsets)), *(fit.slots[fit.effects.index(each)] for each in effects)]
+    slots = [
+        slice(0, len(fit.offsets)),
+        *(fit.slots[fit.effects.index(effect)] for effect in effects),
+    ]
     columns, fresh = [jacobians], [jacobians[:, :0]]
-    start = len(fit.sizes) - sum(each.columns.shape[1] for each in fit.uncertain)
-    ends = start + np.cumsum([0, *(each.columns.shape[1] for each in fit.uncertain)])
-    spans = dict(zip((each.source for each in fit.uncertain), pairwise(ends.tolist()), strict=True))
+    start = len(fit.sizes) - sum(influence.columns.shape[1] for influence in fit.uncertain)
+    ends = start + np.cumsum([0, *(influence.columns.shape[1] for influence in fit.uncertain)])
+    spans = dict(
+        zip((influence.source for influence in fit.uncertain), pairwise(ends.tolist()), strict=True)
+    )
     named = {effect.cause.id for effect in effects}
-    for after in (each for each in uncertain if each.source not in named):
+    for after in (influence for influence in uncertain if influence.source not in named):
         # What did not act on the first data is as uncertain as it was.
         start, end = spans.get(after.source, (0, 0))
         if after.local:

@@ -19,7 +19,8 @@ from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
-from orthoglide_cal.inference.candidates import UNLISTED, Ids, ids_of
+from orthoglide_cal.estimation.losses import UNLISTED
+from orthoglide_cal.inference.candidates import Ids, ids_of
 from orthoglide_cal.inference.data import OFFSETS_MM, Extra, Linearised, Placed
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.cause import Cause, Place
@@ -46,13 +47,36 @@ Remedy = tuple[Ids, tuple[int, ...]]
 
 
 @dataclass(frozen=True, eq=False)
+class Pattern:
+    """Something in the readings that no listed cause makes, too general for any one of them."""
+
+    words: str
+    log_prior: float  # ln prior weight
+    # What it adds to readings at its likeliest size, columns (n, q) [mm]; None for nothing.
+    columns: Floats | Structure | None
+    size: float
+    sigma: float  # standard deviation of one reading at its likeliest size [mm]
+
+    def spread(self, estimator: Floats) -> Floats:
+        """M S Mᵀ of what an estimator M (p, n) makes of readings that hold it, without noise."""
+        if self.columns is None:
+            return np.zeros((len(estimator), len(estimator)))
+        moved = (
+            self.columns.products(estimator.T)
+            if isinstance(self.columns, Structure)
+            else self.columns.T @ estimator.T
+        )
+        return np.asarray(self.size**2 * moved.T @ moved)
+
+
+@dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A listed explanation with its extra at the best place."""
+    """A possible state of machine or record: listed causes, one of them placed, or a pattern."""
 
     at: Linearised  # the linear model that it was scored with
-    log_evidence: float  # with the prior of places, without that of the set of causes
-    base: tuple[Cause, ...]  # its causes with many parameters
-    scale: float  # of their sizes, the likeliest one
+    log_evidence: float  # with the prior of places, without its own; averaged over sizes
+    base: tuple[Cause, ...] = ()  # its causes with many parameters
+    scale: float = 1.0  # of their sizes, the likeliest one
     extra: Extra | None = None  # its cause at one place, if any
     # Where the extra is an exchange that the data cannot undo, the score of the base under the plan
     # of what was really read.
@@ -62,6 +86,21 @@ class Hypothesis:
     by_place: Floats | None = None
     # Log density for each scale and σ if all parameters act, shape (s, g); None with an extra.
     by_noise: Floats | None = None
+    # On equal terms with the causes: where one wins, the data hold something real that no listed
+    # cause explains, and its size goes into the uncertainty.
+    pattern: Pattern | None = None
+
+    @property
+    def ids(self) -> Ids:
+        """Its listed causes, sorted."""
+        return ids_of(*self.base, *((self.extra.cause,) if self.extra else ()))
+
+    @property
+    def log_prior(self) -> float:
+        """ln prior weight."""
+        if self.pattern is not None:
+            return self.pattern.log_prior
+        return self.at.candidates.log_prior[self.ids]
 
     def at_places(self, least: float, most: int) -> list[tuple[float, Hypothesis]]:
         """The same with its extra at each of the likeliest places, with their shares.
@@ -81,7 +120,7 @@ class Hypothesis:
 
     @property
     def remedy(self) -> Remedy:
-        """What it asks of a technician: explanations that ask for the same are one answer."""
+        """Actions that it asks for; explanations that ask for the same are one answer."""
         base, extra = _mended(*self.base), self.extra
         if extra is None:
             return base, ()
@@ -110,7 +149,7 @@ def score_all(at: Linearised) -> dict[Ids, Hypothesis]:
     plan = at.white.plan
     for placed in at.extras.values():
         cause = placed.cause
-        for place in (each for each in placed.log_weight if not cause.reversible(plan, each)):
+        for place in (place for place in placed.log_weight if not cause.reversible(plan, place)):
             problem = replace(at.white.problem, plan=cause.really_read(plan, place))
             try:
                 require_rank(problem)
@@ -179,8 +218,10 @@ def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Hypothesis]:
 
 
 def offsets_and_seen(at: Linearised, jacobian: Floats) -> Floats:
-    """What acts without any cause, (k, r) [mm]: offsets, from their derivatives (k, 3), and what is
-    uncertain of the data and shows."""
+    """Columns of all that acts without any cause, (k, r) [mm].
+
+    Offsets, from their derivatives (k, 3), and what is uncertain of the data and shows.
+    """
     return np.hstack([OFFSETS_MM * jacobian, at.seen])
 
 
@@ -233,8 +274,8 @@ def all_or_one(
     if not acting:
         return []
     k, always = acting[0].others.shape
-    nuisance = max(len(each.cause.nuisance) for each in acting)
-    named = max(len(each.cause.names) for each in acting)
+    nuisance = max(len(one.cause.nuisance) for one in acting)
+    named = max(len(one.cause.names) for one in acting)
     columns = np.zeros((len(acting), k, always + nuisance))
     ones = np.zeros((len(acting), k, named))
     for each, filled, own in zip(acting, columns, ones, strict=True):
@@ -245,7 +286,7 @@ def all_or_one(
     sizes = np.ones((len(scales), columns.shape[-1]))
     sizes[:, always:] = tried
     density = noise.density(columns, sizes, np.log(list(scales.values())))
-    residuals = np.stack([each.residual for each in acting])
+    residuals = np.stack([one.residual for one in acting])
     weighed = density.against(density.overlap(ones, residuals), residuals)
     log = of_any_size(*weighed, tried[:, None] ** 2)
     log += density.log_density(residuals[..., None])
@@ -350,7 +391,7 @@ def pattern_density(
 
 
 def of_any_size(power: Floats, match: Floats, variance: Floats) -> Floats:
-    """What a column c of size N(0, variance) adds to a log density, from cᵀ S⁻¹ c and cᵀ S⁻¹ r."""
+    """Gain of a log density by a column c of size N(0, variance), from cᵀ S⁻¹ c and cᵀ S⁻¹ r."""
     widened = variance * power
     widened += 1.0
     log = match**2 * variance
@@ -360,36 +401,8 @@ def of_any_size(power: Floats, match: Floats, variance: Floats) -> Floats:
     return log
 
 
-@dataclass(frozen=True, eq=False)
-class Unlisted:
-    """A pattern too general for any one cause, on equal terms with the listed explanations.
-
-    Where one of them wins, the data hold something real that no listed cause explains, and its
-    size goes into the uncertainty.
-    """
-
-    what: str
-    log_prior: float  # ln prior weight
-    log_evidence: float  # averaged over its sizes
-    # What it adds to readings at its likeliest size, columns (n, q) [mm]; None for nothing.
-    pattern: Floats | Structure | None
-    size: float
-    sigma: float  # standard deviation of one reading at its likeliest size [mm]
-
-    def spread(self, estimator: Floats) -> Floats:
-        """M S Mᵀ of what an estimator M (p, n) makes of readings that hold it, without noise."""
-        if self.pattern is None:
-            return np.zeros((len(estimator), len(estimator)))
-        columns = (
-            self.pattern.products(estimator.T)
-            if isinstance(self.pattern, Structure)
-            else self.pattern.T @ estimator.T
-        )
-        return np.asarray(self.size**2 * columns.T @ columns)
-
-
-def score_unlisted(at: Linearised) -> list[Unlisted]:
-    """Every unlisted pattern, in addition to the offsets."""
+def score_patterns(at: Linearised) -> list[Hypothesis]:
+    """Every pattern, in addition to the offsets."""
     noise, residual, stated = at.noise, at.residuals[0], at.noise.stated
     offsets = offsets_and_seen(at, at.jacobian)
     matrix, sizes = at.white.matrix, stated * np.array(SIZES)
@@ -407,18 +420,20 @@ def score_unlisted(at: Linearised) -> list[Unlisted]:
             log = noise.density(columns, every).by_noise(residual)
         own = log_sum(log, 1)
         size = float(sizes[np.argmax(own)])
-        found.append(Unlisted(what, share, log_mean(own), pattern, size, stated))
+        scored = Pattern(what, share, pattern, size, stated)
+        found.append(Hypothesis(at, log_mean(own), pattern=scored))
     wider = [replace(noise, sigma=factor * noise.sigma) for factor in NOISIER]
     same = np.ones((1, common))
     logs = np.array([log_sum(one.density(offsets, same).by_noise(residual)) for one in wider])
     instrument = at.white.machine.vocabulary.noise
     what = f"every reading scatters more than the {instrument}'s stated noise"
     noisier = stated * NOISIER[np.argmax(logs)]
-    found.append(Unlisted(what, share, log_mean(logs), None, 0.0, noisier))
+    scored = Pattern(what, share, None, 0.0, noisier)
+    found.append(Hypothesis(at, log_mean(logs), pattern=scored))
     return [*found, *_several_wrong(at, offsets, share)]
 
 
-def _several_wrong(at: Linearised, offsets: Floats, share: float) -> Iterator[Unlisted]:
+def _several_wrong(at: Linearised, offsets: Floats, share: float) -> Iterator[Hypothesis]:
     """More than one wrong reading, each by itself: the likeliest is added again and again.
 
     Looked for with a local shape, which would absorb what each of them adds: without one the
@@ -451,4 +466,5 @@ def _several_wrong(at: Linearised, offsets: Floats, share: float) -> Iterator[Un
         where = "; ".join(cause.label(placed.tried[n], plan, machine) for n in wrong[:count])
         what = f"several readings are wrong, each by itself: {where}"
         chosen = np.hstack(added[: count + 1])
-        yield Unlisted(what, share, found[count - 1], chosen, 1.0, at.noise.stated)
+        several = Pattern(what, share, chosen, 1.0, at.noise.stated)
+        yield Hypothesis(at, found[count - 1], pattern=several)

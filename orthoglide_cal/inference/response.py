@@ -17,14 +17,14 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from orthoglide_cal.estimation.gaussian import log_density, log_mean, log_sum
-from orthoglide_cal.inference.belief import probabilities
-from orthoglide_cal.inference.decision import (
+from orthoglide_cal.estimation.losses import (
     FALSE_RELEASE,
     MISSED_FAULT,
     NEEDLESS_HOLD,
     is_dismissed,
-    state,
 )
+from orthoglide_cal.inference.belief import probabilities
+from orthoglide_cal.inference.decision import state
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.words import MM_PER_INCH
 
@@ -35,7 +35,7 @@ NOISE = 2.0 ** np.arange(-1.0, 7.0, 0.5)  # that are tried, in units of what is 
 
 
 class Behaviour(StrEnum):
-    """How the machine responded."""
+    """Response of the machine."""
 
     AS_MODELLED = "as modelled"
     OPPOSITE = "opposite sign"
@@ -114,7 +114,8 @@ def decide_response(
     covariances = variance[:, None, None] * unit_covariance
     log_noise = -0.5 * (spare * np.log(variance) + square / variance)
     weighed = [
-        (each.log_weight(found, covariances, log_noise), each) for each in responses(applied)
+        (response.log_weight(found, covariances, log_noise), response)
+        for response in responses(applied)
     ]
     weights: dict[Behaviour, list[float]] = {}
     for log, response in weighed:

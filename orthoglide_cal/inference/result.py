@@ -1,8 +1,9 @@
 """The result of a diagnosis: a verdict, the accepted causes, what they gain, what to do next."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import Self
 
 import numpy as np
 from pydantic import Field
@@ -10,6 +11,7 @@ from pydantic import Field
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution
+from orthoglide_cal.estimation.accuracy import determined
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.inference.baselines import Baselines
 from orthoglide_cal.inference.candidates import Ids
@@ -26,7 +28,7 @@ WORTH_SAYING = 0.005
 
 
 class Verdict(StrEnum):
-    """What the data say of the offsets-only model."""
+    """Statement of the data about the offsets-only model."""
 
     CONSISTENT = "consistent"  # nothing contradicts it
     NAMED = "named"  # one explanation stands out
@@ -50,22 +52,47 @@ class NextMeasurement(Schema):
     session: str | None = None
 
 
-class Estimated(Schema):
-    """A parameter under one explanation."""
+class Parameter(Schema):
+    """One parameter that a calibration determines."""
 
     name: str
-    found: float
-    std: float
+    unit: str
+    active: float = Field(description="what the controller has")
+    found: float | None = Field(description="true = indicated + found; null if not determined")
+    std: float = Field(description="standard uncertainty u")
+    expanded: float = Field(description="expanded uncertainty U = k u")
+    enter: float | None = Field(None, description="what to type in; null unless released")
+    determined: bool = Field(default_factory=lambda known: known["found"] is not None)
 
+    @classmethod
+    def all_of(cls, model: Model, values: Floats, std: Floats, k: float) -> tuple[Self, ...]:
+        """Every parameter of a machine from values and standard uncertainties (p,), U = k u."""
+        machine, expanded = model.machine, k * std
+        known = zip(values.tolist(), determined(model, expanded), strict=True)
+        columns = {
+            "name": machine.parameter_names,
+            "unit": machine.parameter_units,
+            "active": machine.active,
+            "found": [value if sure else None for value, sure in known],
+            "std": std.tolist(),
+            "expanded": expanded.tolist(),
+        }
+        rows = zip(*columns.values(), strict=True)
+        return tuple(cls(**dict(zip(columns, row, strict=True))) for row in rows)
 
-def estimated(names: Sequence[str], values: Floats, std: Floats) -> tuple[Estimated, ...]:
-    """Parameters with their values and standard deviations, shape (p,) each."""
-    columns = zip(names, values.tolist(), std.tolist(), strict=True)
-    return tuple(Estimated(name=name, found=value, std=own) for name, value, own in columns)
+    def change(self, decimals: int) -> float:
+        """The change as it is entered; nothing of what the readings do not determine."""
+        return 0.0 if self.found is None else round(self.found, decimals) + 0.0
+
+    def new(self, decimals: int) -> float:
+        """Value that is active once it is entered, free of the errors of binary addition."""
+        if self.found is None:
+            return self.active
+        return round(self.active + self.change(decimals), 9) + 0.0
 
 
 class Explanation(Schema):
-    """What may be behind the data."""
+    """A possible state of machine and record."""
 
     ids: Ids = Field((), description="causes that act together; empty: nothing is wrong")
     pattern: str | None = Field(None, description="that no listed cause makes, in words")
@@ -73,7 +100,7 @@ class Explanation(Schema):
         description="of a sound machine those of exchanges are estimates, a little too large"
     )
     rms_mm: float | None = Field(None, description="what it leaves; null: not fitted")
-    parameters: tuple[Estimated, ...] = ()
+    parameters: tuple[Parameter, ...] = ()
 
     @property
     def sound(self) -> bool:
@@ -83,7 +110,9 @@ class Explanation(Schema):
 
 def nothing_wrong(explanations: Iterable[Explanation]) -> float | None:
     """Probability of a sound machine, soundly measured; None where it is not worth saying."""
-    found = next((each.probability for each in explanations if each.sound), 0.0)
+    found = next(
+        (explanation.probability for explanation in explanations if explanation.sound), 0.0
+    )
     return found if found >= WORTH_SAYING else None
 
 
@@ -171,7 +200,7 @@ class Otherwise(Schema):
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis(ReadOnly):
-    """What the simulation gets wrong for one file."""
+    """Everything that the simulation gets wrong for one file."""
 
     measured: Measured
     model: Model  # that they were judged by
@@ -212,7 +241,7 @@ class Diagnosis(ReadOnly):
 
     @property
     def undecided(self) -> bool:
-        """Whether the offsets depend on what these data leave open, or would not show."""
+        """True if the offsets depend on what these data leave open, or would not show."""
         return self.verdict is Verdict.AMBIGUOUS or any(fault.matters for fault in self.unshown)
 
     @property
@@ -247,7 +276,7 @@ class Diagnosis(ReadOnly):
                 )
 
     def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
-        """What it adds to the uncertainty of the solution's offsets, by cause.
+        """Contributions to the uncertainty of the solution's offsets, by cause.
 
         Each explanation, besides the offsets alone, by the probability that the data leave it: how
         far it would move the offsets, and how much less sure of them it is.
@@ -283,7 +312,7 @@ class Diagnosis(ReadOnly):
 
     @property
     def rivals(self) -> tuple[Ids, ...]:
-        """What is open in place of the answer or besides it, in the order of `ambiguous_with`.
+        """Causes open in place of the answer or besides it, in the order of `ambiguous_with`.
 
         Causes that act together are one, unless each of them is open alone, too.
         """
@@ -299,7 +328,7 @@ class Diagnosis(ReadOnly):
 
     @property
     def spare(self) -> int:
-        """How many readings there are beyond the unknowns of the answer."""
+        """Number of readings beyond the unknowns of the answer."""
         return self.lack_of_fit.dof - sum(effect.cause.freedom for effect in self.effects)
 
     @property

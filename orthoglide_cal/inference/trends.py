@@ -33,7 +33,7 @@ LEAST = 1e-4  # a direction of what is common that is so much smaller than the l
 
 
 class Trend(StrEnum):
-    """What happened between the first session and the last; what matters most first."""
+    """Course of a machine between the first session and the last; what matters most first."""
 
     CHANGED = "changed"
     DRIFTING = "drifting"
@@ -56,7 +56,7 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class DatedValues(ReadOnly):
-    """What n sessions say of p parameters, in the parameters' units."""
+    """Findings of n sessions of p parameters, in the parameters' units."""
 
     values: Floats  # shape (n, p)
     covariance: Floats  # of what each session has of its own, shape (n, p, p)
@@ -67,7 +67,7 @@ class DatedValues(ReadOnly):
 
     @cached_property
     def unit(self) -> Floats:
-        """What one session knows of each parameter, shape (p,)."""
+        """Standard uncertainty of one session of each parameter, shape (p,)."""
         variance = np.diagonal(self.covariance, axis1=1, axis2=2)
         return np.asarray(np.sqrt(np.median(variance, axis=0)))
 
@@ -141,7 +141,7 @@ class TrendFit:
 
     @property
     def trends(self) -> Trends:
-        """What happened, what matters most first."""
+        """Trends that act, what matters most first."""
         acting = [part.trend for part in self.parts]
         acting += [Trend.SCATTERING] * bool(self.scatter.any())
         return tuple(trend for trend in Trend if trend in acting) or (Trend.UNCHANGED,)

@@ -575,14 +575,16 @@ def double_posture(
     return visiting([machine.displacement_mm(posture) for posture in visited], gauge_at)
 
 
-def visiting(displacements: Sequence[float], gauge_at: float = 0.5) -> GaugePlan:
-    """The same displacements [mm] of the x-, y- and z-leg in turn, two gauges next to each other.
+def visiting(
+    displacements: Sequence[float], gauge_at: float = 0.5, legs: Sequence[int] = (0, 1, 2)
+) -> GaugePlan:
+    """The same displacements [mm] of one leg after the other, two gauges next to each other.
 
-    The plan has 6·len(displacements) readings in time order; `gauge_at` as of `double_posture`.
+    The plan has two readings for each of them in time order; `gauge_at` as of `double_posture`.
     """
     readings = []
     minutes = 0.0
-    for leg in range(3):
+    for leg in legs:
         for moved in displacements:
             at = moved, Contact.FIXED, minutes, gauge_at
             readings += [PlannedReading(leg, direction, *at) for direction in other_axes(leg)]

@@ -257,16 +257,12 @@ class Contrasts(ReadOnly):
 
         W y = D (Qᵀ F y)[s:],   D = I − U diag(1 − f) Uᵀ,   Q = I − V T Vᵀ
 
-    F takes the readings as precise as they are, or their means. Q is orthogonal, and its first s
+    F takes the readings as precise as they are. Q is orthogonal, and its first s
     columns span the zeros (Householder). It costs n·s steps and numbers instead of n².
     """
 
-    zeros: Floats  # s columns that span the zeros of m readings or means, orthonormal, (m, s)
+    zeros: Floats  # s columns that span the zeros, orthonormal, (n, s)
     precision: Floats  # of each reading, shape (n,)
-    # Where only means count: the mean that each reading is in, (n,), and ratio of the mean's
-    # standard deviation to that of its sum, (m,).
-    mean: Ints | None = None
-    share: Floats | None = None
     axes: Floats | None = None  # U, orthonormal columns, (k, q); None where D = I
     factors: Floats | None = None  # f, (q,)
 
@@ -296,11 +292,6 @@ class Contrasts(ReadOnly):
         if values.ndim == 1:
             return np.asarray((self @ values[:, None])[:, 0])
         values = self.precision[:, None] * values
-        if self.mean is not None and self.share is not None:
-            in_turn = np.argsort(self.mean, kind="stable")
-            starts = np.searchsorted(self.mean[in_turn], np.arange(len(self.zeros)))
-            sums = np.add.reduceat(values[..., in_turn, :], starts, axis=-2)
-            values = self.share[:, None] * sums
         v, t = self._reflected
         own = v.shape[1]
         return self._weighed(values[..., own:, :] - v[own:] @ (t.T @ (v.T @ values)))
@@ -322,8 +313,6 @@ class Contrasts(ReadOnly):
         own = v.shape[1]
         spread = -v @ (t @ (v[own:].T @ values))
         spread[..., own:, :] += values
-        if self.mean is not None and self.share is not None:
-            spread = (self.share[:, None] * spread)[..., self.mean, :]
         return np.asarray(self.precision[:, None] * spread)
 
     def _weighed(self, values: Floats) -> Floats:
@@ -365,21 +354,6 @@ def zero_free(plan: Plan) -> Contrasts:
     generalised least squares on the readings with one unknown zero per set-up.
     """
     return Contrasts(np.linalg.qr(plan.zeros)[0], plan.precision)
-
-
-@functools.lru_cache(maxsize=8)
-def cell_contrasts(plan: Plan) -> Contrasts:
-    """`zero_free` for readings that repeat each other exactly: contrasts of cells.
-
-    Where the model says the same of all repeats of one reading, only their mean matters: least
-    squares on the weighted means, with the zeros removed, is least squares on all readings, with m
-    cells instead of n readings; shape (m − setups, n).
-    """
-    cell = plan.repeats
-    _, first, count = np.unique(cell, return_index=True, return_counts=True)
-    weight = np.sqrt(count)
-    basis = np.linalg.qr(weight[:, None] * plan.zeros[first])[0]
-    return Contrasts(basis, plan.precision, cell, 1.0 / weight)
 
 
 def without_zeros(plan: Plan, values: Floats) -> Floats:

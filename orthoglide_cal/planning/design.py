@@ -12,7 +12,7 @@ wanted accuracy takes. Postures that displace other carriages, too, as far as th
 """
 
 import functools
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -25,7 +25,6 @@ from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.model import Model, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import MARGIN, ROUNDING, Orthoglide, visiting
 from orthoglide_cal.model.plan import Floats, Ints, Plan
-from orthoglide_cal.model.readings import GaugePlan
 
 # Postures that are tried, as shares of the lower and of the upper joint limit.
 SHARES = np.array([(0.0, 0.0), (0.0, 1.0), (0.0, 0.5), (0.5, 0.0), (1.0, 0.0)])
@@ -43,22 +42,12 @@ GIVES_UP = (
 )
 
 
-@dataclass(frozen=True)
-class Design:
-    """Which readings are taken again and again."""
-
-    displacements_mm: tuple[float, ...]  # of the leg's carriage in one cycle, in their order
-    gauge_at: float  # along the leg at the isotropic posture
-
-    def plan(self, cycles: int) -> GaugePlan:
-        """Its readings, leg by leg; at least one cycle."""
-        return visiting(self.displacements_mm * cycles, self.gauge_at)
-
-
 # A plan asks for it once for each number of cycles.
 @functools.lru_cache(maxsize=8)
-def design_of(machine: Orthoglide) -> Design:
+def design_of(machine: Orthoglide) -> tuple[tuple[float, ...], float]:
     """The postures and the gauge place that reach any accuracy with the fewest readings.
+
+    Displacements [mm] of one cycle in their order, and a place along the leg, as of `visiting`.
 
     Subject to: postures within the joint limits; each plunger on the bar at all of them,
     `MARGIN` from both joints; one place of the stand per leg and direction.
@@ -91,7 +80,7 @@ def design_of(machine: Orthoglide) -> Design:
             chosen = count[int(np.argmax(needed <= least * (1.0 + ROUNDING)))]
             # In turn: what is alike stands apart in time.
             turns = np.concatenate([np.flatnonzero(chosen > turn) for turn in range(MOST_VISITS)])
-            best = Design(tuple(postures[turns].tolist()), place)
+            best = tuple(postures[turns].tolist()), place
     if best is None:
         raise RankDeficientError(
             "No postures within the joint limits let the gauges see the joint offsets.",

@@ -1,4 +1,4 @@
-"""What a session will give, before its first reading is taken: on any kind of machine.
+"""The forecast of a session before its first reading is taken: on any kind of machine.
 
 Everything here holds at the parameters that are plausible before anything is measured, with the
 gauge's stated noise and the degrees of freedom that the readings will have. On average it is what
@@ -48,7 +48,7 @@ def lengths(model: Model, values: Floats) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class ParameterForecast:
-    """What is expected of one calibrated parameter, in its unit."""
+    """The forecast of one calibrated parameter, in its unit."""
 
     unit: str
     noise_std: float
@@ -59,7 +59,7 @@ class ParameterForecast:
 
 
 class SessionForecast(Schema):
-    """What a `Layout` or a session like it will give."""
+    """The forecast of a `Layout`, or of a session like it."""
 
     model: Model = Field(exclude=True)
     plan: Plan = Field(exclude=True)
@@ -79,7 +79,7 @@ class SessionForecast(Schema):
     def of(
         cls, model: Model, session: Layout, method: Method = Method.READINGS, **more: Any
     ) -> Self:
-        """What a method finds of a session's readings, on average; `more` as of a subclass.
+        """Forecast what a method finds of a session's readings; `more` as of a subclass.
 
         Raises:
             RankDeficientError: they will not determine the parameters; says what to add.
@@ -92,21 +92,21 @@ class SessionForecast(Schema):
         taken = fixed_influences(model, np.zeros(len(machine.parameter_names)), plan)
         both = (*uncertain, *taken)
         budget = budget_of_readings(estimator, plan, machine.instrument, scatter, both)
-        parts = [c.std_mm**2 for c in budget.contributions if c.source in AVERAGED]
+        parts = [np.square(c.std) for c in budget.contributions if c.source in AVERAGED]
         noise, expanded = np.sqrt(np.sum(parts, axis=0)), budget.expanded_mm
         others = {c.source for c in budget.contributions}.difference(machine.fixed_parameters)
         parted = (_without(budget, machine.fixed_parameters), _without(budget, others))
         reach = [np.zeros_like(noise) if part is None else part.expanded_mm for part in parted]
         values = (noise, expanded, determined(model, expanded), *reach)
         rows = zip(machine.parameter_units, *(np.asarray(v).tolist() for v in values), strict=True)
-        each = [ParameterForecast(*row) for row in rows]
+        parameters = [ParameterForecast(*row) for row in rows]
         return cls(
             model=model,
             budget=budget,
             readings=len(plan),
             noise_std_mm=lengths(model, noise),
             expanded_mm=lengths(model, expanded),
-            parameters=dict(zip(machine.parameter_names, each, strict=True)),
+            parameters=dict(zip(machine.parameter_names, parameters, strict=True)),
             **session._asdict(),
             **more,
         )
@@ -131,13 +131,13 @@ class SessionForecast(Schema):
 
     @cached_property
     def floor(self) -> Budget | None:
-        """What is left of it besides the scatter of the readings; None if that is nothing."""
+        """The budget without the scatter of the readings; None if nothing is left of it."""
         return _without(self.budget, AVERAGED)
 
 
 def _without(budget: Budget, sources: Collection[str]) -> Budget | None:
     left = budget.without(sources).contributions
-    parts = tuple(each for each in left if np.any(each.std_mm**2 > TINY))
+    parts = tuple(part for part in left if np.any(np.square(part.std) > TINY))
     return Budget(parts) if parts else None
 
 
@@ -145,8 +145,7 @@ def rivals_sigma(model: Model, plan: Plan) -> float | None:
     """How far apart readings get the rivals of a kind of machine, see `SessionForecast`."""
     if not model.machine.rivals:
         return None
-    pairs = separations(model, plan, model.machine.rivals).pairs
-    return pairs[0].sigma if pairs else None
+    return next(iter(separations(model, plan, model.machine.rivals).pairs.values()), None)
 
 
 # Every method asks for the same sessions.
@@ -158,11 +157,7 @@ def session_of(
     stands: int = 2,
     order: Order = Order.PAPER,
 ) -> Layout:
-    """A session as `measure` guides it: at least one cycle, `stands` gauges read side by side.
-
-    The single-posture protocol always takes one.
-    """
-    stands = 1 if protocol is MeasuringProtocol.SINGLE else stands
+    """A session as `measure` guides it: at least one cycle, `stands` gauges read side by side."""
     steps = sequence(model.orthoglide, protocol, cycles, order, stands)
     plan, minutes = timed_plan(steps)
     what = f"{protocol}, {counted(cycles, 'cycle')}"
@@ -178,7 +173,7 @@ def forecast(
     method: Method = Method.READINGS,
     stands: int = 2,
 ) -> SessionForecast:
-    """What a session of a protocol will give.
+    """Forecast a session of a protocol.
 
     The method is one that the readings of a `session_of` these can feed.
 
@@ -191,7 +186,7 @@ def forecast(
 def estimator_for(
     model: Model, plan: Plan, uncertain: Sequence[Influence], method: Method = Method.READINGS
 ) -> Floats:
-    """What a small change of each reading does to the parameters, shape (p, n).
+    """Derivatives of the parameters by the readings, shape (p, n).
 
     Args:
         plan: n readings.
@@ -201,11 +196,11 @@ def estimator_for(
     Raises:
         RankDeficientError: the readings do not determine the parameters.
     """
-    problem, which = pose_plan(plan, model, method.uses, folded=True)
+    problem, which = pose_plan(plan, model, method.uses)
     require_rank(problem)
     posed = Posed(problem, problem.at_zero[0], which)
     if method is Method.READINGS:
-        columns = np.hstack([each.columns for each in uncertain])
+        columns = np.hstack([influence.columns for influence in uncertain])
         posed = posed.weighted(problem.matrix @ columns / model.machine.instrument.noise_mm)
     # The slope hardly depends on the offsets: near zero every method is a linear one.
     return np.asarray(method.estimator(posed) @ posed.problem.matrix)
@@ -216,8 +211,10 @@ def _plausible_influences(model: Model, plan: Plan) -> tuple[Influence, ...]:
     """Influences on these readings: their squares are the means over plausible parameters."""
     points = model.machine.linearization_points
     share = 1.0 / np.sqrt(len(points))
-    found = influences(model, points, plan)
-    return tuple(replace(each, columns=share * np.hstack([*each.columns])) for each in found)
+    return tuple(
+        replace(influence, columns=share * np.hstack([*influence.columns]))
+        for influence in influences(model, points, plan)
+    )
 
 
 def fewest_cycles(
@@ -231,7 +228,9 @@ def fewest_cycles(
     def with_cycles(cycles: int) -> SessionForecast:
         return forecast(model, protocol, cycles, method, stands)
 
-    numbers = range(1, MOST_CYCLES + 1)
+    def enough(cycles: int) -> bool:
+        return max(with_cycles(cycles).expanded_mm.values()) <= wanted_mm
+
     # More cycles never leave a larger U.
-    at = bisect_left(numbers, -wanted_mm, key=lambda n: -max(with_cycles(n).expanded_mm.values()))
-    return with_cycles(numbers[at]) if at < len(numbers) else None
+    fewest = 1 + bisect_left(range(1, MOST_CYCLES + 1), True, key=enough)
+    return with_cycles(fewest) if fewest <= MOST_CYCLES else None

@@ -21,7 +21,7 @@ bᵀ S_h b.
 import functools
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import ne
 
 import numpy as np
@@ -30,9 +30,10 @@ from pydantic import Field
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.budget import fixed_influences, influences
 from orthoglide_cal.estimation.gaussian import Mixture
+from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN, loss_after
 from orthoglide_cal.inference import Diagnosis, NextMeasurement
 from orthoglide_cal.inference.candidates import Ids
-from orthoglide_cal.inference.decision import SITTING, STILL_OPEN, keep_ratio, loss_after
+from orthoglide_cal.inference.decision import keep_ratio
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.prediction import chance_of_one_answer, expect, predict
 from orthoglide_cal.model.measured import Readings
@@ -41,9 +42,8 @@ from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
     Orthoglide,
-    PlannedReading,
     double_posture,
-    plan_of,
+    visiting,
 )
 from orthoglide_cal.model.plan import Bools, Floats, Plan, PlanT, joined
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
@@ -74,17 +74,21 @@ ALONE = (1, 2, 3, 5)  # cycles of a session of its own
 MOST = 8
 
 
-@dataclass(frozen=True, eq=False)
-class Option:
-    """A measurement that could be taken next."""
+class Option(NextMeasurement):
+    """A measurement that could be taken next; what it is worth once it is ranked."""
 
-    what: str  # instruction, one or two sentences
-    plan: Plan  # the new readings alone; part, set-ups, order and hours as in the joined data
-    minutes: float  # that it takes
-    continues: bool  # the stands are still where they were: same part, same set-ups
-    # What `measure` is told for a session that is solved alone; None where what was read before
-    # is solved together with it.
-    session: str | None = None
+    # The new readings alone; part, set-ups, order and hours as in the joined data.
+    plan: Plan = Field(exclude=True)
+    # The stands are still where they were: same part, same set-ups.
+    continues: bool = Field(default=False, exclude=True)
+    separates: Ids = ()
+    between: tuple[Ids, ...] = ()
+    separation_sigma: float = 0.0
+    # U of the parameters that `solve` is expected to print of all readings together, or of a
+    # session of its own alone, shape (p,).
+    expanded: Floats = Field(default_factory=lambda: np.zeros(0), exclude=True)
+    chance: float = 0.0  # that it leaves one answer; 0 where nothing is open that readings tell
+    expanded_mm: dict[str, float] = Field(default_factory=dict)  # of those that are lengths
 
 
 def options(first: Plan | None, machine: Orthoglide) -> tuple[Option, ...]:
@@ -99,16 +103,6 @@ def options(first: Plan | None, machine: Orthoglide) -> tuple[Option, ...]:
         return tuple(_alone(machine))
     first = GaugePlan.require(first)
     return (*_going_on(first, machine), *_set_up_again(first, machine))
-
-
-def further(first: Plan | None, model: Model) -> tuple[Option, ...]:
-    """What the kind of machine has to offer other than gauges on legs; none for an Orthoglide."""
-    if first is None:
-        return ()
-    return tuple(
-        Option(what, _later(first, plan), minutes, continues=False)
-        for what, plan, minutes in model.machine.further(first)
-    )
 
 
 def _later(first: Plan, plan: PlanT) -> PlanT:
@@ -165,8 +159,8 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
         as_it_lies = replace(plan, turned=np.zeros_like(plan.turned))
         *times, minutes = clock(steps_of(as_it_lies, machine, Order.PAPER, stands=2))
         start = float(first.hours.max()) + (MINUTES_PER_POSTURE + wait_min) / 60.0
-        hours = start + np.array(times) / 60.0
-        return Option(what, replace(plan, hours=hours), minutes + wait_min, continues=True)
+        plan = replace(plan, hours=start + np.array(times) / 60.0)
+        return Option(what=what, plan=plan, minutes=minutes + wait_min, continues=True)
 
     # Of two stands the one that is farther from half-way bounds the travel.
     farthest = max(first.gauge_at[rows].tolist(), key=lambda at: abs(at - HALF_WAY))
@@ -204,9 +198,10 @@ def _alone(machine: Orthoglide) -> Iterator[Option]:
         how_often = counted(cycles, "cycle")
         what = (
             f"Measure a separate session, {protocol}, {how_often} per leg, reading by reading."
-            " It is solved alone: leave the old data as they are."
+            " It needs no old data: leave them as they are."
         )
-        yield Option(what, plan, minutes, False, session=sequence_options(*session))
+        typed = sequence_options(*session)
+        yield Option(what=what, plan=plan, minutes=minutes, session=typed)
 
 
 def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
@@ -222,23 +217,23 @@ def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
             stand = f"et the stands up again at leg {AXES[leg]}{half_way}"
             for words, stops in walks:
                 what = f"S{stand}, {checked}, and read {how_often}: {words}."
-                yield _session(first, machine, (leg,), what, (*stops * times, 0.0))
+                yield _session(first, machine, (leg,), what, stops * times)
             what = f"Turn the bar of leg {AXES[leg]} {turn}, s{stand} and read {how_often}."
-            yield _session(first, machine, (leg,), what, (*usual * times, 0.0), turned=True)
+            yield _session(first, machine, (leg,), what, usual * times, turned=True)
         repeat = f"epeat the session, {how_often} per leg"
         for words, stops in walks:
             what = f"R{repeat}{half_way}: {words}; stands set up again, {checked}."
-            yield _session(first, machine, LEGS, what, (*stops * times, 0.0))
+            yield _session(first, machine, LEGS, what, stops * times)
         what = f"Turn every bar {turn}, and r{repeat}{half_way}."
-        yield _session(first, machine, LEGS, what, (*usual * times, 0.0), turned=True)
+        yield _session(first, machine, LEGS, what, usual * times, turned=True)
         for at in machine.gauge_places:
             if np.any(np.abs(fixed - at) <= ANOTHER_PLACE):
                 continue
             from_joint = at * machine.leg_length_mm
             what = f"R{repeat}, with the gauges {from_joint:.0f} mm from the carriage joint."
-            yield _session(first, machine, LEGS, what, (*usual * times, 0.0), gauge_at=at)
+            yield _session(first, machine, LEGS, what, usual * times, gauge_at=at)
     what = f"Repeat the session, one cycle per leg, with the legs in the order z, y, x{half_way}."
-    yield _session(first, machine, LEGS[::-1], what, (*usual, 0.0))
+    yield _session(first, machine, LEGS[::-1], what, usual)
 
 
 def _session(
@@ -246,19 +241,14 @@ def _session(
     machine: Orthoglide,
     legs: Sequence[int],
     what: str,
-    stops: Sequence[float],
+    stops: tuple[float, ...],
     gauge_at: float = HALF_WAY,
     turned: bool = False,
 ) -> Option:
-    """One leg after the other, with new set-ups, as a part of its own."""
-    read = PlannedReading(0, 0, 0.0, Contact.FIXED, gauge_at=gauge_at, turned=turned)
-    readings = [
-        read._replace(leg=leg, direction=direction, displacement=displacement)
-        for leg in legs
-        for displacement in stops
-        for direction in other_axes(leg)
-    ]
-    steps = steps_of(plan_of(readings), machine, Order.PAPER, stands=2)
+    """One leg after the other, then back to iso, with new set-ups, as a part of its own."""
+    read = visiting((*stops, 0.0), gauge_at, legs)
+    read = replace(read, turned=np.full(len(read), turned))
+    steps = steps_of(read, machine, Order.PAPER, stands=2)
     plan, minutes = timed_plan(steps, MINUTES_PER_SETUP)
     plan = replace(
         _later(first, plan),
@@ -266,26 +256,15 @@ def _session(
         # What was commanded short was so for those readings alone.
         entered=plan.entered + first.stood[first.in_time[-1]],
     )
-    return Option(what, plan, minutes, continues=False)
+    return Option(what=what, plan=plan, minutes=minutes)
 
 
 # --- ranked -----------------------------------------------------------------------------------
 
 
-class RankedMeasurement(NextMeasurement):
-    """An option and what it is worth."""
-
-    option: Option = Field(exclude=True)
-    # U of the parameters that `solve` is expected to print of all readings together, or of a
-    # session of its own alone, shape (p,).
-    expanded: Floats = Field(exclude=True)
-    chance: float  # that it leaves one answer; 0 where nothing is open that readings tell
-    expanded_mm: dict[str, float]  # of those that are lengths
-
-
 # `plan FILE` asks for all, and so does the calibration that it shows as well.
 @functools.lru_cache(maxsize=1)
-def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
+def ranked(diagnosis: Diagnosis) -> tuple[Option, ...]:
     """All that can be done next, best first.
 
     For differences and readings along a leg, which no others can be solved together with, these
@@ -296,7 +275,13 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
     """
     model, measured = diagnosis.model, diagnosis.measured
     plan = measured.plan if isinstance(measured, Readings) else None
-    choice = further(plan, model)
+    choice: tuple[Option, ...] = ()
+    if plan is not None:
+        # What the kind of machine has to offer other than gauges on legs.
+        choice = tuple(
+            Option(what=what, plan=_later(plan, new), minutes=minutes)
+            for what, new, minutes in model.machine.further(plan)
+        )
     first = plan if choice or (plan is not None and plan.fixed) else None
     choice = choice or options(first, model.orthoglide)
     # With many readings a probability may be too small for a number: such a one decides nothing.
@@ -314,7 +299,9 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
         for p, (mean, _) in zip(predicted, odds, strict=True)
     ])  # fmt: skip
     shares, fits = np.array([share for share, _ in likeliest]), [fit for _, fit in likeliest]
-    ids = [_ids(fit, again=first is None) for fit in fits]
+    # Another session meets what lasts.
+    met = ([e.cause for e in fit.effects if e.cause.lasting or first is not None] for fit in fits)
+    ids = [tuple(cause.id for cause in causes) for causes in met]
     # Whether two explanations are different answers: other causes, another remedy, (f, f).
     answers = [(frozenset(names), fit.remedy) for fit, names in zip(fits, ids, strict=True)]
     differ = [[all(map(ne, one, other)) for other in answers] for one in answers]
@@ -345,12 +332,8 @@ def ranked(diagnosis: Diagnosis) -> tuple[RankedMeasurement, ...]:
         expanded = half_width(np.inf) * np.sqrt(variance)
         pair = _pair(open_pairs, apart[number], ids)
         lacking = () if pair is None else _lacking(*(ids[k] for k in pair))
-        measurement = RankedMeasurement(
-            option=option,
+        measurement = option.changed(
             expanded=expanded,
-            what=option.what,
-            minutes=option.minutes,
-            session=option.session,
             between=lacking,
             # Of each the first cause that the other lacks, or has as well.
             separates=tuple(
@@ -373,7 +356,7 @@ def _lacking(one: Ids, other: Ids) -> tuple[Ids, Ids]:
     return (only_one, only_other) if only_one and only_other else (one, other)
 
 
-def best_next(diagnosis: Diagnosis) -> RankedMeasurement | None:
+def best_next(diagnosis: Diagnosis) -> Option | None:
     """The measurement that best distinguishes what is left open, or would not show but matters.
 
     None if none does.
@@ -411,12 +394,6 @@ def _pair(open_pairs: Bools, sigma: Floats, ids: Sequence[Ids]) -> tuple[int, in
     return min(pairs, key=last, default=None)
 
 
-def _ids(fit: Fit, again: bool) -> Ids:
-    """Return the causes of a fit; if `again`, those that another session meets."""
-    causes = (effect.cause for effect in fit.effects)
-    return tuple(cause.id for cause in causes if cause.lasting or not again)
-
-
 def predictions(
     model: Model,
     first: Plan | None,
@@ -427,30 +404,30 @@ def predictions(
 
     `first` are the readings that they were fitted to; None if they are not known.
     """
-    predicted: dict[Option, Mixture] = {}
+    predicted: dict[int, Mixture] = {}
     for continues in {option.continues for option in choice}:
-        group = [option for option in choice if option.continues is continues]
-        plan, starts = _together(first, group)
+        plans = {k: o.plan for k, o in enumerate(choice) if o.continues is continues}
+        plan, starts = _together(first, [*plans.values()])
         stay = first if continues else None
         expected = [expect(fit, model, plan, stay) for _, fit in weighted]
-        for option, start in zip(group, starts, strict=True):
-            predicted[option] = predict(weighted, expected, start, option.plan, stay)
-    return [predicted[option] for option in choice]
+        for (k, new), start in zip(plans.items(), starts, strict=True):
+            predicted[k] = predict(weighted, expected, start, new, stay)
+    return [predicted[k] for k in range(len(choice))]
 
 
-def _together(first: Plan | None, group: Sequence[Option]) -> tuple[Plan, list[int]]:
-    """One plan of the first readings and all options, and where each option begins in it.
+def _together(first: Plan | None, plans: Sequence[Plan]) -> tuple[Plan, list[int]]:
+    """One plan of the first readings and all new ones, and where each of these begins in it.
 
-    Every option comes behind the first readings' last travel, as if there were no other: the
+    Every plan comes behind the first readings' last travel, as if there were no other: the
     carriages reach it from where they would.
     """
     parts = [] if first is None else [first]
     starts = []
-    for option in group:
+    for plan in plans:
         if first is not None:
             parts.append(first.subset(first.last_travel))
         starts.append(sum(map(len, parts)))
-        parts.append(option.plan)
+        parts.append(plan)
     order = np.concatenate([part.in_time.argsort() for part in parts])
     order += np.repeat(np.cumsum([0, *map(len, parts[:-1])]), [len(part) for part in parts])
     return replace(joined(*parts), order=order), starts

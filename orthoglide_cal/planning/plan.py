@@ -8,14 +8,14 @@ numbers of cycles, protocols and methods, and the best design takes the fewest r
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Self
+from typing import Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_serializer
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method
-from orthoglide_cal.estimation.budget import Budget, BudgetLine, BudgetTotal, budget_lines
+from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution, budget_lines
 from orthoglide_cal.model.machine import BarWarning
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import MARGIN
@@ -28,8 +28,8 @@ from orthoglide_cal.planning.forecast import (
     rivals_sigma,
     session_of,
 )
-from orthoglide_cal.planning.next_measurement import RankedMeasurement
-from orthoglide_cal.planning.separation import TRACE_SIGMA, SeparatedPair, Separations, separations
+from orthoglide_cal.planning.next_measurement import Option
+from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations, separations
 from orthoglide_cal.planning.steps import CYCLES, MOST_CYCLES, MeasuringProtocol, Order
 from orthoglide_cal.schema import Schema
 
@@ -50,12 +50,12 @@ METHODS: Mapping[MeasuringProtocol, tuple[Method, ...]] = {
 # More repeats hardly change what can be distinguished, but the time that it takes to say so.
 MOST_COMPARED = 10
 ROUNDING = 1e-9
-# Distinguished: so far from each other that chance does not count [standard deviations].
+# Causes that are separated by more than this are distinguished [standard deviations].
 CERTAIN_SIGMA = 5.0
 
 
 class Wanted(NamedTuple):
-    """What somebody wants to measure; None where they say nothing."""
+    """A wish what to measure; None where nothing is said."""
 
     protocol: MeasuringProtocol | None = None
     cycles: int | None = None
@@ -97,23 +97,8 @@ class Target:
     cycles: int | None
 
 
-@dataclass(frozen=True)
-class Limit:
-    """What no number of readings reduces, and the largest source of it; None if it is nothing."""
-
-    expanded_mm: dict[str, float] | None
-    source: str | None
-    cycles: int | None  # so many stand for any number; None for a layout
-
-
-class PlannedContribution(BudgetLine):
-    """One line of the budget; `std_mm` names what it adds to each length."""
-
-    std_mm: dict[str, float]
-
-
 class MeasurementPlan(Schema):
-    """What a session will give before a reading is taken; its dump is `plan --json`.
+    """The forecast of a session, and of other ways to measure; its dump is `plan --json`.
 
     The floor is less than what the session leaves in addition to scatter: more readings say more
     about what else is uncertain.
@@ -138,69 +123,30 @@ class MeasurementPlan(Schema):
     noise_mm: float  # by which one reading scatters
     assumed_mm: float | None  # how far each parameter is taken to be off, if that matters
     now_mm: float | None = None  # largest U that the data have already; None without any
-    # What adds to the uncertainty, and what more readings leave of it.
-    budget: tuple[PlannedContribution, ...]
+    budget: tuple[Contribution, ...]  # its dump also names what a line adds to each length
     total: BudgetTotal
-    limits: Limit
+    # What no number of readings reduces, its largest source, and the cycles that stand for any
+    # number; None for nothing, or for a layout.
+    limits: Mapping[str, object]
     compare: tuple[Alternative, ...] = ()  # every protocol with every method, for the same U
-    separation: tuple[SeparatedPair, ...]  # nearest first
+    separation: tuple[Mapping[str, object], ...]  # two causes, and sigma; nearest first
     invisible: tuple[str, ...]  # causes that leave no trace
     trace: dict[str, float]  # of the others: how far each is from nothing wrong [σ]
     pairs: int  # how many these others make
     alike: int  # of these pairs, how many cannot be distinguished
     design: BestDesign | None  # None where nothing is to be gained
-    next: tuple[RankedMeasurement, ...] = ()  # in addition to existing data, best first
+    next: tuple[Option, ...] = ()  # in addition to existing data, best first
 
-    @classmethod
-    def of(
-        cls,
-        chosen: SessionForecast,
-        floor: Budget | None,
-        apart: Separations,
-        most_cycles: int | None,
-        **more: Any,
-    ) -> Self:
-        """With what follows from the chosen session; arguments as the attributes."""
-        model, largest = chosen.model, None if floor is None else floor.largest.source
-        machine, seen = model.machine, apart.visible
-        size = float(np.sqrt(np.mean(machine.linearization_points**2)))
-        lines, total = budget_lines(chosen.budget)
-        return cls(
-            model=model,
-            chosen=chosen,
-            floor=floor,
-            apart=apart,
-            machine=machine.name,
-            protocol=chosen.name,
-            cycles=chosen.cycles,
-            budget=tuple(
-                PlannedContribution(**dict(each), std_mm=lengths(model, np.array(each.std)))
-                for each in lines
-            ),
-            total=total,
-            limits=Limit(
-                None if floor is None else lengths(model, floor.expanded_mm),
-                largest,
-                most_cycles,
-            ),
-            noise_mm=machine.instrument.noise_mm,
-            assumed_mm=size or None,
-            trace=dict(zip([cause.id for cause in seen.causes], seen.trace.tolist(), strict=True)),
-            pairs=len(seen.pairs),
-            alike=sum(pair.sigma < TRACE_SIGMA for pair in seen.pairs),
-            separation=apart.pairs,
-            invisible=tuple(cause.id for cause in apart.invisible),
-            **more,
-        )
+    @field_serializer("budget")
+    def _with_lengths(self, lines: tuple[Contribution, ...]) -> list[dict[str, object]]:
+        stds = (lengths(self.model, np.array(line.std)) for line in lines)
+        return [{**line.model_dump(), "std_mm": std} for line, std in zip(lines, stds, strict=True)]
 
 
 def measurement_plan(
-    model: Model,
-    wanted: Wanted,
-    following: tuple[RankedMeasurement, ...] = (),
-    details: bool = True,
+    model: Model, wanted: Wanted, following: tuple[Option, ...] = (), details: bool = True
 ) -> MeasurementPlan:
-    """What the session that is wanted will give, and what other ways there are.
+    """Forecast the session that is wanted, and other ways to measure.
 
     `following` is what to measure in addition to existing data, best first. Without `details` only
     the best design is compared with the session.
@@ -209,31 +155,54 @@ def measurement_plan(
         UsageError: the machine has no such session.
         RankDeficientError: such readings will not determine the parameters.
     """
+    machine, stands, compare = model.machine, wanted.stands, tuple[Alternative, ...]()
     if offer := _offered(model, wanted):
-        chosen, offered, design = offer
-        apart = separations(model, chosen.plan)
-        return MeasurementPlan.of(
-            chosen, chosen.floor, apart, None, by_cycles=offered, design=design, next=following
-        )
-    chosen = chosen_session(model, wanted)
-    stands, cycles = wanted.stands, chosen.cycles
-    protocol = MeasuringProtocol(chosen.name)
-    numbers = sorted({*SHOWN_CYCLES, cycles})
-    best = MeasuringProtocol.BEST
-    compare = tuple(_compared(model, chosen, stands, METHODS if details else {best: METHODS[best]}))
-    target = wanted.target_mm
-    reached = target is None or max(chosen.expanded_mm.values()) <= target
-    return MeasurementPlan.of(
-        chosen,
-        forecast(model, protocol, MOST_CYCLES, Method.READINGS, stands).floor,
-        separations(model, session_of(model, protocol, min(cycles, MOST_COMPARED), stands).plan),
-        MOST_CYCLES,
-        bar_warning=model.machine.bar_warning(chosen.plan),
-        gauges=stands,
-        target=None if target is None else Target(target, reached, cycles if reached else None),
-        by_cycles=tuple(forecast(model, protocol, n, Method.READINGS, stands) for n in numbers),
+        chosen, shown, design = offer
+        floor, most, plan = chosen.floor, None, chosen.plan
+    else:
+        chosen, most = chosen_session(model, wanted), MOST_CYCLES
+        protocol, best = MeasuringProtocol(chosen.name), MeasuringProtocol.BEST
+        numbers = sorted({*SHOWN_CYCLES, chosen.cycles})
+        shown = tuple(forecast(model, protocol, n, Method.READINGS, stands) for n in numbers)
+        floor = forecast(model, protocol, most, Method.READINGS, stands).floor
+        plan = session_of(model, protocol, min(chosen.cycles, MOST_COMPARED), stands).plan
+        ways = METHODS if details else {best: METHODS[best]}
+        compare = tuple(_compared(model, chosen, stands, ways))
+        design = _fewest_readings(model, chosen.cycles, compare[-1])
+    target = None
+    if wanted.target_mm is not None:
+        reached = max(chosen.expanded_mm.values()) <= wanted.target_mm
+        target = Target(wanted.target_mm, reached, chosen.cycles if reached else None)
+    apart, (lines, total) = separations(model, plan), budget_lines(chosen.budget)
+    seen, size = apart.visible, float(np.sqrt(np.mean(machine.linearization_points**2)))
+    return MeasurementPlan(
+        model=model,
+        chosen=chosen,
+        floor=floor,
+        apart=apart,
+        bar_warning=machine.bar_warning(chosen.plan),
+        machine=machine.name,
+        protocol=chosen.name,
+        gauges=None if most is None else stands,
+        cycles=chosen.cycles,
+        target=target,
+        by_cycles=shown,
+        noise_mm=machine.instrument.noise_mm,
+        assumed_mm=size or None,
+        budget=lines,
+        total=total,
+        limits={
+            "expanded_mm": floor and lengths(model, floor.expanded_mm),
+            "source": floor and floor.largest.source,
+            "cycles": most,
+        },
         compare=compare if details else (),
-        design=_fewest_readings(model, cycles, compare[-1]),
+        separation=tuple({"causes": ids, "sigma": sigma} for ids, sigma in apart.pairs.items()),
+        invisible=tuple(cause.id for cause in apart.invisible),
+        trace=dict(zip([cause.id for cause in seen.causes], seen.trace.tolist(), strict=True)),
+        pairs=len(seen.pairs),
+        alike=sum(sigma < TRACE_SIGMA for sigma in seen.pairs.values()),
+        design=design,
         next=following,
     )
 
@@ -249,9 +218,9 @@ def chosen_session(model: Model, wanted: Wanted) -> SessionForecast:
         raise UsageError("--layout is for printers.", "Name a --protocol instead.")
     protocol, method = wanted.protocol or MeasuringProtocol.DOUBLE, Method.READINGS
     if wanted.target_mm is not None:
-        found = fewest_cycles(model, protocol, method, wanted.stands, wanted.target_mm)
-        if found is not None:
-            return found
+        shortest = fewest_cycles(model, protocol, method, wanted.stands, wanted.target_mm)
+        if shortest is not None:
+            return shortest
     return forecast(model, protocol, wanted.cycles or CYCLES, method, wanted.stands)
 
 
@@ -264,29 +233,34 @@ def _compared(
     """Each way, with as many cycles and for the same U; the best design comes last."""
     wanted = max(chosen.expanded_mm.values()) * (1.0 + ROUNDING)
 
-    def fewest_moves(found: SessionForecast, protocol: MeasuringProtocol) -> SessionForecast:
+    def fewest_moves(usual: SessionForecast) -> SessionForecast:
         """The same readings in the order that moves the gauges least, which leaves U as it is."""
-        session = session_of(model, protocol, found.cycles, stands, Order.FEWEST_MOVES)
-        return found.model_copy(update=session._asdict())
+        protocol = MeasuringProtocol(usual.name)
+        session = session_of(model, protocol, usual.cycles, stands, Order.FEWEST_MOVES)
+        return usual.changed(**session._asdict())
 
     for protocol, methods in ways.items():
         for method in methods:
             same = forecast(model, protocol, chosen.cycles, method, stands)
             as_sure = fewest_cycles(model, protocol, method, stands, wanted)
-            found = None if as_sure is None else fewest_moves(as_sure, protocol)
-            yield Alternative(protocol, method, fewest_moves(same, protocol), found)
+            yield Alternative(
+                protocol, method, fewest_moves(same), as_sure and fewest_moves(as_sure)
+            )
 
 
 def _fewest_readings(model: Model, cycles: int, way: Alternative) -> BestDesign:
     """The best design for the same U; with as many cycles where no number reaches it."""
-    found, design = way.same_expanded or way.same_cycles, design_of(model.machine)
-    usual, best = session_of(model, MeasuringProtocol.DOUBLE, cycles).plan, design.plan(cycles)
+    session, (postures, gauge_at) = way.same_expanded or way.same_cycles, design_of(model.machine)
+    usual, best = (
+        session_of(model, protocol, cycles).plan
+        for protocol in (MeasuringProtocol.DOUBLE, MeasuringProtocol.BEST)
+    )
     return BestDesign(
-        **{name: getattr(found, name) for name in SessionForecast.model_fields},
+        **{name: getattr(session, name) for name in SessionForecast.model_fields},
         reached=way.same_expanded is not None,
-        gauge_at=design.gauge_at,
+        gauge_at=gauge_at,
         margin=MARGIN,
-        postures_mm=design.displacements_mm,
+        postures_mm=postures,
         share_of_readings=readings_needed(model, best) / readings_needed(model, usual),
     )
 
@@ -306,7 +280,7 @@ def _offered(
     best = _distinguishing(model)
     usual = (SessionForecast.of(model, layout) for layout in layouts)
     offered = (*usual,) if best is None else (*usual, best)
-    names = {each.name: each for each in offered}
+    names = {session.name: session for session in offered}
     name = wanted.layout or (offered[0] if best is None else best).name
     if name not in names:
         raise UsageError(f"There is no layout {name!r}.", f"Choose one of {', '.join(names)}.")

@@ -176,12 +176,12 @@ def program_gcode(program: PostureProgram, template: Template) -> str:
     waits. Coordinates are absolute, in mm.
     """
     blocks = (line for block in program.blocks for line in _block_lines(block, program, template))
-    said = (line for words in _head(program, template) for line in _comment(words, template))
-    return "\n".join((*template.before, *said, *blocks, *template.after, ""))
+    head = (line for words in _head(program, template) for line in _comment(words, template))
+    return "\n".join((*template.before, *head, *blocks, *template.after, ""))
 
 
 def _head(program: PostureProgram, template: Template) -> Iterator[str]:
-    """What the numbers are, to which session the blocks belong, and what the approach hides."""
+    """Meaning of the numbers, the session of the blocks, and what the approach hides."""
     home, names = short(program.machine.home_mm, _DECIMALS), " ".join(template.axes)
     meaning = {
         PostureValues.JOINTS: f"joint positions as the controller shows them: all {home} at the"
@@ -204,7 +204,7 @@ def _head(program: PostureProgram, template: Template) -> Iterator[str]:
         " Lost motion, also called backlash, then leaves no trace in the readings and is part of"
         " the offsets: let the machine work with the same approach."
     )
-    above = [f"N{each.number} {_carriages(each)}" for each in program.blocks if each.from_above]
+    above = [f"N{block.number} {_carriages(block)}" for block in program.blocks if block.from_above]
     if above:
         yield (
             "Except the carriage that stands at its lower limit, which arrives from above: its"

@@ -7,10 +7,11 @@ is the squared separation in standard deviations. Everything is linear around a 
 plausible offsets, so that all truths and all rivals are a few products of matrices.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import compress, product
+from operator import itemgetter
 
 import numpy as np
 
@@ -24,14 +25,6 @@ from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, zero_free
 
 # A cause whose trace is smaller than this cannot be seen, nor two be distinguished [σ].
 TRACE_SIGMA = 1.0
-
-
-@dataclass(frozen=True)
-class SeparatedPair:
-    """Ids of two causes, and how far apart they are [standard deviations]."""
-
-    causes: tuple[str, str]
-    sigma: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +48,11 @@ class Separations(ReadOnly):
         return Separations(causes, self.sigma[np.ix_(seen, seen)], self.trace[seen])
 
     @cached_property
-    def pairs(self) -> tuple[SeparatedPair, ...]:
-        """Each pair with its separation, nearest first."""
-        pairs = [
-            SeparatedPair((self.causes[b].id, self.causes[a].id), float(self.sigma[a, b]))
-            for a in range(len(self.causes))
-            for b in range(a)
-        ]
-        return tuple(sorted(pairs, key=lambda pair: pair.sigma))
+    def pairs(self) -> Mapping[tuple[str, str], float]:
+        """Ids of each two causes → their separation, nearest first."""
+        ids, sigma = [cause.id for cause in self.causes], self.sigma.tolist()
+        pairs = {(ids[b], ids[a]): sigma[a][b] for a in range(len(ids)) for b in range(a)}
+        return dict(sorted(pairs.items(), key=itemgetter(1)))
 
 
 def separations(model: Model, plan: Plan, among: Collection[str] | None = None) -> Separations:

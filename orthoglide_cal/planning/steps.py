@@ -15,6 +15,7 @@ from orthoglide_cal.model.orthoglide import (
     double_posture,
     plan_of,
     single_posture,
+    visiting,
 )
 from orthoglide_cal.model.plan import Ints
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, Series
@@ -107,21 +108,22 @@ def sequence(
         case MeasuringProtocol.SINGLE:
             plan = single_posture(machine, cycles, closing=True)
         case MeasuringProtocol.BEST:
-            plan = design_of(machine).plan(cycles)
+            displacements, gauge_at = design_of(machine)
+            plan = visiting(displacements * cycles, gauge_at)
     return steps_of(plan, machine, order, stands)
 
 
 def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, stands: int) -> str:
-    """What `measure` and `plan` are told for a `sequence`; nothing for the usual one."""
+    """Options of `measure` and `plan` for a `sequence`; none for the usual one."""
     single = protocol is MeasuringProtocol.SINGLE
-    told = {
+    options = {
         "--protocol single": single,
         "--design best": protocol is MeasuringProtocol.BEST,
         f"--cycles {cycles}": cycles != CYCLES,
         f"--order {order}": order is not Order.PAPER,
         f"--gauges {stands}": stands != 2 and not single,
     }
-    return " ".join(option for option, said in told.items() if said)
+    return " ".join(option for option, needed in options.items() if needed)
 
 
 def steps_of(

@@ -1,6 +1,7 @@
 """What a technician is told: may the offsets be entered, which, how sure, what is left."""
 
-from orthoglide_cal.results.answer import Answer, CheckReading, Parameter, Release, Remedy
+from orthoglide_cal.inference import Parameter
+from orthoglide_cal.results.answer import Answer, CheckReading, Release, Remedy
 from orthoglide_cal.results.application import Application, apply, recording, take_back, unwritten
 from orthoglide_cal.results.making import answer_to, remainder, with_dates
 from orthoglide_cal.results.validity import Identity, Validity, identify

@@ -10,7 +10,7 @@ from typing import Literal, Self
 from pydantic import Field, computed_field
 
 from orthoglide_cal.estimation import PromisedDifference
-from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
+from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
     AssumedSize,
@@ -20,6 +20,7 @@ from orthoglide_cal.inference import (
     LackOfFit,
     NextMeasurement,
     Otherwise,
+    Parameter,
     TimesStated,
     UnshownFault,
     Verdict,
@@ -31,7 +32,7 @@ from orthoglide_cal.schema import Schema, Sentence
 
 
 class InputFile(Schema):
-    """What the answer is about."""
+    """The file that the answer is about."""
 
     path: str
     sha256: str
@@ -56,7 +57,7 @@ class MachineName(Schema):
 
 
 class Remedy(Schema):
-    """What to do instead of entering the result.
+    """Something to do instead of entering the result.
 
     `sentence` ends with a colon where a command about the same file follows: `verb`, `options`.
     """
@@ -93,31 +94,8 @@ class Release(Schema):
         return tuple(reason.code for reason in (*self.reasons, *self.cautions))
 
 
-class Parameter(Schema):
-    """One parameter that a calibration determines."""
-
-    name: str
-    unit: str
-    active: float = Field(description="what the controller has")
-    found: float | None = Field(description="true = indicated + found; null if not determined")
-    std: float = Field(description="standard uncertainty u")
-    expanded: float = Field(description="expanded uncertainty U = k u")
-    enter: float | None = Field(None, description="what to type in; null unless released")
-    determined: bool = Field(default_factory=lambda known: known["found"] is not None)
-
-    def change(self, decimals: int) -> float:
-        """The change as it is entered; nothing of what the readings do not determine."""
-        return 0.0 if self.found is None else round(self.found, decimals) + 0.0
-
-    def new(self, decimals: int) -> float:
-        """What is active once it is entered, free of the errors of binary addition."""
-        if self.found is None:
-            return self.active
-        return round(self.active + self.change(decimals), 9) + 0.0
-
-
 class Alone(Schema):
-    """What the parameters would be without any cause."""
+    """The parameters without any cause."""
 
     parameters: tuple[Parameter, ...]
     rms_after_mm: float
@@ -187,7 +165,7 @@ class Residual(Schema):
 
 
 class Undetermined(Schema):
-    """What these readings do not determine, and how far it may be off."""
+    """A parameter that these readings do not determine, and how far it may be off."""
 
     name: str
     within: float
@@ -249,7 +227,7 @@ class Answer(Schema):
     as_found: Spread | None = Field(None, description="of the deviations as measured")
     expected: Spread | None = Field(None, description="of the deviations after entering")
     remains: bool = Field(False, description="more will be left than U allows")
-    budget: tuple[BudgetLine, ...] = ()
+    budget: tuple[Contribution, ...] = ()
     total: BudgetTotal | None = None
     lack_of_fit: LackOfFit | None = None
     converged: bool = False

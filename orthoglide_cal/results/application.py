@@ -81,12 +81,12 @@ def apply(
     if adds:
         _check_recordable(given, file)
     written, data, decimals = None, b"", answer.decimals
-    amounts = {each.name: each.change(decimals) for each in answer.parameters}
+    amounts = {p.name: p.change(decimals) for p in answer.parameters}
     if controller is not None:
-        expected = {each.key: float(each.after) for each in known.values} if known else {}
+        expected = {value.key: float(value.after) for value in known.values} if known else {}
         if not adds:
             stands = controller.settings
-            expected |= {stands[each.name].key: each.active for each in answer.parameters}
+            expected |= {stands[p.name].key: p.active for p in answer.parameters}
         elif not known:
             controller = replace(controller, remarks=(_FIRST,))
         if differing := controller.differing(expected):
@@ -99,14 +99,14 @@ def apply(
     entry = Entered(date=date, data_sha256=sha256, written=written)
     if adds:
         before = given.model.orthoglide.offsets_mm
-        after = JointOffsets(*(each.new(decimals) for each in answer.parameters))
+        after = JointOffsets(*(p.new(decimals) for p in answer.parameters))
         entry = entry.changed(before=before, after=after)
     then = with_history(file, entry.after, *machine.history, entry)
     return Application(file, entry, False, then, given.conditions, controller, data)
 
 
 def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
-    """Whether a machine file keeps what is entered in the controller after this measurement.
+    """Return whether a machine file keeps what is entered after this measurement.
 
     Elsewhere: the controller itself does.
     """
@@ -135,8 +135,8 @@ def unwritten(file: StoredMachine) -> str | None:
 
 
 def _last_written(file: StoredMachine, controller: ControllerFile | None = None) -> Written | None:
-    """What the last entry wrote to this controller's file, or to any; None if it did not."""
-    *_, written = None, *(each.written for each in file.model.machine.history)
+    """Return what the last entry wrote to this controller's file, or to any; None for nothing."""
+    *_, written = None, *(entry.written for entry in file.model.machine.history)
     elsewhere = written and controller and written.target != controller.target
     return None if elsewhere else written
 
@@ -217,11 +217,11 @@ def take_back(
 
 
 def _newer(started: str | None, history: tuple[Entered, ...]) -> bool:
-    """Whether a session that says what is active began after the last entry."""
+    """True if a session that says what is active began after the last entry."""
     if started is None:
         return False
     began = datetime.fromisoformat(started).astimezone()
-    return all(began > datetime.fromisoformat(each.date).astimezone() for each in history[-1:])
+    return all(began > datetime.fromisoformat(entry.date).astimezone() for entry in history[-1:])
 
 
 def _triple(values: tuple[float, ...]) -> str:

@@ -9,12 +9,13 @@ import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from itertools import pairwise, zip_longest
+from functools import partial
+from itertools import chain, pairwise, zip_longest
 from pathlib import PurePath
 from typing import Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_serializer
 from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import CAUSES
@@ -22,26 +23,25 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
 from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
+from orthoglide_cal.estimation.losses import (
+    DISMISSED,
+    MISSED_CHANGE,
+    WRONG_STORY,
+    is_dismissed,
+)
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.belief import Belief, mixture, probabilities
 from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened
-from orthoglide_cal.inference.decision import (
-    DISMISSED,
-    MISSED_CHANGE,
-    WRONG_STORY,
-    decide,
-    is_dismissed,
-    state,
-)
+from orthoglide_cal.inference.decision import decide, state
 from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.result import CauseParameter
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
 from orthoglide_cal.model.cause import Cause
-from orthoglide_cal.model.machine import Bed, Machine, Origin
+from orthoglide_cal.model.machine import Bed, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.validity import STEP_K
@@ -88,23 +88,6 @@ class Change(Schema):
     parameters: Sizes
 
 
-class Drift(Schema):
-    """A rate; null where no dates are known."""
-
-    name: str
-    unit: str
-    per_day: float | None = None
-    std: float | None = None
-
-
-class HomingScatter(Schema):
-    """Standard deviation of a parameter from session to session."""
-
-    name: str
-    unit: str
-    std: float
-
-
 class Reached(Schema):
     """When a limit is reached, if the best values are entered now."""
 
@@ -127,8 +110,8 @@ class History(Schema):
     probability: float
     ambiguous_with: tuple[Trend, ...] = ()
     changes: tuple[Change, ...] = ()
-    drift: tuple[Drift, ...] = ()
-    scatter: tuple[HomingScatter, ...] = ()
+    drift: Sizes = Field((), description="rates, per day if `dated`")
+    scatter: Sizes = Field((), description="of homing: std from session to session")
     pooled: Sizes = Field(description="best values now, from all sessions together")
     further: Mapping[int, tuple[float, ...]] = Field(description="sessions more → U of the same")
     prediction: Sizes = Field(description="what the next session will find")
@@ -137,6 +120,17 @@ class History(Schema):
     notes: tuple[str, ...] = ()
     next: str
     shapes: tuple[_Shape, ...] = Field((), exclude=True, repr=False)  # of a bed: first, last
+
+    @field_serializer("drift")
+    def _rates(self, drift: Sizes) -> list[dict[str, str | float | None]]:
+        """Rates; null where no dates are known."""
+        known = [(r.value, r.std) if self.dated else (None, None) for r in drift]
+        rows = zip(drift, known, strict=True)
+        return [{"name": r.name, "unit": r.unit, "per_day": v, "std": u} for r, (v, u) in rows]
+
+    @field_serializer("scatter")
+    def _stds(self, scatter: Sizes) -> list[dict[str, object]]:
+        return [size.model_dump(include={"name", "unit", "std"}) for size in scatter]
 
 
 class _DiagnosedSession:
@@ -153,7 +147,7 @@ class _DiagnosedSession:
         self.white = white = Whitened.of(given.measured, last.judging(given.model))
         noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
         at = Linearised.of(white, Candidates((), (), (), {(): 0.0}))
-        self.belief = Belief(at, {(): Hypothesis(at, 0.0, (), 1.0)}, ())
+        self.belief = Belief(at, {(): Hypothesis(at, 0.0)}, {})
         self.alone = self.belief.fit(())
         self.unexplained: Floats | None = None  # covariance of the offsets, shape (3, 3)
         if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:
@@ -261,45 +255,33 @@ def _fit_with(causes: tuple[Cause, ...], hypotheses: Sequence[Hypothesis]) -> li
 def _standing(sessions: Sequence[_DiagnosedSession]) -> list[Ids]:
     """Lasting causes at each date: of those of the likeliest set for all that show any."""
     weights = [session.log_weight for session in sessions]
-    shown = [own for own in weights if max(own, key=own.__getitem__, default=())]
-    total = {
-        ids: sum(own.get(ids, min(own.values())) for own in shown) for own in shown for ids in own
-    }
+    shown = [weight for weight in weights if max(weight, key=weight.__getitem__, default=())]
+    sets = dict.fromkeys(ids for weight in shown for ids in weight)
+    total = {ids: sum(w.get(ids, min(w.values())) for w in shown) for ids in sets}
     best = {*max(sorted(total), key=total.__getitem__, default=())}
-    return [max(filter(best.issuperset, own), key=own.__getitem__, default=()) for own in weights]
+    return [max(filter(best.issuperset, w), key=w.__getitem__, default=()) for w in weights]
 
 
-class _Names:
-    """Names and units of all parameters that are compared, those of lasting causes last."""
-
-    def __init__(self, machine: Machine, causes: Sequence[Cause]) -> None:
-        self.names, self.units = [*machine.parameter_names], [*machine.parameter_units]
-        self.groups = [range(3), range(len(self.names))]
-        for cause in causes:
-            self.groups.append(range(len(self.names), len(self.names) + len(cause.names)))
-            self.names += [f"{cause.id} {name}" for name in machine.named(cause.names).values()]
-            self.units += [cause.unit] * len(cause.names)
-
-    def of(self, values: Floats, covariance: Floats, chosen: Sequence[int] = ()) -> Sizes:
-        """The chosen parameters, or all, of values (q,) and covariance (q, q)."""
-        rows = zip(values.tolist(), np.sqrt(np.diagonal(covariance)).tolist(), strict=True)
-        return tuple(
-            CauseParameter(
-                name=self.names[k], unit=self.units[k], value=value, std=std, expanded=U95 * std
-            )
-            for k, (value, std) in zip(chosen or range(len(values)), rows, strict=True)
-        )
+def _sized(
+    named: Sequence[tuple[str, str]],
+    values: Floats,
+    covariance: Floats,
+    chosen: Sequence[int] | None = None,
+) -> Sizes:
+    """Some of the parameters with these names and units, or all: values (q,), covariance (q, q)."""
+    chosen = range(len(named)) if chosen is None else chosen
+    rows = zip(chosen, values.tolist(), np.sqrt(np.diagonal(covariance)).tolist(), strict=True)
+    return tuple(
+        CauseParameter(name=named[k][0], unit=named[k][1], value=value, std=std, expanded=U95 * std)
+        for k, value, std in rows
+    )
 
 
 def _reached(
-    limit_mm: float,
-    now: Sizes,
-    rates: Sizes,
-    scatter: Sequence[HomingScatter],
-    last: datetime | None,
+    limit_mm: float, now: Sizes, rates: Sizes, scatter: Sizes, last: datetime | None
 ) -> Reached:
     """When the first length drifts to a limit: |r| t + z √(u² + t² u(r)²) = limit."""
-    beyond = tuple(s.name for s in scatter if s.unit == "mm" and U95 * s.std > limit_mm)
+    beyond = tuple(s.name for s in scatter if s.unit == "mm" and s.expanded > limit_mm)
     reached, std = Reached(limit_mm=limit_mm, scatter_exceeds=beyond), {p.name: p.std for p in now}
     for rate in (rate for rate in rates if rate.unit == "mm" and last):
         times = np.linspace(0.0, limit_mm / max(abs(rate.value), 1e-12), 100_001)
@@ -319,18 +301,18 @@ def moment_of(given: Input, stated: str | None = None) -> datetime | None:
     named = _IN_NAME.search(PurePath(given.measured.source.path).name)
     name = "T".join(filter(None, named.groups())).replace("-", "") if named else ""
     try:
-        found = datetime.fromisoformat((stated or given.conditions.started or name).strip())
+        moment = datetime.fromisoformat((stated or given.conditions.started or name).strip())
     except ValueError:
         if stated is None:
             return None
         raise UsageError(f"{stated!r} is no date.", "Write --dates 2026-03-02,2026-04-07") from None
-    return found.replace(tzinfo=found.tzinfo or UTC)
+    return moment.replace(tzinfo=moment.tzinfo or UTC)
 
 
 def compare(
     inputs: Sequence[Input], dates: Sequence[str] = (), limit_mm: float | None = None
 ) -> History:
-    """What happened to a machine from session to session.
+    """Compare the sessions of a machine.
 
     Args:
         inputs: two or more sessions of it.
@@ -354,7 +336,7 @@ def compare(
     if dated:
         order = sorted(range(len(inputs)), key=moments.__getitem__)
         inputs, moments = [inputs[k] for k in order], [moments[k] for k in order]
-        times = np.array([(each - moments[0]) / timedelta(days=1) for each in moments])
+        times = np.array([(moment - moments[0]) / timedelta(days=1) for moment in moments])
     machine = inputs[-1].model.machine
     notes = [] if dated else ["Not every file has a date: the order given counts."]
     notes += _one_machine([given.model for given in inputs])
@@ -369,13 +351,19 @@ def compare(
     causes = tuple(cause for id, cause in CAUSES.items() if any(id in ids for ids in standing))
     for session, ids in zip(diagnosed, standing, strict=True):
         session.settle(ids, causes)
-    names = _Names(machine, causes)
+    named = [*zip(machine.parameter_names, machine.parameter_units, strict=True)]
+    groups = [range(3), range(len(named))]
+    for cause in causes:
+        groups.append(range(len(named), len(named) + len(cause.names)))
+        names = machine.named(cause.names).values()
+        named += [(f"{cause.id} {name}", cause.unit) for name in names]
+    sized = partial(_sized, named)
     data = DatedValues(
         np.array([session.values for session in diagnosed]),
         np.array([session.covariance for session in diagnosed]),
         [session.common for session in diagnosed],
         times,
-        names.groups,
+        groups,
     )
     verdict, probability, rivals, also, fit = _state(data)
     sessions = []
@@ -385,7 +373,7 @@ def compare(
         dated_session = DatedSession(
             path=session.given.measured.source.path,
             started=moments[k].isoformat() if dated else conditions.started,
-            parameters=names.of(session.values, total),
+            parameters=sized(session.values, total),
             own_expanded=tuple((U95 * np.sqrt(session.covariance.diagonal())).tolist()),
             fitted=tuple(fit.state(k)[0].tolist()),
             causes=standing[k],
@@ -393,16 +381,21 @@ def compare(
             gauges=tuple(gauge.id for gauge in conditions.gauges),
         )
         sessions.append(dated_session)
-    steps = [
-        (p.at, names.of(size, spread, p.subset)) for p, size, spread in fit.sizes(Trend.CHANGED)
-    ]
-    drifts = [names.of(rate, spread, p.subset) for p, rate, spread in fit.sizes(Trend.DRIFTING)]
-    rates = tuple(rate for drift in drifts for rate in drift)
-    scatter = tuple(
-        HomingScatter(name=names.names[k], unit=names.units[k], std=float(fit.homing[k]))
-        for k in np.flatnonzero(fit.scatter).tolist()
+    changes = tuple(
+        Change(
+            at=step.at,
+            before=sessions[step.at].path,
+            after=sessions[step.at + 1].path,
+            parameters=sized(size, spread, step.subset),
+        )
+        for step, size, spread in fit.sizes(Trend.CHANGED)
     )
-    now, last = names.of(*fit.state(-1)), moments[-1] if dated else None
+    drifts = (sized(rate, spread, p.subset) for p, rate, spread in fit.sizes(Trend.DRIFTING))
+    drift = tuple(chain(*drifts))
+    scattering = np.flatnonzero(fit.scatter)
+    homing = fit.homing[scattering]
+    scatter = sized(0.0 * homing, np.diag(homing**2), scattering.tolist())
+    now, last = sized(*fit.state(-1)), moments[-1] if dated else None
     decides = HOMINGS if Trend.SCATTERING in (verdict, *rivals) else AGAIN
     return History(
         machine=machine.name,
@@ -412,23 +405,17 @@ def compare(
         verdict=verdict,
         probability=probability,
         ambiguous_with=rivals,
-        changes=tuple(
-            Change(at=at, before=sessions[at].path, after=sessions[at + 1].path, parameters=step)
-            for at, step in steps
-        ),
-        drift=tuple(
-            Drift(name=r.name, unit=r.unit, **({"per_day": r.value, "std": r.std} if dated else {}))
-            for r in rates
-        ),
+        changes=changes,
+        drift=drift,
         scatter=scatter,
         pooled=now,
         further={
             n: tuple((U95 * np.sqrt(np.diagonal(fit.state(-1, more=n)[1]))).tolist())
             for n in (1, 2, 5)
         },
-        prediction=names.of(*fit.state(-1, float(np.median(np.diff(times))), measured=True)),
+        prediction=sized(*fit.state(-1, float(np.median(np.diff(times))), measured=True)),
         also=also,
-        limit=None if limit_mm is None else _reached(limit_mm, now, rates, scatter, last),
+        limit=None if limit_mm is None else _reached(limit_mm, now, drift, scatter, last),
         notes=(*notes, *_circumstances(sessions, diagnosed)),
         next=decides if rivals else ADVICE[verdict],
         shapes=tuple(
@@ -458,10 +445,10 @@ def _state(
 
 
 def _one_machine(models: Sequence[Model]) -> list[str]:
-    """What differs between the machines of the sessions; raises UsageError if they are several."""
+    """Differences between the machines of sessions; raises UsageError for several machines."""
     last = models[-1]
-    pairs = ((machine_values(each), machine_values(last.judging(each))) for each in models)
-    other = {key for own, by in pairs for key in own if own[key] != by.get(key)}
+    pairs = ((machine_values(model), machine_values(last.judging(model))) for model in models)
+    other = {key for then, by in pairs for key in then if then[key] != by.get(key)}
     if other & {"kind", "name", "leg_length_mm", "joint_limits_mm"}:
         names = listed([*dict.fromkeys(model.machine.name for model in models)])
         raise UsageError(
@@ -478,12 +465,12 @@ def _one_machine(models: Sequence[Model]) -> list[str]:
 def _circumstances(
     sessions: Sequence[DatedSession], diagnosed: Sequence[_DiagnosedSession]
 ) -> Iterator[str]:
-    """What else differed between the sessions, and which causes they show."""
-    warm = [each.temperature_c for each in sessions if each.temperature_c is not None]
+    """Other differences between the sessions, and the causes that they show."""
+    warm = [s.temperature_c for s in sessions if s.temperature_c is not None]
     if warm and max(warm) - min(warm) > STEP_K:
         swing = f"{min(warm):.1f} to {max(warm):.1f} °C"
         yield f"The temperature differs ({swing}); what follows it is not a change of the machine."
-    if len({each.gauges for each in sessions if each.gauges}) > 1:
+    if len({s.gauges for s in sessions if s.gauges}) > 1:
         yield "The gauges differ; the scale error of each set is accounted for."
     if len({tuple(session.white.machine.nominal_rails.lengths) for session in diagnosed}) > 1:
         yield "The arm lengths in the firmware differ: parameters are compared at the last ones."
@@ -494,8 +481,8 @@ def _circumstances(
         entered = ", ".join(f"{name} {signed(by, 3)}" for name, by in moved if abs(by) > 1e-9)
         if entered and not old.differing(new):
             yield f"Recorded adjustment between {one.path} and {two.path}: {entered} mm."
-    for id in dict.fromkeys(id for each in sessions for id in each.causes):
-        shown = [each.path for each in sessions if id in each.causes]
+    for id in dict.fromkeys(id for session in sessions for id in session.causes):
+        shown = [session.path for session in sessions if id in session.causes]
         where = "all sessions: it is pooled" if len(shown) == len(diagnosed) else listed(shown)
         yield f"{id} shows in {where}."
 

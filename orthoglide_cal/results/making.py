@@ -13,7 +13,7 @@ they may be entered, and if not what to do, is decided here, too.
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import chain
 
@@ -33,25 +33,25 @@ from orthoglide_cal.estimation.accuracy import (
     CONFIDENCE,
     Scatter,
     chance_of_residual,
-    determined,
     half_width,
     rms,
 )
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
+from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
     Diagnosis,
     Explanation,
     FoundCause,
     NextMeasurement,
+    Parameter,
     UnshownFault,
     Verdict,
     diagnose,
     nothing_wrong,
 )
 from orthoglide_cal.inference.data import unit_of
-from orthoglide_cal.inference.decision import DISMISSED
-from orthoglide_cal.inference.result import WORTH_SAYING, estimated
+from orthoglide_cal.inference.result import WORTH_SAYING
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -70,16 +70,6 @@ _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
     *("rivals", "unshown", "beyond_tolerance", "assumed_sizes"),
 )
-
-
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Parameters under one model, and what is known of the machine that they are entered in."""
-
-    values: Floats  # what is found beyond what is active, shape (p,)
-    budget: Budget  # where their uncertainty comes from
-    noise: Scatter  # of one reading
-    real: OffsetEstimate  # the machine, as well as it is known
 
 
 def answer_to(
@@ -135,21 +125,26 @@ def answer_to(
         again = Reason.of("retake", kept=kept)
         retake = Remedy(sentence=again, verb="measure", options="--resume")
         decision = decision.changed(remedies=(retake, *decision.remedies))
-    alone, found = _alone(given, solution, diagnosis), None
-    if diagnosis is not None and method is None and diagnosis.verdict is not Verdict.CONSISTENT:
-        found = _as_diagnosed(given, solution, diagnosis)
+    alone, diagnosed_as = _alone(given, solution, diagnosis), None
+    if diagnosis is not None and diagnosis.verdict is not Verdict.CONSISTENT:
+        diagnosed_as = _as_diagnosed(given, solution, diagnosis)
     named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED
+    found = None if method else diagnosed_as
     chosen = found or alone
+    # What is entered acts on the machine as well as it is known, whatever method was asked for.
+    real = (diagnosed_as if named else None) or chosen
     budget, std = chosen.budget, chosen.budget.std_mm
     decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
-    parameters = tuple(_parameters(model, chosen))
-    others = tuple(answer_to(other, method, details=details) for other in given.others)
+    parameters = _parameters(chosen)
+    # They may hold a release; without one only a page shows them.
+    asked = given.others if decision.usable or details else ()
+    others = tuple(answer_to(other, method, details=details) for other in asked)
     if decision.usable:
         decision = _with_others(decision, parameters, others)
     right = diagnosis.put_right if diagnosis else None
 
     def promised_after(change: Floats) -> tuple[PromisedDifference, ...]:
-        return promise(measured, chosen.real, change, chosen.noise, right)
+        return promise(measured, real, change, right)
 
     change = np.array([parameter.change(decimals) for parameter in parameters])
     rows: tuple[PromisedDifference, ...] = ()
@@ -164,17 +159,19 @@ def answer_to(
         rows = promised_after(change)
     if decision.usable:
         parameters = tuple(
-            each.changed(enter=each.new(decimals) if decision.needed else each.active)
-            for each in parameters
+            parameter.changed(
+                enter=parameter.new(decimals) if decision.needed else parameter.active
+            )
+            for parameter in parameters
         )
-        left = remainder(rows, chosen.real.model)
+        left = remainder(rows, real.model)
         cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
-    left_mm = solution.at(chosen.values).rms_after_mm if found else solution.rms_after_mm
+    left_mm = solution.at(chosen.offsets_mm).rms_after_mm if found else solution.rms_after_mm
     if diagnosis is not None and named and found:
         left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
-    shift = np.abs(alone.values - chosen.values)
+    shift = np.abs(alone.offsets_mm - chosen.offsets_mm)
     lines, total = budget_lines(budget)
     correlation = budget.covariance_mm2 / np.outer(std, std)
     np.fill_diagonal(correlation, 1.0)
@@ -192,7 +189,7 @@ def answer_to(
         correlation=tuple(map(tuple, correlation.tolist())),
         sigma_rho_mm=rms(std) if set(machine.parameter_units) == {"mm"} else None,
         alone=schema.Alone(
-            parameters=tuple(_parameters(model, alone)),
+            parameters=_parameters(alone),
             rms_after_mm=solution.rms_after_mm,
             wrong_by=float(shift.max()),
             unit=machine.parameter_units[int(np.argmax(shift))],
@@ -220,7 +217,7 @@ def answer_to(
         undetermined=tuple(_undetermined(model, parameters)),
         check=_check(given, solution, rows, budget.k) if decision.needed else None,
         ruled_out=model.ruled_out,
-        workspace=_workspace(chosen, model) if details else None,
+        workspace=_workspace(chosen, real.model) if details else None,
         holdout=holdout,
         warnings=solution.warnings,
         notes=decision.cautions,
@@ -232,7 +229,7 @@ def answer_to(
         **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
         explanations=tuple(_explanations(diagnosis, solution, alone)),
         shims=tuple(_shims(diagnosis.causes)) if named else (),
-        assumed=tuple(each.id for each in diagnosis.assumed_sizes),
+        assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
         sensitivity=dict(diagnosis.sensitivity) or None,
         notes=(*decision.cautions, *diagnosis.notes),
@@ -249,38 +246,34 @@ def with_dates(
     day, sha256 = datetime.now(UTC).date().isoformat(), diagnosis.measured.source.sha256
     lasting = [effect.accepted(day, sha256) for effect in diagnosis.effects if effect.cause.lasting]
     dates = []
-    for each in inputs:
-        before, own = diagnosis.model.machine, each.model.machine
-        model = each.model.extended(effect.transferred(before, own) for effect in lasting)
-        found = _alone(replace(each, model=model), solve(each.measured, model), None)
+    for dated in inputs:
+        before, own = diagnosis.model.machine, dated.model.machine
+        model = dated.model.extended(effect.transferred(before, own) for effect in lasting)
+        found = _alone(replace(dated, model=model), solve(dated.measured, model), None)
         dates.append(
             schema.OfDate(
-                path=each.measured.source.path,
-                parameters=tuple(_parameters(model, found)),
+                path=dated.measured.source.path,
+                parameters=_parameters(found),
             )
         )
     return answer.changed(inputs=tuple(map(schema.InputFile.of, inputs)), dates=tuple(dates))
 
 
-def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> _Found:
-    """The solution's own parameters; what they leave takes named causes into account."""
-    named = diagnosis if diagnosis and diagnosis.verdict is Verdict.NAMED else None
-    budget = solution.budget.extended(diagnosis.adds_to(solution) if diagnosis else ())
-    model = with_causes(given.model, named) if named else given.model
-    known = named or solution
-    real = OffsetEstimate(model, known.offsets_mm, known.covariance_mm2)
-    return _Found(solution.offsets_mm, budget.extended(_warmth(given)), solution.noise, real)
+def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> OffsetEstimate:
+    """The solution's own parameters, with what the diagnosis leaves open."""
+    more = diagnosis.adds_to(solution) if diagnosis else ()
+    budget = solution.budget.extended([*more, *_warmth(given)])
+    return OffsetEstimate(given.model, solution.offsets_mm, budget, solution.noise)
 
 
-def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> _Found:
+def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> OffsetEstimate:
     """The parameters under what the diagnosis found."""
     model = with_causes(given.model, diagnosis)
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
-    taken = [each for each in solution.budget.contributions if each.source in held]
+    taken = [source for source in solution.budget.contributions if source.source in held]
     budget = diagnosis.budget.extended([*taken, *_warmth(given)])
     noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
-    real = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.covariance_mm2)
-    return _Found(diagnosis.offsets_mm, budget, noise, real)
+    return OffsetEstimate(model, diagnosis.offsets_mm, budget, noise)
 
 
 def _warmth(given: Input) -> tuple[Contribution, ...]:
@@ -299,7 +292,7 @@ def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
     )
 
 
-def _within_noise(model: Model, found: _Found, known: Budget) -> bool:
+def _within_noise(model: Model, found: OffsetEstimate, known: Budget) -> bool:
     """True if the controller has the parameters already, as well as the readings know them.
 
     No change exceeds its U, nor all together what noise and a local shape make of them (χ²): what
@@ -307,16 +300,16 @@ def _within_noise(model: Model, found: _Found, known: Budget) -> bool:
     """
     if any(effect.cause.compensable for effect in model.accepted):
         return False  # it is to be entered, too
-    if np.any(np.abs(found.values) > found.budget.expanded_mm):
+    if np.any(np.abs(found.offsets_mm) > found.budget.expanded_mm):
         return False
-    budget, change = known.without(model.machine.fixed_parameters), found.values
+    budget, change = known.without(model.machine.fixed_parameters), found.offsets_mm
     apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
     widened = budget.k / half_width(np.inf)
     return chance_of_residual(apart, len(change), widened) >= 1.0 - CONFIDENCE
 
 
 def _with_others(
-    decision: Release, parameters: Sequence[schema.Parameter], others: Iterable[schema.Answer]
+    decision: Release, parameters: Sequence[Parameter], others: Iterable[schema.Answer]
 ) -> Release:
     """The release of parameters, knowing what the other data of the same file say.
 
@@ -333,7 +326,7 @@ def _with_others(
             if abs(one.found - its.found) > math.hypot(one.expanded, its.expanded)
         ]
         data = other.input.data
-        stale = any(each.code == "stale_mesh" for each in other.validity.reservations)
+        stale = any(reservation.code == "stale_mesh" for reservation in other.validity.reservations)
         if apart and not stale:
             reasons.append(Reason.of("other_data_contradict", data=data, apart=apart))
             remedies.append(Remedy(sentence=Reason.of("probe_both")))
@@ -368,7 +361,7 @@ def _one_fit(solution: Solution, diagnosis: Diagnosis) -> Diagnosis:
 
 
 def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | None:
-    """What offsets do not remove; None where nothing but noise is left."""
+    """Deviations that offsets do not remove; None where nothing but noise is left."""
     if not stays(promised):
         return None
     left = rms(np.array([row.expected_mm for row in promised]))
@@ -376,16 +369,9 @@ def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | 
     return Reason.of("remains", ids=ids, left_mm=left)
 
 
-def _parameters(model: Model, found: _Found) -> Iterator[schema.Parameter]:
-    machine, budget = model.machine, found.budget
-    known = zip(found.values.tolist(), determined(model, budget.expanded_mm), strict=True)
-    values = [value if sure else None for value, sure in known]
-    columns = machine.parameter_names, machine.parameter_units, machine.active, values
-    rows = zip(*columns, budget.std_mm.tolist(), budget.expanded_mm.tolist(), strict=True)
-    for name, unit, active, value, std, expanded in rows:
-        yield schema.Parameter(
-            name=name, unit=unit, active=active, found=value, std=std, expanded=expanded
-        )
+def _parameters(known: OffsetEstimate) -> tuple[Parameter, ...]:
+    budget = known.budget
+    return Parameter.all_of(known.model, known.offsets_mm, budget.std_mm, budget.k)
 
 
 def spread(values: Mapping[str, float]) -> schema.Spread:
@@ -419,13 +405,13 @@ def _residuals(
         yield schema.Residual.model_validate({**own, "order": order[k], **left})
 
 
-def _undetermined(
-    model: Model, parameters: Iterable[schema.Parameter]
-) -> Iterator[schema.Undetermined]:
+def _undetermined(model: Model, parameters: Iterable[Parameter]) -> Iterator[schema.Undetermined]:
     """Parameters, and what no reading of this kind determines: taken as the controller has it."""
-    for each in parameters:
-        if not each.determined:
-            yield schema.Undetermined(name=each.name, within=each.expanded, unit=each.unit)
+    for parameter in parameters:
+        if not parameter.determined:
+            yield schema.Undetermined(
+                name=parameter.name, within=parameter.expanded, unit=parameter.unit
+            )
     known = {effect.cause.id for effect in model.accepted}
     for cause in (CAUSES[id] for id in model.machine.fixed_parameters if id not in known):
         yield schema.Undetermined(name=cause.id, within=cause.size(model.machine), unit=cause.unit)
@@ -461,36 +447,38 @@ def _check(
     )
 
 
-def _workspace(found: _Found, model: Model) -> Workspace | None:
+def _workspace(found: OffsetEstimate, model: Model) -> Workspace | None:
     """Tool-position error before and after the adjustment; None if it cannot be computed."""
     if not model.machine.has_cube:
         return None
     budget = found.budget
     try:
-        return workspace_error(found.real.model, found.values, budget.covariance_mm2, budget.k)
+        return workspace_error(model, found.offsets_mm, budget.covariance_mm2, budget.k)
     except PostureError:
         return None
 
 
 def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
-    for id, gap in ((cause.id, each) for cause in causes for each in cause.parameters):
+    for id, gap in ((cause.id, parameter) for cause in causes for parameter in cause.parameters):
         if shim := CAUSES[id].shim(gap.name, gap.value):
             rail, along = shim
             yield schema.Shim(rail=rail, along=along, mm=abs(gap.value), expanded_mm=gap.expanded)
 
 
-def _explanations(diagnosis: Diagnosis, solution: Solution, alone: _Found) -> Iterator[Explanation]:
+def _explanations(
+    diagnosis: Diagnosis, solution: Solution, alone: OffsetEstimate
+) -> Iterator[Explanation]:
     """Those not dismissed; the parameters alone are those of the solution."""
-    names = diagnosis.model.machine.parameter_names
     bound = DISMISSED * diagnosis.explanations[0].probability
-    for each in diagnosis.explanations:
-        if not each.parameters and each.probability < (WORTH_SAYING if each.sound else bound):
+    for explanation in diagnosis.explanations:
+        if not explanation.parameters and explanation.probability < (
+            WORTH_SAYING if explanation.sound else bound
+        ):
             continue
-        if each.sound:
-            found = estimated(names, alone.values, alone.budget.std_mm)
-            yield each.changed(rms_mm=solution.rms_after_mm, parameters=found)
+        if explanation.sound:
+            yield explanation.changed(rms_mm=solution.rms_after_mm, parameters=_parameters(alone))
         else:
-            yield each
+            yield explanation
 
 
 # --- may the parameters be entered? one rule for every command that says so -------------------
@@ -499,7 +487,7 @@ def _explanations(diagnosis: Diagnosis, solution: Solution, alone: _Found) -> It
 def release(
     solution: Solution, diagnosis: Diagnosis | None, following: NextMeasurement | None = None
 ) -> Release:
-    """Whether the solution's offsets may be entered, from its own check and the diagnosis.
+    """Decide whether the solution's offsets may be entered, from its own check and the diagnosis.
 
     Readings that this gauge can hardly have shown prevent it, whatever fits them. A named cause
     prevents it only if it moves the offsets by more than their uncertainty.
@@ -535,7 +523,7 @@ def release(
 
 
 def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[Reason]:
-    """What to know of offsets that are released."""
+    """Cautions about offsets that are released."""
     rough = 1.0 if diagnosis is None else diagnosis.left_open[0][1].scale_factor
     if solution.suspicious and rough > 1.0:
         yield Reason.of("local_shape", factor=rough)
@@ -548,7 +536,7 @@ def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[Reaso
 
 
 def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[Reason, Remedy]]:
-    """What the solution's own check has against it, each with what to do."""
+    """Objections of the solution's own check, each with what to do."""
     machine, more = solution.model.machine, Remedy(sentence=Reason.of("more_readings"))
     if not solution.converged:
         check = Remedy(sentence=Reason.of("validate"), verb="validate")
@@ -556,7 +544,7 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
         return
     columns = machine.parameter_names, machine.parameter_units, solution.offsets_mm.tolist()
     parameters = zip(*columns, machine.plausible, strict=True)
-    beyond = [each for each in parameters if abs(each[2]) > each[3]]
+    beyond = [parameter for parameter in parameters if abs(parameter[2]) > parameter[3]]
     if beyond:
         yield Reason.of("implausible", values=beyond), Remedy(sentence=Reason.of("recheck"))
     pairs = zip(machine.parameter_names, solution.determined, strict=True)
@@ -590,7 +578,7 @@ def _advice(cause: FoundCause) -> Reason:
 
 
 def _to_check(ids: Sequence[str], faults: Sequence[UnshownFault]) -> Release:
-    """What these readings would not show must be looked at before anything is entered."""
+    """Hold the release until faults that these readings would not show are looked at."""
     reasons, remedies = [Reason.of("cause_found", ids=ids)], []
     for fault in faults:
         place = {"id": fault.id, "where": fault.where}

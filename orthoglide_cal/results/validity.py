@@ -14,7 +14,6 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
 STEP_K = 2.0  # a change of temperature beyond this is said next to the verdict
-_MADE_UP = "simulated"
 
 
 class UsedGauge(Schema):
@@ -41,37 +40,40 @@ class Validity(Schema):
     @property
     def cautions(self) -> tuple[Reason, ...]:
         """The reservations that concern the result itself, not only its papers."""
-        return tuple(each for each in self.reservations if each.code != "not_recorded")
+        return tuple(r for r in self.reservations if r.code != "not_recorded")
 
 
 def validity(given: Input) -> Validity:
-    """Of one input."""
+    """Conditions of one input."""
     conditions, machine = given.conditions, given.model.machine
     measured = conditions.finished or conditions.started
+    owned = {gauge.id: gauge for gauge in reversed(machine.gauges)}
     gauges = []
     for gauge in conditions.gauges:
-        own = next((each for each in machine.gauges if each.id == gauge.id), None)
-        due = gauge.due or (own.due if own else None) or machine.report.gauge_due
-        certificate = gauge.certificate or (own.certificate if own else None)
-        used, last = (each and datetime.fromisoformat(each).date() for each in (measured, due))
+        known = owned.get(gauge.id, gauge)
+        due = gauge.due or known.due or machine.report.gauge_due
+        used, last = (day and datetime.fromisoformat(day).date() for day in (measured, due))
         gauges.append(
             UsedGauge(
-                id=gauge.id, certificate=certificate, due=due,
-                overdue=bool(used and last and used > last), resolution_mm=gauge.resolution_mm,
+                id=gauge.id,
+                certificate=gauge.certificate or known.certificate,
+                due=due,
+                overdue=bool(used and last and used > last),
+                resolution_mm=gauge.resolution_mm,
             )
-        )  # fmt: skip
-    said = dict(conditions.environment)
-    sources = (said.get(name) or "" for name in ("readings_from", "source"))
-    found = Validity(
+        )
+    environment = dict(conditions.environment)
+    sources = (environment.get(name) or "" for name in ("readings_from", "source"))
+    recorded = Validity(
         measured=measured,
         operator=conditions.operator,
         gauges=tuple(gauges),
         temperature_start_c=conditions.temperature_start_c,
         temperature_end_c=conditions.temperature_end_c,
-        simulated=any(each.startswith(_MADE_UP) for each in sources),
+        simulated=any(source.startswith("simulated") for source in sources),
         reservations=(),
     )
-    return found.changed(reservations=tuple(_reservations(given, found)))
+    return recorded.changed(reservations=tuple(_reservations(given, recorded)))
 
 
 def _reservations(given: Input, conditions: Validity) -> Iterator[Reason]:
@@ -103,28 +105,26 @@ def _reservations(given: Input, conditions: Validity) -> Iterator[Reason]:
 
 
 def compare_reservations(before: Validity, after: Validity) -> Iterator[Reason]:
-    """What to know of two measurements together: of each, and of both."""
+    """Reservations of two measurements together: of each, and of both."""
     for when, conditions, other in (("Before", before, after), ("After", after, before)):
         for reason in conditions.reservations:
             both = reason in other.reservations
             if not both or conditions is before:
                 session = "Before and after" if both else when
                 yield Reason.of("of_session", when=session, reason=reason)
-    ids = [[gauge.id for gauge in each.gauges] for each in (before, after)]
+    ids = [[gauge.id for gauge in conditions.gauges] for conditions in (before, after)]
     if all(ids) and set(ids[0]) != set(ids[1]):
         yield Reason.of("other_gauges", before=ids[0], after=ids[1])
-    ends = [
-        [each for each in (one.temperature_start_c, one.temperature_end_c) if each is not None]
-        for one in (before, after)
-    ]
-    if all(ends):
-        first, second = (sum(each) / len(each) for each in ends)
+    ends = ((one.temperature_start_c, one.temperature_end_c) for one in (before, after))
+    known = [[end for end in pair if end is not None] for pair in ends]
+    if all(known):
+        first, second = (sum(pair) / len(pair) for pair in known)
         if abs(second - first) > STEP_K:
             yield Reason.of("temperatures_differ", before_c=first, after_c=second)
 
 
 class Identity(Schema):
-    """What makes a report unique."""
+    """The number that makes a report unique, its date and program."""
 
     number: str = Field(description="the same for the same inputs and options")
     issued: AwareDatetime
@@ -134,7 +134,7 @@ class Identity(Schema):
 def identify(
     inputs: Iterable[tuple[Source, Model]], *options: object, issued: datetime | None = None
 ) -> Identity:
-    """Who this result is.
+    """Identity of a result.
 
     What was entered in the controller later changes no result: it is not part of the number.
 
@@ -149,7 +149,7 @@ def identify(
             source.sha256,
             *([source.excerpt.data] if source.excerpt else []),
             *model.ruled_out,
-            {name: said for name, said in machine_values(model).items() if name != "history"},
+            {key: value for key, value in machine_values(model).items() if key != "history"},
         )
         for source, model in inputs
     ]

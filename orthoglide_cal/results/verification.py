@@ -22,7 +22,7 @@ from enum import StrEnum
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, computed_field
 from scipy.linalg import block_diag
 from scipy.special import fdtrc
 
@@ -85,14 +85,13 @@ class VerifiedParameter(Schema):
     found: float = Field(description="change that the first measurement asked for")
     expanded: float
     entered: float | None = Field(description="change in the controller; null: nobody knows")
-    as_found: bool | None = Field(
-        default_factory=lambda known: (
-            None if known["entered"] is None else abs(known["entered"] - known["found"]) <= AS_FOUND
-        ),
-        description="entered is what was found",
-    )
     left: float = Field(description="change that the second measurement asks for")
     left_expanded: float
+
+    @computed_field(description="entered is what was found")
+    @property
+    def as_found(self) -> bool | None:
+        return None if self.entered is None else abs(self.entered - self.found) <= AS_FOUND
 
 
 class Coefficient(Schema):
@@ -105,7 +104,7 @@ class Coefficient(Schema):
 
 
 class AxisResponse(Schema):
-    """What one joint did."""
+    """The response of one joint."""
 
     applied_mm: float
     found_mm: float = Field(description="change that the readings show")
@@ -121,7 +120,7 @@ class OtherChange(Schema):
     noise_mm: float = Field(description="what the gauge's noise alone gives for it")
     dof: int
     p_value: float
-    found: bool = Field(description="noise alone gives it less than once in a thousand times")
+    found: bool = Field(description="noise alone hardly ever gives it")
 
 
 class ComparedDifference(Schema):
@@ -198,7 +197,7 @@ class Verification(Schema):
 
     @property
     def options(self) -> tuple[object, ...]:
-        """What the user chose besides the files."""
+        """Options that the user chose besides the files."""
         chosen = [*self.applied_mm.values()], self.decision and self.decision.limit_mm
         return chosen if self.applied_mm else ()
 
@@ -209,7 +208,7 @@ def verify(
     applied_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
 ) -> Verification:
-    """What was predicted, what was measured, and whether the machine responded as the model says.
+    """Compare the predicted effect of a correction with the measured one.
 
     Args:
         before, after: of the same machine, measured with the same protocol.
@@ -223,7 +222,7 @@ def verify(
         RankDeficientError, NotConvergedError: one of them does not determine the parameters.
     """
     # Heights are compared where no differences can be made of what was read.
-    heights = [each.measured.kinds == (DataKind.READINGS,) for each in (before, after)]
+    heights = [given.measured.kinds == (DataKind.READINGS,) for given in (before, after)]
     if all(heights):
         return _of_touches(before, after, applied_mm, limit_mm)
     if any(heights):
@@ -248,8 +247,8 @@ def verify(
     second, _ = _solved(after, model)
     shared = shared_contrasts(before.measured, after.measured, model)
     later = pose(after.measured, model, table_kind(before.measured))
-    held = {each.name for each in later.which}
-    promise = [row for row in first.promised(applied, right) if row.name in held]
+    shown = {difference.name for difference in later.which}
+    promise = [row for row in first.promised(applied, right) if row.name in shown]
     rows = _differences(promise, later)
     as_left = spread({row.difference: row.after_mm for row in rows})
     response = _respond(shared, first.offsets_mm, applied)
@@ -300,21 +299,22 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
     if limit is not None:
         raise UsageError("--limit is for differences of readings.", "Leave it out.")
     before.model.machine.check_same(after.model.machine)
-    first, second = (_solved(each, each.model)[0] for each in (before, after))
-    old, new = (np.array(each.model.machine.active) for each in (first, second))
+    first, second = (_solved(given, given.model)[0] for given in (before, after))
+    old, new = (np.array(solution.model.machine.active) for solution in (first, second))
     entered = (new - old).round(9).tolist()
-    stated = all(each.measured.source.excerpt is not None for each in (before, after))
+    stated = all(given.measured.source.excerpt is not None for given in (before, after))
     if before.model.machine == after.model.machine and not stated:
         # A table says nothing of the firmware: with one machine file for both nobody knows.
         entered = [None] * len(entered)
     heights = []
-    for each in (first, second):
-        assert isinstance(each.measured, Readings)
-        touched = each.measured.plan.touches
-        for left in (each.measured.value, each.measured.value - each.predicted_mm):
+    for solution in (first, second):
+        measured = solution.measured
+        assert isinstance(measured, Readings)
+        touched = measured.plan.touches
+        for left in (measured.value, measured.value - solution.predicted_mm):
             # Without their mean: the first layer's height is set apart.
             heights.append(left[touched] - left[touched].mean())
-    found, promised, afterwards, reachable = map(rms, heights)
+    earlier, promised, afterwards, reachable = map(rms, heights)
     was, now = len(heights[0]), len(heights[2])
 
     def as_good(before: float, taken: int) -> bool:
@@ -324,17 +324,17 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
         return ratio <= 1.0 or bool(fdtrc(dof[1], dof[0], ratio) >= 1.0 - CONFIDENCE)
 
     kept = as_good(promised, len(old))
-    if promised < A_PROMISE * found:
+    if promised < A_PROMISE * earlier:
         # Maps repeat, noise does not: what is as far from it as before is not as predicted.
-        kept = kept and afterwards < (found + promised) / 2.0
+        kept = kept and afterwards < (earlier + promised) / 2.0
     nothing = not any(value is None or value for value in entered)
     return Verification(
         **_common((before, after), (first, second), entered),
         kind="heights",
         compared=now,
         kept=kept,
-        moved=nothing and not as_good(found, 1),
-        rms_before_mm=found,
+        moved=nothing and not as_good(earlier, 1),
+        rms_before_mm=earlier,
         rms_promised_mm=promised,
         rms_after_mm=afterwards,
         rms_reachable_mm=reachable,
@@ -346,26 +346,26 @@ def _common(
     solutions: tuple[Solution, Solution],
     entered: Sequence[float | None],
 ) -> dict[str, Any]:
-    """What is said of any kind of machine: both inputs, and each parameter."""
+    """Fields for any kind of machine: both inputs, and each parameter."""
     before, after = (
         ComparedInput.of(
-            each,
+            given,
             data=None,
-            started=each.conditions.started,
-            finished=each.conditions.finished,
-            operator=each.conditions.operator,
-            validity=validity(each),
+            started=given.conditions.started,
+            finished=given.conditions.finished,
+            operator=given.conditions.operator,
+            validity=validity(given),
         )
-        for each in inputs
+        for given in inputs
     )
     machine = solutions[0].model.machine
-    found, left = ((each.offsets_mm.tolist(), each.expanded_mm.tolist()) for each in solutions)
+    found, left = ((s.offsets_mm.tolist(), s.expanded_mm.tolist()) for s in solutions)
     columns = machine.parameter_units, machine.active, *found, entered, *left
     fields = ("unit", "before", "found", "expanded", "entered", "left", "left_expanded")
     rows = (dict(zip(fields, row, strict=True)) for row in zip(*columns, strict=True))
     parameters = map(VerifiedParameter.model_validate, rows)
     return {
-        "inputs": tuple((each.measured.source, each.model) for each in solutions),
+        "inputs": tuple((s.measured.source, s.model) for s in solutions),
         "before": before,
         "after": after,
         "machine": machine.name,
@@ -382,11 +382,11 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     """The parameters, as unsure as the diagnosis leaves them, and data without passing faults."""
     solution = solve(given.measured, model)
     try:
-        found = diagnose(given.measured, model)
+        diagnosis = diagnose(given.measured, model)
     except UnusableResultError:
         return solution, given.measured
-    budget = solution.budget.extended(found.adds_to(solution))
-    return replace(solution, budget=budget), found.put_right
+    budget = solution.budget.extended(diagnosis.adds_to(solution))
+    return replace(solution, budget=budget), diagnosis.put_right
 
 
 def _differences(
@@ -400,16 +400,16 @@ def _differences(
         )
     gauge = later.problem.model.machine.instrument
     noise = gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
-    reach = (half_width(np.inf) * noise).tolist()
-    rank = {each.name: k for k, each in enumerate(later.which)}
+    pairs = zip(later.data.tolist(), (half_width(np.inf) * noise).tolist(), strict=True)
+    measured = dict(zip([difference.name for difference in later.which], pairs, strict=True))
     return tuple(
         ComparedDifference(
             difference=row.name,
             before_mm=row.measured_mm,
             promised_mm=row.expected_mm,
             promised_expanded_mm=row.expanded_mm,
-            after_mm=float(later.data[rank[row.name]]),
-            expanded_mm=reach[rank[row.name]],
+            after_mm=measured[row.name][0],
+            expanded_mm=measured[row.name][1],
         )
         for row in promise
     )
@@ -417,7 +417,7 @@ def _differences(
 
 def _recorded(before: Input, after: Input) -> Floats:
     """Difference of the offsets that were active, rounded as offsets are entered [mm]."""
-    first, second = (each.model.machine.active for each in (before, after))
+    first, second = (given.model.machine.active for given in (before, after))
     if first == second or not (before.is_session and after.is_session):
         keeper, sha256 = before.keeper, before.measured.source.sha256
         known = keeper.model.machine.entered_from(sha256) if keeper else None
@@ -475,24 +475,22 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
             "Measure both with the same protocol.",
         )
     kind = kinds.pop()
-    posed = [pose(each, model, kind) for each in (before, after)]
-    both = [each for each in posed[0].which if each in posed[1].which]
-    rows = [[each.which.index(one) for one in both] for each in posed]
-    pairs = zip(posed, rows, strict=True)
-    covariance = sum(each.problem.covariance()[np.ix_(own, own)] for each, own in pairs)
-    matrix = posed[0].problem.matrix
+    first, second = posed = [pose(measured, model, kind) for measured in (before, after)]
+    both = [difference for difference in first.which if difference in second.which]
+    of_first, of_second = chosen = [np.eye(len(p.data))[[*map(p.which.index, both)]] for p in posed]
+    spreads = (p.problem.spread(rows) for p, rows in zip(posed, chosen, strict=True))
     return SharedContrasts(
         kind=kind,
-        problem=Problem(model, posed[0].problem.plan, np.eye(len(posed[0].data))[rows[0]] @ matrix),
-        change=posed[1].data[rows[1]] - posed[0].data[rows[0]],
-        covariance=np.asarray(covariance),
+        problem=replace(first.problem, matrix=of_first @ first.problem.matrix),
+        change=of_second @ second.data - of_first @ first.data,
+        covariance=np.asarray(sum(spreads)),
     )
 
 
 def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContrasts:
     # Each session's machine as it was found: not what was read with something entered meanwhile.
-    plans = [each.plan.subset(each.plan.as_found) for each in (before, after)]
-    values = [each.value[each.plan.as_found] for each in (before, after)]
+    plans = [readings.plan.subset(readings.plan.as_found) for readings in (before, after)]
+    values = [readings.value[readings.plan.as_found] for readings in (before, after)]
     both = joined(*plans)
     first, cell = both.distinct
     cells = np.arange(len(first))
@@ -540,11 +538,8 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     answer, likeliest = decide_response(
         found, inverse @ inverse.T, left, spare, gauge.noise_mm, applied
     )
-    axes = {}
-    rows = zip(
-        AXES, applied.tolist(), found.tolist(), stds, likeliest.otherwise(applied), strict=True
-    )
-    for axis, size, value, std, otherwise in rows:
+    axes, columns = {}, (applied.tolist(), found.tolist(), stds, likeliest.otherwise(applied))
+    for axis, size, value, std, otherwise in zip(AXES, *columns, strict=True):
         reach = half_width(spare) * std
         axes[axis] = AxisResponse(
             applied_mm=size,

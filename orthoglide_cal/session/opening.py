@@ -276,7 +276,7 @@ def _recommended(path: str, request: Request) -> tuple[Recommendation, Model]:
             " gauges that stay where they stand; readings of both kinds cannot be joined.",
             "Measure a separate session: orthocal measure",
         )
-    options = tuple(rank.option for rank in ranked(diagnose(first.readings, first.model)))
+    options = ranked(diagnose(first.readings, first.model))
     if choice is not None and choice > len(options):
         what = f"There is no recommendation {choice} for {path}: there are {len(options)}."
         raise UsageError(what, "Leave out --choice for the best one.")

@@ -13,7 +13,7 @@ import numpy as np
 
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.model.readings import GaugePlan
-from orthoglide_cal.planning import Option, RankedMeasurement, ranked
+from orthoglide_cal.planning import Option, ranked
 from tests.inference.sessions import known
 from tests.truth import Gauge, Machine, Session, continue_session, make_session, separation
 from tests.truth.separation import STANDS_OUT
@@ -30,7 +30,7 @@ class Ambiguous:
 
     session: Session
     found: Diagnosis
-    following: tuple[RankedMeasurement, ...]
+    following: tuple[Option, ...]
 
     @property
     def pair(self) -> Pair:
@@ -40,7 +40,7 @@ class Ambiguous:
         return accepted, ", ".join(sorted({*self.found.ambiguous_with, *unshown}))
 
     @property
-    def recommended(self) -> RankedMeasurement | None:
+    def recommended(self) -> Option | None:
         """The best; None where no measurement tells anything of what is open."""
         best = self.following[0]
         return best if best.between else None
@@ -161,7 +161,7 @@ def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = p
             continue
         low = ranking[int(rng.integers(len(ranking) // 2, len(ranking)))]
         found.chance += best.chance
-        after, bottom = (joined_diagnosis(case.session, each.option, n) for each in (best, low))
+        after, bottom = (joined_diagnosis(case.session, each, n) for each in (best, low))
         named = is_named(case.session, after)
         answered, worse = is_answered(case.session, after), is_named(case.session, bottom)
         for what, yes in ("asked", 1), ("named", named), ("answered", answered), ("bottom", worse):
@@ -169,6 +169,6 @@ def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = p
         if not named:
             said = [(each.id, *each.aliases) for each in after.causes], after.ambiguous_with
             said = *said, [fault.id for fault in after.unshown if fault.matters]
-            what = f"{best.option.what} ({best.chance:.2f})"
+            what = f"{best.what} ({best.chance:.2f})"
             tell(f"{case.session.label} {case.pair}: {what}; then {said}")
     return found

@@ -61,7 +61,7 @@ def test_a_knock_that_nothing_can_show_is_one_wrong_reading() -> None:
             following = best_next(found)
             assert following is not None
             assert set(following.between) == {("misread",), ("stand_shift",)}
-            assert is_named(session, joined_diagnosis(session, following.option, n))
+            assert is_named(session, joined_diagnosis(session, following, n))
         else:
             assert is_named(session, found)
     assert told >= 5

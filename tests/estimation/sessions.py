@@ -89,7 +89,7 @@ def solved(
 
     Readings are weighted with influences as at the `expected` parameters.
     """
-    problem, which = pose_plan(plan, model, method.uses, folded=True)
+    problem, which = pose_plan(plan, model, method.uses)
     data = values @ problem.matrix.T
     posed = Posed(problem, data[0], which)
     if method.linear:

@@ -20,7 +20,7 @@ ESTIMATOR = RNG.normal(size=(3, 8))  # of offsets from eight readings
 
 def test_without_scatter_the_stated_repeatability_counts() -> None:
     noise, rounding = budget_of(ESTIMATOR, GAUGE, None, ()).contributions
-    assert (noise.size, noise.evaluation, noise.dof) == (GAUGE.repeatability_mm, "B", np.inf)
+    assert (noise.size, noise.type, noise.dof) == (GAUGE.repeatability_mm, "B", np.inf)
     assert rounding.size == pytest.approx(ROUNDING)
     unit = ESTIMATOR @ ESTIMATOR.T
     assert noise.covariance_mm2 == pytest.approx(GAUGE.repeatability_mm**2 * unit)
@@ -48,13 +48,13 @@ def test_legs_within_their_tolerance_are_offsets_of_as_much(method: str) -> None
     found = solve(session, NOMINAL, method)
     by_source = {each.source: each for each in found.budget.contributions}
     # But for Δρ/L, half a per cent here.
-    assert by_source["leg_length"].std_mm == pytest.approx(np.full(3, 0.01), rel=0.01)
+    assert by_source["leg_length"].std == pytest.approx(np.full(3, 0.01), rel=0.01)
     assert found.budget.largest.source == "leg_length"
-    others = [by_source[each].std_mm for each in (Origin.GAUGE_PLACEMENT, Origin.GAUGE_SCALE)]
+    others = [by_source[each].std for each in (Origin.GAUGE_PLACEMENT, Origin.GAUGE_SCALE)]
     expected = np.sqrt(noise.std_mm**2 + 0.01**2 + sum(np.square(others)))
     assert found.std_mm == pytest.approx(expected, rel=0.02)
     # A gauge that is off by 0.1 % makes every offset as much too large or too small.
-    assert by_source[Origin.GAUGE_SCALE].std_mm == pytest.approx(
+    assert by_source[Origin.GAUGE_SCALE].std == pytest.approx(
         1e-3 * np.abs(OFFSETS), rel=0.05, abs=2e-5
     )
 
@@ -62,7 +62,7 @@ def test_legs_within_their_tolerance_are_offsets_of_as_much(method: str) -> None
 def test_warmth_is_what_the_legs_may_grow() -> None:
     """Either side of 20 °C, all offsets together; of a temperature that nobody wrote down, none."""
     (found,) = warmth(26.5, 310.25)
-    assert found.covariance_mm2 == pytest.approx(np.full((3, 3), found.std_mm[0] ** 2))
+    assert found.covariance_mm2 == pytest.approx(np.full((3, 3), found.std[0] ** 2))
     assert (found.source, found.size, found.assumed) == ("temperature", pytest.approx(6.5), False)
     assert warmth(18.0, 310.25)[0].size == pytest.approx(2.0)
     assert warmth(None, 310.25) == ()

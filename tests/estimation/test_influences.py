@@ -158,7 +158,7 @@ def test_the_budget_is_that_of_gtc(gauge: truth.Gauge, cycles: int) -> None:
         terms = [*zip(by_reading, noise, strict=True), *zip(by_unit, unit, strict=True)]
         offsets.append(GTC.result(sum(factor * x for factor, x in terms) + warm))
     std = np.array([GTC.uncertainty(offset) for offset in offsets])
-    by_source = {one.source: one.std_mm for one in budget.contributions}
+    by_source = {one.source: one.std for one in budget.contributions}
     scatter = np.hypot(by_source.pop(Origin.NOISE), by_source.pop(Origin.RESOLUTION))
     assert by_source.keys() == sources.keys()
     for found, inputs in ((scatter, noise), *((by_source[key], sources[key]) for key in sources)):

@@ -5,6 +5,7 @@ import pytest
 
 from orthoglide_cal.estimation import OffsetEstimate, promise
 from orthoglide_cal.estimation.accuracy import Scatter
+from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
@@ -54,8 +55,11 @@ FORMS = ["six", "twelve", "single", "double-posture readings", "single-posture r
 forms = pytest.mark.parametrize("form", FORMS)
 
 
-def known(model: Model, offsets: Floats) -> OffsetEstimate:
-    return OffsetEstimate(model, offsets, 1e-5 * np.eye(3))
+def known(
+    model: Model, offsets: Floats, variance: float = 1e-5, noise: Scatter = NOISE
+) -> OffsetEstimate:
+    budget = Budget((Contribution.beyond("noise", variance * np.eye(3)),))
+    return OffsetEstimate(model, offsets, budget, noise)
 
 
 def shown_as(form: str) -> DataKind:
@@ -80,7 +84,7 @@ def measured(form: str, offsets: Floats, noise: float = 0.0) -> Measured:
 def test_it_is_what_the_truth_reads_once_other_offsets_are_entered(form: str) -> None:
     """What is measured then is the truth's reading plus the misfit that was measured before."""
     data = measured(form, OFFSETS, noise=0.05)
-    rows = promise(data, known(BENT, OFFSETS), ENTERED, NOISE)
+    rows = promise(data, known(BENT, OFFSETS), ENTERED)
     assert [row.name for row in rows] == [each.name for each in DIFFERENCES[shown_as(form)]]
     misfits = []
     for which, row in zip(DIFFERENCES[shown_as(form)], rows, strict=True):
@@ -108,9 +112,8 @@ def test_stands_put_up_anew_are_misplaced_anew() -> None:
         column[when] = apart[0] - apart[1]
     rows = promise(
         differences(SIX, model),
-        OffsetEstimate(model, OFFSETS, 1e-16 * np.eye(3)),
+        known(model, OFFSETS, 1e-16, Scatter(1e-8, np.inf)),
         ENTERED,
-        Scatter(1e-8, np.inf),
     )
     for which, row in zip(DIFFERENCES[SIX], rows, strict=True):
         mine = (plan.leg == which.series.leg) & (plan.direction == which.series.direction)
@@ -122,10 +125,10 @@ def test_stands_put_up_anew_are_misplaced_anew() -> None:
 
 def test_nothing_is_promised_where_nothing_was_measured() -> None:
     two = only(differences(SIX, NOMINAL), "dz_y", "dx_z")
-    rows = promise(two, known(NOMINAL, OFFSETS), ENTERED, NOISE)
+    rows = promise(two, known(NOMINAL, OFFSETS), ENTERED)
     assert [row.name for row in rows] == ["dx_z", "dz_y"]
     session = readings(NOMINAL, double_posture(PROTOTYPE))
     part = some(session, session.plan.displacement != PROTOTYPE.joint_limits_mm[0])
-    assert promise(part, known(NOMINAL, OFFSETS), OFFSETS, NOISE) == ()
-    rows = promise(session, known(NOMINAL, OFFSETS), OFFSETS, NOISE)
+    assert promise(part, known(NOMINAL, OFFSETS), OFFSETS) == ()
+    rows = promise(session, known(NOMINAL, OFFSETS), OFFSETS)
     assert [row.name for row in rows] == ["dx_y", "dx_z", "dy_x", "dy_z", "dz_x", "dz_y"]

@@ -8,7 +8,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Method, pose, solve, usable_methods
+from orthoglide_cal.estimation import Method, solve, usable_methods
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Measured, Readings
@@ -26,7 +26,7 @@ from tests.estimation.sessions import (
     merged,
     readings,
 )
-from tests.machines import NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, extended, sure
+from tests.machines import NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, sure
 from tests.readings import some
 from tests.subjects import Subject, on_each_kind
 
@@ -105,19 +105,8 @@ def test_exact_readings_give_the_true_offsets(model: Model, name: str) -> None:
             assert np.abs(solve(session, NOMINAL, method).offsets_mm - OFFSETS).max() > 0.05
 
 
-def test_repeats_are_joined_where_nothing_tells_them_apart() -> None:
-    """Three postures of six set-ups without their zeros, or every reading without the zeros."""
-    session = readings(NOMINAL, double_posture(PROTOTYPE))
-    assert len(solve(session, NOMINAL).posed.data) == 3 * 6 - 6
-    assert len(solve(session, BENT).posed.data) == 3 * 6 - 6
-    drifting = extended(axis_gap=(0.3, -0.4, 0.25), thermal_drift=(0.1, -0.2, 0.15))
-    assert len(solve(session, drifting).posed.data) == 60 - 6
-    assert len(pose(session, NOMINAL, Method.READINGS.uses).data) == 60 - 6
-
-
 @on_each_kind([cause for cause in CAUSES.values() if cause.lasting])
 def test_with_a_known_cause_it_is_least_squares_with_zeros(cause: Cause, subject: Subject) -> None:
-    """Readings of one kind may be joined only where the cause cannot tell them apart."""
     sizes = cause.prior_std(subject.machine) * np.linspace(1.0, 2.0, cause.unknowns)
     effect = cause.at(sizes)
     assert effect.cause.repeats != cause.timed

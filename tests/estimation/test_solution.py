@@ -70,8 +70,8 @@ def test_other_data_or_another_machine_are_noticed() -> None:
 @pytest.mark.parametrize(
     ("chance", "suspicious", "words"),
     [
-        (0.00099, True, "larger than the gauge's noise"),
-        (0.00101, False, "p < 0.01"),
+        (0.0005, True, "larger than the gauge's noise"),
+        (0.003, False, "p < 0.01"),
         (0.0101, False, "p = 0.01)"),
         (0.37, False, "p = 0.37"),
     ],

@@ -82,7 +82,7 @@ def test_one_flat_mesh_leaves_leaning_towers_and_a_bent_bed_open(held_out: Diagn
     assert found.ambiguous_with == ("bed_shape",)
     following = best_next(found)
     assert following is not None
-    assert "block of known height" in following.option.what
+    assert "block of known height" in following.what
     assert following.between == (("tower_lean",), ("bed_shape",))
     assert any("direction" in note and "is not" in note for note in sentences(found.notes))
 

@@ -62,7 +62,7 @@ def test_evidence_of_what_is_not_listed() -> None:
     """What returns with the posture, wanders with time, or scatters more: to 5 % of the odds."""
     other, found = drawn(())
     for word, cases in other.patterns().items():
-        (pattern,) = [one for one in found.patterns if word in one.what]
+        (pattern,) = [one for words, one in found.patterns.items() if word in words]
         assert pattern.log_evidence == pytest.approx(other.integrated(cases), abs=0.05), word
 
 

@@ -36,8 +36,8 @@ def test_its_budget_is_where_the_uncertainty_comes_from(named: Diagnosis) -> Non
     parts = {each.source: each for each in named.budget.contributions}
     assert list(parts)[:2] == ["noise", "resolution"]
     assert {"gauge_scale", "gauge_placement", "leg_length", "axis_gap"} <= set(parts)
-    assert parts["leg_length"].std_mm == pytest.approx(np.full(3, 0.01), rel=0.02)
-    assert np.all(parts["axis_gap"].std_mm > 0.0)
+    assert parts["leg_length"].std == pytest.approx(np.full(3, 0.01), rel=0.02)
+    assert min(parts["axis_gap"].std) > 0.0
     assert named.budget.std_mm == pytest.approx(named.std_mm, rel=1e-6)
 
 

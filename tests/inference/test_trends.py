@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from orthoglide_cal.estimation.losses import OPEN_ANSWER
 from orthoglide_cal.inference.belief import mixture, probabilities
-from orthoglide_cal.inference.decision import OPEN_ANSWER, state
+from orthoglide_cal.inference.decision import state
 from orthoglide_cal.inference.trends import SIZES, DatedValues, Part, Trend, TrendFit
 
 FLAT = 1e3  # a prior of the parameters that says nothing

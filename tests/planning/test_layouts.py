@@ -154,8 +154,9 @@ def test_a_flat_bed_does_not_tell_and_the_telling_layout_does() -> None:
     quicker = [layout for layout in layouts if layout.minutes < best.minutes]
     assert len(quicker) > 5
     for layout in quicker:
-        (pair,) = separations(V400_MODEL, layout.plan, V400_MODEL.machine.rivals).pairs
-        assert pair.sigma < CERTAIN_SIGMA
+        found = separations(V400_MODEL, layout.plan, V400_MODEL.machine.rivals)
+        (apart,) = found.pairs.values()
+        assert apart < CERTAIN_SIGMA
     longer = [each for each in PLAN.by_cycles if (each.rivals_sigma or 0.0) >= CERTAIN_SIGMA]
     assert all(each.minutes >= best.minutes for each in longer)
 
@@ -166,7 +167,7 @@ def test_where_nothing_tells_the_best_is_named() -> None:
     assert design is not None
     assert not design.reached
     best = max(
-        separations(Model(rough), layout.plan, rough.rivals).pairs[0].sigma
+        separations(Model(rough), layout.plan, rough.rivals).sigma[0, 1]
         for layout in rough.distinguishing_layouts()
     )
     assert design.rivals_sigma == best

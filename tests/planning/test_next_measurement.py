@@ -16,7 +16,7 @@ from orthoglide_cal.model.model import Model, differentiate, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, joined
 from orthoglide_cal.model.readings import GaugePlan, Posture
-from orthoglide_cal.planning import RankedMeasurement, best_next, ranked
+from orthoglide_cal.planning import Option, best_next, ranked
 from orthoglide_cal.planning.next_measurement import _pair, options, predictions
 from orthoglide_cal.results import answer_to
 from tests import truth
@@ -39,9 +39,9 @@ ENDS = (Posture.MAX, Posture.MIN)
 LIMITS = double_posture(MACHINE, postures=ENDS, closing=False)
 
 
-def chosen(found: Diagnosis, *words: str) -> RankedMeasurement:
+def chosen(found: Diagnosis, *words: str) -> Option:
     """The best option whose instruction holds these words."""
-    return next(each for each in ranked(found) if all(w in each.option.what for w in words))
+    return next(each for each in ranked(found) if all(w in each.what for w in words))
 
 
 def measured(plan: GaugePlan, cause: str, seed: int = 3) -> Readings:
@@ -70,7 +70,7 @@ def test_aliases_are_those_of_the_data_set(cause: str, rival: str) -> None:
     assert {rival} <= set(first.aliases) | {first.id}
     assert set(found.ambiguous_with) - set(first.aliases) <= {"sign_flip", "swapped_gauges"}
     assert first.id not in first.aliases
-    far = chosen(found, "mm from the carriage joint", "one cycle").option.plan
+    far = chosen(found, "mm from the carriage joint", "one cycle").plan
     for plan in (double_posture(MACHINE, cycles=2), joined(LIMITS, far)):
         found = diagnose(measured(plan, cause), MODEL)
         assert set(found.ambiguous_with) <= {"swapped_gauges"}
@@ -109,11 +109,11 @@ def test_the_next_measurement_separates_as_far_as_it_says(cause: str, rival: str
     before = assessed(readings)
     found = diagnose(readings, MODEL)
     # With new zeros, as the later readings below have them.
-    new_stands = [each for each in ranked(found) if not each.option.continues]
+    new_stands = [each for each in ranked(found) if not each.continues]
     following = max(new_stands, key=lambda each: each.separation_sigma)
     assert following.between
     assert set(following.between) == {(cause,), (rival,)}
-    plan = joined(LIMITS, following.option.plan)
+    plan = joined(LIMITS, following.plan)
     gained = []
     for true, other in ((cause, rival), (rival, cause)):
         fit = before.fit((true,))
@@ -150,7 +150,7 @@ def test_what_no_reading_tells_is_not_looked_for(
     assert best_next(found) is None
     ranking = ranked(found)
     assert all(each.chance == 0.0 for each in ranking)
-    longest = max(ranking, key=lambda each: each.option.minutes).option
+    longest = max(ranking, key=lambda each: each.minutes)
     after = [diagnose(*known(continued(session, longest, n))) for n in range(3)]
     assert sum(rival in mentioned(each) for each in after) >= 2
 
@@ -176,7 +176,7 @@ def test_what_u_will_be_is_what_solve_prints(
     session = truth.make_session(seed, truth.PROTOTYPE, gauge, causes)
     ranking = ranked(diagnose(*known(session)))
     for following in ranking[:: len(ranking) // 3]:
-        became = [printed_u(continued(session, following.option, n)) for n in range(4)]
+        became = [printed_u(continued(session, following, n)) for n in range(4)]
         largest = np.mean(became, axis=0).max()
         assert following.expanded.max() == pytest.approx(largest, rel=0.05)
 
@@ -236,8 +236,8 @@ def test_u_is_that_of_one_fit_to_all_readings() -> None:
     found = diagnose(replace(session, value=session.value + knocked), model)
     ((_, fit),) = found.by_place
     (knock,) = fit.effects
-    for following in (each for each in ranked(found) if each.option.continues):
-        both = joined(plan, following.option.plan)
+    for following in (each for each in ranked(found) if each.continues):
+        both = joined(plan, following.plan)
         _, slopes = differentiate(model, fit.offsets, both, [knock])
         others = [each.columns for each in influences(model, fit.offsets, both)]
         columns = np.hstack([slopes, *others, both.zeros])

@@ -5,7 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.model.orthoglide import MINUTES_PER_SETUP, double_posture, single_posture
+from orthoglide_cal.model.orthoglide import (
+    MINUTES_PER_SETUP,
+    double_posture,
+    single_posture,
+    visiting,
+)
 from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.planning.design import design_of
@@ -103,7 +108,8 @@ def test_a_step_stays_inside_the_limits(low: float, way: str | None) -> None:
 
 
 def test_after_other_places_of_the_gauges_theirs_is_named() -> None:
-    for first in (design_of(MACHINE).plan(2), FIRST):
+    displacements, gauge_at = design_of(MACHINE)
+    for first in (visiting(displacements * 2, gauge_at), FIRST):
         for option in options(first, MACHINE):
             named = "with the gauges half-way" in option.what
             half_way = set(option.plan.gauge_at) == {0.5}

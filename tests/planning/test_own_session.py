@@ -28,7 +28,7 @@ def measured(session: truth.Session, option: Option, seed: int) -> Readings:
         order=plan.order + len(first),
         hours=plan.hours + float(first.hours.max()) + 24.0,
     )
-    both = readings_of(continued(session, replace(option, plan=later), seed))
+    both = readings_of(continued(session, option.changed(plan=later), seed))
     return some(both, np.arange(len(first), len(both)))
 
 
@@ -45,12 +45,12 @@ def test_a_gap_and_a_skewed_bar_are_told_apart_afterwards(cause: str, seed: int)
     assert found.verdict is Verdict.AMBIGUOUS
     following = best_next(found)
     assert following is not None
-    assert following.option.session is not None
+    assert following.session is not None
     assert following.between
     assert following.chance > 0.96
-    assert following.option.minutes < 25.0
+    assert following.minutes < 25.0
     for again in range(3):
-        after = diagnose(measured(session, following.option, again), model)
+        after = diagnose(measured(session, following, again), model)
         assert [each.id for each in after.causes] == [cause]
         assert rival not in after.ambiguous_with
 
@@ -61,7 +61,7 @@ def test_u_is_that_of_the_session_alone(gauge: truth.Gauge) -> None:
     session = truth.make_session(5, truth.PROTOTYPE, gauge)
     readings, model = known(session)
     for following in ranked(diagnose(reduced(DataKind.SIX, readings, model), model)):
-        sessions = [measured(session, following.option, seed) for seed in range(6)]
+        sessions = [measured(session, following, seed) for seed in range(6)]
         reach = [solve(readings, model).expanded_mm.max() for readings in sessions]
         assert following.expanded.max() == pytest.approx(np.mean(reach), rel=0.1)
 
@@ -70,8 +70,8 @@ def test_readings_along_the_leg_are_not_gone_on_with_either() -> None:
     """Only what `measure` takes as a session is ranked, and each names its options."""
     session = truth.make_session(5, truth.PROTOTYPE, truth.DIAL)
     readings, model = known(session)
-    assert {each.option.session for each in ranked(diagnose(readings, model))} == {None}
+    assert {each.session for each in ranked(diagnose(readings, model))} == {None}
     found = ranked(diagnose(reduced(DataKind.SIX, readings, model), model))
-    told = {each.option.session for each in found}
+    told = {each.session for each in found}
     assert told == {"--cycles 1", "--cycles 2", "", "--cycles 5"}
-    assert not any(each.option.continues for each in found)
+    assert not any(each.continues for each in found)

@@ -117,10 +117,10 @@ def test_the_table_is_symmetric_and_its_pairs_are_sorted() -> None:
     assert found.sigma == pytest.approx(found.sigma.T)
     assert np.all(np.diag(found.sigma) == 0.0)
     assert len(found.pairs) == count * (count - 1) // 2
-    sigmas = [pair.sigma for pair in found.pairs]
+    sigmas = [*found.pairs.values()]
     assert sigmas == sorted(sigmas)
-    for pair in found.pairs:
-        assert pair.sigma == sigma(found, *pair.causes)
+    for causes, apart in found.pairs.items():
+        assert apart == sigma(found, *causes)
 
 
 def test_what_is_ruled_out_or_known_is_no_candidate() -> None:

@@ -218,7 +218,9 @@ def test_a_way_that_takes_longer_is_shown_as_less_sure(model: Model, cycles: int
 @pytest.mark.parametrize(("count", "said"), [(1, "1 other"), (2, "2 others")])
 def test_small_sources_are_counted(count: int, said: str) -> None:
     def source(name: str, size: float) -> Contribution:
-        return Contribution(name, "B", size, "mm", False, size**2 * np.eye(3))
+        return Contribution(
+            source=name, type="B", size=size, unit="mm", covariance_mm2=size**2 * np.eye(3)
+        )
 
     small = (Origin.RESOLUTION, Origin.GAUGE_SCALE)[:count]
     budget = Budget((source(Origin.NOISE, 1.0), *(source(name, 0.01) for name in small)))

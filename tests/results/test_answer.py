@@ -171,11 +171,11 @@ def test_the_promise_takes_what_was_found_into_account() -> None:
     known = OffsetEstimate(
         making.with_causes(case.given.model, diagnosis),
         diagnosis.offsets_mm,
-        diagnosis.covariance_mm2,
+        diagnosis.budget,
+        Scatter(diagnosis.left_open[0][1].sigma, np.inf),
     )
     entered = np.array([each.change(answer.decimals) for each in answer.parameters])
-    noise = Scatter(diagnosis.left_open[0][1].sigma, np.inf)
-    rows = {row.name: row for row in promise(measured, known, entered, noise)}
+    rows = {row.name: row for row in promise(measured, known, entered)}
     for each in answer.deviations:
         row = rows[each.name]
         for name in ("measured_mm", "modelled_mm", "expected_mm", "expanded_mm"):

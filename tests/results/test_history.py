@@ -93,17 +93,17 @@ def test_a_drift_has_its_rate_its_limit_and_a_prediction():
     true = dict(zip("xyz", np.polyfit(drawn.days, drawn.path, 1)[0].tolist(), strict=True))
     for each in found.drift:
         # Three standard uncertainties: of three rates one is outside once in 120 times.
-        assert each.per_day == pytest.approx(true[each.name], abs=3.0 * each.std)
-    fastest = max(found.drift, key=lambda each: abs(each.per_day))
+        assert each.value == pytest.approx(true[each.name], abs=3.0 * each.std)
+    fastest = max(found.drift, key=lambda each: abs(each.value))
     assert found.limit.parameter == fastest.name
     # At the earliest: before the rate alone gets there, not much.
-    days = 0.5 / abs(fastest.per_day)
+    days = 0.5 / abs(fastest.value)
     assert 0.8 * days < found.limit.days < days
     assert not found.limit.scatter_exceeds
     step = float(np.median(np.diff(drawn.days)))
     start = found.pooled["xyz".index(fastest.name)].value
     coming = found.prediction["xyz".index(fastest.name)]
-    assert coming.value == pytest.approx(start + step * fastest.per_day, abs=0.01)
+    assert coming.value == pytest.approx(start + step * fastest.value, abs=0.01)
     assert coming.expanded < 0.04
 
 

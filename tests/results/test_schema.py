@@ -80,7 +80,7 @@ def test_every_key_of_the_contract_is_there() -> None:
         "Residue": "before_mm after_mm",
         "Noise": "used_mm repeats_mm residuals_mm stated_mm floor_mm dof",
         "PromisedDifference": "name measured_mm modelled_mm expected_mm expanded_mm",
-        "BudgetLine": "source type size unit assumed std",
+        "Contribution": "source type size unit assumed std",
         "LackOfFit": "statistic dof p_value repeats_p_value left_mm expected_mm",
         "Residual": "leg direction posture x_mm y_mm measured_mm modelled_mm with_causes_mm",
         "FoundCause": "id probability where parameters rms_before_mm rms_after_mm"

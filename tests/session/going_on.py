@@ -27,7 +27,7 @@ def read(path: Path) -> Readings:
 def _options(path: Path, content: bytes) -> tuple[Option, ...]:
     """Recommended after a file with this content, best first; ranked once."""
     given = read_input(str(path))
-    return tuple(each.option for each in ranked(diagnose(given.measured, given.model)))
+    return ranked(diagnose(given.measured, given.model))
 
 
 def choice(path: Path, wanted: Callable[[Option], object]) -> tuple[str, ...]:

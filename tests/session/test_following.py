@@ -27,7 +27,7 @@ from .terminal import finished
 def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_path: Path) -> None:
     before = first.read_bytes()
     given = read_input(str(first))
-    best = ranked(diagnose(given.measured, given.model))[0].option
+    best = ranked(diagnose(given.measured, given.model))[0]
     shown = finished(tmp_path, "b.yaml", "--then", str(first), "--yes")
     words = " ".join(shown.split())
     assert f"Next, about {best.minutes:.0f} min: {best.what}" in words

@@ -224,7 +224,11 @@ def _open_grid(case: Case) -> doc.Grid:
     rows = []
     names = [each.name for each in case.answer.parameters]
     for each in _open(case.answer)[:_MOST_OPEN]:
-        own = {one.name: signed(one.found, decimals_for(2.0 * one.std)) for one in each.parameters}
+        own = {
+            one.name: signed(one.found, decimals_for(2.0 * one.std))
+            for one in each.parameters
+            if one.found is not None
+        }
         left = "" if each.rms_mm is None else plain(each.rms_mm, 4)
         rows.append((_name(each), left, *(own.get(name, "") for name in names)))
     what = f"{case.words.many}{common_unit(case.machine)}"

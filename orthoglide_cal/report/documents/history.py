@@ -15,7 +15,7 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.figures import below, line, thread, words
 from orthoglide_cal.report.terminal import height
-from orthoglide_cal.results.history import U95, History
+from orthoglide_cal.results.history import History
 from orthoglide_cal.words import (
     counted,
     decimals_for,
@@ -84,8 +84,8 @@ def _notice(found: History) -> doc.Notice:
     rates = []
     for rate in found.drift:
         rates.append(rate.name)
-        if rate.per_day is not None and rate.std is not None:
-            size = with_uncertainty(_MONTH * rate.per_day, U95 * _MONTH * rate.std)
+        if found.dated:
+            size = with_uncertainty(_MONTH * rate.value, _MONTH * rate.expanded)
             rates[-1] += f" {size} {unit_words(rate.unit)} in {_MONTH:g} days"
     told += [f"Drifting: {', '.join(rates)}"] if rates else []
     if found.scatter:

@@ -16,9 +16,9 @@ from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.planning import Option
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.forecast import SessionForecast
-from orthoglide_cal.planning.next_measurement import RankedMeasurement
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
     MOST_COMPARED,
@@ -238,8 +238,8 @@ def _left_open(plan: MeasurementPlan) -> Iterator[str]:
     """What cannot be seen, what cannot be distinguished, and a shorter way."""
     if plan.apart.invisible:
         yield f"Cannot be seen: {listed([cause.id for cause in plan.apart.invisible])}."
-    pairs = (pair for pair in plan.apart.visible.pairs if pair.sigma < TRACE_SIGMA)
-    near = [" from ".join(pair.causes) for pair in pairs]
+    pairs = plan.apart.visible.pairs.items()
+    near = [" from ".join(causes) for causes, sigma in pairs if sigma < TRACE_SIGMA]
     if near:
         rest = ", and others" if len(near) > _SHOWN_PAIRS else ""
         yield f"Cannot be distinguished: {', '.join(near[:_SHOWN_PAIRS])}{rest}."
@@ -425,9 +425,7 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
     return doc.Notice(doc.Tone.INFO, f"Next: {minutes}", (worth, *target))
 
 
-def _next_grid(
-    plan: MeasurementPlan, found: Sequence[RankedMeasurement], full: bool = False
-) -> doc.Grid:
+def _next_grid(plan: MeasurementPlan, found: Sequence[Option], full: bool = False) -> doc.Grid:
     """Of the ranking; `full`: also U as it is, and what the columns mean."""
     telling = any(each.between for each in plan.next)
     now_mm = plan.now_mm if full else None

@@ -9,7 +9,7 @@ from functools import partial
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Method
-from orthoglide_cal.estimation.budget import BudgetLine, BudgetTotal
+from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.measured import DataKind, weighing
 from orthoglide_cal.report import document as doc
@@ -286,7 +286,7 @@ def largest_words(case: Case) -> str:
     return f"Largest contribution to U (95 %): {told}."
 
 
-def _adds(each: BudgetLine) -> float:
+def _adds(each: Contribution) -> float:
     """What a source adds to the variance of all parameters."""
     return sum(std**2 for std in each.std)
 
@@ -314,7 +314,7 @@ def open_blocks(case: Case) -> Iterator[doc.Block]:
 
 
 def budget_sections(
-    machine: Machine, lines: Sequence[BudgetLine], total: BudgetTotal | None
+    machine: Machine, lines: Sequence[Contribution], total: BudgetTotal | None
 ) -> Iterator[doc.Section]:
     """Each source with its size, and what it adds to each parameter; nothing without a result."""
     if total is None:
@@ -353,7 +353,7 @@ def source_words(source: str, machine: Machine, possible: bool = False) -> tuple
     return what, f"{causes[0].advice} {_STATE}"
 
 
-def _size(each: BudgetLine) -> str:
+def _size(each: Contribution) -> str:
     """Its size with unit, and whether it is assumed; what has no one size is blank."""
     if each.size is None:
         return ""
