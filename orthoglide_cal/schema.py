@@ -146,9 +146,12 @@ def yaml_number(value: object) -> float:
 
 def whole_number(least: int) -> BeforeValidator:
     """A whole number from `least`, or the text of one."""
-    return BeforeValidator(
-        lambda value: value if isinstance(value, int) else parse_count(str(value or ""), least)
-    )
+
+    def read(value: object) -> int:
+        text = value if isinstance(value, str) else ""
+        return value if isinstance(value, int) else parse_count(text, least)
+
+    return BeforeValidator(read)
 
 
 def _version(value: object) -> object:

@@ -1,6 +1,7 @@
 """Programs that the tests start are those of this checkout; random examples are always the same."""
 
 import functools
+import gc
 import os
 import shutil
 import signal
@@ -22,6 +23,9 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 for library in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
+from orthoglide_cal.cli import app  # noqa: E402
+from tests import decisions  # noqa: E402, F401  # after that: it loads numpy
+
 # A shell starts background jobs with this signal ignored, and children inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -31,6 +35,12 @@ settings.load_profile("steady")
 
 # Options are made of the functions' signatures once, not for every command that a test runs.
 typer.testing._get_command = functools.cache(typer.testing._get_command)
+vars(app)["get_command"] = functools.cache(app.get_command)
+
+
+def pytest_collection_finish() -> None:
+    """Keep what was loaded and collected out of the search for garbage: it stays to the end."""
+    gc.freeze()
 
 
 @pytest.fixture

@@ -70,21 +70,21 @@ def apply(
 
     def judge(path: str) -> None:
         controller = controller_file(to) if to else None
-        found: Application | None
+        entry: Application | None
         if undo:
             file = common.own_machine_file(machine)
             source = read_input(path, file.model).measured.source if path else None
-            found = take_back(file, source.sha256 if source else None, controller)
+            entry = take_back(file, source.sha256 if source else None, controller)
         else:
-            found = _entered(path, machine, controller, data, rule_out)
-            if found is None:
+            entry = _entered(path, machine, controller, data, rule_out)
+            if entry is None:
                 common.tell(f"{NOT_NEEDED}. Nothing was changed.")
                 return
-        document = application_document(found, path)
+        document = application_document(entry, path)
         if not json:
             common.deliver(document)
-        target = found.file.document.path
-        controller = found.controller
+        target = entry.file.document.path
+        controller = entry.controller
         what = "Take them back" if undo else "Record them"
         question = f"Does the controller hold these values now? {what} in {target}"
         if controller:
@@ -92,7 +92,7 @@ def apply(
         if not agrees(question):
             common.tell("Nothing was changed.")
             return
-        _write(found)
+        _write(entry)
         if json:
             common.deliver(document, as_json=True)
         common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
@@ -108,7 +108,7 @@ def apply(
     common.for_each([session or ""], judge, as_json=json)
 
 
-def _write(found: "Application") -> None:
+def _write(entry: "Application") -> None:
     """Write the record, then the controller's file; what is taken back, in the other order.
 
     So the record never lacks what a controller holds, whenever the program is killed.
@@ -116,15 +116,15 @@ def _write(found: "Application") -> None:
     from orthoglide_cal.files.controller_file import replace_file
     from orthoglide_cal.files.text import write_text
 
-    record, controller = found.file.document, found.controller
-    writes = [(record.path, record.sha256, found.then.document.text.encode())]
+    record, controller = entry.file.document, entry.controller
+    writes = [(record.path, record.sha256, entry.then.document.text.encode())]
     if controller is not None:
-        writes.append((controller.target, controller.sha256, found.data))
-    for target, before, data in reversed(writes) if found.undone else writes:
+        writes.append((controller.target, controller.sha256, entry.data))
+    for target, before, data in reversed(writes) if entry.undone else writes:
         try:
             replace_file(target, before, data)
         except OrthocalError:
-            if target != record.path and not found.undone:
+            if target != record.path and not entry.undone:
                 write_text(Path(record.path).resolve(), record.text, overwrite=True)
             raise
 
@@ -136,7 +136,7 @@ def _entered(
     data: common.Data,
     rule_out: common.RuleOut,
 ) -> "Application | None":
-    """What is entered of a measurement; None where nothing needs to be.
+    """Entry of a measurement; None where nothing needs to be.
 
     Raises UsageError, UnusableResultError.
     """
@@ -159,5 +159,5 @@ def _entered(
     given, answer = case.given, case.answer
     file = file or new_machine_file(given.model)
     now = datetime.now().astimezone()
-    found = application(given, answer, file, now, to, lambda: told_by_name(case))
-    return found if answer.release.needed else None
+    entry = application(given, answer, file, now, to, lambda: told_by_name(case))
+    return entry if answer.release.needed else None

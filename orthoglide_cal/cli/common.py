@@ -24,7 +24,6 @@ from orthoglide_cal.errors import InputError, OrthocalError, UsageError, file_wo
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.status import Status
 
     from orthoglide_cal.files.input import Input
     from orthoglide_cal.files.machine_file import StoredMachine
@@ -49,10 +48,11 @@ class PlainCommand(TyperCommand):
         parameters: list[Any] = super().get_params(ctx)
         # The program's own option is every command's; the last one is --help.
         parameters[-1:-1] = (p for p in ctx.find_root().command.params if p.name == NO_COLOUR)
-        for each in parameters:
+        for parameter in parameters:
             # The help would call files `<list[str]>`, and a choice `<this|that>`.
-            shown = "" if each.param_type_name == "argument" else each.display_type_rich(ctx)
-            vars(each).update(
+            named = parameter.param_type_name == "argument"
+            shown = "" if named else parameter.display_type_rich(ctx)
+            vars(parameter).update(
                 display_type_rich=lambda ctx, shown=shown: (shown or "").strip("<>"),
                 # It would say `[1<=x<=50]`: the help text has the limits in words.
                 _get_number_range_help_str=lambda: None,
@@ -90,7 +90,7 @@ def flag(name: str, help: str) -> object:
 
 
 def argument(metavar: str, help: str, complete: Callable[[str], list[str]] | None = None) -> object:
-    """What stands without a name; `complete` lists what may follow what was typed of it."""
+    """An argument, which has no name; `complete` lists what may follow what was typed of it."""
     return typer.Argument(metavar=metavar, help=help, show_default=False, autocompletion=complete)
 
 
@@ -170,7 +170,7 @@ AsJson = Annotated[bool, flag("--json", "Print JSON: one object for each file, o
 
 
 def measuring_protocol(protocol: str | None, design: str | None) -> MeasuringProtocol | None:
-    """How is measured, by --protocol or --design; None if neither says. Raises UsageError."""
+    """The protocol of --protocol or --design; None if neither says. Raises UsageError."""
     from orthoglide_cal.planning.steps import MeasuringProtocol
 
     if design and protocol:
@@ -205,7 +205,7 @@ def read_input(
     data: Stored | None = None,
     rule_out: Sequence[str] | None = None,
 ) -> Input:
-    """What was measured at `path` ("-": standard input), judged by the machine of --machine.
+    """Read what was measured at `path` ("-": standard input), judged by the machine of --machine.
 
     `rule_out` names causes that were looked for and are not there. Raises UsageError for others.
     """
@@ -220,14 +220,14 @@ def read_input(
     keeper = None
     with suppress(OrthocalError):  # nothing can be recorded; what was measured stands for itself
         keeper = own_machine_file(machine_file)
-    others = (_completed(other, keeper, rule_out) for other in given.others)
-    return replace(_completed(given, keeper, rule_out), others=tuple(others))
+    ruled_out = tuple(sorted(set(rule_out or ())))
 
+    def completed(one: Input) -> Input:
+        """With where it is recorded, and what was looked for and is not there."""
+        model = replace(one.model, ruled_out=ruled_out) if ruled_out else one.model
+        return replace(one, keeper=keeper, model=model)
 
-def _completed(given: Input, keeper: StoredMachine | None, rule_out: Sequence[str] | None) -> Input:
-    """With where it is recorded, and what was looked for and is not there."""
-    model = replace(given.model, ruled_out=tuple(sorted(set(rule_out or ()))))
-    return replace(given, keeper=keeper, model=model if rule_out else given.model)
+    return replace(completed(given), others=tuple(map(completed, given.others)))
 
 
 def require_printer(source: Source, data: Stored | None) -> None:
@@ -290,33 +290,27 @@ def _file_in_folder() -> Path | None:
 
 
 @functools.cache
-def remembered_machine() -> Model | None:
-    """The machine of the only machine file in this folder, and says so; None if there is none."""
-    path = _file_in_folder()
-    if path is not None:
-        tell(f"The machine is that of {path}, the machine file in this folder.")
-    return given_machine(path)
-
-
-@functools.cache
 def folder_machine() -> Model:
     """The machine that this folder remembers, else the prototype; says once which one it is."""
     from orthoglide_cal.files.machine_file import default_machine
 
-    model = remembered_machine()
-    if model is None and sys.stderr.isatty():
+    path = _file_in_folder()
+    if path is not None:
+        tell(f"The machine is that of {path}, the machine file in this folder.")
+        return read_machine_file(path).model
+    if sys.stderr.isatty():
         # A script that has always worked with the prototype needs no reminder.
         tell(
             "No machine file is named, and this folder has none: the numbers of the paper's"
             " prototype are used. Make a file for your machine: orthocal machine new"
         )
-    return model or default_machine()
+    return default_machine()
 
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    for each in (read_machine_file, _file_in_folder, remembered_machine, folder_machine):
-        each.cache_clear()
+    for read in (read_machine_file, _file_in_folder, folder_machine):
+        read.cache_clear()
 
 
 def deliver(
@@ -333,42 +327,34 @@ def deliver(
     Text without `details` is one screen where the document has one. Raises UsageError: a file
     exists and may not be replaced: only one that this wrote may ever be.
     """
-    pages = html is not None or markdown is not None
-    if as_json and pages:
+    if as_json and (html or markdown):
         raise UsageError(
             "--json cannot be combined with a page.", "Leave out --html and --markdown."
         )
     if as_json:
         print_json(document.data())
         return
-    make = document.page if details or pages else document.screen or document.page
+    make = document.page if details or html or markdown else document.screen or document.page
     page = make()
-    if not pages:
+    if not (html or markdown):
         from orthoglide_cal.report.terminal import TerminalPage
 
         console().print(TerminalPage(page), crop=False)
-    if html is not None:
-        from orthoglide_cal.report.html import html as as_html
-
-        _write(html, as_html(page), page.name, overwrite)
-    if markdown is not None:
-        from orthoglide_cal.report.markdown import markdown as as_markdown
-
-        _write(markdown, as_markdown(page), page.name, overwrite)
-
-
-def _write(path: Path, text: str, name: str, overwrite: bool) -> None:
-    """Write a page; in the place of an existing file only if that one is a page, too."""
+        return
     from orthoglide_cal.report.document import MARK
+    from orthoglide_cal.report.html import html as as_html
+    from orthoglide_cal.report.markdown import markdown as as_markdown
 
-    if overwrite and path.is_file() and not path.read_bytes().endswith(MARK.encode()):
-        raise UsageError(
-            f"{path} is not a page that orthocal wrote: it is not replaced.", "Name another file."
-        )
-    try:
-        put(text, path, f"{name} written to {path}", overwrite)
-    except UsageError as error:
-        raise UsageError(error.what, "Name another file, or replace it: --overwrite") from error
+    for path, render in ((html, as_html), (markdown, as_markdown)):
+        if path is None:
+            continue
+        if overwrite and path.is_file() and not path.read_bytes().endswith(MARK.encode()):
+            what = f"{path} is not a page that orthocal wrote: it is not replaced."
+            raise UsageError(what, "Name another file.")
+        try:
+            put(render(page), path, f"{page.name} written to {path}", overwrite)
+        except UsageError as error:
+            raise UsageError(error.what, "Name another file, or replace it: --overwrite") from error
 
 
 def put(text: str, target: Path | None, told: str, overwrite: bool = False) -> None:
@@ -419,13 +405,8 @@ def working(path: str) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    shown: list[Status] = []
-
-    def show() -> None:
-        shown.append(console(stderr=True).status(f"{path} …"))
-        shown[0].start()
-
-    timer = threading.Timer(SLOW_S, show)
+    status = console(stderr=True).status(f"{path} …")
+    timer = threading.Timer(SLOW_S, status.start)
     timer.daemon = True
     timer.start()
     try:
@@ -433,8 +414,7 @@ def working(path: str) -> Iterator[None]:
     finally:
         timer.cancel()
         timer.join()
-        for status in shown:
-            status.stop()
+        status.stop()
 
 
 def tell(message: str) -> None:
@@ -447,12 +427,12 @@ def tell(message: str) -> None:
 
 def _fitted(line: str) -> str:
     """A line for a terminal: broken between words; a command stays whole, on a line of its own."""
-    said, _, typed = line.partition(": orthocal ")
+    words, _, typed = line.partition(": orthocal ")
     columns = shutil.get_terminal_size().columns
     if len(line) <= columns:
         return line
     command = [f"  orthocal {typed}"] if typed else []
-    words = f"{said}:" if typed else said
+    words = f"{words}:" if typed else words
     broken = textwrap.wrap(words, columns, break_long_words=False, break_on_hyphens=False)
     return "\n".join(broken + command)
 

@@ -58,8 +58,8 @@ def diagnose(
 
     if together and len(files) < 2:
         raise UsageError("--together needs several files.", "Name each date, the latest last.")
-    for name, told in (("--recalibrated", recalibrated), ("--applied", applied)):
-        if told and holdout is None:
+    for name, given in (("--recalibrated", recalibrated), ("--applied", applied)):
+        if given and holdout is None:
             raise UsageError(f"{name} goes with --holdout.", "Name the later readings.")
     if [*files, holdout].count("-") > 1 or (holdout == "-" and len(files) > 1):
         raise UsageError("Standard input can be read only once.", "Name a file instead.")
@@ -73,7 +73,7 @@ def diagnose(
 
     def judge(path: str) -> int:
         inputs = files if together else [path]
-        dates = [common.read_input(each, machine, data, rule_out) for each in inputs]
+        dates = [common.read_input(name, machine, data, rule_out) for name in inputs]
         given = as_one(dates) if together else dates[0]
         named = common.known_machine(machine) if holdout else None
         by = named if isinstance(named, PrinterFile) else given.model
@@ -88,12 +88,12 @@ def diagnose(
                 sensitivity=full,
                 recalibrated=True if recalibrated else None,
             )
-            found = answer_to(
+            answer = answer_to(
                 given, diagnosed=diagnosed, holdout=holdout, details=full, promised=full
             )
         if together:
-            found = with_dates(found, diagnosed, dates)
-        document = diagnosis_document(Case(given, found, machine))
+            answer = with_dates(answer, diagnosed, dates)
+        document = diagnosis_document(Case(given, answer, machine))
         common.deliver(document, as_json=json, details=details)
         if accept is None:
             return 0
@@ -106,7 +106,7 @@ def diagnose(
             # The diagnosis stands; only the extension is refused.
             common.tell_error(error, path)
             return error.exit_code
-        go_on = Case(given, found, target).typed("report")
+        go_on = Case(given, answer, target).typed("report")
         common.tell(f"{accept} is now part of {target}. Continue with:\n  {go_on}")
         return 0
 

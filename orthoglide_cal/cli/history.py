@@ -36,10 +36,10 @@ def history(
             within = sessions_in(path) if path.is_dir() else [path]
             paths += within + sorted(printers_in(path))
         inputs = [common.read_input(str(path), machine, data) for path in paths]
-        found = compare(inputs, dates.split(",") if dates else (), limit)
-        shown = history_document(found, machine)
+        comparison = compare(inputs, dates.split(",") if dates else (), limit)
+        page = history_document(comparison, machine)
         common.deliver(
-            shown, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
+            page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
         )
 
     common.for_each(files[:1] if json else [""], judge, as_json=json)

@@ -123,15 +123,14 @@ def measure(
 
     if until is not None and until <= 0.0:
         raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")
-    named = ([visible(text) for text in given or ()] for given in (gauge_id, certificate))
-    labels = list(zip_longest(*named))
+    texts = ([visible(text) for text in given or ()] for given in (gauge_id, certificate))
+    pairs = zip_longest(*texts, fillvalue="")
+    labels = tuple(GaugeLabel(id=label, certificate=number) for label, number in pairs)
     if len(labels) > len(gauge_id or ()):
         raise UsageError(
             "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
         )
-    known = common.given_machine(machine) or (
-        None if resume or then else common.remembered_machine()
-    )
+    known = common.given_machine(machine)
     if known is not None:
         known.machine.check_guided()
     request = Request(
@@ -154,7 +153,7 @@ def measure(
         until_mm=until,
         operator=visible(operator or ""),
         temperature_c=temperature,
-        gauges=tuple(GaugeLabel(id=id, certificate=no or "") for id, no in labels),
+        gauges=labels,
     )
     standing = Standing(follow) if follow else None
     aside = common.console(stderr=True)
@@ -171,16 +170,16 @@ def measure(
             dialogue.run()
         dialogue.publish()
         given = common.read_input(str(dialogue.path))
-        found = answer_to(given, details=json)
-        common.deliver(solution_document(Case(given, found)), as_json=json, details=False)
-        dialogue.reveal(found.parameters)
-        if not found.release.usable:
+        answer = answer_to(given, details=json)
+        common.deliver(solution_document(Case(given, answer)), as_json=json, details=False)
+        dialogue.reveal(answer.parameters)
+        if not answer.release.usable:
             raise typer.Exit(UnusableResultError.exit_code)
 
 
 @contextmanager
 def _saved_when_interrupted() -> "Iterator[list[Dialogue]]":
-    """Whatever interrupts a session, it ends with exit code 130 and how to go on.
+    """End a session, whatever interrupts it, with exit code 130 and how to go on.
 
     The session is put into the list that this gives, once there is one.
     """
@@ -196,9 +195,9 @@ def _saved_when_interrupted() -> "Iterator[list[Dialogue]]":
     except (Quit, EOFError, KeyboardInterrupt, BrokenPipeError) as reason:
         message = "\nNo session was started."
         if running:
-            said = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
+            saved = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
             again = command("measure", str(running[0].path), options="--resume")
-            message = f"{said} Continue with:\n  {again}"
+            message = f"{saved} Continue with:\n  {again}"
     except OSError as error:
         if error.errno != errno.EIO:  # the terminal was closed
             raise

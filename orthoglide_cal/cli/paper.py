@@ -30,10 +30,10 @@ def paper(
     missed = False
     for name in [table] if table else get_args(TableName):
         if name in simple:
-            found = simple[name](default_machine())
+            result = simple[name](default_machine())
         else:
-            found = tables.table_3(default_machine(), np.random.default_rng(seed))
-        common.deliver(paper_document(found), as_json=json)
-        missed |= not found.reproduced
+            result = tables.table_3(default_machine(), np.random.default_rng(seed))
+        common.deliver(paper_document(result), as_json=json)
+        missed |= not result.reproduced
     if missed:
         raise typer.Exit(UnusableResultError.exit_code)

@@ -21,9 +21,9 @@ def solve(
     def judge(path: str) -> int:
         given = common.read_input(path, machine, data, rule_out)
         with common.working(path):
-            found = answer_to(given, method, details=details or json)
-        document = solution_document(Case(given, found, machine))
+            answer = answer_to(given, method, details=details or json)
+        document = solution_document(Case(given, answer, machine))
         common.deliver(document, as_json=json, details=details)
-        return 0 if found.release.usable else UnusableResultError.exit_code
+        return 0 if answer.release.usable else UnusableResultError.exit_code
 
     common.for_each(files, judge, as_json=json)

@@ -29,11 +29,11 @@ def verify(
 
     def judge(path: str) -> int:
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
-        found = verified(*inputs, applied, limit)
-        shown = verification_document(found, identify(found.inputs, *found.options))
+        result = verified(*inputs, applied, limit)
+        page = verification_document(result, identify(result.inputs, *result.options))
         common.deliver(
-            shown, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
+            page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite
         )
-        return UnusableResultError.exit_code if found.failed else 0
+        return UnusableResultError.exit_code if result.failed else 0
 
     common.for_each([before], judge, as_json=json)

@@ -1,15 +1,16 @@
 """Everything that is wrong with one file, each fault with its place; pydantic's errors in words."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
-from typing import NamedTuple, get_args, get_type_hints
+from typing import Any, NamedTuple, get_args, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
 from orthoglide_cal.errors import InputError, InvalidFileError
-from orthoglide_cal.schema import parse_number, shortened
+from orthoglide_cal.files.text import FileText
+from orthoglide_cal.schema import parse_number, shortened, yaml_number
 from orthoglide_cal.words import listed
 
 Steps = tuple[str | int, ...]
@@ -27,7 +28,7 @@ WORDS = {
     "model_type": ("This must be a group of keys.", "Write `name: value` lines, indented."),
     "list_type": ("This must be a list.", "Write [first, second] or `- …` lines."),
     "number_type": ("This must be a number.", "Write a plain number such as 310.25."),
-    "string_type": ("This must be text.", "Write a word or put the text in quotes."),
+    "string_type": ("This must be one value, as text.", "Write a word or put the text in quotes."),
     "literal_error": ("This {key} is not known.", "{near}Known: {known}."),
     "greater_than": ("The number must be greater than {gt:g}.", _NUMBER),
     "greater_than_zero": ("The number must be greater than zero.", "Give its size."),
@@ -55,7 +56,7 @@ _STEP = re.compile(r"\[([0-9]+)\]|([^.\[\]]+)")
 class FaultPlace(NamedTuple):
     """Where a fault is: line from 1, column header or dotted path, and the text there."""
 
-    line: int
+    line: int | None
     column: str | None
     value: str | None
 
@@ -66,9 +67,6 @@ class Faults:
     def __init__(self, file: str) -> None:
         self.file = file
         self.problems: list[InputError] = []
-
-    def __bool__(self) -> bool:
-        return bool(self.problems)
 
     def add(
         self,
@@ -91,61 +89,7 @@ class Faults:
         try:
             yield
         except InputError as error:
-            self.add(error.what, error.remedy, line, column, shortened(text))
-
-    def take(
-        self,
-        error: ValidationError,
-        schema: object,
-        place: Callable[[Steps], FaultPlace],
-        words: Mapping[str, tuple[str, str]] = {},
-    ) -> None:
-        """Note everything that pydantic found.
-
-        Args:
-            error: what it raised.
-            schema: what the content was checked by, for the names that are known there.
-            place: from a path inside the content to its place in the file.
-            words: instead of those for all files: "missing posture" → (what, remedy).
-        """
-        for each in error.errors(include_url=False):
-            path = each["loc"]
-            given = each.get("ctx", {})
-            cause = given.get("error")
-            if isinstance(cause, InputError):
-                for problem in cause.problems:
-                    inner = _STEP.findall(problem.column or "")
-                    steps = (int(index) if index else name for index, name in inner)
-                    self.add(problem.what, problem.remedy, *place((*path, *steps)))
-                continue
-            known = _QUOTED.findall(given.get("expected", ""))
-            meant = ""
-            kind = _ALSO.get(each["type"], each["type"])
-            if kind == "literal_error":
-                meant = str(each["input"])
-            elif kind == "extra_forbidden":
-                meant = str(path[-1])
-                known = _known(path, schema)
-            elif kind == "missing" and isinstance(path[-1], int):
-                kind = "too_short"
-            elif kind == "greater_than_equal" and given["ge"] == 0:
-                kind = "not_negative"
-            elif kind.startswith("greater_than"):
-                size = parse_number(str(each["input"]), decimal_comma=True)
-                if size <= 0.0 <= min(given.values()):  # it has the wrong sign, or is zero
-                    kind = "greater_than_zero"
-            key = next((step for step in reversed(path) if isinstance(step, str)), "value")
-            usual = WORDS.get(kind, (f"{each['msg']}.", "Correct it."))
-            what, remedy = words.get(f"{kind} {key}", usual)
-            mm = "; lengths are in mm" if key.endswith("_mm") else ""
-            said = {
-                **given,
-                "mm": mm,
-                "key": key,
-                "near": nearest(meant, known),
-                "known": ", ".join(known),
-            }
-            self.add(what.format(**said), remedy.format(**said), *place(path))
+            self.add(error.what, error.remedy, line, column, shortened(text) or None)
 
     def error(self) -> InvalidFileError:
         """All faults, at least one, by line."""
@@ -156,6 +100,90 @@ class Faults:
         """Raise `error()` if there are any faults."""
         if self.problems:
             raise self.error()
+
+
+class Content(Faults):
+    """The content of a file as dicts, lists and texts, with the lines of them, and its faults."""
+
+    def __init__(self, document: FileText) -> None:
+        super().__init__(document.path)
+        self.document = document
+        self.value: Any = None  # dict, list, str or None, nested
+        self.lines: dict[Steps, int] = {}  # of each node, from 1
+
+    def place(self, path: Steps) -> FaultPlace:
+        """Where the node at `path` stands; of one that is missing, where its parent does."""
+        value, there = self.value, path
+        while there and there not in self.lines:
+            there = there[:-1]
+        for step in there:
+            value = value[step]
+        text = value if there == path and isinstance(value, str) else None
+        return FaultPlace(self.lines.get(there, 1), dotted(path), text)
+
+    def note(self, path: Steps, what: str, remedy: str, value: str | None = None) -> None:
+        """Note a fault of the node at `path`; `value` instead of the text there."""
+        line, column, text = self.place(path)
+        self.add(what, remedy, line, column, value or text)
+
+    def take(
+        self,
+        error: ValidationError,
+        schema: object,
+        at: Steps = (),
+        words: Mapping[str, tuple[str, str]] = {},
+    ) -> None:
+        """Note everything that pydantic found.
+
+        Args:
+            error: what it raised.
+            schema: what the content was checked by, for the names that are known there.
+            at: path of what was checked.
+            words: instead of those for all files: "missing posture" → (what, remedy).
+        """
+        for finding in error.errors(include_url=False):
+            path = finding["loc"]
+            given = finding.get("ctx", {})
+            cause = given.get("error")
+            if isinstance(cause, InputError):
+                for problem in cause.problems:
+                    inner = _STEP.findall(problem.column or "")
+                    steps = (int(index) if index else name for index, name in inner)
+                    place = (*at, *path, *steps)
+                    self.note(place, problem.what, problem.remedy, problem.value)
+                continue
+            known = _QUOTED.findall(given.get("expected", ""))
+            meant = ""
+            kind = _ALSO.get(finding["type"], finding["type"])
+            if kind == "literal_error":
+                meant = str(finding["input"])
+            elif kind == "extra_forbidden":
+                meant = str(path[-1])
+                known = _known(path, schema)
+            elif kind == "missing" and isinstance(path[-1], int):
+                kind = "too_short"
+            elif kind == "greater_than_equal" and given["ge"] == 0:
+                kind = "not_negative"
+            elif kind.startswith("greater_than"):
+                size = parse_number(str(finding["input"]), decimal_comma=True)
+                if size <= 0.0 <= min(given.values()):  # it has the wrong sign, or is zero
+                    kind = "greater_than_zero"
+            key = next((step for step in reversed(path) if isinstance(step, str)), "value")
+            usual = WORDS.get(kind, (f"{finding['msg']}.", "Correct it."))
+            what, remedy = words.get(f"{kind} {key}", usual)
+            mm = "; lengths are in mm" if key.endswith("_mm") else ""
+            data = {
+                **given,
+                "mm": mm,
+                "key": key,
+                "near": nearest(meant, known),
+                "known": ", ".join(known),
+            }
+            self.add(what.format(**data), remedy.format(**data), *self.place((*at, *path)))
+
+    def parse(self, text: str) -> float:
+        """The number that a text of this file writes. Raises InputError without a place."""
+        return yaml_number(text)
 
 
 def dotted(path: Steps) -> str:
@@ -183,10 +211,10 @@ def _known(path: Steps, schema: object) -> list[str]:
     """Names that are known where an unknown one stands."""
     classes = _classes(schema)
     for step in path[:-1]:
-        fields = [_fields(each)[step] for each in classes if step in _fields(each)]
+        fields = [_fields(kind)[step] for kind in classes if step in _fields(kind)]
         if fields:
-            classes = [each for field in fields for each in _classes(field)]
-    return list(dict.fromkeys(str(name) for each in classes for name in _fields(each)))
+            classes = [kind for field in fields for kind in _classes(field)]
+    return list(dict.fromkeys(str(name) for kind in classes for name in _fields(kind)))
 
 
 def _fields(kind: type) -> dict[str | int, object]:

@@ -179,7 +179,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
             with faults.noting(4 + row, cell):
                 if cell != _UNPROBED:
                     heights[row, column] = within(cell, -LARGEST_MM)
-    if not faults and not np.isfinite(heights).any():
+    if not faults.problems and not np.isfinite(heights).any():
         what = "No place of the map was probed: a placeholder, not a measurement."
         faults.add(what, _AGAIN, line=4)
     faults.check()

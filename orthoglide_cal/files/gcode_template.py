@@ -12,7 +12,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BeforeValidator, ValidationError
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import FaultPlace, Faults, nearest
+from orthoglide_cal.files.faults import Content, nearest
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import Positive, Schema, text_that
 
@@ -72,11 +72,10 @@ def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
         InvalidFileError: no marker or two, a setting that cannot be used, a number that a block
             has, or a mode (inches, relative) in which the blocks would drive elsewhere.
     """
-    faults, taken = Faults(document.path), set(numbers)
+    content, taken = Content(document), set(numbers)
     parts: tuple[list[str], list[str]] = ([], [])
     known = [name for name, field in Template.model_fields.items() if not field.is_required()]
-    settings: dict[str, str] = {}
-    places: dict[str | int, FaultPlace] = {}
+    settings = content.value = dict[str, str]()
     markers: list[bool] = []
     modes: dict[int, tuple[int, str]] = {}
     for line, text in enumerate(document.text.rstrip("\n").split("\n"), start=1):
@@ -87,36 +86,36 @@ def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
                 markers.append(ours[1] is None)
                 if len(markers) > 1:
                     wrong = "The place of the blocks is given twice."
-                    faults.add(wrong, "Take one out.", line=line)
+                    content.add(wrong, "Take one out.", line=line)
             elif name in settings:
-                faults.add("This setting is given twice.", "Take one out.", line=line, value=key)
+                content.add("This setting is given twice.", "Take one out.", line=line, value=key)
             elif name in known:
                 settings[name] = " ".join(value.split())
-                places[name] = FaultPlace(line, None, value.strip())
+                content.lines[name,] = line
             elif name != "note":
                 near = nearest(name, (*known, "note", "blocks"))
-                faults.add("This is not a setting.", f"{near}{_PRINT}", line=line, value=name)
+                content.add("This is not a setting.", f"{near}{_PRINT}", line=line, value=name)
             continue
         parts[bool(markers)].append(text)
         code = _COMMENT.sub("", text)
         if (number := _NUMBER.match(code)) and int(number[1]) in taken:
             remedy = "Number your own lines otherwise, or not at all."
             wrong = "A posture has this block number."
-            faults.add(wrong, remedy, line=line, value=f"N{number[1]}")
+            content.add(wrong, remedy, line=line, value=f"N{number[1]}")
         for found in [] if markers else _CODE.findall(code):
             modes |= {k: (line, found) for k, codes in enumerate(_MODES) if found in codes}
     for k, (line, found) in modes.items():
         if meaning := _MODES[k][found]:
             wrong = f"The blocks are not written for this code ({meaning})."
             remedy = f"Write G{next(iter(_MODES[k]))} before the blocks."
-            faults.add(wrong, remedy, line=line, value=f"G{found}")
+            content.add(wrong, remedy, line=line, value=f"G{found}")
     if not markers:
         wrong = "The template does not say where the blocks go."
-        faults.add(wrong, f"Put a line (orthocal blocks) there. {_PRINT}")
+        content.add(wrong, f"Put a line (orthocal blocks) there. {_PRINT}")
     around = {"before": parts[0], "after": parts[1], "semicolon": any(markers)}
     try:
         template = Template.model_validate({**around, **settings})
     except ValidationError as error:
-        faults.take(error, Template, lambda path: places[path[0]])
-    faults.check()
+        content.take(error, Template)
+    content.check()
     return template

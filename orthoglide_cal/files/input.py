@@ -18,8 +18,6 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import gcode, klipper, machine_file, probe_readings
 from orthoglide_cal.files.probe_readings import PrinterFile
 from orthoglide_cal.files.readings import (
-    CODED_COLUMNS,
-    DIFFERENCE_COLUMNS,
     Conditions,
     conditions_in,
     differences_from_table,
@@ -27,7 +25,13 @@ from orthoglide_cal.files.readings import (
 )
 from orthoglide_cal.files.session_file import session_from_tree
 from orthoglide_cal.files.table import read_table
-from orthoglide_cal.files.text import YAML_LIMIT, FileText, UnreadableError, read_document
+from orthoglide_cal.files.text import (
+    YAML_LIMIT,
+    FileText,
+    document_from_bytes,
+    read_bytes,
+    read_document,
+)
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import Excerpt, Measured, Readings, Source
@@ -37,7 +41,6 @@ from orthoglide_cal.schema import Schema
 # The machine that the user names, or the settings of its firmware.
 Known = Model | PrinterFile
 
-_CODED = (*DIFFERENCE_COLUMNS, *CODED_COLUMNS)
 _YAML = re.compile(r"""(---|%YAML|\{|\[|-\s|["']?[A-Za-z_][A-Za-z_0-9 ]*["']?\s*:(\s|$))""")
 # Keys at the beginning of a line; parsing every file of a large folder would take seconds.
 _KEY = re.compile(
@@ -133,19 +136,17 @@ def check_file(
     """Check a file of any kind, also of a machine; arguments as of `read_input`.
 
     With what was found, what was measured: None for a machine, or if the file is not valid. Raises
-    UnreadableError: there is nothing to check.
+    InputError: it cannot be read at all, so that there is nothing to check.
     """
-    input = CheckedFile(path=path)
+    input, data = CheckedFile(path=path), read_bytes(path)
     try:
-        file = read_document(path)
+        file = document_from_bytes(data, path)
         input = input.changed(sha256=file.sha256)
         if _is_yaml(file) and machine_file.is_machine_file(tree := load_tree(file)):
             held = machine_file.machine_file_in(tree)
             input, name = input.changed(kind="machine"), held.model.machine.name
             return Check(input=input, machine=name, remarks=held.remarks), None
         given = read_input(file, model, otherwise, stored)
-    except UnreadableError:
-        raise
     except InputError as error:
         faults = tuple(map(Fault.model_validate, error.problems))
         return Check(input=input, valid=False, problems=faults), None
@@ -170,18 +171,18 @@ def together(inputs: Sequence[Input]) -> Input:
     machine = last.model.machine
     zero = np.zeros(len(machine.parameter_names))
     plan, value = machine.together(
-        [(each.model.machine, each.measured) for each in inputs],
+        [(given.model.machine, given.measured) for given in inputs],
         lambda now: differentiate(last.model, zero, now, ())[1],
     )
-    reads = [each.measured for each in inputs if isinstance(each.measured, Readings)]
+    reads = [given.measured for given in inputs if isinstance(given.measured, Readings)]
     sources = [read.source for read in reads]
     excerpt = sources[-1].excerpt
     words = f"{len(plan)} readings of {len(inputs)} dates"
     source = Source(
         sources[-1].path,
-        hashlib.sha256("".join(each.sha256 for each in sources).encode()).hexdigest(),
+        hashlib.sha256("".join(source.sha256 for source in sources).encode()).hexdigest(),
         Excerpt(excerpt.data if excerpt else "", words),
-        tuple(each.path for each in sources[:-1]),
+        tuple(source.path for source in sources[:-1]),
     )
     changed = (
         f"{PurePath(before.measured.source.path).name} and"
@@ -208,7 +209,7 @@ def sessions_in(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise InputError("There is no such folder.", "Check the path.", file=str(folder))
-    found = []
+    sessions = []
     for path, keys in _files_in(folder).items():
         if {"machine", "readings"} <= keys.keys():
             moment = path.stat().st_mtime
@@ -216,36 +217,36 @@ def sessions_in(folder: Path) -> list[Path]:
                 with suppress(ValueError):
                     written = keys.get(key, "").strip().strip("'\"")
                     moment = datetime.fromisoformat(written).timestamp()
-            found.append((moment, path))
-    return [path for _, path in sorted(found)]
+            sessions.append((moment, path))
+    return [path for _, path in sorted(sessions)]
 
 
 def latest_session(folder: Path) -> Path:
     """The session that was finished last. Raises InputError if there is none."""
-    found = sessions_in(folder)
-    if not found:
+    sessions = sessions_in(folder)
+    if not sessions:
         remedy = "Name a file of readings, or measure first: orthocal measure"
         raise InputError("There is no session in this folder.", remedy, file=str(folder))
-    return found[-1]
+    return sessions[-1]
 
 
 def printers_in(folder: Path) -> list[Path]:
     """The files of a folder that describe a linear delta as Klipper reads them, latest last."""
     candidates = (path for path in folder.glob("*.cfg") if path.is_file())
-    found = (path for path in candidates if _DELTA.search(_text_of(path)))
-    return sorted(found, key=lambda path: (path.stat().st_mtime, path))
+    printers = (path for path in candidates if _DELTA.search(_text_of(path)))
+    return sorted(printers, key=lambda path: (path.stat().st_mtime, path))
 
 
 def machine_in_folder(folder: Path) -> Path | None:
     """The machine file of a folder, recognised by its content. Raises UsageError for several."""
-    own = {"kind", "leg_length_mm"}
+    marks = {"kind", "leg_length_mm"}
     files = _files_in(folder).items()
-    found = [path for path, keys in files if own & keys.keys() and "readings" not in keys]
-    if len(found) > 1:
-        names = ", ".join(path.name for path in found)
-        what = f"There are {len(found)} machine files in this folder: {names}."
+    machines = [path for path, keys in files if marks & keys.keys() and "readings" not in keys]
+    if len(machines) > 1:
+        names = ", ".join(path.name for path in machines)
+        what = f"There are {len(machines)} machine files in this folder: {names}."
         raise UsageError(what, "Name the one to use: --machine FILE")
-    return found[0] if found else None
+    return machines[0] if machines else None
 
 
 def _text_of(path: Path) -> str:
@@ -267,11 +268,11 @@ def _is_yaml(document: FileText) -> bool:
         return False
     if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
         return True
-    lines = (each for each in document.text.split("\n", 1000) if each.strip())
+    lines = (line for line in document.text.split("\n", 1000) if line.strip())
     first = next((line for line in lines if not line.lstrip().startswith("#")), "")
     # "Recv: …" of a console looks like a key.
     printed = (klipper.KLIPPY_LOG, klipper.PROBED, gcode.MARLIN_OUTPUT, gcode.SETTINGS)
-    return bool(_YAML.match(first)) and not any(each.search(document.text) for each in printed)
+    return bool(_YAML.match(first)) and not any(mark.search(document.text) for mark in printed)
 
 
 def _table(document: FileText, model: Model | None, otherwise: Callable[[], Model]) -> Input:
@@ -281,7 +282,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     entered = judge.machine.entered_from(document.sha256)
     if entered and entered.before:
         judge = judge.holding(entered.before)
-    table = read_table(document, _CODED)
+    table = read_table(document)
     columns = set(table.columns)
     places = columns & set(probe_readings.PLACE_COLUMNS)
     probed = bool(places) and not columns & {"leg", "difference"}
@@ -381,8 +382,8 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     What else is known of the machine (its probe, tolerances, accepted causes) comes from the
     machine file that the user names, if any: one in the same folder may be another printer's.
     """
-    for each in filter(None, (file.mesh, file.heights)):
-        file = _with_bed(file, float(np.hypot(*each.plan.place.T[:2]).max()))
+    for readings in filter(None, (file.mesh, file.heights)):
+        file = _with_bed(file, float(np.hypot(*readings.plan.place.T[:2]).max()))
     model = _as_model(known) or Model(file.machine)
     machine, remarks = probe_readings.known_printer(file, _delta(model, file.source.path))
     model = replace(model, machine=machine)

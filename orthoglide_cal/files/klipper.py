@@ -19,13 +19,13 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.faults import Content, FaultPlace, Faults, Steps
 from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
@@ -79,88 +79,76 @@ _LEVEL_MM = 0.5
 PROBED = re.compile(r"probe(:?) at (\S+?), ?(\S+) (?:is|bed will contact at) z=(\S+)")
 
 
-@dataclass(frozen=True)
-class _Value:
-    """The value of an option: (line in the file, text), without empty lines."""
-
-    line: int
-    texts: tuple[tuple[int, str], ...]
-
-    @property
-    def text(self) -> str:
-        return " ".join(text for _, text in self.texts)
-
-
-class _Settings:
+class _Settings(Content):
     """The options in force; what is wrong with one is noted, never raised."""
 
     def __init__(self, document: FileText) -> None:
-        self.faults = Faults(document.path)
+        super().__init__(document)
         lines = list(enumerate(document.text.split("\n"), start=1))
         written = [(line, text[len(SAVED) :]) for line, text in lines if text.startswith(SAVED)]
-        typed = [(line, text) for line, text in lines if not text.startswith(SAVED)]
-        own_sections, own = self._parsed(typed)
-        saved_sections, saved = self._parsed(written)
+        above = [(line, text) for line, text in lines if not text.startswith(SAVED)]
+        own_sections, typed, typed_lines = self._parsed(above)
+        saved_sections, saved, saved_lines = self._parsed(written)
         self.sections = {**saved_sections, **own_sections}  # name → line
-        self.options = {**saved, **own}  # (section, option) → value
+        self.options = {**saved, **typed}  # (section, option) → text, in as many lines as there
+        self.lines = {**saved_lines, **typed_lines}
         # Whether it includes other files, which are not read.
         self.included = any(name.startswith("include ") for name in own_sections)
         self._cut_off = not saved_sections
         self.remarks = [  # on what SAVE_CONFIG wrote in vain
-            f"Line {value.line}, {key[1]} of [{key[0]}], which SAVE_CONFIG wrote, is not in"
-            f" force: line {own[key].line} says otherwise, and Klipper obeys that one."
+            f"Line {saved_lines[key]}, {key[1]} of [{key[0]}], which SAVE_CONFIG wrote, is not in"
+            f" force: line {typed_lines[key]} says otherwise, and Klipper obeys that one."
             " Delete one of the two."
-            for key, value in saved.items()
-            if key in own and own[key].text != value.text and _MATTERS.fullmatch(key[0])
+            for key, text in saved.items()
+            if key in typed and typed[key].split() != text.split() and _MATTERS.fullmatch(key[0])
         ]
 
     def _parsed(
         self, lines: Iterable[tuple[int, str]]
-    ) -> tuple[dict[str, int], dict[tuple[str, str], _Value]]:
+    ) -> tuple[dict[str, int], dict[tuple[str, str], str], dict[Steps, int]]:
         """Sections and options of the file's own lines, or of those that SAVE_CONFIG wrote."""
         sections: dict[str, int] = {}
-        options: dict[tuple[str, str], _Value] = {}
-        section, option, indented = "", "", 0  # no option where none can go on
+        options: dict[tuple[str, str], str] = {}
+        starts: dict[Steps, int] = {}
+        key, indented, last = ("", ""), 0, 0  # no option where none can go on
         for line, raw in lines:
             text = _COMMENT.sub("", raw).rstrip()
             plain = text.lstrip()
             indent = len(text) - len(plain)
             if not plain:
                 continue
-            if option and indent > indented:
-                value = options[section, option]
-                options[section, option] = _Value(value.line, (*value.texts, (line, plain)))
+            if key[1] and indent > indented:
+                options[key] += "\n" * (line - last) + plain
+                last = line
                 continue
-            option, indented = "", indent
+            section, _ = key
+            key, indented = (section, ""), indent
             if header := _SECTION.match(plain):
-                section = header[1].strip()
-                sections.setdefault(section, line)
+                key = header[1].strip(), ""
+                sections.setdefault(key[0], line)
             elif plain.startswith("["):
-                section = ""
+                key = "", ""
                 what = "The section's name has no closing bracket."
-                self.faults.add(what, "Write [name].", line=line, value=shortened(plain))
+                self.add(what, "Write [name].", line=line, value=shortened(plain))
             elif setting := _OPTION.match(plain):
-                option = setting[1].lower()
-                texts = ((line, setting[2]),) if setting[2] else ()
-                options[section, option] = _Value(line, texts)
+                key = section, setting[1].lower()
+                options[key], starts[key], last = setting[2], line, line
             elif _MATTERS.fullmatch(section):
                 what = f"The line in [{section}] is not an option."
                 remedy = "Write “option: value”, or “#” in front of a remark."
-                self.faults.add(what, remedy, line=line, value=shortened(plain))
-        return sections, options
+                self.add(what, remedy, line=line, value=shortened(plain))
+        return sections, options, starts
 
-    def options_of(self, section: str) -> dict[str, _Value]:
-        """Option → value of one section."""
-        return {option: value for (name, option), value in self.options.items() if name == section}
+    def place(self, path: Steps) -> FaultPlace:
+        """Where an option stands, or its section."""
+        section, option = map(str, path)
+        text = " ".join(self.options.get((section, option), "").split())
+        line = self.lines.get(path) or self.sections.get(section)
+        return FaultPlace(line, f"{option} of [{section}]", shortened(text) or None)
 
-    def note(
-        self, section: str, option: str, what: str, remedy: str, line: int = 0, text: str = ""
-    ) -> None:
-        """A fault in the value of an option, or in the text in one of its lines."""
-        value = self.options[section, option]
-        said = shortened(text if line else value.text) or None
-        column = f"{option} of [{section}]"
-        self.faults.add(what, remedy, line=line or value.line, column=column, value=said)
+    def options_of(self, section: str) -> dict[str, int]:
+        """Option → line of one section."""
+        return {str(path[1]): line for path, line in self.lines.items() if path[0] == section}
 
     def missing(self, section: str, option: str, line: int | None = None) -> None:
         """The fault that an option is not there."""
@@ -169,9 +157,8 @@ class _Settings:
             remedy = f"Copy [{section}] from the included file into this one."
         if self._cut_off:
             remedy += " Or was the file cut off? The block that SAVE_CONFIG writes is missing."
-        column = f"{option} of [{section}]"
-        line = line or self.sections.get(section)
-        self.faults.add("The option is missing.", remedy, line=line, column=column)
+        there, column, _ = self.place((section, option))
+        self.add("The option is missing.", remedy, line=line or there, column=column)
 
     def read(
         self,
@@ -185,16 +172,16 @@ class _Settings:
 
         The default is for one that is not there; None if it must be.
         """
-        value = self.options.get((section, option))
-        if value is None:
+        text = self.options.get((section, option))
+        if text is None:
             if default is not None:
                 return default
             self.missing(section, option)
             return fault
         try:
-            return rule(value.text)
+            return rule(text)
         except InputError as error:
-            self.note(section, option, error.what, error.remedy)
+            self.note((section, option), error.what, error.remedy)
             return fault
 
     def number(
@@ -205,18 +192,20 @@ class _Settings:
 
 
 def read_printer_file(
-    document: FileText, calibration: Mapping[str, _Value] | None = None
+    document: FileText, calibration: Mapping[str, tuple[int, str]] | None = None
 ) -> PrinterFile:
-    """What a printer.cfg says; `calibration` stands for the options of its [delta_calibrate].
+    """What a printer.cfg says; `calibration` stands for its [delta_calibrate]: option → line, text.
 
     Raises InvalidFileError with everything that is wrong in the lines that matter here.
     """
     settings = _Settings(document)
-    settings.faults.check()  # what follows from a broken line is no fault of its own
+    settings.check()  # what follows from a broken line is no fault of its own
     if calibration is not None:
-        kept = {key: value for key, value in settings.options.items() if key[0] != _CALIBRATION}
-        named = {(_CALIBRATION, option): value for option, value in calibration.items()}
-        settings.options = {**kept, **named}
+        for option in settings.options_of(_CALIBRATION):
+            del settings.lines[_CALIBRATION, option], settings.options[_CALIBRATION, option]
+        for option, (line, text) in calibration.items():
+            settings.lines[_CALIBRATION, option] = line
+            settings.options[_CALIBRATION, option] = text
     _check_kind(settings)
     radius = settings.number("printer", "delta_radius", low=0.0)
     arms = _each(settings, "arm_length", 0.0 if math.isnan(radius) else radius)
@@ -227,11 +216,11 @@ def read_printer_file(
     ]
     # The arms reach downwards only if the towers follow each other in one sense.
     if not any(map(math.isnan, angles)) and not counter_clockwise(angles):
-        given = (settings.options.get((tower, "angle")) for tower in _TOWERS)
+        given = (settings.lines.get((tower, "angle")) for tower in _TOWERS)
         towers = ", ".join(f"[{tower}]" for tower in _TOWERS)
         remedy = f"Check the angles of {towers}; they are usually near 210, 330 and 90."
-        line = max(value.line for value in given if value is not None)
-        settings.faults.add(TOWERS_TURN, remedy, line=line, column="angle")
+        line = max(line for line in given if line is not None)
+        settings.add(TOWERS_TURN, remedy, line=line, column="angle")
     print_radius = settings.number("printer", "print_radius", radius, low=0.0)
     sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
     probe = np.array([settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"])
@@ -242,7 +231,7 @@ def read_printer_file(
     heights = _calibration(settings, home, step, ("height", "manual_height"), ("_pos", "_pos"))
     distances = _calibration(settings, home, step, ("distance",), ("_pos1", "_pos2"))
     mesh = _mesh(settings, sensor, probe)
-    settings.faults.check()
+    settings.check()
     scanning = _SCANNING.fullmatch(sensor) is not None
     machine = delta_of(document, arms, radius, np.array(angles), endstops, print_radius, scanning)
     return PrinterFile(
@@ -268,16 +257,16 @@ def read_klippy_log(document: FileText) -> PrinterFile:
     start = starts[-1] + 1
     inside = itertools.takewhile(lambda line: not _ENDS.fullmatch(line.strip()), lines[start:])
     kept = [""] * start + list(inside)
-    found = [number for number, line in enumerate(lines) if line.startswith(_CALCULATING)]
-    unsaved = bool(found) and found[-1] > start
+    calibrations = [number for number, line in enumerate(lines) if line.startswith(_CALCULATING)]
+    unsaved = bool(calibrations) and calibrations[-1] > start
     calculated = None
-    if found and (unsaved or not any(map(_LOGGED.match, kept))):
-        calculated = _calculated(document, lines, found[-1])
+    if calibrations and (unsaved or not any(map(_LOGGED.match, kept))):
+        calculated = _calculated(document, lines, calibrations[-1])
     file = read_printer_file(replace(document, text="\n".join(kept)), calculated)
     if unsaved:
         remark = (
-            f"SAVE_CONFIG does not follow the calibration of line {found[-1] + 1}: the settings"
-            " before it are in force and are used."
+            f"SAVE_CONFIG does not follow the calibration of line {calibrations[-1] + 1}: the"
+            " settings before it are in force and are used."
         )
         file = replace(file, remarks=(*file.remarks, remark))
     if file.heights is None and file.mesh is None and PROBED.search(document.text):
@@ -285,20 +274,20 @@ def read_klippy_log(document: FileText) -> PrinterFile:
     return file
 
 
-def _calculated(document: FileText, lines: Sequence[str], at: int) -> Mapping[str, _Value]:
+def _calculated(document: FileText, lines: Sequence[str], at: int) -> Mapping[str, tuple[int, str]]:
     """Heights and distances that a calibration reckoned with, as [delta_calibrate] stores them."""
     stored = {}
-    for number, name, each in ((at + 1, "height", _HEIGHT), (at + 2, "distance", _DISTANCE)):
+    for number, name, entry in ((at + 1, "height", _HEIGHT), (at + 2, "distance", _DISTANCE)):
         text = lines[number].strip() if number < len(lines) else ""
-        if not re.fullmatch(rf"\[(?:{each}(?:, |(?=\])))*\]", text):
+        if not re.fullmatch(rf"\[(?:{entry}(?:, |(?=\])))*\]", text):
             what = f"This is not a list of {name}s with stepper positions."
             remedy = "Was the log cut off or changed? Give it as Klipper wrote it."
             line, value = number + 1, shortened(text) or None
             raise InputError(what, remedy, file=document.path, line=line, value=value)
-        for index, parts in enumerate(re.findall(each, text)):
+        for index, parts in enumerate(re.findall(entry, text)):
             ends = ("", "_pos") if len(parts) == 2 else ("", "_pos1", "_pos2")
             for end, part in zip(ends, parts, strict=True):
-                stored[f"{name}{index}{end}"] = _Value(number + 1, ((number + 1, part),))
+                stored[f"{name}{index}{end}"] = number + 1, part
     return stored
 
 
@@ -327,16 +316,16 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
 def _check_kind(settings: _Settings) -> None:
     """Raises for a machine of another kind, or a file of something else."""
     kind = settings.options.get(("printer", "kinematics"))
-    if kind and kind.text.lower() != "delta":
+    if kind and kind.lower() != "delta":
         what = "The machine is not a linear delta."
-        settings.note("printer", "kinematics", what, "Give a delta's file.")
-        raise settings.faults.error()
+        settings.note(("printer", "kinematics"), what, "Give a delta's file.")
+        raise settings.error()
     if not kind and not {"printer", *_TOWERS} & set(settings.sections):
         what = "The file does not describe a linear delta: it has no [printer] and no [stepper_a]."
         remedy = "Give the printer.cfg of a delta."
         if settings.included:
             remedy = "Copy [printer] and [stepper_a … c] from the included files into this one."
-        raise InputError(what, remedy, file=settings.faults.file)
+        raise InputError(what, remedy, file=settings.file)
     if not kind:
         settings.missing("printer", "kinematics")
 
@@ -371,11 +360,11 @@ def _calibration(
     """
     pattern = re.compile(rf"(({'|'.join(names)})([0-9]{{1,6}}))(?:{'|'.join(('', *ends))})")
     options = settings.options_of(_CALIBRATION)
-    found: dict[tuple[int, int, str], int] = {}
-    for option, value in options.items():
+    starts: dict[tuple[int, int, str], int] = {}
+    for option, line in options.items():
         if match := pattern.fullmatch(option):
-            found.setdefault((names.index(match[2]), int(match[3]), match[1]), value.line)
-    lines = {key[-1]: found[key] for key in sorted(found)}
+            starts.setdefault((names.index(match[2]), int(match[3]), match[1]), line)
+    lines = {key[-1]: starts[key] for key in sorted(starts)}
     low = 0.0 if names == ("distance",) else -LARGEST_MM
     values = [settings.number(_CALIBRATION, stem, math.nan, low) for stem in lines]
     for stem, line in lines.items():
@@ -386,13 +375,13 @@ def _calibration(
             if stem + end not in options:
                 what = f"{stem} has no stepper positions: {stem}{end} is missing."
                 remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
-                settings.note(_CALIBRATION, stem, what, remedy)
+                settings.note((_CALIBRATION, stem), what, remedy)
     nothing = [math.nan] * len(_TOWERS)
     steps = (
         [settings.read(_CALIBRATION, stem + end, _three, nothing, nothing) for stem in lines]
         for end in ends
     )
-    carriages = (home - np.reshape(each, (-1, 3)) * step for each in steps)
+    carriages = (home - np.reshape(counts, (-1, 3)) * step for counts in steps)
     return [*carriages, np.array(values), np.array(list(lines.values()))]
 
 
@@ -431,7 +420,7 @@ def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Stored | None:
     x, y = (_grid(settings, section, axis) for axis in "xy")
     lines, rows = _rows(settings, section, len(x), len(y))
     stated = settings.number("bed_mesh", "mesh_radius", 0.0, low=0.0)
-    if settings.faults:
+    if settings.problems:
         return None
     probed = _probed(*np.meshgrid(x, y), rows, stated)
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
@@ -456,7 +445,7 @@ def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[st
     for option in _ZEROS:
         if ("bed_mesh", option) in settings.options:
             yield (
-                f"By line {settings.options['bed_mesh', option].line}, {option}, the mesh counts"
+                f"By line {settings.lines['bed_mesh', option]}, {option}, the mesh counts"
                 f" from one of its own places: {ZERO_UNKNOWN}"
             )
 
@@ -464,14 +453,14 @@ def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[st
 def _stale(settings: _Settings, section: str) -> str:
     """Why a mesh may be older than the calibration in force; empty if nothing says so."""
     # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
-    mesh = settings.options.get((section, "points"))
+    mesh = settings.lines.get((section, "points"), math.inf)
     stored = settings.options_of(_CALIBRATION).items()
-    first = min((value.line for option, value in stored if _STORED.match(option)), default=0)
-    if not mesh or first <= mesh.line:
+    first = min((line for option, line in stored if _STORED.match(option)), default=0)
+    if first <= mesh:
         return ""
     return (
         f"The calibration (line {first}) was stored after this mesh was saved first (line"
-        f" {mesh.line}). If BED_MESH_CALIBRATE was not run again since then, the mesh is older"
+        f" {mesh}). If BED_MESH_CALIBRATE was not run again since then, the mesh is older"
         " than the calibration in force: the result is wrong."
     )
 
@@ -481,7 +470,7 @@ def _grid(settings: _Settings, section: str, axis: str) -> Floats:
     low, high = (settings.number(section, f"{end}_{axis}") for end in ("min", "max"))
     count = settings.read(section, f"{axis}_count", _count, 0)
     if low >= high:
-        settings.note(section, f"max_{axis}", "The mesh ends before it begins.", _AGAIN)
+        settings.note((section, f"max_{axis}"), "The mesh ends before it begins.", _AGAIN)
     return np.linspace(low, high, count)
 
 
@@ -491,21 +480,22 @@ def _rows(settings: _Settings, section: str, across: int, along: int) -> tuple[l
     if points is None:
         settings.missing(section, "points")
         return [], np.empty((0, 0))
-    rows = []
-    for line, text in points.texts:
-        cells = text.split(",")
+    first, column, _ = settings.place((section, "points"))
+    texts = [text.split(",") for text in points.split("\n")]
+    rows = {settings.lines[section, "points"] + k: row for k, row in enumerate(texts) if any(row)}
+    heights = []
+    for line, cells in rows.items():
         if across and len(cells) != across:
             what = f"The row of the mesh has {len(cells)} heights, x_count says {across}."
-            settings.note(section, "points", what, _AGAIN, line)
+            settings.add(what, _AGAIN, line, column, shortened(",".join(cells)))
             continue
-        try:
-            rows.append([within(cell, -LARGEST_MM) for cell in cells])
-        except InputError as error:
-            settings.note(section, "points", error.what, error.remedy, line, error.value or "")
-    if along and len(points.texts) != along:
-        what = f"The mesh has {len(points.texts)} rows, y_count says {along}."
-        settings.note(section, "points", what, _AGAIN, points.line)
-    return [line for line, _ in points.texts], np.array([] if settings.faults else rows)
+        for cell in cells:
+            with settings.noting(line, cell, column):
+                heights.append(within(cell, -LARGEST_MM))
+    if along and len(rows) != along:
+        what = f"The mesh has {len(rows)} rows, y_count says {along}."
+        settings.add(what, _AGAIN, first, column)
+    return list(rows), np.reshape([] if settings.problems else heights, (-1, max(across, 1)))
 
 
 def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:

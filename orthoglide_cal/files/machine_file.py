@@ -14,19 +14,19 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 
 import numpy as np
-from pydantic import BeforeValidator, ValidationError, ValidationInfo, field_validator
+from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_model, field_validator
 from pydantic_core import PydanticCustomError
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
-from orthoglide_cal.files.faults import WORDS, Steps, nearest
+from orthoglide_cal.files.faults import WORDS, Content, Steps, nearest
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes, read_document
-from orthoglide_cal.files.yaml_tree import Tree, edited, load_tree, yaml_text
+from orthoglide_cal.files.yaml_tree import edited, load_tree, yaml_text
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Entered, JointOffsets, Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that, yaml_number
+from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
@@ -47,11 +47,11 @@ _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths a
 
 def kind_of(keys: Mapping[str, object]) -> str:
     """The kind of a file without a `kind`: of most keys that no other has, or an Orthoglide."""
-    own = {
+    keys_of = {
         kind: keys.keys() & made.model_fields.keys() - Machine.model_fields.keys()
         for kind, made in MACHINES.items()
     }
-    return max(own, key=lambda kind: len(own[kind]))
+    return max(keys_of, key=lambda kind: len(keys_of[kind]))
 
 
 def _group(value: object) -> object:
@@ -78,7 +78,7 @@ class Identified(Schema):
         if id not in known:
             raise InputError(*_unknown_cause(id, known))
         if not CAUSES[id].lasting:
-            lasting = ", ".join(each for each in known if CAUSES[each].lasting)
+            lasting = ", ".join(id for id in known if CAUSES[id].lasting)
             raise InputError("This cause cannot be part of a machine.", f"Use one of {lasting}.")
         return id
 
@@ -98,12 +98,12 @@ class Identified(Schema):
             what = f"{id} has the parameters {', '.join(names)}."
             raise InputError(what, "Give each of them once.")
         faults = []
-        for name, each in given.items():
-            if each.unit != cause.unit:
-                what = f"{id} is measured in {cause.unit or 'no unit'}, not {each.unit!r}."
+        for name, estimate in given.items():
+            if estimate.unit != cause.unit:
+                what = f"{id} is measured in {cause.unit or 'no unit'}, not {estimate.unit!r}."
                 remedy = f"Convert the value and its std, and write unit: {cause.unit!r}."
                 faults.append(InputError(what, remedy, column=f"{name}.unit"))
-            if cause.positive and each.value < 0.0:
+            if cause.positive and estimate.value < 0.0:
                 what, remedy = "The number must not be negative.", "Give zero or more."
                 faults.append(InputError(what, remedy, column=f"{name}.value"))
         if faults:
@@ -131,20 +131,45 @@ class Identified(Schema):
     def effect(self, machine: type[Machine]) -> Effect:
         """The cause with these parameters, as part of a machine of this kind."""
         cause = CAUSES[self.cause]
-        own = {called: name for name, called in machine.named(cause.names).items()}
-        estimates = {own[name]: each for name, each in self.parameters.items()}
+        names = {called: name for name, called in machine.named(cause.names).items()}
+        estimates = {names[name]: estimate for name, estimate in self.parameters.items()}
         matrix = np.array(self.correlation) if self.correlation else np.eye(len(estimates))
         return cause.estimated(estimates, matrix).accepted(self.date, self.data_sha256)
 
 
 class _Around(Schema):
-    """What a machine file says besides the machine."""
+    """What a machine file says besides the machine; the context is the class of the machine."""
 
     schema_version: Version
     identified: Annotated[
         tuple[Identified, ...], BeforeValidator(lambda given: () if given is None else given)
     ] = ()
     complete: Annotated[str, _TRUE] | None = None
+
+    @field_validator("tolerances", check_fields=False)
+    @classmethod
+    def _of_causes(cls, sizes: Mapping[str, float], info: ValidationInfo) -> Mapping[str, float]:
+        machine = cast(type[Machine], info.context)
+        faults = []
+        for id in (id for id in _causes_of(machine) if id in sizes):
+            size, usual = sizes[id], CAUSES[id].usual(machine) or 0.0
+            if size > _LARGEST_TOLERANCE * usual:
+                times = f"{_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}"
+                remedy = f"Give it in {CAUSES[id].unit or 'its unit'}."
+                faults.append(InputError(f"That is more than {times}.", remedy, column=id))
+            if 0.0 < size < _SMALLEST_TOLERANCE:
+                what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
+                faults.append(InputError(what, "Give 0 to rule it out.", column=id))
+        if faults:
+            raise InvalidFileError(faults)
+        return sizes
+
+
+@functools.cache
+def _file_schema(machine: type[Machine]) -> type[_Around]:
+    """The whole file of a kind of machine."""
+    bases: tuple[type[Schema], ...] = _Around, machine
+    return cast(type[_Around], create_model(f"{machine.__name__}File", __base__=bases))
 
 
 @dataclass(frozen=True)
@@ -173,9 +198,9 @@ def read_machine_file(path: Path | str) -> StoredMachine:
     return machine_file_in(load_tree(file))
 
 
-def machine_file_in(tree: Tree) -> StoredMachine:
+def machine_file_in(tree: Content) -> StoredMachine:
     """The machine file that a parsed document is. Raises as `read_machine_file` does."""
-    value, file = tree.value, tree.file
+    value, file = tree.value, tree.document
     if not isinstance(value, dict):
         remedy = f"Copy configs/{DEFAULT_NAME} and change its values."
         raise InputError("This is not a machine file.", remedy, file=file.path, line=1)
@@ -186,9 +211,9 @@ def machine_file_in(tree: Tree) -> StoredMachine:
     if file.text.startswith(WRITTEN) and "complete" not in value:
         what = "The last line, `complete: true`, is missing: the file was cut off."
         remedy = "Take it from a copy; add the line only if you know that nothing is missing."
-        tree.faults.add(what, remedy, line=file.text.count("\n"), column="complete")
-    if model is None or tree.faults:
-        raise tree.faults.error()
+        tree.add(what, remedy, line=file.text.count("\n"), column="complete")
+    if model is None or tree.problems:
+        raise tree.error()
     remark = "It does not say `identified:`. Was it cut off? If not, add the line `identified: []`."
     return StoredMachine(model, file, () if "identified" in value else (remark,))
 
@@ -218,13 +243,12 @@ def shipped_folder() -> Path:
     return inside if inside.is_dir() else package.parent / "configs"
 
 
-def machine_in(tree: Tree, path: Steps) -> Model | None:
+def machine_in(tree: Content, path: Steps) -> Model | None:
     """The machine that a group of keys describes; None after noting what is wrong with it."""
     value = tree.value
     for step in path:
         value = value.get(step)
-    faults, before = tree.faults, len(tree.faults.problems)
-
+    before = len(tree.problems)
     if not isinstance(value, dict):
         if path[-1] in tree.value:
             tree.note(path, *WORDS["model_type"])
@@ -232,49 +256,27 @@ def machine_in(tree: Tree, path: Steps) -> Model | None:
             tree.note(path, "The key is missing.", "Add a line `machine: …`.")
         return None
     kind = value.get("kind", kind_of(value))
-    made = MACHINES.get(kind) if isinstance(kind, str) else None
-    own = made or MACHINES[kind_of(value)]
-    order = sorted(own.model_fields, key=lambda key: key in Machine.model_fields)
-    known = list(dict.fromkeys(("schema_version", "kind", "name", *order, *_Around.model_fields)))
-    for key in value:
-        if key not in known:
-            remedy = f"{nearest(key, known)}Known here: {', '.join(known)}."
-            tree.note((*path, key), "The key is not known.", remedy)
-    if made is None:
+    if not isinstance(kind, str) or kind not in MACHINES:
         remedy = f"{nearest(str(kind), MACHINES)}Known: {', '.join(MACHINES)}."
         tree.note((*path, "kind"), "This kind of machine is not known.", remedy)
-    elif "kind" not in value and kind != kind_of({}):
-        faults.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
-    found: list[Any] = []
-    schemas: tuple[type[Schema] | None, ...] = made, _Around
-    for schema in filter(None, schemas):
-        part = {key: value[key] for key in value if key in schema.model_fields}
-        try:
-            found.append(schema.model_validate(part, context=own))
-        except ValidationError as error:
-            faults.take(error, schema, lambda inner: tree.place((*path, *inner)))
-    tolerances = value.get("tolerances")
-    causes = _causes_of(own)
-    for id, text in tolerances.items() if made and isinstance(tolerances, dict) else ():
-        at = (*path, "tolerances", id)
-        if id not in causes:
-            tree.note(at, *_unknown_cause(id, causes), id)
-            continue
-        usual = CAUSES[id].usual(own) or 0.0
-        size = 0.0
-        with suppress(InputError):  # said of the machine
-            size = yaml_number(text)
-        if _LARGEST_TOLERANCE * usual < size <= 1e6:
-            times = f"{_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}"
-            remedy = f"Give it in {CAUSES[id].unit or 'its unit'}."
-            tree.note(at, f"That is more than {times}.", remedy)
-        if 0.0 < size < _SMALLEST_TOLERANCE:
-            what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
-            tree.note(at, what, "Give 0 to rule it out.")
-    if len(faults.problems) > before:
         return None
-    machine, rest = found
-    return Model(machine, tuple(each.effect(own) for each in rest.identified))
+    if "kind" not in value and kind != kind_of({}):
+        tree.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
+    machine = MACHINES[kind]
+    schema = _file_schema(machine)
+    try:
+        file = schema.model_validate(value, context=machine)
+    except ValidationError as error:
+        tree.take(error, schema, path)
+    sizes, causes = value.get("tolerances"), _causes_of(machine)
+    for id in sizes if isinstance(sizes, dict) else ():
+        if id not in causes:
+            tree.note((*path, "tolerances", id), *_unknown_cause(id, causes), id)
+    if len(tree.problems) > before:
+        return None
+    fields = {name: getattr(file, name) for name in machine.model_fields}
+    effects = tuple(entry.effect(machine) for entry in file.identified)
+    return Model(machine.model_construct(**fields), effects)
 
 
 def _causes_of(machine: type[Machine]) -> list[str]:
@@ -287,7 +289,7 @@ def _unknown_cause(id: str, known: list[str]) -> tuple[str, str]:
     return what, f"{nearest(id, known)}Known: {', '.join(known)}."
 
 
-def is_machine_file(tree: Tree) -> bool:
+def is_machine_file(tree: Content) -> bool:
     """Whether a file without readings has a key that makes it a machine file, or means to."""
     keys = set(tree.value) if isinstance(tree.value, dict) else set()
     known = machine_values(default_machine()).keys() - {"name"}
@@ -309,14 +311,14 @@ def machine_values(model: Model) -> dict[str, Any]:
         "schema_version": 1,
         **stated,
         **{key: value for key, value in last.items() if value or key == "tolerances"},
-        "history": [each.model_dump(mode="json", exclude_none=True) for each in machine.history],
+        "history": [entry.model_dump(mode="json", exclude_none=True) for entry in machine.history],
         "identified": [
             {
                 "cause": effect.cause.id,
                 "where": "",
                 "parameters": {
-                    name: {"value": digits(each.value), "std": digits(each.std), "unit": each.unit}
-                    for name, each in model.called(effect).items()
+                    name: {"value": digits(value), "std": digits(std), "unit": unit}
+                    for name, (value, std, unit) in model.called(effect).items()
                 },
                 "date": effect.date,
                 "data_sha256": effect.data_sha256,

@@ -9,7 +9,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.rows import ProbeRow, Reading, Rows, check_order
+from orthoglide_cal.files.rows import ProbeRow, Rows, check_order
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, ProbePlan, touching
@@ -19,7 +19,6 @@ from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
 from orthoglide_cal.schema import parse_number
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
-PROBE_COLUMNS = tuple(ProbeRow.model_fields)
 # A place farther out than so many radii of the bed is not on it.
 BEYOND = 1.2
 # A printer that was calibrated knows its heights to tenths, a calliper is read to hundredths: what
@@ -40,20 +39,17 @@ LARGEST_MM = 10_000.0
 
 def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
     """The touches of a CSV. Raises InvalidFileError with everything that is wrong."""
-    faults = table.faults
-    remarks = table.check_header((*PLACE_COLUMNS, "reading_mm"), PROBE_COLUMNS)
-    table.check_split_numbers(PROBE_COLUMNS[:-1])
-    faults.check()
-    if table.rows and not any("reading_mm" in row.cells for row in table.rows):
+    remarks = table.check_header(ProbeRow)
+    table.check()
+    if table.rows and not any("reading_mm" in cells for cells in table.rows):
         # The empty cells are no faults of their own.
         remedy = "Probe the places in this order, and write the height at which the probe triggers."
-        line = table.rows[0].line
-        faults.add("No reading was filled in.", remedy, line=line, column="reading_mm")
-        faults.check()
+        table.note((0, "reading_mm"), "No reading was filled in.", remedy)
+        table.check()
     away = (2.0 * bed.radius_mm, "coordinate", "the bed is wide")
     high = (bed.highest_mm, "height", "an arm is long")
     longest = {"x_mm": away, "y_mm": away, "reading_mm": high, "z_mm": high}
-    checking = Rows(table.rows, ProbeRow, Reading(table.number, longest), faults)
+    checking = Rows(table, ProbeRow, longest=longest)
     checking.check_complete(("seq", "minutes"))
     check_order(checking)
     for index, row in checking.sound:
@@ -75,9 +71,9 @@ def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
     return Readings(
         touching(place, surface, order, minutes),
         place[:, 2] - surface,
-        np.array([record.line for record in table.rows]),
+        np.array([checking.line(index) for index in range(len(rows))]),
         timed,
-        table.file.source,
+        table.document.source,
         cycle=np.array([row.cycle or 1 for row in rows]),
         note=tuple(row.note or "" for row in rows),
         remarks=tuple(remarks),

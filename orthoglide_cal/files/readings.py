@@ -2,27 +2,26 @@
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
-from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import AfterValidator, AliasChoices, ConfigDict, Field
+from pydantic import AliasChoices, ConfigDict, Field
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Faults
+from orthoglide_cal.files.faults import Content, Steps
 from orthoglide_cal.files.rows import (
+    DIFFERENCE_NAMES,
+    KIND_WORDS,
     LATEST_MINUTES,
     TURNED,
-    Length,
-    Reading,
+    DifferenceRow,
     ReadingRow,
-    Record,
-    Row,
     Rows,
     check_order,
+    difference_name,
 )
 from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
@@ -30,14 +29,8 @@ from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Re
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import known_plan
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, number_setups
-from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number, yaml_number
+from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number
 
-_SESSION_COLUMNS = ("timestamp", "reason")
-READING_COLUMNS = (
-    *(name for name in ReadingRow.model_fields if name not in _SESSION_COLUMNS),
-    "reading_in",
-)
-CODED_COLUMNS = tuple(name for name in READING_COLUMNS if name not in ("gauge", "note"))
 # The note of a reading that was questioned and kept, with its step.
 QUESTIONED = "kept although questioned (r {}): {}"
 _QUESTIONED = re.compile(r"kept although questioned \(r ([0-9]+)\): ([^;:]+)")
@@ -73,8 +66,7 @@ class Conditions(Circumstances):
     """Circumstances as recorded; the gauges are those of the session, or labels in the readings."""
 
     environment: tuple[tuple[str, str], ...] = ()  # name, and what is said of it
-    temperature_c: tuple[float, float] | None = None  # lowest and highest of the thermometer
-    first_and_last_c: tuple[float, float] | None = None  # its first and last reading in time
+    temperature_c: tuple[float, ...] = ()  # of the thermometer, in the order of time
     retaken: int = 0  # number of readings that were replaced
     skipped: int = 0  # number of steps that were left out
     notes: tuple[tuple[int, str], ...] = ()  # (line of the file, remark)
@@ -82,87 +74,81 @@ class Conditions(Circumstances):
     @property
     def questioned(self) -> tuple[tuple[str, str], ...]:
         """Step and question of each reading of a session that was questioned and kept."""
-        found = (_QUESTIONED.match(note) for _, note in self.notes)
-        return tuple((each[1], each[2]) for each in found if each)
+        matches = (_QUESTIONED.match(note) for _, note in self.notes)
+        return tuple((match[1], match[2]) for match in matches if match)
 
-    def _told_c(self, end: int, *names: str) -> float | None:
+    def _stated_c(self, end: int, *names: str) -> float | None:
         """What the environment states under one of these names, else the thermometer at one end."""
         for name in names:
             with suppress(InputError):
                 return parse_number(dict(self.environment).get(name, ""))
-        return self.first_and_last_c[end] if self.first_and_last_c else None
+        return self.temperature_c[end] if self.temperature_c else None
 
     @property
     def temperature_start_c(self) -> float | None:
         """As the environment states it, else of the thermometer; None if neither."""
-        return self._told_c(0, "temperature_start_c", "temperature_c")
+        return self._stated_c(0, "temperature_start_c", "temperature_c")
 
     @property
     def temperature_end_c(self) -> float | None:
         """As the environment states it, else of the thermometer; None if neither."""
-        return self._told_c(-1, "temperature_end_c")
+        return self._stated_c(-1, "temperature_end_c")
 
     @property
     def temperatures_c(self) -> tuple[float, ...]:
         """Every temperature that is known; empty if none is."""
         ends = (self.temperature_start_c, self.temperature_end_c)
-        return (*(self.temperature_c or ()), *(each for each in ends if each is not None))
+        return (*self.temperature_c, *(end for end in ends if end is not None))
 
     @property
     def mean_temperature_c(self) -> float | None:
-        """Of the thermometer, else of what the environment states; None if neither."""
+        """Middle of the thermometer's range, else mean of what is stated; None if neither."""
         known = self.temperature_c or self.temperatures_c
-        return sum(known) / len(known) if known else None
+        if not known:
+            return None
+        return (min(known) + max(known)) / 2.0
 
 
 def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
     """The readings of a CSV. Raises InvalidFileError with everything that is wrong."""
-    needed = ("leg", "posture", "direction", "reading_mm")
-    remarks = table.check_header(needed, READING_COLUMNS, "reading_in")
-    table.check_split_numbers(CODED_COLUMNS)
-    # What only a session may have is no part of a table.
-    records = [
-        replace(each, cells={k: v for k, v in each.cells.items() if k not in _SESSION_COLUMNS})
-        for each in table.rows
-    ]
-    return readings_from_records(
-        records, machine, table.file.source, table.faults, table.number, remarks=remarks
-    )
+    remarks = table.check_header(ReadingRow)
+    for cells in table.rows:
+        for name in ReadingRow.only_in_sessions:
+            cells.pop(name, None)
+    return readings_in(table, machine, remarks=remarks)
 
 
-def readings_from_records(
-    records: Sequence[Record],
+def readings_in(
+    content: Content,
     machine: Orthoglide,
-    source: Source,
-    faults: Faults,
-    number: Callable[[str], float] = yaml_number,
+    path: Steps = (),
     *,
     started: str | None = None,
     remarks: Sequence[str] = (),
 ) -> Readings:
-    """Convert and check the records of a file, by the limits of a machine.
+    """Convert and check the readings of a file, by the limits of a machine.
 
     Args:
-        records: in the order of the file.
-        faults, remarks: those found earlier; these are added.
-        number: what a text is as a number; raises InputError.
+        content: of the file, with the faults found earlier; these are added.
+        path: of the list of readings.
         started: when the session began, ISO 8601, for times without `minutes`.
+        remarks: those found earlier; these are added.
 
     Raises:
-        InvalidFileError: everything that is wrong with the records.
+        InvalidFileError: everything that is wrong with the file.
     """
     leg = machine.leg_length_mm
     than = "the leg is long"
     longest = {"reading_mm": (leg, "reading", than), "entered": (leg, "offset", than)}
-    reading = Reading(number, longest, machine.joint_limits_mm)
-    checking = Rows(records, ReadingRow, reading, faults)
-    checking.check_complete(("seq", "cycle", "minutes", "end"))
-    clock = _clock(checking, started)
-    check_order(checking, clock)
-    _check_parts(checking)
-    lines = [record.line for record in records]
-    readings = readings_of(checking.checked(), machine, source, lines, clock)
-    return replace(readings, remarks=(*remarks, *_remarks(readings, records, machine)))
+    rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.joint_limits_mm)
+    rows.check_complete(("seq", "cycle", "minutes", "end"))
+    _time(rows, started)
+    check_order(rows)
+    _check_parts(rows)
+    checked = rows.checked()
+    lines = [rows.line(index) for index in range(len(checked))]
+    readings = readings_of(checked, machine, content.document.source, lines)
+    return replace(readings, remarks=(*remarks, *_remarks(readings, rows.cells, machine)))
 
 
 def readings_of(
@@ -170,17 +156,15 @@ def readings_of(
     machine: Orthoglide,
     source: Source,
     lines: Sequence[int],
-    clock: Sequence[float] | None = None,
 ) -> Readings:
     """Checked rows in the order of their file, and their lines, as arrays.
 
-    The machine gives the postures, and `clock` the minutes of each row; None for its own, if any.
+    The machine gives the postures.
     """
     first = rows[0]  # what is numbered or timed in one row is so in all
-    minutes = clock or [row.minutes or 0.0 for row in rows]
+    minutes = [row.minutes or 0.0 for row in rows]
     # The same time for all means no times.
-    told = clock is not None or first.minutes is not None
-    timed = told and (len(rows) == 1 or len(set(minutes)) > 1)
+    timed = first.minutes is not None and (len(rows) == 1 or len(set(minutes)) > 1)
     in_time = np.argsort([-1 if row.seq is None else row.seq for row in rows], kind="stable")
     order = np.argsort(in_time)
     contact = np.array([Contact[(row.end or "fixed").upper()] for row in rows], dtype=np.intp)
@@ -227,8 +211,7 @@ def conditions_in(readings: Readings) -> Conditions:
     labels = dict.fromkeys(label for label in readings.gauge if label)
     notes = zip(readings.line.tolist(), readings.note, strict=True)
     return Conditions(
-        temperature_c=(min(known), max(known)) if known else None,
-        first_and_last_c=(known[0], known[-1]) if known else None,
+        temperature_c=tuple(known),
         gauges=tuple(GaugeIdentity(id=label) for label in labels),
         notes=tuple((line, note) for line, note in notes if note),
     )
@@ -288,11 +271,11 @@ def readings_csv(readings: Readings) -> str:
     return csv_text(columns, texts)
 
 
-def _clock(rows: Rows[ReadingRow], started: str | None) -> list[float] | None:
-    """Minutes from the timestamps; None unless all readings have one and none has `minutes`."""
+def _time(rows: Rows[ReadingRow], started: str | None) -> None:
+    """Give the rows the minutes of their timestamps, if all have one and none has `minutes`."""
     taken = {index: row.timestamp for index, row in rows.sound if row.timestamp}
-    if not taken or len(taken) < len(rows.sound) or any("minutes" in r.cells for r in rows.records):
-        return None
+    if not taken or len(taken) < len(rows.sound) or any("minutes" in cells for cells in rows.cells):
+        return
     moments = {index: datetime.fromisoformat(at) for index, at in taken.items()}
     try:
         first = datetime.fromisoformat(started) if started else min(moments.values())
@@ -301,18 +284,18 @@ def _clock(rows: Rows[ReadingRow], started: str | None) -> list[float] | None:
         what = "Some times have a time zone and others have none."
         remedy = "Write all of them, and `started`, in the same way."
         rows.note(min(taken), "timestamp", what, remedy)
-        return None
-    for index, value in minutes.items():
-        if not 0.0 <= value <= LATEST_MINUTES:
+        return
+    for index, row in rows.sound:
+        rows.rows[index] = row.changed(minutes=minutes[index])
+        if not 0.0 <= minutes[index] <= LATEST_MINUTES:
             what = "The time is before `started`, or years after it."
             rows.note(index, "timestamp", what, "Correct the time, or `started`.")
-    return [minutes.get(index, 0.0) for index in range(len(rows.rows))]
 
 
 def _check_parts(rows: Rows[ReadingRow]) -> None:
     """Parts are numbered in order of time, without a gap."""
     last = 1
-    for index, row in sorted(rows.sound, key=lambda each: each[1].seq or 0):
+    for index, row in sorted(rows.sound, key=lambda item: item[1].seq or 0):
         part = row.part or 1
         if not last <= part <= last + 1:
             what = f"Part {part} does not follow part {last}."
@@ -321,7 +304,9 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
         last = max(last, part)
 
 
-def _remarks(readings: Readings, records: Sequence[Record], machine: Orthoglide) -> list[str]:
+def _remarks(
+    readings: Readings, rows: Sequence[Mapping[str, str]], machine: Orthoglide
+) -> list[str]:
     """What the user should know although nothing is wrong."""
     remarks = []
     travel = machine.gauge.range_mm
@@ -336,98 +321,62 @@ def _remarks(readings: Readings, records: Sequence[Record], machine: Orthoglide)
     if not readings.timed:
         assumed = f"{_MINUTES_PER_READING:g} minutes per reading were assumed."
         remarks.append(f"Times were not given, or are all the same; {assumed}")
-    if readings.timed or "cycle" in records[0].cells:
+    if readings.timed or "cycle" in rows[0]:
         # Cycle or minutes should tell repeats apart.
         lines: dict[frozenset[tuple[str, str]], int] = {}
-        for row in records:
-            content = frozenset(item for item in row.cells.items() if item[0] != "seq")
+        for line, cells in zip(readings.line.tolist(), rows, strict=True):
+            content = frozenset(item for item in cells.items() if item[0] != "seq")
             if content in lines:
-                repeats = f"Line {row.line} repeats line {lines[content]} word for word"
+                repeats = f"Line {line} repeats line {lines[content]} word for word"
                 remarks.append(f"{repeats}; both were used.")
-            lines.setdefault(content, row.line)
+            lines.setdefault(content, line)
     return remarks
 
 
 # --- differences of readings, as the paper prints them --------------------------------------------
 
-DIFFERENCE_COLUMNS = ("difference", "value_mm", "value_in")
-_KINDS = {
-    DataKind.SIX: "max − min",
-    DataKind.TWELVE: "relative to the isotropic posture",
-    DataKind.SINGLE: "tool end − joint end",
-}
-_NAMED = {each.name for known in DIFFERENCES.values() for each in known}
-_KNOWN = "Direction first, leg second. Known: {}.".format(
-    "; ".join(
-        f"{kind} ({_KINDS[kind]}): {', '.join(each.name for each in known)}"
-        for kind, known in DIFFERENCES.items()
-    )
-)
-
-
-def _canonical(text: str) -> str:
-    """The canonical name; the leading d may be missing, or a delta."""
-    name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
-    if name not in _NAMED:
-        raise InputError("This is not the name of a difference.", _KNOWN)
-    return name
-
-
-class DifferenceRow(Row):
-    """A difference as the paper prints it."""
-
-    difference: Annotated[str, AfterValidator(_canonical)]
-    value_mm: Length
-
-    noun = "difference"
-    inches = "value_in"
-    empty: ClassVar[Mapping[str, str]] = {
-        "difference": _KNOWN,
-        "value_mm": "Give the value or remove the row.",
-    }
-
 
 def differences_from_table(table: Table, machine: Orthoglide) -> Differences:
     """The differences of a CSV. Raises InvalidFileError with everything that is wrong."""
-    remarks = table.check_header(DIFFERENCE_COLUMNS[:2], DIFFERENCE_COLUMNS, DIFFERENCE_COLUMNS[2])
+    remarks = table.check_header(DifferenceRow)
     longest = {"value_mm": (machine.leg_length_mm, "difference", "the leg is long")}
-    checking = Rows(table.rows, DifferenceRow, Reading(table.number, longest), table.faults)
-    kind = _kind(checking)
-    rows = {row.difference: row.value_mm for row in checking.checked()}
-    known = {each.name: each for each in DIFFERENCES[kind]}
-    if missing := [name for name in known if name not in rows]:
+    rows = Rows(table, DifferenceRow, longest=longest)
+    kind = _kind(rows)
+    values = {row.difference: row.value_mm for row in rows.checked()}
+    known = {difference.name: difference for difference in DIFFERENCES[kind]}
+    if missing := [name for name in known if name not in values]:
         remarks.append(f"Of the {kind} differences these are missing: {', '.join(missing)}.")
-    if kind is DataKind.TWELVE and rows.keys() <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:
+    if kind is DataKind.TWELVE and values.keys() <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:
         remarks.append(
             "These names were taken as max and min relative to the isotropic posture; a"
             " single-posture file also has dz_x0 or dz_y0."
         )
-    which = tuple(known[name] for name in rows)
-    value = np.array(list(rows.values()))
-    return Differences(kind, which, value, table.file.source, remarks=tuple(remarks))
+    which = tuple(known[name] for name in values)
+    value = np.array(list(values.values()))
+    return Differences(kind, which, value, table.document.source, remarks=tuple(remarks))
 
 
 def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     """The kind that most of the names belong to; the others are faults, and so are repeats."""
     # The single set shares four names with the twelve; its own two decide.
-    known = {kind: {each.name for each in DIFFERENCES[kind]} for kind in DIFFERENCES}
-    names: dict[int, str] = {}
-    for index, record in enumerate(rows.records):
+    known = {kind: {difference.name for difference in DIFFERENCES[kind]} for kind in DIFFERENCES}
+    names: dict[int, str] = {}  # also of rows whose value is wrong
+    for index, cells in enumerate(rows.cells):
         with suppress(InputError):
-            names[index] = _canonical(record.cells.get("difference", ""))
+            names[index] = difference_name(cells.get("difference", ""))
     order = [DataKind.TWELVE, DataKind.SIX]
     if {"dz_x0", "dz_y0"} & set(names.values()):
         order.insert(0, DataKind.SINGLE)
-    kind = max(order, key=lambda each: sum(name in known[each] for name in names.values()))
+    kind = max(order, key=lambda kind: sum(name in known[kind] for name in names.values()))
     first: dict[str, int] = {}
     for index, name in names.items():
         if name not in known[kind]:
-            others = f"{kind} ({_KINDS[kind]})"
+            others = f"{kind} ({KIND_WORDS[kind]})"
             what = f"The name is of another kind than the others, which are {others}."
-            rows.note(index, "difference", what, f"Give one kind in one file. {_KNOWN}")
+            rows.note(index, "difference", what, f"Give one kind in one file. {DIFFERENCE_NAMES}")
         elif name in first:
             what = f"The difference is already in line {first[name]}."
             remedy = "Give each difference once; average repeats, or give the raw readings."
             rows.note(index, "difference", what, remedy)
-        first.setdefault(name, rows.records[index].line)
+        first.setdefault(name, rows.line(index))
     return kind

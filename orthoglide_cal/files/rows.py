@@ -5,13 +5,15 @@ here; what only shows across rows, where the rows become arrays.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+import re
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from types import MappingProxyType
 from typing import Annotated, ClassVar, Generic, TypeVar
 
 from pydantic import (
     AfterValidator,
+    AliasChoices,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -22,8 +24,9 @@ from pydantic import (
 )
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import FaultPlace, Faults, Steps
+from orthoglide_cal.files.faults import WORDS, Content, Steps
 from orthoglide_cal.files.text import number_text
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.schema import Count, Moment, Schema, text_that, whole_number, yaml_number
 from orthoglide_cal.words import MM_PER_INCH
@@ -31,42 +34,10 @@ from orthoglide_cal.words import MM_PER_INCH
 LATEST_MINUTES = 1e6  # two years
 TURNED = "turned"
 _POSTURES = {posture.value for posture in Posture}
+_MISSING = "The value is missing."
 _AXIS = "Write x, y or z."
+_READING = "Give the reading, or remove the row."
 _POSTURE = "Write iso, max, min or a displacement in mm."
-
-
-@dataclass(frozen=True)
-class Record:
-    """One record of a file, as text."""
-
-    line: int  # its first, from 1
-    cells: Mapping[str, str]  # column → text without blanks around it, of cells that are not empty
-    lines: Mapping[str, int] = field(default_factory=dict)  # of columns whose cell has its own
-    prefix: str = ""  # of a column's name in messages, e.g. "readings[3]."
-
-    def place(self, path: Steps) -> FaultPlace:
-        """Where the cell of a column stands, which `path` begins with."""
-        column = str(path[0])
-        inches = f"{column.removesuffix('_mm')}_in"
-        if column not in self.cells and inches in self.cells:
-            column = inches
-        line = self.lines.get(column, self.line)
-        return FaultPlace(line, self.prefix + column, self.cells.get(column))
-
-
-@dataclass(frozen=True)
-class Reading:
-    """How the cells of one file are read."""
-
-    number: Callable[[str], float] = yaml_number  # the one that a text writes; raises InputError
-    # Column → the longest length [mm], what it is, and than what it must not be larger.
-    longest: Mapping[str, tuple[float, str, str]] = field(default_factory=dict)
-    travel: tuple[float, float] = (-math.inf, math.inf)  # of a carriage, lowest and highest [mm]
-    wanted: bool = True  # whether each row must have its reading, which a skipped one has not
-
-
-class _Inches(str):
-    """The text of a number in inches, in the place of one in mm."""
 
 
 def _number(value: object, info: ValidationInfo) -> float:
@@ -76,8 +47,11 @@ def _number(value: object, info: ValidationInfo) -> float:
 
 
 def _length(value: object, info: ValidationInfo) -> float:
-    size = _number(value, info) * (MM_PER_INCH if isinstance(value, _Inches) else 1.0)
-    if info.context is not None and info.field_name in info.context.longest:
+    size = _number(value, info)
+    if info.context is None:
+        return size
+    size *= MM_PER_INCH if info.field_name == info.context.in_inches else 1.0
+    if info.field_name in info.context.longest:
         longest, noun, than = info.context.longest[info.field_name]
         if abs(size) > longest:
             remedy = f"Check the unit and the decimal mark; {noun}s are in mm."
@@ -107,7 +81,7 @@ def _posture(text: str, info: ValidationInfo) -> str:
 def _entered(value: object, info: ValidationInfo) -> object:
     if not isinstance(value, str):
         return value
-    offsets = tuple(_length(each, info) for each in value.split())
+    offsets = tuple(_length(text, info) for text in value.split())
     if len(offsets) != len(AXES):
         what = f"Three numbers are needed, for x, y and z, not {len(offsets)}."
         raise InputError(what, "Write mm with blanks between them, such as 0.5 0 0.")
@@ -141,8 +115,16 @@ class Row(Schema):
 
     model_config = ConfigDict(extra="ignore")
     noun: ClassVar[str] = "reading"  # what a row is
-    inches: ClassVar[str] = ""  # column that may give the reading in inches
-    empty: ClassVar[Mapping[str, str]] = {}  # column that is needed → what to write where it is not
+    # Column that is needed → what to write where it is empty; the last one holds what was read.
+    needed: ClassVar[Mapping[str, str]] = {}
+    inches: ClassVar[str] = ""  # column that may stand instead of the last one
+    only_in_sessions: ClassVar[Sequence[str]] = ()
+
+    @classmethod
+    def columns(cls) -> tuple[str, ...]:
+        """The columns that a table may have."""
+        names = (name for name in cls.model_fields if name not in cls.only_in_sessions)
+        return (*names, *([cls.inches] if cls.inches else []))
 
     def cells(self) -> dict[str, object]:
         """Column → what a file holds, in the order of files; blank ones are left out."""
@@ -159,7 +141,11 @@ class ReadingRow(Row):
     end: End | None = None  # of the leg, that is touched in the single-posture protocol
     cycle: Count | None = None  # repeat, from 1
     # None for a step that was left out.
-    reading_mm: Length | None = Field(default=None, validate_default=True)
+    reading_mm: Length | None = Field(
+        default=None,
+        validate_default=True,
+        validation_alias=AliasChoices("reading_mm", "reading_in"),
+    )
     seq: Order | None = None  # order in time
     minutes: Minutes | None = None  # since the session began
     temperature_c: Annotated[Cell, Field(ge=-100.0, le=200.0)] | None = None
@@ -175,7 +161,10 @@ class ReadingRow(Row):
     reason: str | None = None  # why it was replaced or left out
 
     inches = "reading_in"
-    empty: ClassVar[Mapping[str, str]] = {"leg": _AXIS, "direction": _AXIS, "posture": _POSTURE}
+    needed: ClassVar[Mapping[str, str]] = {
+        "leg": _AXIS, "posture": _POSTURE, "direction": _AXIS, "reading_mm": _READING
+    }  # fmt: skip
+    only_in_sessions = ("timestamp", "reason")
 
     @field_validator("direction")
     @classmethod
@@ -192,7 +181,7 @@ class ReadingRow(Row):
     @classmethod
     def _given(cls, reading: float | None, info: ValidationInfo) -> float | None:
         if reading is None and info.context is not None and info.context.wanted:
-            raise InputError("The reading is missing.", "Give the reading, or remove the row.")
+            raise InputError("The reading is missing.", _READING)
         return reading
 
     @field_serializer("entered")
@@ -212,44 +201,116 @@ class ProbeRow(Row):
     minutes: Minutes | None = None
     note: str | None = None
 
-    empty: ClassVar[Mapping[str, str]] = dict.fromkeys(
+    needed: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("x_mm", "y_mm", "reading_mm"), "Give it, or remove the row."
     )
 
 
+KIND_WORDS = {
+    DataKind.SIX: "max − min",
+    DataKind.TWELVE: "relative to the isotropic posture",
+    DataKind.SINGLE: "tool end − joint end",
+}
+_NAMED = {difference.name for known in DIFFERENCES.values() for difference in known}
+DIFFERENCE_NAMES = "Direction first, leg second. Known: {}.".format(
+    "; ".join(
+        f"{kind} ({KIND_WORDS[kind]}): {', '.join(difference.name for difference in known)}"
+        for kind, known in DIFFERENCES.items()
+    )
+)
+
+
+def difference_name(text: str) -> str:
+    """The canonical name; the leading d may be missing, or a delta."""
+    name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
+    if name not in _NAMED:
+        raise InputError("This is not the name of a difference.", DIFFERENCE_NAMES)
+    return name
+
+
+class DifferenceRow(Row):
+    """A difference as the paper prints it."""
+
+    difference: Annotated[str, AfterValidator(difference_name)]
+    value_mm: Length = Field(validation_alias=AliasChoices("value_mm", "value_in"))
+
+    noun = "difference"
+    inches = "value_in"
+    needed: ClassVar[Mapping[str, str]] = {
+        "difference": DIFFERENCE_NAMES,
+        "value_mm": "Give the value or remove the row.",
+    }
+
+
+# Columns that never hold free text.
+CODED = {
+    column
+    for schema in (ReadingRow, ProbeRow, DifferenceRow)
+    for column in schema.columns()
+    if column not in ("gauge", "note")
+}
 R = TypeVar("R", bound=Row)
 Timed = TypeVar("Timed", ReadingRow, ProbeRow)
 
 
 class Rows(Generic[R]):
-    """Records of a file as rows; of one with a fault, which is noted, None stands in its place."""
+    """A list in a file as rows; of one with a fault, which is noted, None stands in its place.
+
+    Args:
+        content: of the file.
+        path: of the list.
+        longest: column → the longest length [mm], what it is, and than what it must not be larger.
+        travel: of a carriage, lowest and highest [mm].
+        wanted: whether each row must have its reading, which a skipped one has not.
+    """
 
     def __init__(
-        self, records: Sequence[Record], schema: type[R], reading: Reading, faults: Faults
+        self,
+        content: Content,
+        schema: type[R],
+        path: Steps = (),
+        *,
+        longest: Mapping[str, tuple[float, str, str]] = MappingProxyType({}),
+        travel: tuple[float, float] = (-math.inf, math.inf),
+        wanted: bool = True,
     ) -> None:
-        self.records = records
-        self.faults = faults
-        self._noun = schema.noun
-        missing = "The value is missing."
-        words = {f"missing {name}": (missing, remedy) for name, remedy in schema.empty.items()}
-        mm = schema.inches.replace("_in", "_mm")
+        self.content, self.path, self.noun = content, path, schema.noun
+        self.number, self.wanted = content.parse, wanted
+        self.longest, self.travel = longest, travel
+        self.in_inches = ""  # the column that the row being read gives in inches
+        self.cells: list[dict[str, str]] = []  # column → text, of cells that are not empty
         self.rows: list[R | None] = []
-        for index, record in enumerate(records):
-            cells = record.cells
-            if schema.inches in cells and mm not in cells:
-                cells = {**cells, mm: _Inches(cells[schema.inches])}
+        words = {f"missing {name}": (_MISSING, remedy) for name, remedy in schema.needed.items()}
+        entries = content.value
+        for step in path:
+            entries = entries.get(step)
+        if entries is not None and not isinstance(entries, list):
+            content.note(path, *WORDS["list_type"])
+        for index, entry in enumerate(entries if isinstance(entries, list) else ()):
+            texts = entry.items() if isinstance(entry, dict) else ()
+            plain = {name: text.strip() if isinstance(text, str) else text for name, text in texts}
+            cells = {name: text for name, text in plain.items() if text not in (None, "")}
+            self.cells.append(cells)
+            self.rows.append(None)
+            self.in_inches = [*schema.needed][-1] if schema.inches in cells else ""
             try:
-                self.rows.append(schema.model_validate(cells, context=reading))
+                given = cells if isinstance(entry, dict) else entry
+                self.rows[index] = schema.model_validate(given, context=self)
             except ValidationError as error:
-                faults.take(error, schema, record.place, words)
-                self.rows.append(None)
-            if schema.inches in record.cells and mm in record.cells:
-                remedy = "Give the reading, or remove the row."
-                self.note(index, schema.inches, "The row has two readings.", remedy)
+                content.take(error, schema, (*path, index), words)
+            if self.in_inches and self.in_inches in cells:
+                self.note(index, schema.inches, "The row has two readings.", _READING)
+            for name, text in cells.items():
+                if not isinstance(text, str) and name not in schema.model_fields:
+                    self.note(index, name, *WORDS["string_type"])
+
+    def line(self, index: int) -> int:
+        """The line at which a row begins."""
+        return self.content.lines[*self.path, index]
 
     def note(self, index: int, column: str, what: str, remedy: str) -> None:
         """Note a fault in row `index`."""
-        self.faults.add(what, remedy, *self.records[index].place((column,)))
+        self.content.note((*self.path, index, column), what, remedy)
         self.rows[index] = None
 
     @property
@@ -259,39 +320,35 @@ class Rows(Generic[R]):
 
     def checked(self) -> list[R]:
         """All rows, at least one. Raises InvalidFileError if anything is wrong."""
-        if not self.records and not self.faults:
+        if not self.cells and not self.content.problems:
             remedy = "Give one row for each, under the header."
-            self.faults.add(f"There is no {self._noun}.", remedy)
-        self.faults.check()
+            self.content.add(f"There is no {self.noun}.", remedy)
+        self.content.check()
         return [row for row in self.rows if row is not None]
 
     def check_complete(self, columns: Sequence[str]) -> None:
         """Each of these columns is filled in every row or in none."""
         for column in columns:
-            empty = [index for index, row in enumerate(self.records) if column not in row.cells]
-            for index in empty if len(empty) < len(self.records) else ():
-                what = "The cell is empty here but filled in other rows."
-                self.note(index, column, what, "Fill it in every row or in none.")
+            filled = [column in cells for cells in self.cells]
+            for index, cells in enumerate(self.cells if any(filled) else ()):
+                if cells and not filled[index]:
+                    what = "The cell is empty here but filled in other rows."
+                    self.note(index, column, what, "Fill it in every row or in none.")
 
 
-def check_order(rows: Rows[Timed], minutes: Sequence[float] | None = None) -> None:
-    """Each `seq` stands once, and time never runs backwards along it.
-
-    The minutes of each row are from its `timestamp`; None where rows have `minutes`.
-    """
-    lines = [record.line for record in rows.records]
+def check_order(rows: Rows[Timed]) -> None:
+    """Each `seq` stands once, and time never runs backwards along it."""
     first: dict[int, int] = {}
     for index, row in rows.sound:
         if row.seq is not None and first.setdefault(row.seq, index) != index:
-            what = f"The same number is in line {lines[first[row.seq]]}."
+            what = f"The same number is in line {rows.line(first[row.seq])}."
             remedy = "Number the readings in the order in which they were taken."
             rows.note(index, "seq", what, remedy)
-    in_time = sorted(rows.sound, key=lambda each: -1 if each[1].seq is None else each[1].seq)
+    in_time = sorted(rows.sound, key=lambda item: -1 if item[1].seq is None else item[1].seq)
     for (before, one), (after, other) in pairwise(in_time):
         earlier, later = one.minutes, other.minutes
-        if minutes is not None:
-            earlier, later = minutes[before], minutes[after]
         if earlier is not None and later is not None and later < earlier:
-            what = f"Time runs backwards: line {lines[before]} was taken before this one."
+            what = f"Time runs backwards: line {rows.line(before)} was taken before this one."
             remedy = "Give minutes since the session began; correct seq or the order of the rows."
-            rows.note(after, "minutes" if minutes is None else "timestamp", what, remedy)
+            column = "minutes" if "minutes" in rows.cells[after] else "timestamp"
+            rows.note(after, column, what, remedy)

@@ -7,22 +7,21 @@ from pydantic import ConfigDict, InstanceOf, PlainSerializer, ValidationError
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import machine_file
-from orthoglide_cal.files.faults import WORDS, Steps, unused
+from orthoglide_cal.files.faults import Content, unused
 from orthoglide_cal.files.readings import (
-    READING_COLUMNS,
     Circumstances,
     Conditions,
     conditions_in,
     reading_rows,
-    readings_from_records,
+    readings_in,
 )
-from orthoglide_cal.files.rows import Reading, ReadingRow, Record, Rows
-from orthoglide_cal.files.yaml_tree import Tree, yaml_text
+from orthoglide_cal.files.rows import ReadingRow, Rows
+from orthoglide_cal.files.yaml_tree import yaml_text
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.schema import Version
 
-_COLUMNS = (*READING_COLUMNS, "timestamp")
+_COLUMNS = (*ReadingRow.columns(), "timestamp")
 _ROWS = ("readings", "retaken", "skipped")
 
 
@@ -41,7 +40,7 @@ class Session(Circumstances):
 
 
 def session_from_tree(
-    tree: Tree, model: Model | None
+    tree: Content, model: Model | None
 ) -> tuple[Readings, Model, Conditions, Model | None]:
     """The readings of a parsed session, the machine to judge them by, the circumstances, its own.
 
@@ -53,30 +52,31 @@ def session_from_tree(
         if machine_file.is_machine_file(tree):
             what = "This is a machine file; it holds no readings."
             remedy = "Give it with --machine, and a file of readings as the input."
-            raise InputError(what, remedy, file=tree.file.path)
+            raise InputError(what, remedy, file=tree.file)
         what = "This is neither a table of readings or differences nor a session."
         header = "leg, posture, direction, reading_mm or difference, value_mm"
         remedy = f"A CSV has a header with {header}; a session has `readings:`."
-        raise InputError(what, remedy, file=tree.file.path, line=1)
+        raise InputError(what, remedy, file=tree.file, line=1)
     if model:
         try:
             model.machine.check_guided()
         except UsageError as error:
             none = f"a machine of kind {model.machine.kind} has none."
             what = f"The session was read with gauges; {none}"
-            raise InputError(what, "Leave --machine out.", file=tree.file.path) from error
+            raise InputError(what, "Leave --machine out.", file=tree.file) from error
     recorded = machine_file.machine_in(tree, ("machine",))
     session = _recorded(tree, recorded)
-    records = _records(tree, "readings")
     judge = model or recorded
     if judge is None:
-        raise tree.faults.error()
+        raise tree.error()
     if model and recorded and model.orthoglide.offsets_mm != recorded.orthoglide.offsets_mm:
         judge = model.holding(recorded.orthoglide.offsets_mm)
     keys = Session.model_fields
-    columns = dict.fromkeys(name for each in records for name in each.lines if name not in _COLUMNS)
+    rows = tree.value["readings"]
+    entries = (entry for entry in rows if isinstance(entry, dict)) if isinstance(rows, list) else ()
+    columns = dict.fromkeys(name for entry in entries for name in entry if name not in _COLUMNS)
     remarks = unused("Keys", (key for key in tree.value if key not in keys), keys)
-    remarks += unused("Columns", columns, READING_COLUMNS)
+    remarks += unused("Columns", columns, ReadingRow.columns())
     if recorded and (names := machine_file.differing(recorded, judge)):
         differ = (
             f"The session was measured on {recorded.machine.name!r}, which differs from the machine"
@@ -85,29 +85,33 @@ def session_from_tree(
         remarks.insert(0, differ)
     # The readings pass the same checks as those of a CSV; faults around them are raised with
     # theirs.
-    readings = readings_from_records(
-        records, judge.orthoglide, tree.file.source, tree.faults,
-        started=session.started if session else None, remarks=remarks,
-    )  # fmt: skip
+    started = session.started if session else None
+    machine = judge.orthoglide
+    readings = readings_in(tree, machine, ("readings",), started=started, remarks=remarks)
     if session is None:
-        raise tree.faults.error()
-    found = conditions_in(readings)
-    own, said = {gauge.id for gauge in session.gauges}, session.environment or {}
+        raise tree.error()
+    conditions = conditions_in(readings)
+    labels, environment = {gauge.id for gauge in session.gauges}, session.environment or {}
     given = {key: getattr(session, key) or None for key in Circumstances.model_fields} | {
-        "environment": tuple((name, text) for name, text in said.items() if text),
-        "gauges": (*session.gauges, *(each for each in found.gauges if each.id not in own)),
+        "environment": tuple((name, text) for name, text in environment.items() if text),
+        "gauges": (
+            *session.gauges,
+            *(gauge for gauge in conditions.gauges if gauge.id not in labels),
+        ),
         "retaken": len(session.retaken),
         "skipped": len(session.skipped),
     }
-    return readings, judge, found.changed(**given), recorded
+    return readings, judge, conditions.changed(**given), recorded
 
 
 def session_json(session: Session) -> dict[str, object]:
     """A whole session as a JSON object; saved as a .json file it reads back as a session."""
     rows = {key: [row.cells() for row in getattr(session, key)] for key in _ROWS}
     content = session.model_dump(by_alias=True, exclude=set(_ROWS))
-    said = (gauge.items() for gauge in content["gauges"])
-    content["gauges"] = [{key: each for key, each in one if key != "due" or each} for one in said]
+    gauges = (gauge.items() for gauge in content["gauges"])
+    content["gauges"] = [
+        {key: value for key, value in one if key != "due" or value} for one in gauges
+    ]
     return {**dict.fromkeys(("schema_version", "machine")), **content, **rows}
 
 
@@ -126,40 +130,17 @@ def session_of_readings(
     return Session(machine=model, protocol=protocol, environment=environment, readings=ordered)
 
 
-def _recorded(tree: Tree, machine: Model | None) -> Session | None:
+def _recorded(tree: Content, machine: Model | None) -> Session | None:
     """What is written around the readings; None after noting what is wrong with it."""
     content = {key: value for key, value in tree.value.items() if value is not None}
-    before = len(tree.faults.problems)
+    before = len(tree.problems)
     for key, wanted in (("retaken", True), ("skipped", False)):
-        rows = Rows(_records(tree, key), ReadingRow, Reading(wanted=wanted), tree.faults)
+        rows = Rows(tree, ReadingRow, (key,), wanted=wanted)
         content[key] = [row for _, row in rows.sound]
     content |= {"machine": machine or machine_file.default_machine(), "readings": ()}
     try:
         session = Session.model_validate(content)
     except ValidationError as error:
-        tree.faults.take(error, Session, tree.place)
+        tree.take(error, Session)
         return None
-    return session if machine and len(tree.faults.problems) == before else None
-
-
-def _records(tree: Tree, key: str) -> list[Record]:
-    """The entries of a list as rows of cells; those that are no groups of values are faults."""
-    entries = tree.value.get(key)
-    if entries is not None and not isinstance(entries, list):
-        tree.note((key,), *WORDS["list_type"])
-    records = []
-    for index, entry in enumerate(entries if isinstance(entries, list) else ()):
-        path: Steps = (key, index)
-        if not isinstance(entry, dict):
-            tree.note(path, *WORDS["model_type"])
-            continue
-        inner = [name for name, value in entry.items() if isinstance(value, dict | list)]
-        for name in inner:
-            tree.note((*path, name), "This must be one value.", "Write `name: value`.")
-        if not inner:
-            lines = {name: tree.place((*path, name)).line for name in entry}
-            texts = ((name, (value or "").strip()) for name, value in entry.items())
-            cells = {name: text for name, text in texts if text}
-            line, at, _ = tree.place(path)
-            records.append(Record(line, cells, lines, f"{at}."))
-    return records
+    return session if machine and len(tree.problems) == before else None

@@ -8,13 +8,12 @@ import csv
 import io
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import pairwise
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.files.faults import Faults, unused
-from orthoglide_cal.files.rows import Record
+from orthoglide_cal.files.faults import Content, FaultPlace, Faults, Steps, unused
+from orthoglide_cal.files.rows import CODED, Row
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import parse_number, shortened
 from orthoglide_cal.words import MM, listed, short
@@ -26,33 +25,40 @@ _FORMULA = tuple("=+-@\t\r\n")  # what a spreadsheet would calculate
 _BLANK_CELL = _BLANKS + "\n\r\v\f"
 
 
-@dataclass(frozen=True)
-class Table:
-    """A CSV file."""
+class Table(Content):
+    """A CSV file; its value is the list of its rows that are not blank.
 
-    columns: tuple[str, ...]  # header names in lower case, in order; "" where there is none
-    header_line: int
-    rows: tuple[Record, ...]  # that are not blank
-    decimal_comma: bool  # the delimiter leaves the comma free
-    file: FileText
-    faults: Faults  # wrong quotes and row lengths found so far
+    Each is column → text without blanks around it, of cells that are not empty.
+    """
 
-    def number(self, text: str) -> float:
-        """The number that a cell writes. Raises InputError without a place."""
+    def __init__(self, document: FileText) -> None:
+        super().__init__(document)
+        self.columns: tuple[str, ...] = ()  # names in lower case, in order; "" where there is none
+        self.header_line = 1
+        self.rows: list[dict[str, str]] = []
+        self.value = self.rows
+        self.decimal_comma = False  # the delimiter leaves the comma free
+
+    def parse(self, text: str) -> float:
         return parse_number(text, decimal_comma=self.decimal_comma)
 
-    def check_header(
-        self, columns: Sequence[str], known: Sequence[str], inches: str = ""
-    ) -> list[str]:
-        """A remark on the columns without a meaning (all `known` have one), if there are any.
+    def place(self, path: Steps) -> FaultPlace:
+        """Where a row stands, or a cell of it."""
+        cells = self.rows[int(path[0])]
+        column = str(path[1]) if len(path) > 1 else ""
+        return FaultPlace(self.lines[path[:1]], column or None, cells.get(column))
 
-        Raises what is found so far if the header lacks one of the columns that are needed
-        (`inches` may stand instead of the last of them) or gives lengths twice.
+    def check_header(self, schema: type[Row]) -> list[str]:
+        """A remark on the columns without a meaning, if there are any.
+
+        Raises what is found so far if the header lacks one of the columns that rows of a schema
+        need, or gives lengths twice.
         """
-        before, present = len(self.faults.problems), [name for name in self.columns if name]
+        before, present = len(self.problems), [name for name in self.columns if name]
+        known, inches, last = schema.columns(), schema.inches, [*schema.needed][-1]
         others = [name for name in present if name not in known]
-        for name in columns:
-            if name in present or (name == columns[-1] and inches in present):
+        for name in schema.needed:
+            if name in present or (name == last and inches in present):
                 continue
             close = get_close_matches(name, others, n=1)
             remedy = f"Add it; the header has: {listed(present)}."
@@ -60,54 +66,49 @@ class Table:
                 unit = MM.get(close[0].rpartition("_")[2])
                 factor = f"multiply the numbers by {short(unit, 6)} and " if unit else ""
                 remedy = f"{factor}rename the column {close[0]!r}.".capitalize()
-            what = "The column is missing."
-            self.faults.add(what, remedy, line=self.header_line, column=name)
-        if {columns[-1], inches} <= set(present):
+            self.add("The column is missing.", remedy, line=self.header_line, column=name)
+        if {last, inches} <= set(present):
             what = "Lengths are given both in mm and in inches."
-            remedy = f"Keep one of the columns {columns[-1]} and {inches}."
-            self.faults.add(what, remedy, line=self.header_line, column=inches)
-        if len(self.faults.problems) > before:
-            raise self.faults.error()
+            remedy = f"Keep one of the columns {last} and {inches}."
+            self.add(what, remedy, line=self.header_line, column=inches)
+        if len(self.problems) > before:
+            raise self.error()
+        self._check_split_numbers()
         return unused("Columns", others, known)
 
-    def check_split_numbers(self, coded: Sequence[str]) -> None:
+    def _check_split_numbers(self) -> None:
         """Refuse `0,123` that a comma-separated row has split into the reading 0 and a text 123.
 
-        A column next to the readings that never holds free text (`coded`) has not got the 123.
+        A column next to the readings that never holds free text has not got the 123.
         """
         if self.decimal_comma or not self.rows:
             return
         readings = ("reading_mm", "reading_in")
         pairs = (pair for pair in pairwise(self.columns) if pair[0] in readings)
         value, beside = next(pairs, ("", ""))
-        if not value or beside in coded:
+        if not value or beside in CODED:
             return
-        fractions = [row.cells.get(beside, "") for row in self.rows]
-        cells = [row.cells.get(value, "") for row in self.rows]
+        fractions = [row.get(beside, "") for row in self.rows]
+        cells = [row.get(value, "") for row in self.rows]
         whole = all(re.fullmatch("[-+\u2212]?[0-9]+", cell) for cell in cells)
         if whole and all(map(str.isdigit, fractions)) and max(map(len, fractions)) > 1:
             what = f"Every reading is a whole number with digits in the next column, {beside!r}:"
             what += " decimal commas?"
             remedy = "Write decimal points, or separate the columns with semicolons."
-            said = f"{cells[0]},{fractions[0]}"
-            self.faults.add(what, remedy, self.rows[0].line, value, said)
+            self.add(what, remedy, self.lines[0,], value, f"{cells[0]},{fractions[0]}")
 
 
-def read_table(file: FileText, coded: Sequence[str]) -> Table:
+def read_table(file: FileText) -> Table:
     """Split a file into header and rows.
 
-    Blank lines are skipped, and so are lines that start with # and Excel's `sep=;` line.
-
-    If the first column is not one of those that never hold free text (`coded`), a # after the
-    header belongs to its text: skipping the line would lose a reading.
+    Blank lines are skipped, and so are lines that start with # and Excel's `sep=;` line. If the
+    first column may hold free text, a # after the header belongs to its text: skipping the line
+    would lose a reading.
     """
-    faults = Faults(file.path)
-    lines = file.text.split("\n")
+    table, lines = Table(file), file.text.split("\n")
     at, delimiter = _start(lines)
-    columns: tuple[str, ...] | None = None
-    header_line = 1
+    table.decimal_comma = delimiter != ","
     comments = True
-    rows: list[Record] = []
     while at < len(lines):
         plain = lines[at].lstrip(_BLANKS)
         line = at + 1
@@ -124,27 +125,27 @@ def read_table(file: FileText, coded: Sequence[str]) -> Table:
             if "end of data" in str(error):
                 what = "A quotation mark is opened and never closed."
             remedy = 'Close it, or write "" for a quotation mark inside quotes.'
-            faults.add(what, remedy, line=line, value=shown)
+            table.add(what, remedy, line=line, value=shown)
             break
         at += reader.line_num  # quotes may span lines
-        if columns is None:
-            columns = _columns(cells, line, faults)
-            header_line = line
-            comments = columns[0] in coded
-        elif len(rows) >= _ROWS:
-            faults.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)
+        if not table.columns:
+            table.columns, table.header_line = _columns(cells, line, table), line
+            comments = table.columns[0] in CODED
+        elif len(table.rows) >= _ROWS:
+            table.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)
             break
-        elif any(cells[len(columns) :]):
-            what = f"The row has {len(cells)} cells, the header {len(columns)}."
+        elif any(cells[len(table.columns) :]):
+            what = f"The row has {len(cells)} cells, the header {len(table.columns)}."
             remedy = f"Put a cell that holds {delimiter!r} in quotes."
             if delimiter == ",":
                 remedy = "For decimal commas separate the columns with semicolons"
                 remedy += ", in the header too."
-            faults.add(what, remedy, line=line, value=shown)
+            table.add(what, remedy, line=line, value=shown)
         elif any(cells):
-            pairs = zip(columns, cells, strict=False)
-            rows.append(Record(line, {name: cell for name, cell in pairs if cell}))
-    return Table(columns or (), header_line, tuple(rows), delimiter != ",", file, faults)
+            table.lines[len(table.rows),] = line
+            pairs = zip(table.columns, cells, strict=False)
+            table.rows.append({name: cell for name, cell in pairs if cell})
+    return table
 
 
 def _start(lines: Sequence[str]) -> tuple[int, str]:

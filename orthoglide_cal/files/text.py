@@ -29,10 +29,6 @@ _ABANDONED_S = 3600.0
 _UTF8 = "Save it as UTF-8 (in a spreadsheet: “CSV UTF-8”)."
 
 
-class UnreadableError(InputError):
-    """There is no such file, or the system does not let it be read."""
-
-
 @dataclass(frozen=True)
 class FileText:
     """A text file as read; line ends are "\\n", and there is no byte order mark."""
@@ -51,8 +47,7 @@ def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
     """Read a text file, or standard input for "-", of at most `limit` bytes.
 
     Raises:
-        UnreadableError: no such file, a folder, no permission.
-        InputError: too large, empty, or not UTF-8 text.
+        InputError: no such file, a folder, no permission; too large, empty, or not UTF-8 text.
     """
     return document_from_bytes(read_bytes(path, limit), path, limit)
 
@@ -60,7 +55,7 @@ def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
 def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
     """The bytes of a file, of standard input ("-"), or of the printer.cfg of a Moonraker server.
 
-    Raises UnreadableError as `read_document`; InputError: the server cannot be reached.
+    Raises InputError: no such file, a folder, no permission; the server cannot be reached.
     """
     if address := moonraker.server(path):
         return moonraker.printer_cfg(address)
@@ -76,7 +71,7 @@ def read_bytes(path: str, limit: int = TABLE_LIMIT) -> bytes:
             what, remedy = "There is no such file.", "Check the path."
         elif isinstance(error, IsADirectoryError):
             what, remedy = "This is a folder.", "Name a file inside it."
-        raise UnreadableError(what, remedy, file=path) from error
+        raise InputError(what, remedy, file=path) from error
 
 
 def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> FileText:

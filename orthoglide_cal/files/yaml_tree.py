@@ -7,15 +7,15 @@ A file that people keep is edited, never dumped again: comments, order and blank
 Whoever edits one reads the result back, because YAML has forms that nobody writes.
 """
 
+import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from itertools import count
 from typing import Any
 
 import yaml
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import FaultPlace, Faults, Steps, dotted
+from orthoglide_cal.files.faults import Content, Steps, dotted
 from orthoglide_cal.files.text import CONTROL, YAML_LIMIT, FileText, check_size
 
 _DEPTH = 20
@@ -25,32 +25,7 @@ _NULLS = ("", "~", "null", "Null", "NULL")
 _Change = tuple[int, int, str]
 
 
-@dataclass
-class Tree:
-    """One YAML file."""
-
-    file: FileText
-    faults: Faults  # duplicate keys found so far
-    value: Any = None  # dict, list, str or None, nested
-    lines: dict[Steps, int] = field(default_factory=dict, repr=False)  # of each node, from 1
-
-    def place(self, path: Steps) -> FaultPlace:
-        """Where the node at `path` stands; of one that is missing, where its parent does."""
-        value, there = self.value, path
-        while there and there not in self.lines:
-            there = there[:-1]
-        for step in there:
-            value = value[step]
-        text = value if there == path and isinstance(value, str) else None
-        return FaultPlace(self.lines.get(there, 1), dotted(path), text)
-
-    def note(self, path: Steps, what: str, remedy: str, value: str | None = None) -> None:
-        """Note a fault of the node at `path`; `value` instead of the text there."""
-        line, column, text = self.place(path)
-        self.faults.add(what, remedy, line, column, value or text)
-
-
-def load_tree(file: FileText) -> Tree:
+def load_tree(file: FileText) -> Content:
     """Parse a file without resolving anything.
 
     Work and memory are bounded by the size limit: aliases, anchors and tags are refused, as are
@@ -60,9 +35,9 @@ def load_tree(file: FileText) -> Tree:
     check_size(file.size, file.path, YAML_LIMIT)
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     events: Iterator[Any] = yaml.parse(file.text, Loader=loader)
-    tree, nodes, documents = Tree(file, Faults(file.path)), count(1), 0
+    tree, nodes, documents = Content(file), count(1), 0
 
-    def check(event: Any, path: Steps) -> None:
+    def check(event: yaml.NodeEvent, path: Steps, line: int) -> None:
         tag, text = getattr(event, "tag", None), getattr(event, "value", "")
         number = next(nodes)
         value = None
@@ -79,36 +54,39 @@ def load_tree(file: FileText) -> Tree:
             what, remedy = f"Nested deeper than {_DEPTH} levels.", "Give a simpler file."
         else:
             return
-        line, column = event.start_mark.line + 1, dotted(path) or None
+        column = dotted(path) or None
         raise InputError(what, remedy, file=file.path, line=line, column=column, value=value)
 
-    def read(tree: Tree, event: Any, path: Steps, line: int) -> Any:
+    def read(tree: Content, event: yaml.NodeEvent, path: Steps, line: int) -> object:
         """The value of the node that begins with an event; what is found goes to a tree."""
-        check(event, path)
+        check(event, path, line)
         tree.lines[path] = line
         if isinstance(event, yaml.ScalarEvent):
             return None if not event.style and event.value in _NULLS else event.value
-        content: Any = {} if isinstance(event, yaml.MappingStartEvent) else []
-        for each in events:
-            line = each.start_mark.line + 1
-            if isinstance(each, yaml.CollectionEndEvent):
+        items: list[object] = []
+        group: dict[str, object] = {}
+        for inner in events:
+            line = inner.start_mark.line + 1
+            if isinstance(inner, yaml.CollectionEndEvent):
                 break
-            if isinstance(content, list):
-                content.append(read(tree, each, (*path, len(content)), line))
+            if isinstance(event, yaml.SequenceStartEvent):
+                items.append(read(tree, inner, (*path, len(items)), line))
                 continue
-            key = (*path, getattr(each, "value", ""))
-            check(each, path)
-            if not isinstance(each, yaml.ScalarEvent) or (not each.style and each.value in _NULLS):
+            key = (*path, getattr(inner, "value", ""))
+            check(inner, path, line)
+            if not isinstance(inner, yaml.ScalarEvent) or (
+                not inner.style and inner.value in _NULLS
+            ):
                 what, remedy = "A key must be a word.", "Write `name: value`."
                 raise InputError(what, remedy, file=file.path, line=line)
-            if each.value not in content:
-                content[each.value] = read(tree, next(events), key, line)
+            if inner.value not in group:
+                group[inner.value] = read(tree, next(events), key, line)
                 continue
-            value = read(Tree(file, Faults(file.path)), next(events), key, line)
+            value = read(Content(file), next(events), key, line)
             what = f"The key is given twice (first in line {tree.lines[key]})."
             text = value if isinstance(value, str) else None
-            tree.faults.add(what, "Remove one of them.", line, dotted(key), text)
-        return content
+            tree.add(what, "Remove one of them.", line, dotted(key), text)
+        return items if isinstance(event, yaml.SequenceStartEvent) else group
 
     try:
         for event in events:
@@ -134,16 +112,17 @@ def load_tree(file: FileText) -> Tree:
 
 def yaml_text(value: object) -> str:
     """YAML of plain values, in the order given, as `load_tree` reads it back."""
-    style: dict[str, Any] = {"sort_keys": False, "allow_unicode": True, "width": 1000}
-    written: str = yaml.dump(value, Dumper=_Dumper, default_flow_style=None, **style)
+    # What occurs twice becomes two values: YAML would write an alias, which `load_tree` refuses.
+    apart = json.loads(json.dumps(value))
+    written: str = yaml.dump(
+        apart,
+        Dumper=getattr(yaml, "CSafeDumper", yaml.SafeDumper),
+        default_flow_style=None,
+        sort_keys=False,
+        allow_unicode=True,
+        width=1000,
+    )
     return written
-
-
-class _Dumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
-    """Writes a value that occurs twice twice; `load_tree` refuses aliases."""
-
-    def ignore_aliases(self, data: object) -> bool:
-        return True
 
 
 def edited(text: str, values: Mapping[str, object]) -> str:

@@ -24,7 +24,6 @@ from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis, score_all, score_patterns
 from orthoglide_cal.model.plan import Floats
 
-TINY = 1e-300  # a probability, for its logarithm
 Key = TypeVar("Key", bound=Hashable)
 
 
@@ -156,18 +155,16 @@ class Belief:
         """Probability of some sets of causes together."""
         return sum(map(self.listed.__getitem__, sets))
 
-    def is_silent(self, ids: Ids, part: Ids) -> bool:
-        """Return whether the data do not favour what a set adds to a part of it.
+    def gain(self, ids: Ids, part: Ids) -> float:
+        """Log odds by which the data favour a fault without size, which a set adds to a part of it.
 
-        Neither in the mean over plausible sizes nor, of a fault without size, where both fit best:
-        that the other causes are then of more usual size is no evidence.
+        The smaller of those in the mean over plausible sizes and of those where both fit best: that
+        the other causes are then of more usual size is no evidence.
         """
-        if not set(part) < set(ids) or not self.listed[part]:
-            return False
-        gain = math.log(max(self.listed[ids], TINY)) - math.log(self.listed[part])
+        gain = self.log_weight[ids] - self.log_weight[part]
         gain -= self.hypotheses[ids].log_prior - self.hypotheses[part].log_prior
         fits = [self.fits.get(ids), self.fits.get(part)]
-        if is_sizeless(ids, part) and all(fit and unit_of(fit.effects) == 1.0 for fit in fits):
+        if all(fit and unit_of(fit.effects) == 1.0 for fit in fits):
             first, second = (fit.log_likelihood for fit in fits if fit)
             gain = min(gain, first - second)
-        return gain < 0.0
+        return gain

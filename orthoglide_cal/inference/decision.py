@@ -8,6 +8,7 @@ a number of its own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -174,11 +175,12 @@ class Decision:
 
     @cached_property
     def silent(self) -> tuple[Ids, ...]:
-        """Faults without size besides the best answer of which the data say nothing, however likely
-        they are."""
+        """Faults without size besides the best answer that are open, but not by these data: as
+        plausible as not beforehand, to look for them would cost more than to miss them."""
         belief, best = self.belief, self.best
         adding = (ids for ids in belief.listed if is_sizeless(ids, best) and self.is_open(ids))
-        return tuple(ids for ids in adding if belief.is_silent(ids, best))
+        least = math.log(self.hold / MISSED_FAULT)
+        return tuple(ids for ids in adding if belief.gain(ids, best) < least)
 
     def nearly_dismissed(self, ids: Ids) -> bool:
         """Return whether a set contradicts the best one and is below its bound, not far below."""

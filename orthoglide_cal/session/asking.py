@@ -1,4 +1,4 @@
-"""Where questions are put and answered: keyboard and gauge together, behind one `ask`."""
+"""Questions and their answers: keyboard and gauge together, behind one `ask`."""
 
 import math
 import time
@@ -32,7 +32,7 @@ BACK_AT_THE_KEYS_S = 0.3  # and a hand needs so long to come back to the keys [s
 
 
 class Style(StrEnum):
-    """What a text is; how it looks where colours are wanted, as terminals count looks."""
+    """Kind of a text; its look where colours are wanted, as terminals number looks."""
 
     PLAIN = ""
     TITLE = "1"  # bold
@@ -78,7 +78,7 @@ class DeadTime:
         self.opens = max(self.opens, at + wait)
 
     def is_early(self, begun: float, ended: float, length: int, shown: float) -> bool:
-        """Whether a message cannot be meant for the question that stands there since `shown`.
+        """True if a message cannot be meant for the question that stands there since `shown`.
 
         It began and ended with its first character and its end; its length is 0 if nobody typed it.
         """
@@ -138,19 +138,19 @@ class Asker:
 
     @property
     def _strict(self) -> bool:
-        """Whether what comes too soon is a second press; a simulated gauge has no button."""
+        """True if what comes too soon is a second press; a simulated gauge has no button."""
         return self.gauge is None or not self.gauge.reads_itself
 
-    def say(self, text: str, style: Style = Style.PLAIN) -> None:
-        """Show text whose lines end where the screen does; it moves the place up the screen."""
-        self.pushed = True
+    def say(self, text: str, style: Style = Style.PLAIN, *, pushes: bool = True) -> None:
+        """Show text whose lines end where the screen does; if it `pushes`, the place moves up."""
+        self.pushed = self.pushed or pushes
         self.show(wrapped(text, self.columns), style)
 
     def rest(self, driving: bool) -> None:
         """The last answer was a reading: begin the dead time, longer if the machine is driven."""
         at, source = self._answered
-        for each in (self._keys, self._gauges) if self._strict else ():
-            each.begin(at, driving, each is source)
+        for dead in (self._keys, self._gauges) if self._strict else ():
+            dead.begin(at, driving, dead is source)
 
     def ask(
         self, prompt: str, step: SessionStep | None = None, takes: int = 0
@@ -174,8 +174,8 @@ class Asker:
                 for item in self.gauge.poll(asked=False):
                     self._drop(item.raw, self.clock(), self._gauges)
         for source in (self._keys, self._gauges):
-            if (found := self._stream(source)) is not None:
-                return found
+            if (unasked := self._stream(source)) is not None:
+                return unasked
         gauge = self.gauge if step is not None else None
         if gauge is not None and step is not None:
             gauge.begin(step, takes)
@@ -256,8 +256,7 @@ class Asker:
                 self._drop(item.raw, now, self._gauges)
             elif item.value is None or item.elsewhere is not None:
                 why = item.elsewhere or "That is not a reading: nothing is recorded."
-                said = f"The gauge says '{visible(item.raw)[:40]}'. {why}"
-                self._break_in(said, Style.BAD)
+                self._break_in(f"The gauge says '{visible(item.raw)[:40]}'. {why}", Style.BAD)
             elif gauge.reads_itself or not self.keyboard.live:
                 self._end_line()
                 return item
@@ -269,7 +268,7 @@ class Asker:
         return self._stream(self._gauges)
 
     def _stream(self, source: DeadTime) -> Unasked | None:
-        """Whether this source sends by itself, said once."""
+        """Say once that this source sends by itself; None if it does not."""
         if self._held is not None or source.unasked < STREAM or self._sending is source:
             return None
         self._sending = source

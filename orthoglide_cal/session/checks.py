@@ -17,7 +17,7 @@ from orthoglide_cal.model.gauge import off_scale, too_steady
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.session.events import Doubt
-from orthoglide_cal.session.readings import NextReading
+from orthoglide_cal.session.readings import ReadingsSoFar
 from orthoglide_cal.session.wording import in_unit, value_text
 from orthoglide_cal.words import MM_PER_INCH, Unit, with_uncertainty
 
@@ -43,16 +43,17 @@ class Question(NamedTuple):
 
 
 class Blunder(NamedTuple):
-    """A blunder as what it makes of k readings: their signs, and their rows of the forecast."""
+    """A blunder by what undoes it in k readings: factors, rows of the forecast, a last shift."""
 
     question: Question
-    signs: Floats
+    factors: Floats
     rows: Ints
+    shift_mm: float = 0.0  # of the last reading
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What speaks against a reading; of q readings at once, of as many sessions."""
+    """Evidence against a reading; of q readings at once, of as many sessions."""
 
     prediction: Mixture  # of this one value, from the readings before
     tail: Floats  # chance of a reading at least this far off, shape (q,)
@@ -61,26 +62,26 @@ class Evidence:
 
     @property
     def questioned(self) -> NDArray[np.bool_]:
-        """Whether a question is due, shape (q,)."""
+        """True where a question is due, shape (q,)."""
         together = (self.gains > math.log(RATIO)).any(axis=0)
         return np.asarray((self.tail < RARE) | together)
 
 
-def check(coming: NextReading, value: float) -> Question | None:
-    """The question that a reading [mm] raises, by those before it or by itself."""
-    number = check_number(coming, value)
+def check(readings: ReadingsSoFar, unit: Unit) -> Question | None:
+    """The question that the last reading, given in a unit, raises: by those before or by itself."""
+    number = check_number(readings, unit)
     if number and number.doubt is Doubt.RANGE:
         return number
-    return check_reading(coming, value) or number or check_repeats(coming, value)
+    return check_reading(readings, unit) or number or check_repeats(readings, unit)
 
 
-def check_number(coming: NextReading, value: float) -> Question | None:
-    """The question that a number [mm] itself raises; None if the gauge can show it.
+def check_number(readings: ReadingsSoFar, unit: Unit) -> Question | None:
+    """The question that the number itself raises; None if the gauge can show it.
 
     What was kept once is not questioned again.
     """
-    unit, gauge = coming.unit, coming.so_far.setting.machine.gauge
-    earlier = coming.so_far.value[coming.series]
+    value, gauge = float(readings.value[-1]), readings.setting.machine.gauge
+    earlier = readings.value[readings.series]
     # Further from zero, or later from the gauge's other readings, than its plunger travels.
     if np.abs(value - (earlier if earlier.size else 0.0)).max() > gauge.range_mm:
         shown, travel = in_unit(value, unit, "+g"), in_unit(gauge.range_mm, unit)
@@ -89,7 +90,7 @@ def check_number(coming: NextReading, value: float) -> Question | None:
         )
         text = f"{shown} is {where} the gauge's travel of {travel}: mistyped?"
         return Question(Doubt.RANGE, text)
-    if (Doubt.GRID, 0) in coming.so_far.settled:
+    if (Doubt.GRID, 0) in readings.settled:
         return None
     in_tenths = gauge.resolution_mm / MM_PER_INCH * 1e5
     if unit is Unit.INCH and abs(in_tenths - round(in_tenths)) > 1e-6:
@@ -101,73 +102,74 @@ def check_number(coming: NextReading, value: float) -> Question | None:
     return None
 
 
-def check_repeats(coming: NextReading, value: float) -> Question | None:
+def check_repeats(readings: ReadingsSoFar, unit: Unit) -> Question | None:
     """The question that repeats raise which hardly differ: a gauge that is held, or another unit.
 
     Asked once in a session; what was kept is not questioned again.
     """
-    so_far, gauge = coming.so_far, coming.so_far.setting.machine.gauge
+    gauge = readings.setting.machine.gauge
     # A session's first repeat is the first that can say something.
-    if not coming.repeats or {(Doubt.DEAD, 0), (Doubt.SCATTER, 0)} & so_far.settled:
+    if not readings.repeats or {(Doubt.DEAD, 0), (Doubt.SCATTER, 0)} & readings.settled:
         return None
     known = dict[object, int]()
-    cell = np.array([known.setdefault(step.cell, len(known)) for step in coming.steps])
-    found = too_steady(np.append(so_far.value, value), coming.setup, cell, gauge)
-    if found is None:
+    cell = np.array([known.setdefault(step.cell, len(known)) for step in readings.steps])
+    steady = too_steady(readings.value, np.array(readings.setup), cell, gauge)
+    if steady is None:
         return None
-    repeats = in_unit(gauge.repeatability_mm, coming.unit, ".3g")
+    repeats = in_unit(gauge.repeatability_mm, unit, ".3g")
     stated = f"though the gauge repeats within {repeats}"
-    _, scatter = found
+    _, scatter = steady
     if scatter == 0.0:
         text = f"repeated readings never differ, {stated}: is it stuck, or its display held?"
         return Question(Doubt.DEAD, text)
-    differ = in_unit(scatter, coming.unit, ".1g")
-    text = f"repeated readings differ by {differ} only, {stated}: is the unit {coming.unit}?"
+    differ = in_unit(scatter, unit, ".1g")
+    text = f"repeated readings differ by {differ} only, {stated}: is the unit {unit}?"
     return Question(Doubt.SCATTER, text)
 
 
-def check_reading(coming: NextReading, value: float) -> Question | None:
-    """The question that a reading `value` [mm] raises after those before it; None if it fits."""
-    if not coming.series:
+def check_reading(readings: ReadingsSoFar, unit: Unit) -> Question | None:
+    """The question that the last reading raises after those before it; None if it fits."""
+    if not readings.series:
         return None  # its zero is arbitrary: the first reading of a gauge can be anything
-    evidence = gather(coming, coming.so_far.value[coming.past][:, None], np.array([value]))
+    value = float(readings.value[-1])
+    evidence = gather(readings, readings.value[readings.past][:, None], np.array([value]))
     if not evidence.questioned.item():
         return None
     if evidence.tail.item() >= RARE:
         best = evidence.whole[int(np.argmax(evidence.gains))].question
         return best._replace(text=f"the readings together would fit far better: {best.text}")
     expected, std = evidence.prediction.mean.item(), evidence.prediction.std.item()
-    far = _how_far(coming, value, expected, std)
-    found = [
+    far = _how_far(readings, unit, expected, std)
+    likely = [
         (chance, question)
-        for question, chance, std in _explanations(coming, value, evidence)
+        for question, chance, std in _explanations(readings, evidence)
         if chance >= _ORDINARY and LIMIT * std <= abs(value - expected)
     ]
-    found.sort(key=lambda pair: -pair[0])
-    moved = f"since step {coming.steps[coming.series[-1]].number}"
-    if not found and coming.repeats:
+    likely.sort(key=lambda pair: -pair[0])
+    moved = f"since step {readings.steps[readings.series[-1]].number}"
+    if not likely and readings.repeats:
         return Question(Doubt.STAND, f"{far}: the stand seems to have moved {moved}")
-    if not found:
+    if not likely:
         return Question(Doubt.UNEXPECTED, f"{far}: read and typed correctly?")
     # The best explanation, and others that are nearly as good.
-    likely, words = found[0][1], dict[Doubt, str]()
-    for chance, question in found:
-        if chance >= 0.3 * found[0][0]:
+    (most, best), words = likely[0], dict[Doubt, str]()
+    for chance, question in likely:
+        if chance >= 0.3 * most:
             words.setdefault(question.doubt, question.text)
     text = f"{far}: {' or '.join(words.values())}"
-    if coming.repeats and likely.doubt is not Doubt.REVOLUTION:
+    if readings.repeats and best.doubt is not Doubt.REVOLUTION:
         text += f" or has the stand moved {moved}?"
-    return likely._replace(text=text)
+    return best._replace(text=text)
 
 
-def gather(coming: NextReading, known: Floats, value: Floats) -> Evidence:
-    """Weigh a new reading (q,) against those `known` at `coming.past`, shape (k, q) [mm]."""
-    rows, forecast, settled = coming.rows, coming.forecast, coming.so_far.settled
+def gather(readings: ReadingsSoFar, known: Floats, value: Floats) -> Evidence:
+    """Weigh values of the last reading (q,) against `known` ones of its `past`, (k, q) [mm]."""
+    rows, forecast, settled = readings.compared, readings.forecast, readings.settled
     prediction = forecast.given(known, rows[:-1], rows[-1:])
     # All that the model says of a leg as a whole is said in its first cycle.
     whole = tuple(
         reversal
-        for reversal in (() if coming.repeats else _reversals(coming))
+        for reversal in (() if readings.repeats else _reversals(readings))
         if (reversal.question.doubt, reversal.question.about) not in settled
     )
     gains = np.zeros((len(whole), len(value)))
@@ -175,16 +177,16 @@ def gather(coming: NextReading, known: Floats, value: Floats) -> Evidence:
         values = np.vstack((known, value))
         base = forecast.log_density(values, rows)
         for index, reversal in enumerate(whole):
-            fit = forecast.log_density(values * reversal.signs[:, None], reversal.rows)
+            fit = forecast.log_density(values * reversal.factors[:, None], reversal.rows)
             gains[index] = fit - base
     return Evidence(prediction, prediction.tail(value[None])[0], whole, gains)
 
 
-def _reversals(coming: NextReading) -> Iterator[Blunder]:
+def _reversals(readings: ReadingsSoFar) -> Iterator[Blunder]:
     """Blunders that may have lasted since the first reading of a gauge or leg."""
-    rows = coming.rows
-    steps = [coming.steps[i] for i in rows]
-    whole, paired = coming.fresh[rows] == 0, coming.partner[rows] >= 0
+    rows = readings.compared
+    steps = [readings.steps[i] for i in rows]
+    whole, paired = np.array(readings.fresh)[rows] == 0, readings.partner[rows] >= 0
 
     def since(doubt: Doubt, words: str, mine: NDArray[np.bool_]) -> Question:
         first = steps[int(np.argmax(mine))].number
@@ -199,48 +201,51 @@ def _reversals(coming: NextReading) -> Iterator[Blunder]:
         mine = np.array([step.setup == setup for step in steps])
         if mine.sum() > 2 and np.all(whole[mine] & paired[mine]):
             question = since(Doubt.EXCHANGED, "are the two gauges exchanged", mine)
-            swapped = np.where(mine, rows + len(coming.steps), rows)
+            swapped = np.where(mine, rows + len(readings.steps), rows)
             yield Blunder(question, np.ones(len(rows)), swapped)
 
 
 def _explanations(
-    coming: NextReading, value: float, evidence: Evidence
+    readings: ReadingsSoFar, evidence: Evidence
 ) -> Iterator[tuple[Question, float, float]]:
-    """Blunders that may have made this reading what it is.
+    """Blunders that may have made the last reading what it is.
 
     With the chance of a reading at least this far off if so, and the prediction's std then [mm].
     """
-    rows, prediction = coming.rows, evidence.prediction
-    corrected = list[tuple[Question, float]]()
-    if turn := coming.so_far.setting.machine.gauge.revolution_mm:
+    rows, value = readings.compared, readings.value[readings.compared]
+
+    def of_last(doubt: Doubt, words: str, factor: float = 1.0, shift_mm: float = 0.0) -> Blunder:
+        factors = np.append(np.ones(len(rows) - 1), factor)
+        return Blunder(Question(doubt, words), factors, rows, shift_mm)
+
+    blunders: list[Blunder] = []
+    if turn := readings.setting.machine.gauge.revolution_mm:
+        slip = math.copysign(turn, value[-1] - evidence.prediction.mean.item())
         for turns in (1, 2, 3):
             words = f"{_NUMBERS[turns]} revolution{'s' if turns > 1 else ''}?"
-            slip = math.copysign(turns * turn, value - prediction.mean.item())
-            corrected.append((Question(Doubt.REVOLUTION, words), value - slip))
-    corrected.append((Question(Doubt.SIGN, "opposite sign?"), -value))
-    point = Question(Doubt.POINT, "decimal point misplaced?")
-    corrected += [(point, value * 10.0), (point, value * 0.1)]
-    for question, candidate in corrected:
-        yield question, prediction.tail(np.array([[candidate]])).item(), prediction.std.item()
-    others = list(evidence.whole)
-    if coming.partner[-1] >= 0:
-        question = Question(Doubt.EXCHANGED, "are the two gauges exchanged?")
-        swapped = np.append(rows[:-1], rows[-1] + len(coming.steps))
-        others.insert(0, Blunder(question, np.ones(len(rows)), swapped))
-    for other in others:
-        signed = (np.append(coming.so_far.value[coming.past], value) * other.signs)[:, None]
-        prediction = coming.forecast.given(signed[:-1], other.rows[:-1], other.rows[-1:])
-        yield other.question, prediction.tail(signed[-1:]).item(), prediction.std.item()
+            blunders.append(of_last(Doubt.REVOLUTION, words, shift_mm=-turns * slip))
+    blunders.append(of_last(Doubt.SIGN, "opposite sign?", -1.0))
+    blunders += [of_last(Doubt.POINT, "decimal point misplaced?", k) for k in (10.0, 0.1)]
+    if readings.partner[-1] >= 0:
+        swapped = np.append(rows[:-1], rows[-1] + len(readings.steps))
+        exchanged = of_last(Doubt.EXCHANGED, "are the two gauges exchanged?")
+        blunders.append(exchanged._replace(rows=swapped))
+    for blunder in (*blunders, *evidence.whole):
+        undone = (value * blunder.factors)[:, None]
+        prediction = readings.forecast.given(undone[:-1], blunder.rows[:-1], blunder.rows[-1:])
+        chance = prediction.tail(undone[-1:] + blunder.shift_mm).item()
+        yield blunder.question, chance, prediction.std.item()
 
 
-def _how_far(coming: NextReading, value: float, expected: float, std: float) -> str:
-    if not coming.repeats:
+def _how_far(readings: ReadingsSoFar, unit: Unit, expected: float, std: float) -> str:
+    value = float(readings.value[-1])
+    if not readings.repeats:
         here = f"{with_uncertainty(expected, 2 * std)} mm"
-        if coming.unit is Unit.INCH:
+        if unit is Unit.INCH:
             inches = expected / MM_PER_INCH, 2 * std / MM_PER_INCH
             here = f"{with_uncertainty(*inches)} in ({here})"
-        return f"expected {here} here, not {value_text(value, coming.unit)}"
-    difference = abs(value - float(np.mean(coming.so_far.value[coming.repeats])))
-    count = _NUMBERS[min(len(coming.repeats), 5)]
-    far = value_text(difference, coming.unit, "")
+        return f"expected {here} here, not {value_text(value, unit)}"
+    difference = abs(value - float(np.mean(readings.value[readings.repeats])))
+    count = _NUMBERS[min(len(readings.repeats), 5)]
+    far = value_text(difference, unit, "")
     return f"{far} from the last {'cycle' if count == 'one' else count + ' cycles'}"

@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from orthoglide_cal.errors import system_words, visible
+from orthoglide_cal.errors import InputError, system_words, visible
 from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
 from orthoglide_cal.files.session_file import session_text
 from orthoglide_cal.files.text import write_text
@@ -27,9 +27,9 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Style, Unasked
 from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
-from orthoglide_cal.session.gauges import NotAReading, SimulatedGauge, Token, parse_typed
+from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
 from orthoglide_cal.session.journal import Journal
-from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
+from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.words import Unit, counted, decimals_for, signed
 
 if TYPE_CHECKING:
@@ -62,11 +62,11 @@ class Dialogue:
     _shown: tuple[object, ...] = (None,)  # the visit of the machine that was shown last
 
     def __post_init__(self) -> None:
-        self.so_far = ReadingsSoFar(replay(self.journal.recovered.events), self.setting)
+        self.so_far = ReadingsSoFar(replay(self.journal.events), self.setting)
 
     @property
     def state(self) -> State:
-        """What follows from all records."""
+        """The state after all records."""
         return self.so_far.state
 
     def write(self, event: Event) -> None:
@@ -84,11 +84,11 @@ class Dialogue:
                 f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is"
                 " wrong with a machine, leave out --design."
             )
-        minutes = clock(steps)[-1]
+        following = self.setting.following
+        minutes = following.minutes if following else clock(steps)[-1]
         if first:
             from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
             lines = [f"{from_here} both are solved together at the end."]
-            minutes = first.following.minutes
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
         set_ups = counted(len({step.setup for step in steps}), "set-up")
         moves = counted(gauge_moves(steps), "gauge move")
@@ -96,7 +96,7 @@ class Dialogue:
         lines.append(f"File     {visible(str(self.path))}")
         lines.append(f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help.")
         self.asker.say("\n".join(lines))
-        if lost := self.journal.recovered.lost:
+        if lost := self.journal.lost:
             self.asker.say(
                 f"The interruption cut off the last entry ({lost} bytes): ignored. No reading that"
                 " was shown as saved is missing.",
@@ -119,7 +119,7 @@ class Dialogue:
             elif self.so_far.left:
                 self._ask_for(self.so_far.left[0])
             else:
-                reason = self.state.shortened.reason if self.state.shortened else "complete"
+                reason = next(iter(self.state.dropped.values()), "complete")
                 self.write(events.Ended(at=self.now(), reason=reason))
         return self.state
 
@@ -155,8 +155,8 @@ class Dialogue:
         there = self.path.read_bytes() if self.path.is_file() else None
         if there != (text := session_text(self.so_far.session)).encode():
             # What this session wrote when it was ended before may be replaced, nothing else.
-            records = self.journal.recovered.events
-            ends = [at for at, each in enumerate(records, 1) if isinstance(each, events.Ended)]
+            records = self.journal.events
+            ends = [at for at, event in enumerate(records, 1) if isinstance(event, events.Ended)]
             before = [ReadingsSoFar(replay(records[:at]), self.setting).session for at in ends]
             mine = there in [session_text(session).encode() for session in before]
             write_text(self.path, text, overwrite=mine)
@@ -172,23 +172,23 @@ class Dialogue:
             lines.append(f"Before the next session, turn the bar of leg {AXES[leg].upper()} back.")
         self.asker.show("\n".join(lines), Style.GOOD)
 
-    def reveal(self, found: "Sequence[Parameter]") -> None:
-        """After a simulated session, say what was hidden, and whether it was found."""
+    def reveal(self, parameters: "Sequence[Parameter]") -> None:
+        """Say, after a simulated session, what was hidden, and if it was found."""
         if not isinstance(gauge := self.asker.gauge, SimulatedGauge):
             return
         hidden: list[str] = []
-        told = "all lie within U"
-        for each, value in zip(found, gauge.offsets_mm.tolist(), strict=True):
-            hidden.append(f"{each.name} {signed(value, decimals_for(each.expanded))}")
-            if each.found is not None and abs(value - each.found) > each.expanded:
-                told = "not all lie within U: expected once in seven sessions"
-        self.asker.show(f"Simulated; hidden were {' '.join(hidden)} mm: {told}.")
+        result = "all lie within U"
+        for parameter, value in zip(parameters, gauge.offsets_mm.tolist(), strict=True):
+            hidden.append(f"{parameter.name} {signed(value, decimals_for(parameter.expanded))}")
+            if parameter.found is not None and abs(value - parameter.found) > parameter.expanded:
+                result = "not all lie within U: expected once in seven sessions"
+        self.asker.show(f"Simulated; hidden were {' '.join(hidden)} mm: {result}.")
 
     def close(self) -> None:
         """Let go of the gauge, the machine that is followed, and the journal."""
-        for each in (self.asker.gauge, self.standing, self.journal):
-            if each is not None:
-                each.close()
+        for resource in (self.asker.gauge, self.standing, self.journal):
+            if resource is not None:
+                resource.close()
 
     # ---- what is asked
 
@@ -210,7 +210,7 @@ class Dialogue:
                 gap = ""
             left = clock(self.so_far.left)[-1]
             asker.say(f"{gap}{wording.step_line(step, setting, left)}", Style.TITLE)
-        if new or asker.pushed:
+        if asker.pushed:  # also by the line of a new step
             asker.say(place)
         if new:
             self._wait_for(step)
@@ -223,7 +223,7 @@ class Dialogue:
         self._receive(answer, step)
 
     def _stood(self, step: SessionStep) -> Stood:
-        """Where the machine stands, if it is followed; that it is not any more is said once."""
+        """Place of the machine, if it is followed; says once that it is not any more."""
         if self.standing is None:
             return Stood()
         point = wording.point(step, self.setting)
@@ -232,17 +232,17 @@ class Dialogue:
         except (OSError, ValueError) as gone:
             self.standing.close()
             self.standing = None
-            said = f"LinuxCNC does not answer any more: {system_words(gone)}."
-            self.asker.say(f"{said} Continue by hand: nothing is lost.", Style.BAD)
+            lost = f"LinuxCNC does not answer any more: {system_words(gone)}."
+            self.asker.say(f"{lost} Continue by hand: nothing is lost.", Style.BAD)
             return Stood()
 
     def _wait_for(self, step: SessionStep) -> None:
         """Wait until a machine that is followed stands where the step is read."""
-        said, keyboard = False, self.asker.keyboard
+        waiting, keyboard = False, self.asker.keyboard
         while self._stood(step).away_mm > NEAR_MM:
-            if not said:
+            if not waiting:
                 self.asker.say("   waiting until the machine stands there (Return: continue)")
-            said = True
+            waiting = True
             if not keyboard.live:
                 time.sleep(WAIT_S)
             elif (line := keyboard.read(WAIT_S)) is not None:
@@ -276,7 +276,7 @@ class Dialogue:
             self._receive(answer, step)
 
     def _agrees(self, prompt: str) -> bool:
-        """Whether a question is answered with yes; anything else is no."""
+        """True if a question is answered with yes; anything else is no."""
         return self._words(prompt).lower() in ("y", "yes")
 
     def _words(self, prompt: str) -> str:
@@ -306,9 +306,11 @@ class Dialogue:
             self.asker.say("Type the reading, or ? for help.")
         else:
             try:
-                self._read(step, parse_typed(answer))
-            except NotAReading as refusal:
+                token = parse_typed(answer)
+            except InputError as refusal:
                 self.asker.say(str(refusal), Style.BAD)
+            else:
+                self._read(step, token)
 
     def _take_back(self, stream: Unasked) -> None:
         """A gauge sends by itself: take back the readings that its messages became."""
@@ -334,7 +336,6 @@ class Dialogue:
         # A clock that was set back must not turn the order of the readings around.
         earlier = [item.take.minutes for item in self.state.accepted.values()]
         minutes = max([0.0, gone.total_seconds() / 60.0, *earlier])
-        coming = NextReading(self.so_far, step, minutes, token.unit or self.unit)
         taken = events.Taken(
             at=at,
             step=step.number,
@@ -344,7 +345,8 @@ class Dialogue:
             source=token.source,
             remark=stood.words,
         )
-        question = check(coming, value)
+        readings = ReadingsSoFar(advance(self.state, taken), self.setting)
+        question = check(readings, token.unit or self.unit)
         if stood.away_mm > NEAR_MM:
             far = f"The machine stands {stood.away_mm:.2f} mm from where this is read: drive there?"
             question = Question(Doubt.PLACE, far)
@@ -357,12 +359,12 @@ class Dialogue:
         asked = Questioned(**same, doubt=doubt, question=text, about=about)
         before = [
             old.value_mm
-            for old in (*(old.take for old in self.state.replaced), self.state.pending)
+            for old in (*(take for take, _ in self.state.replaced), self.state.pending)
             if isinstance(old, Questioned) and old.step == step.number
         ]
         self.write(asked)
         self.asker.rest(driving=False)
-        near = 3.0 * coming.sigma_mm
+        near = 3.0 * readings.sigma_mm
         if any(abs(value - old) <= near for old in before):
             self.asker.say("Read again, and the same: kept, with a note.")
             self._keep(asked)
@@ -376,21 +378,20 @@ class Dialogue:
         left = self.so_far.left
         stays = bool(left) and left[0].visit == step.visit
         self.asker.rest(driving=not stays)
-        pushed = self.asker.pushed
-        told = ""
-        for before, last in self._alike(step)[-2:-1]:
-            told = f"   (cycle {before.cycle}: {wording.value_text(last, self.unit)})"
-        self.asker.say(f"   saved {wording.value_text(value, self.unit)}{told}", Style.GOOD)
-        if stays:
-            self.asker.pushed = pushed  # a reading saved leaves the place where it is
-            return
-        self._say_offsets()
-        self._shorten()
+        last = ""
+        for before, old in self._alike(step)[-2:-1]:
+            last = f"   (cycle {before.cycle}: {wording.value_text(old, self.unit)})"
+        saved = f"   saved {wording.value_text(value, self.unit)}{last}"
+        self.asker.say(saved, Style.GOOD, pushes=not stays)
+        if not stays:
+            self._say_offsets()
+            self._shorten()
 
     def _alike(self, step: SessionStep) -> list[tuple[SessionStep, float]]:
         """Readings of the same cell, gauge and zero as a step's, with their steps."""
         taken = zip(self.so_far.steps, self.so_far.value.tolist(), strict=True)
-        return [each for each in taken if (each[0].cell, each[0].zero) == (step.cell, step.zero)]
+        here = (step.cell, step.zero)
+        return [(other, value) for other, value in taken if (other.cell, other.zero) == here]
 
     def _say_offsets(self) -> None:
         """The offsets so far with their U; what else may be wrong adds to it at the end only."""
@@ -407,7 +408,7 @@ class Dialogue:
     def _shorten(self) -> None:
         """Leave out what the offsets do not need any more, if they are known well enough."""
         until, known = self.until_mm, self.so_far.expanded_mm
-        if until is None or self.state.shortened or known is None or not (known <= until).all():
+        if until is None or self.state.dropped or known is None or not (known <= until).all():
             return
         if not (dropped := self.so_far.unneeded()):
             return
@@ -447,7 +448,7 @@ class Dialogue:
                 self._skip_all(words[3:].strip())
             case "s":
                 why = words or self._words("Why is it skipped? > ")
-                with suppress(NotAReading):
+                with suppress(InputError):
                     parse_typed(why)
                     why = ""  # a reading is no reason
                 if why:
@@ -514,8 +515,8 @@ class Dialogue:
         left = self.so_far.left
         self.asker.say(f"{_are(len(left))} missing.")
         # A script that gives its reason has said all.
-        told = reason and not self.asker.keyboard.live
-        if not told and not self._agrees("End the session here? y/n > "):
+        agreed = reason and not self.asker.keyboard.live
+        if not agreed and not self._agrees("End the session here? y/n > "):
             self.asker.say("Not ended.")
             return
         why = reason or "the session was ended"

@@ -1,4 +1,4 @@
-"""What can happen in a session, one small record each, and the state that follows from them.
+"""Events of a session, one small record each, and the state that follows from them.
 
 The journal is a list of these records. The state is a pure fold over them (`replay`): a session
 that was interrupted anywhere continues as if it had not been.
@@ -14,13 +14,12 @@ from typing import Annotated, Literal, NamedTuple
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, TypeAdapter
 
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order
 
 
 class Doubt(StrEnum):
-    """What may be wrong with a reading."""
+    """Possible fault of a reading."""
 
     RANGE = "range"  # beyond the gauge's travel
     GRID = "resolution"  # finer than the gauge can show
@@ -38,7 +37,7 @@ class Doubt(StrEnum):
 
     @property
     def compares(self) -> bool:
-        """Whether the reading does not fit the others; not that the gauge can hardly show it."""
+        """True if the reading does not fit the others; not that the gauge can hardly show it."""
         alone = (Doubt.RANGE, Doubt.GRID, Doubt.DEAD, Doubt.SCATTER, Doubt.LAYOUT, Doubt.DOUBLE)
         return self not in (*alone, Doubt.PLACE)
 
@@ -66,7 +65,7 @@ class GaugeLabel(Recorded):
 
 
 class Following(Recorded):
-    """What a session continues."""
+    """How a session continues earlier readings."""
 
     data: FileText  # the file of the first readings, whole
     what: str  # the instruction that is carried out
@@ -78,11 +77,6 @@ class Following(Recorded):
     def words(self) -> str:
         """One sentence with its minutes."""
         return f"Next, about {max(self.minutes, 1.0):.0f} min: {self.what}"
-
-    def held(self, model: Model) -> Model:
-        """The machine of the first reading, with what its controller holds now."""
-        x, y, z = (a + b for a, b in zip(model.orthoglide.offsets_mm, self.entered, strict=True))
-        return model.holding((round(x, 9), round(y, 9), round(z, 9)))
 
 
 class Event(Recorded):
@@ -109,12 +103,12 @@ class Opened(Event):
     gauges: tuple[GaugeLabel, ...]
 
     def gauge_id(self, stand: int) -> str | None:
-        """What the gauge on this stand is called; None if nobody said."""
+        """Name of the gauge on this stand; None if nobody gave one."""
         return self.gauges[stand].id if stand < len(self.gauges) else None
 
 
 class Planned(Event):
-    """What is read, in this order, where no protocol says it; it stands behind `Opened`."""
+    """The readings to take, in this order, where no protocol says it; it stands behind `Opened`."""
 
     kind: Literal["planned"] = "planned"
     readings: tuple[_Planned, ...]
@@ -230,13 +224,6 @@ RECORD: TypeAdapter[Event] = TypeAdapter(
 )  # fmt: skip
 
 
-class Replaced(NamedTuple):
-    """A reading that does not count any more, and why."""
-
-    take: Arrived
-    reason: str
-
-
 class Accepted(NamedTuple):
     """A reading that counts; `rank` is the number of the record that accepted it."""
 
@@ -246,19 +233,18 @@ class Accepted(NamedTuple):
 
 @dataclass(frozen=True)
 class State:
-    """Where a session stands."""
+    """State of a session."""
 
     opened: Opened
     planned: Planned | None = None  # what is read, where no protocol says it
     accepted: Mapping[int, Accepted] = field(default_factory=dict)  # by step, from first to last
     skipped: Mapping[int, str] = field(default_factory=dict)  # step number → reason
-    dropped: frozenset[int] = frozenset()  # steps that are no longer needed
-    replaced: tuple[Replaced, ...] = ()  # readings that no longer count
+    dropped: Mapping[int, str] = field(default_factory=dict)  # step no longer needed → reason
+    replaced: tuple[tuple[Arrived, str], ...] = ()  # (reading that no longer counts, reason)
     notes: tuple[tuple[int, str], ...] = ()  # (step number, text)
     # (step number, rank) of readings from which on a stand stood elsewhere.
     moved: tuple[tuple[int, int], ...] = ()
     pending: Questioned | None = None  # a questioned reading that waits for an answer
-    shortened: Shortened | None = None  # the record that dropped steps
     ended: Ended | None = None  # the last record, once the session is complete
     source: tuple[str, ...] = ()  # where readings come from now
     count: int = 1  # of records
@@ -270,8 +256,8 @@ class State:
         return not (step in self.accepted or step in self.skipped or step in self.dropped)
 
     def takes(self, step: int) -> int:
-        """How many readings arrived for a step so far, whatever became of them."""
-        old = sum(item.take.step == step for item in self.replaced)
+        """Number of readings that arrived for a step so far, whatever became of them."""
+        old = sum(take.step == step for take, _ in self.replaced)
         waiting = self.pending is not None and self.pending.step == step
         return old + (step in self.accepted) + waiting
 
@@ -291,7 +277,7 @@ def advance(state: State, event: Event) -> State:
     if pending and isinstance(event, Arrived | Answered | Undone | Retake | Skipped):
         state = replace(state, pending=None)
         if not (isinstance(event, Answered) and event.keep):
-            old = Replaced(pending, f"read again: {pending.question}")
+            old = (pending, f"read again: {pending.question}")
             state = replace(state, replaced=(*state.replaced, old))
     match event:
         case Planned():
@@ -305,33 +291,29 @@ def advance(state: State, event: Event) -> State:
             return replace(_accept(state, pending), moved=(*state.moved, *moved))
         case Undone() if then := state.before:  # what was added since counts as replaced
             back = (
-                Replaced(item.take, "taken back")
+                (item.take, "taken back")
                 for step, item in state.accepted.items()
                 if then.accepted.get(step) != item
             )
             restored = {id(item.take) for item in then.accepted.values()}
-            kept = (item for item in state.replaced if id(item.take) not in restored)
+            kept = (old for old in state.replaced if id(old[0]) not in restored)
             return replace(
-                state,
-                accepted=then.accepted,
-                skipped=then.skipped,
-                dropped=then.dropped,
-                moved=then.moved,
-                shortened=then.shortened,
+                then,
                 replaced=(*kept, *back),
-                before=then.before,
+                notes=state.notes,
+                source=state.source,
+                ended=state.ended,
+                count=state.count,
             )
         case Retake():
             again = set(event.steps)
             accepted = state.accepted.items()
-            replaced = (Replaced(item.take, event.reason) for n, item in accepted if n in again)
-            dropped = state.dropped - again
+            replaced = ((item.take, event.reason) for n, item in accepted if n in again)
             return replace(
                 state,
                 accepted={n: item for n, item in accepted if n not in again},
                 skipped={n: why for n, why in state.skipped.items() if n not in again},
-                dropped=dropped,
-                shortened=state.shortened if dropped else None,
+                dropped={n: why for n, why in state.dropped.items() if n not in again},
                 replaced=(*state.replaced, *replaced),
                 before=state,
             )
@@ -340,7 +322,8 @@ def advance(state: State, event: Event) -> State:
         case Noted():
             return replace(state, notes=(*state.notes, (event.step, event.text)))
         case Shortened():
-            return replace(state, dropped=state.dropped | {*event.drop}, shortened=event)
+            dropped = dict.fromkeys(event.drop, event.reason)
+            return replace(state, dropped={**state.dropped, **dropped})
         case Ended():
             return replace(state, ended=event)
         case Reopened():

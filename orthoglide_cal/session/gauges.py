@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from orthoglide_cal.errors import OrthocalError, UsageError, visible
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError, visible
 from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.steps import SessionStep
@@ -48,10 +48,10 @@ class Token(NamedTuple):
     @classmethod
     def of(cls, match: re.Match[str], raw: str) -> "Token":
         """From a match with the group `value` and optionally `unit` and `channel`."""
-        found = match.groupdict()
+        groups = match.groupdict()
         digits = match["value"].replace(" ", "").replace(",", ".")
-        channel = found.get("channel") or None
-        unit = found.get("unit")
+        channel = groups.get("channel") or None
+        unit = groups.get("unit")
         if _ERROR_CODES.fullmatch(digits):
             return cls(raw, channel=channel)
         return cls(raw, float(digits), _UNITS[unit.lower()] if unit else None, channel)
@@ -64,15 +64,11 @@ class Token(NamedTuple):
         return round(self.value * MM_PER_INCH, 6)
 
 
-class NotAReading(Exception):
-    """Typed text that is no reading; the message is the sentence to show."""
-
-
 def parse_typed(text: str) -> Token:
-    """What a person or a keyboard-wedge gauge types at a prompt.
+    """Read what a person or a keyboard-wedge gauge types at a prompt.
 
     Accepts a sign (also U+2212), decimal point or comma, and a unit; nothing else. Exponents,
-    digit groups and error codes are not readings. Raises NotAReading.
+    digit groups and error codes are not readings. Raises InputError.
     """
     plain = text.strip().replace("\u2212", "-")
     match = _TYPED.fullmatch(plain)
@@ -82,10 +78,10 @@ def parse_typed(text: str) -> Token:
     clean = visible(plain)
     shown = f"'{clean if len(clean) <= 24 else clean[:23] + '~'}'"
     if token is not None or re.search(r"err|^\d\s+to\b", plain, flags=re.IGNORECASE):
-        raise NotAReading(f"{shown} is an error message of the gauge, not a reading.")
+        raise InputError(f"{shown} is an error message of the gauge, not a reading.")
     if re.fullmatch(r"[+-]?[\d.,\s]+", plain) and len(re.findall(r"[.,]", plain)) > 1:
-        raise NotAReading(f"{shown}: two numbers in one? Type one, such as -0.12.")
-    raise NotAReading(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
+        raise InputError(f"{shown}: two numbers in one? Type one, such as -0.12.")
+    raise InputError(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
 
 
 class LiveGauge(Protocol):
@@ -101,7 +97,7 @@ class LiveGauge(Protocol):
         """A prompt for this step, which was read `takes` times: forget what was said before."""
 
     def poll(self, asked: bool) -> list[Token]:
-        """What was said since the last call; `asked`: Return was pressed. Raises GaugeLost."""
+        """Return messages since the last call; `asked`: Return was pressed. Raises GaugeLost."""
 
     def reconnect(self) -> bool:
         """After GaugeLost: try again; True if it is back."""
@@ -124,7 +120,7 @@ PATIENCE_S = 1.0  # a token whose end does not follow within this time was cut o
 
 @dataclass(frozen=True)
 class SerialFormat:
-    """How one family of gauges talks over a serial line."""
+    """Serial line and messages of one family of gauges."""
 
     pattern: str  # of a whole token; groups `value` and optionally `unit`, `channel`
     baud: int = 9600
@@ -134,7 +130,7 @@ class SerialFormat:
     request: bytes | None = None  # asks for a reading; None if only its button sends one
 
     def parse(self, raw: str) -> Token:
-        """What a token says; its value is None unless every character is as expected."""
+        """Read a token; its value is None unless every character is as expected."""
         match = re.fullmatch(self.pattern, raw, flags=re.ASCII | re.IGNORECASE)
         return Token(raw) if match is None else Token.of(match, raw)
 
@@ -240,7 +236,7 @@ class SerialPort:
         self._decimals: dict[object, int] = {}  # the most so far, of a channel in a unit
 
     def cut_off(self, token: Token) -> str | None:
-        """What to say of a number with fewer decimals than the gauge had before; else None."""
+        """Warn of a number with fewer decimals than the gauge had before; else None."""
         decimals = re.search(r"[.,](\d+)", token.raw)
         if token.value is None or decimals is None:
             return None
@@ -341,7 +337,7 @@ class SerialGauge(LiveGauge):
             port.discard()
 
     def poll(self, asked: bool) -> list[Token]:
-        """What all gauges said; only the one that is wanted is asked, and counts."""
+        """Return what all gauges said; only the one that is wanted is asked, and counts."""
         heard: list[Token] = []
         for number, port in enumerate(self.ports):
             for token in port.read(asked and number == self._wanted):
@@ -409,7 +405,7 @@ class SimulatedGauge(LiveGauge):
         self.offsets_mm: Floats = rng.uniform(-OFFSETS_MM, OFFSETS_MM, 3) - active
         plan = setting.plan
         later = (np.random.default_rng([seed, _TRUTH, part]) for part in range(1, plan.parts))
-        zeros = np.array([each.uniform(-ZEROS_MM, ZEROS_MM, (3, 3)) for each in (rng, *later)])
+        zeros = np.array([part.uniform(-ZEROS_MM, ZEROS_MM, (3, 3)) for part in (rng, *later)])
         exact = simulate(setting.model, self.offsets_mm, plan)
         zero = zeros[plan.part, plan.leg, plan.direction]
         self._exact: list[float] = (exact + zero).tolist()

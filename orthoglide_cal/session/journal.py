@@ -11,7 +11,7 @@ import os
 import re
 import zlib
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 
@@ -26,17 +26,6 @@ _BEGIN = b'{"crc32":"'
 _LINE = re.compile(_BEGIN + rb'(.*?)","record":(.*)\}', re.DOTALL)
 
 
-@dataclass(frozen=True)
-class Recovered:
-    """What a journal's bytes hold: complete records, the first one `Opened`."""
-
-    events: tuple[Event, ...]
-    size: int  # length of their bytes
-    lost: int  # number of bytes after them that are no complete record
-    open_line: bool  # True if only the line end of the last record is missing
-    checksum: int  # running checksum after the last record
-
-
 def encode(event: Event, checksum: int = 0) -> tuple[bytes, int]:
     """One line for `event` after records with this running checksum; and the new checksum."""
     body = json.dumps(event.model_dump(), ensure_ascii=True, separators=(",", ":")).encode()
@@ -44,62 +33,18 @@ def encode(event: Event, checksum: int = 0) -> tuple[bytes, int]:
     return b'{"crc32":"%08x","record":%s}\n' % (checksum, body), checksum
 
 
-def decode(data: bytes, path: str) -> Recovered:
-    """The records in a journal's bytes.
-
-    Raises InputError if it is none, or damaged before its last record.
-    """
-    events: list[Event] = []
-    checksum, size = 0, 0
-    for number, line in enumerate(BytesIO(data), start=1):
-        try:
-            event, after = _decode_line(line.rstrip(b"\n"), checksum)
-        except ValueError as error:
-            rest = data[size + len(line) :].strip(b"\0\n")
-            if number > 1 and not rest and line.count(_BEGIN) <= 1:
-                break
-            what = f"The journal is damaged here: {error}."
-            remedy = "Restore the file from a copy; or resume a copy of the lines above this one."
-            if isinstance(error.__cause__, ValidationError):
-                remedy = "Use the orthocal that wrote it, or restore the file from a copy."
-            elif number == 1:
-                what = "This is not the journal of a session."
-                remedy = "Name the session file, such as session.yaml."
-            raise InputError(what, remedy, file=path, line=number) from error
-        events.append(event)
-        checksum = after
-        size += len(line)
-    if not events or not isinstance(events[0], Opened):
-        raise InputError("The journal is empty.", "Begin a new session.", file=path)
-    open_line = not data[:size].endswith(b"\n")
-    return Recovered(tuple(events), size, len(data) - size, open_line, checksum)
-
-
-def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:
-    found = _LINE.fullmatch(line)
-    if found is None:
-        raise ValueError("not a record")
-    after = zlib.crc32(found[2], checksum)
-    if found[1] != b"%08x" % after:
-        raise ValueError("the checksum does not match")
-    try:
-        return RECORD.validate_json(found[2]), after
-    except ValidationError as error:
-        fault = error.errors()[0]
-        where = ".".join(map(str, fault["loc"]))
-        raise ValueError(f"{where or 'the record'}: {fault['msg'].lower()}") from error
-
-
+@dataclass(eq=False)
 class Journal:
-    """The journal of a running session, locked against every other session."""
+    """A journal as it was read; `resume` opens and locks it against every other session."""
 
-    def __init__(self, path: Path, descriptor: int, recovered: Recovered) -> None:
-        self.path = path
-        self.recovered = recovered
-        self._descriptor = descriptor
-        self._size, self._checksum = recovered.size, recovered.checksum
-        self._lost = recovered.lost  # bytes after the last complete record
-        self._end = b"\n" if recovered.open_line else b""  # of the last record
+    path: Path
+    events: tuple[Event, ...]  # that were read, the first one `Opened`
+    lost: int  # number of bytes after them that were no complete record
+    _checksum: int  # of the records on the disk
+    _size: int  # length of their bytes on the disk
+    _file_size: int  # with what a power loss left behind them
+    _end: bytes  # that the last record lacks
+    _descriptor: int = -1
 
     @classmethod
     def create(cls, path: Path, *events: Event) -> "Journal":
@@ -138,7 +83,7 @@ class Journal:
                     "Continue there (fg, if it was stopped with Ctrl-Z), or end it there with q.",
                 ) from error
             with open(descriptor, "rb", closefd=False) as file:
-                return cls(path, descriptor, decode(file.read(), str(path)))
+                return replace(decode(file.read(), path), _descriptor=descriptor)
         except BaseException:
             os.close(descriptor)
             raise
@@ -154,10 +99,10 @@ class Journal:
             mine = os.fstat(self._descriptor)
             if not os.path.samestat(mine, os.stat(self.path)):
                 raise OSError("another file has its name now")
-            if mine.st_size != self._size + self._lost:
+            if mine.st_size != self._file_size:
                 raise OSError("another program changed it")
             os.ftruncate(self._descriptor, self._size)
-            self._lost = 0
+            self._file_size = self._size
             os.lseek(self._descriptor, self._size, os.SEEK_SET)
             rest = memoryview(line)
             while rest:
@@ -166,7 +111,7 @@ class Journal:
         except OSError as error:
             # Remove what was written of it; if even that fails, the next resume ignores it.
             with suppress(OSError):
-                if not self._lost and os.fstat(self._descriptor).st_size > self._size:
+                if os.fstat(self._descriptor).st_size > self._size == self._file_size:
                     os.ftruncate(self._descriptor, self._size)
                     os.fsync(self._descriptor)
             raise InputError(
@@ -175,9 +120,56 @@ class Journal:
                 " then continue with --resume.",
                 file=str(self.path),
             ) from error
-        self._size += len(line)
+        self._size = self._file_size = self._size + len(line)
         self._checksum, self._end = checksum, b""
 
     def close(self) -> None:
         """Let go of the file and its lock."""
         os.close(self._descriptor)
+
+
+def decode(data: bytes, path: str | Path) -> Journal:
+    """The journal that these bytes are; it cannot be continued.
+
+    Raises InputError if it is none, or damaged before its last record.
+    """
+    events: list[Event] = []
+    checksum, size = 0, 0
+    for number, line in enumerate(BytesIO(data), start=1):
+        try:
+            event, after = _decode_line(line.rstrip(b"\n"), checksum)
+        except ValueError as error:
+            rest = data[size + len(line) :].strip(b"\0\n")
+            if number > 1 and not rest and line.count(_BEGIN) <= 1:
+                break
+            what = f"The journal is damaged here: {error}."
+            remedy = "Restore the file from a copy; or resume a copy of the lines above this one."
+            if isinstance(error.__cause__, ValidationError):
+                remedy = "Use the orthocal that wrote it, or restore the file from a copy."
+            elif number == 1:
+                what = "This is not the journal of a session."
+                remedy = "Name the session file, such as session.yaml."
+            raise InputError(what, remedy, file=str(path), line=number) from error
+        events.append(event)
+        checksum = after
+        size += len(line)
+    if not events or not isinstance(events[0], Opened):
+        raise InputError("The journal is empty.", "Begin a new session.", file=str(path))
+    end = b"" if data[:size].endswith(b"\n") else b"\n"
+    lost = len(data) - size
+    return Journal(Path(path), tuple(events), lost, checksum, size, len(data), end)
+
+
+def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:
+    match = _LINE.fullmatch(line)
+    if match is None:
+        raise ValueError("not a record")
+    after = zlib.crc32(match[2], checksum)
+    if match[1] != b"%08x" % after:
+        raise ValueError("the checksum does not match")
+    try:
+        return RECORD.validate_json(match[2]), after
+    except ValidationError as error:
+        fault = error.errors()[0]
+        where = ".".join(map(str, fault["loc"]))
+        raise ValueError(f"{where or 'the record'}: {fault['msg'].lower()}") from error

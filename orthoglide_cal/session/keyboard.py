@@ -47,7 +47,7 @@ class Keyboard:
 
     @property
     def live(self) -> bool:
-        """Whether it is a terminal, where what is typed before a prompt is no answer to it."""
+        """True if it is a terminal, where what is typed before a prompt is no answer to it."""
         return sys.stdin is not None and sys.stdin.isatty()
 
     @property
@@ -57,7 +57,7 @@ class Keyboard:
 
     @property
     def partial(self) -> str:
-        """What was typed of a line that has not ended."""
+        """The beginning that was typed of a line that has not ended."""
         return visible(self._typed)
 
     def disturbed(self) -> bool:

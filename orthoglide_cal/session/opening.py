@@ -28,7 +28,6 @@ from orthoglide_cal.planning.design import require_on_bar
 from orthoglide_cal.planning.steps import (
     CYCLES,
     MOST_CYCLES,
-    NOTHING_ENTERED,
     MeasuringProtocol,
     Order,
     SessionStep,
@@ -52,7 +51,7 @@ _LONGEST = 200  # bytes; file systems take 255, also of the temporary file's nam
 
 @dataclass(frozen=True)
 class Request:
-    """What the operator asks for on the command line; None where it says nothing.
+    """The operator's wishes on the command line; None where it says nothing.
 
     What stands in `events.Opened` too must not change while a session lasts.
     """
@@ -62,7 +61,7 @@ class Request:
     agreed: bool = False  # to what is asked before the first reading
     offsets_mm: tuple[float, float, float] | None = None  # that the controller holds now
     model: Model | None = None
-    otherwise: Callable[[], Model] = machine_file.default_machine  # of a table, if none is named
+    otherwise: Callable[[], Model] = machine_file.default_machine  # where no file names one
     keeper: Model | None = None  # whose file keeps what is entered, for what continues data
     following: str | None = None  # path of the data that the session continues
     choice: int | None = None  # which recommendation is carried out, from 1
@@ -84,9 +83,7 @@ def clock() -> str:
     return datetime.now().astimezone().isoformat(timespec="milliseconds")
 
 
-def open_session(
-    request: Request, folder: Path, keyboard: Keyboard, show: Show, now: Callable[[], str] = clock
-) -> Dialogue:
+def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show) -> Dialogue:
     """Begin a session, or go on with one; files without a name go into `folder`.
 
     Raises:
@@ -105,12 +102,11 @@ def open_session(
         # A missing gauge or another machine leaves no file behind.
         if serial:
             serial.open()
-        model, found = _confirmed(request, Asker(keyboard, show))
-        # What others are joined to keeps the machine as it was for the first of them.
-        first = _first_records(request, found.model if found else model, now(), found)
-        journal = Journal.create(path.with_suffix(JOURNAL), *first)
+        model, recommended = _confirmed(request, Asker(keyboard, show))
+        records = _first_records(request, model, recommended, clock())
+        journal = Journal.create(path.with_suffix(JOURNAL), *records)
     try:
-        state = events.replay(journal.recovered.events)
+        state = events.replay(journal.events)
         setting = _setting(journal, state)
         if request.resume:
             _refuse_changes(state.opened, setting.held, request)
@@ -124,11 +120,11 @@ def open_session(
         asker = Asker(keyboard, show, gauge)
         if request.resume:
             asker.say(wording.machine(setting.held))
-            if setting.first:
-                asker.say(setting.first.following.words, Style.TITLE)
-        dialogue = Dialogue(path, journal, setting, asker, now, request.unit, request.until_mm)
+            if setting.following:
+                asker.say(setting.following.words, Style.TITLE)
+        dialogue = Dialogue(path, journal, setting, asker, clock, request.unit, request.until_mm)
         if request.source and request.source != state.source and state.ended is None:
-            dialogue.write(events.Reopened(at=now(), source=request.source))
+            dialogue.write(events.Reopened(at=clock(), source=request.source))
         return dialogue
     except BaseException:
         journal.close()
@@ -145,14 +141,14 @@ def _check_options(request: Request) -> None:
     if path and session_path(path).resolve() == Path(following).resolve():
         what = f"{following} is never changed: it cannot be the new session, too."
         raise UsageError(what, "Name another file for the session that will hold both.")
-    told = {
+    options = {
         "--resume": request.resume,
         "--protocol or --design": request.protocol,
         "--cycles": request.cycles,
         "--order": request.order,
         "--until": request.until_mm,
     }
-    if wrong := [name for name, value in told.items() if value]:
+    if wrong := [name for name, value in options.items() if value]:
         what = f"--then and {wrong[0]} do not go together."
         raise UsageError(what, "Leave out one of them: what is read follows from what was begun.")
 
@@ -163,36 +159,31 @@ def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation |
     With it, to the measurement that is recommended, if it is to be carried out. Nobody is asked
     who has agreed already, or has no terminal.
     """
-    found = None
-    given = request.model or machine_file.default_machine()
+    recommended = None
     if request.following is not None:
-        found = _recommended(request.following, request)
-        given = found.first.following.held(found.model)
-        plan = found.plan
-    else:  # one cycle of what would be measured
-        protocol = request.protocol or MeasuringProtocol.DOUBLE
-        steps = sequence(given.orthoglide, protocol, 1, Order.PAPER, 1)
-        plan = plan_of([step.cell for step in steps])
-    careful = require_on_bar(plan, given.orthoglide)
-    model = _holding(given, request.offsets_mm)
+        recommended, model = _recommended(request.following, request)
+    else:
+        model = request.model or request.otherwise()
+        model.machine.check_guided()
+    model = _holding(model, request.offsets_mm)
+    # One cycle of what would be measured, unless something is recommended.
+    protocol = request.protocol or MeasuringProtocol.DOUBLE
+    steps = sequence(model.orthoglide, protocol, 1, Order.PAPER, 1)
+    plan, following, change = plan_of([step.cell for step in steps]), None, ""
     while True:
+        if recommended:
+            plan, following, change = recommended.measured_with(model.orthoglide.offsets_mm)
+        careful = require_on_bar(plan, model.orthoglide)
         asker.say(wording.machine(model))
         if careful:
             asker.say(str(careful), Style.BAD)
-        if found:
-            found = found.holding(model.orthoglide.offsets_mm)
-            if found.change:
-                asker.say(found.change, Style.BAD)
-            asker.say(found.first.following.words, Style.TITLE)
+        if change:
+            asker.say(change, Style.BAD)
+        if following:
+            asker.say(following.words, Style.TITLE)
         if request.agreed or not asker.keyboard.live:
-            return model, found
-        if request.model is None and not found:
-            asker.say(
-                "No machine file is named, and this folder has none: these are the numbers"
-                " of the paper's prototype. Make a file for your machine: orthocal machine new",
-                Style.BAD,
-            )
-        also = ", and shall this be measured now" if found else ""
+            return model, recommended
+        also = ", and shall this be measured now" if recommended else ""
         asker.say(
             f"Is it this machine, with these offsets in its controller{also}? Return: yes.  n: no."
             "  Other offsets: type the three, in mm.",
@@ -201,7 +192,7 @@ def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation |
         answer = asker.ask("Return, n, or the three offsets > ")
         text = answer.lower() if isinstance(answer, str) else ""
         if text in ("", "y", "yes"):
-            return model, found
+            return model, recommended
         if text in ("n", "no", "q"):
             raise UsageError(
                 "Nothing was begun.",
@@ -216,89 +207,84 @@ def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation |
 
 @dataclass(frozen=True, eq=False)
 class Recommendation:
-    """What is measured next, given earlier readings, and on which machine."""
+    """Measurements that could be taken next, given earlier readings."""
 
     first: PriorReadings
-    model: Model
     options: tuple[Option, ...]  # best first
     choice: int | None  # which of them the operator wants, from 1
-    plan: GaugePlan  # that is carried out
-    change: str = ""  # what was entered since the first readings were taken, in a sentence
+    stands: int | None  # number of gauges, if the operator says it
 
-    def holding(self, offsets_mm: Sequence[float]) -> "Recommendation":
-        """What can be carried out with these offsets [mm] in the controller. Raises UsageError."""
-        x, y, z = np.subtract(offsets_mm, self.model.orthoglide.offsets_mm).round(9).tolist()
-        change = np.subtract((x, y, z), self.first.left_entered)
+    def measured_with(self, offsets_mm: Sequence[float]) -> tuple[GaugePlan, events.Following, str]:
+        """Plan the measurement with these offsets [mm] in the controller.
+
+        The last is what was entered since the first readings, in a sentence. Raises UsageError.
+        """
+        first = self.first
+        x, y, z = np.subtract(offsets_mm, first.model.orthoglide.offsets_mm).round(9).tolist()
+        change = np.subtract((x, y, z), first.left_entered)
         # To act they were homed for, and that has pushed stands that were still there.
         moved = bool(change.round(6).any())
         number = self.choice or next(
             k for k, option in enumerate(self.options, 1) if not (moved and option.continues)
         )
         option = self.options[number - 1]
+        plan = GaugePlan.require(option.plan)
         if moved and option.continues:
             raise UsageError(
                 "The offsets in the controller were changed since the last reading: that"
                 " measurement needs the machine and the stands as they were.",
                 "Leave out --choice for one with the stands set up again.",
             )
+        if option.continues and self.stands == 1 and len(set(plan.series)) > 1:
+            what = "That measurement needs the two gauges where they are."
+            raise UsageError(what, "Read with two, or take another one: --choice 2")
         following = events.Following(
-            data=self.first.following.data, what=option.what, minutes=option.minutes,
+            data=first.data, what=option.what, minutes=option.minutes,
             continues=option.continues, entered=(x, y, z),
         )  # fmt: skip
-        first = PriorReadings(following, self.model)
-        plan = GaugePlan.require(option.plan)
         plan = replace(plan, entered=(plan.entered + change).round(9))
-        said = ""
-        if moved:
-            axes = zip("XYZ", change.tolist(), strict=True)
-            said = "  ".join(f"{axis} {value:+.4g}" for axis, value in axes)
-            said = (
-                f"Since {visible(first.path)} was measured, the offsets in the controller were"
-                f" changed by {said} mm: the new readings are written with that difference."
-            )
-        return replace(self, first=first, plan=plan, change=said)
+        if not moved:
+            return plan, following, ""
+        axes = zip("XYZ", change.tolist(), strict=True)
+        values = "  ".join(f"{axis} {value:+.4g}" for axis, value in axes)
+        changed = (
+            f"Since {visible(first.path)} was measured, the offsets in the controller were"
+            f" changed by {values} mm: the new readings are written with that difference."
+        )
+        return plan, following, changed
 
 
-def _recommended(path: str, request: Request) -> Recommendation:
-    """What to measure next, given the readings in a file."""
+def _recommended(path: str, request: Request) -> tuple[Recommendation, Model]:
+    """Rank what to measure next, given the readings in a file, and on which machine."""
     given, keeper, choice = request.model, request.keeper, request.choice
     if path == "-":
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
     data = read_document(path)
-    own = read_input(data, None, request.otherwise)
-    own.model.machine.check_guided()
-    names = machine_file.differing(own.model, given) if given and own.is_session else []
+    alone = read_input(data, None, request.otherwise)
+    alone.model.machine.check_guided()
+    names = machine_file.differing(alone.model, given) if given and alone.is_session else []
     if names:
         raise UsageError(
             f"{path} was measured on another machine than that of --machine: they differ in"
             f" {', '.join(names)}.",
             "Leave out --machine to use the machine of the session.",
         )
-    model = read_input(data, given).model if given else own.model
-    start = events.Following(
-        data=data, what="", minutes=0.0, continues=False, entered=NOTHING_ENTERED
-    )
-    first = PriorReadings(start, model)
-    if not first.readings.plan.fixed:
+    first = PriorReadings(data, given or alone.model)
+    if not first.plan.fixed:
         raise UsageError(
             f"{path} was measured with the single-posture protocol. What comes next is read with"
             " gauges that stay where they stand; readings of both kinds cannot be joined.",
             "Measure a separate session: orthocal measure",
         )
-    options = ranked(diagnose(first.readings, model))
+    options = ranked(diagnose(first.readings, first.model))
     if choice is not None and choice > len(options):
         what = f"There is no recommendation {choice} for {path}: there are {len(options)}."
         raise UsageError(what, "Leave out --choice for the best one.")
-    offsets = model.orthoglide.offsets_mm + first.left_entered
-    if keeper is not None and not machine_file.differing(keeper, model):
+    offsets = first.model.orthoglide.offsets_mm + first.left_entered
+    if keeper is not None and not machine_file.differing(keeper, first.model):
         offsets = np.array(keeper.orthoglide.offsets_mm)
-    found = Recommendation(first, model, options, choice, first.plan)
-    found = found.holding(offsets.tolist())
-    continues = found.first.following.continues
-    if continues and request.stands == 1 and len(set(found.plan.series)) > 1:
-        what = "That measurement needs the two gauges where they are."
-        raise UsageError(what, "Read with two, or take another one: --choice 2")
-    return found
+    held = first.model.holding(tuple(offsets.round(9).tolist()))
+    return Recommendation(first, options, choice, request.stands), held
 
 
 def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
@@ -315,18 +301,19 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
 
 
 def _first_records(
-    request: Request, model: Model, at: str, found: Recommendation | None
+    request: Request, model: Model, recommended: Recommendation | None, at: str
 ) -> list[events.Event]:
     """The first records of a new session; what the command line leaves open is standard."""
-    said = dict(found.first.conditions.environment) if found else {}
-    told = re.fullmatch("[0-9]{1,18}", said.get("seed", ""))
+    first = recommended.first if recommended else None
+    environment = dict(first.conditions.environment) if first else {}
+    drawn = re.fullmatch("[0-9]{1,18}", environment.get("seed", ""))
     # Of the simulated gauge that gave the first readings.
-    hidden = int(told[0]) if told and said.get("readings_from") == "simulated" else None
+    hidden = int(drawn[0]) if drawn and environment.get("readings_from") == "simulated" else None
     source = request.source or ((TYPED,) if hidden is None else (SIMULATED,))
     simulated = source == (SIMULATED,)
-    if found and simulated and (hidden is None or request.seed not in (None, hidden)):
+    if first and simulated and (hidden is None or request.seed not in (None, hidden)):
         raise UsageError(
-            f"{found.first.path} was not measured on this simulated machine.",
+            f"{first.path} was not measured on this simulated machine.",
             "Leave out --gauge and --seed: the same simulated machine is measured.",
         )
     if request.seed is not None and not simulated:
@@ -335,8 +322,12 @@ def _first_records(
     protocol, cycles = request.protocol or MeasuringProtocol.DOUBLE, request.cycles or CYCLES
     stands = 1 if protocol is MeasuringProtocol.SINGLE else request.stands or 2
     order, steps = request.order or Order.PAPER, tuple[SessionStep, ...]()
-    if found:
-        steps = steps_of(found.plan, model.orthoglide, order, stands)
+    following = None
+    if recommended:
+        plan, following, _ = recommended.measured_with(model.orthoglide.offsets_mm)
+        # What others are joined to keeps the machine as it was for the first of them.
+        model = recommended.first.model
+        steps = steps_of(plan, model.orthoglide, order, stands)
         cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
     elif protocol is MeasuringProtocol.BEST:
         steps = sequence(model.orthoglide, protocol, cycles, order, stands)
@@ -346,30 +337,29 @@ def _first_records(
         source=source, seed=seed if simulated else None, operator=request.operator,
         temperature_c=request.temperature_c, gauges=request.gauges,
     )  # fmt: skip
-    readings, following = (step.cell for step in steps), found.first.following if found else None
-    planned = events.Planned(at=at, readings=tuple(readings), following=following)
+    readings = tuple(step.cell for step in steps)
+    planned = events.Planned(at=at, readings=readings, following=following)
     return [opened, planned] if steps else [opened]
 
 
 def _setting(journal: Journal, state: events.State) -> Setting:
-    """What the session is measured with. Raises InputError."""
+    """Machine, steps and earlier readings of a session. Raises InputError."""
     path, opened, planned = str(journal.path), state.opened, state.planned
-    model, first = machine_file.machine_from_text(opened.machine, path), None
+    model = machine_file.machine_from_text(opened.machine, path)
     if planned is not None:
         steps = steps_of(plan_of(planned.readings), model.orthoglide, opened.order, opened.stands)
-        first = PriorReadings(planned.following, model) if planned.following else None
     else:
         steps = sequence(
             model.orthoglide, opened.protocol, opened.cycles, opened.order, opened.stands
         )
-    known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.recovered.events)
+    known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):
         raise InputError(
             "The journal has a step that this session does not have, or another reading for it.",
             "Restore the file from a copy; or move it away and begin again.",
             file=path,
         )
-    return Setting(model, steps, first)
+    return Setting(model, steps, planned.following if planned else None)
 
 
 def _serial_gauge(source: Sequence[str]) -> SerialGauge | None:
@@ -440,28 +430,28 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
     if given is None:
         waiting = unfinished(folder)
         names = ", ".join(path.name for path in waiting)
-        if not resume and waiting:
+        if resume and len(waiting) != 1:
+            what = f"There are {len(waiting)} unfinished sessions here: {names}."
+            if not waiting:
+                what = "There is no unfinished session in this folder."
+            raise UsageError(what, "Name its file: orthocal measure NAME.yaml --resume")
+        if resume:
+            return waiting[0].with_suffix(".yaml")
+        if waiting:
             raise UsageError(
                 f"There is an unfinished session here: {names}.",
                 "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
             )
-        if not resume:
-            free = chain(("session.yaml",), (f"session-{number}.yaml" for number in count(2)))
-            return next(folder / name for name in free if not (folder / name).exists())
-        if not waiting:
-            what = "There is no unfinished session in this folder."
-            raise UsageError(what, "Name its file: orthocal measure NAME.yaml --resume")
-        if len(waiting) > 1:
-            what = f"There are {len(waiting)} unfinished sessions here: {names}."
-            raise UsageError(what, "Name one: orthocal measure NAME.yaml --resume")
-        return waiting[0].with_suffix(".yaml")
+        free = chain(("session.yaml",), (f"session-{number}.yaml" for number in count(2)))
+        return next(folder / name for name in free if not (folder / name).exists())
     path = session_path(given)
+    journal = path.with_suffix(JOURNAL)
     if not resume and path.exists():
         raise UsageError(
             f"{path} exists; a session is never overwritten.",
             "Name another file, or continue an unfinished session with --resume.",
         )
-    if not resume and (journal := path.with_suffix(JOURNAL)).exists():
+    if not resume and journal.exists():
         what = f"{journal} holds a session that is not finished."
         raise UsageError(what, f"Continue it: {command('measure', str(path), options='--resume')}")
     return path

@@ -26,6 +26,7 @@ from orthoglide_cal.files.readings import (
 )
 from orthoglide_cal.files.rows import ReadingRow
 from orthoglide_cal.files.session_file import Session
+from orthoglide_cal.files.text import FileText
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model
@@ -34,7 +35,6 @@ from orthoglide_cal.model.plan import Floats, Ints, joined
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep, planned_readings
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
-from orthoglide_cal.words import Unit
 
 TICK_MIN = 1e-4  # to which times are written
 _ORIGIN = "goes_on_from"
@@ -49,13 +49,13 @@ class PriorReadings:
     UsageError: these are no readings.
     """
 
-    def __init__(self, following: Following, model: Model) -> None:
-        given = read_input(following.data, model)
-        self.path = following.data.path
+    def __init__(self, data: FileText, model: Model) -> None:
+        given = read_input(data, model)
+        self.path = data.path
         if not isinstance(given.measured, Readings):
             what = f"{self.path} holds differences; new readings cannot be joined to them."
             raise UsageError(what, "Give the file of the raw readings, if you have it.")
-        self.following = following
+        self.data, self.model = data, given.model
         self.readings = given.measured
         self.conditions = given.conditions
         self.is_session = given.is_session
@@ -68,7 +68,7 @@ class PriorReadings:
         rows = reading_rows(self.readings)
         entries: list[dict[str, str]] = []
         if self.is_session:
-            entries = load_tree(self.following.data).value["readings"]
+            entries = load_tree(self.data).value["readings"]
         for index, row in enumerate(rows):
             # Steps are counted from 1 in each session: those of an earlier one cannot be retaken.
             note = re.sub(r" \(r [0-9]+\)", "", row.note or "")
@@ -78,20 +78,21 @@ class PriorReadings:
 
     @property
     def environment(self) -> dict[str, str]:
-        """What was written around them, and where they are from."""
-        said, data, told = dict(self.conditions.environment), self.following.data, self.conditions
+        """Notes around them, and where they are from."""
+        conditions, data = self.conditions, self.data
+        environment = dict(conditions.environment)
         counts = f"{len(self.readings)} readings"
-        for number, word in ((told.retaken, "replaced"), (told.skipped, "skipped")):
+        for number, word in ((conditions.retaken, "replaced"), (conditions.skipped, "skipped")):
             counts += f", {number} {word}" if number else ""
         origin = f"{visible(data.path)} ({counts}), sha256 {data.sha256}"
-        before = said.get(_ORIGIN)
-        return {**said, _ORIGIN: f"{origin}; {before}" if before else origin}
+        before = environment.get(_ORIGIN)
+        return {**environment, _ORIGIN: f"{origin}; {before}" if before else origin}
 
-    def minutes(self, opened_at: str, own: float) -> float | None:
+    def minutes(self, opened_at: str, since: float) -> float | None:
         """The time of a new reading on the clock of the first ones; None where they have none.
 
         The clock runs on from their end, if that is known and was on the same day; else it stands
-        from the last of them to `opened_at`, when the session began (ISO 8601), `own` minutes ago.
+        from the last of them to `opened_at`, when the session began (ISO 8601), minutes `since`.
         """
         if not self.readings.timed:
             return None
@@ -102,11 +103,11 @@ class PriorReadings:
             then = then.astimezone(now.tzinfo) if then.tzinfo else then.replace(tzinfo=now.tzinfo)
             if then.date() == now.date():
                 last += max((now - then).total_seconds() / 60.0, 0.0)
-        return round(math.ceil(last / TICK_MIN) * TICK_MIN + own, 4)
+        return round(math.ceil(last / TICK_MIN) * TICK_MIN + since, 4)
 
     @property
     def left_entered(self) -> Floats:
-        """What the controller held at the end beyond what it held at the beginning, (3,) [mm].
+        """Offsets in the controller at the end, less those at the beginning, (3,) [mm].
 
         A carriage that was commanded short was so for its readings alone.
         """
@@ -115,27 +116,35 @@ class PriorReadings:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What a session is measured with; the same from its first record to its last."""
+    """Machine, steps and earlier readings of a session; they never change while it lasts."""
 
     model: Model
     steps: tuple[SessionStep, ...]  # all of them, number k at index k − 1
-    first: PriorReadings | None = None  # the readings that it continues
+    following: Following | None = None  # how it continues others
 
     @property
     def machine(self) -> Orthoglide:
         return self.model.orthoglide
 
+    @cached_property
+    def first(self) -> PriorReadings | None:
+        """The readings that it continues."""
+        return PriorReadings(self.following.data, self.model) if self.following else None
+
     @property
     def held(self) -> Model:
         """The machine with the offsets that its controller holds while this is measured."""
-        return self.first.following.held(self.model) if self.first else self.model
+        if self.following is None:
+            return self.model
+        held = np.add(self.machine.offsets_mm, self.following.entered)
+        return self.model.holding(tuple(held.round(9).tolist()))
 
     def short_mm(self, step: SessionStep) -> Floats:
-        """How much short of its posture each carriage is commanded, shape (3,) [mm].
+        """Distance by which each carriage is commanded short of its posture, shape (3,) [mm].
 
         For the machine that is the same as if it had been entered in the controller.
         """
-        active = self.first.following.entered if self.first else NOTHING_ENTERED
+        active = self.following.entered if self.following else NOTHING_ENTERED
         short = np.subtract(step.cell.entered, active, dtype=np.float64)
         return np.asarray(short.round(9))
 
@@ -146,7 +155,7 @@ class Setting:
 
     @cached_property
     def outlook(self) -> PlanForecast:
-        """Of 2·N readings: the steps', and the same with the gauges of each leg exchanged."""
+        """Forecast of 2·N readings: the steps', then the same with each leg's gauges exchanged."""
         both = joined(self.plan, self.plan)
         exchanged = both.contact == Contact.FIXED
         exchanged[: len(self.plan)] = False
@@ -166,56 +175,70 @@ class ReadingsSoFar:
         # Since the session began, shape (n,).
         self.minutes: Floats = np.array([item.take.file_minutes for item in items])
         self.left = [step for step in steps if state.is_open(step.number)]  # to be measured
-        # The step at which the stand of each was moved last; None if it never was.
-        ranks = [(step, item.rank) for step, item in zip(self.steps, items, strict=True)]
-        self.moved = [self.moved_before(step, rank) for step, rank in ranks]
-        # Whether each was kept although it does not fit: it proves nothing.
-        self.doubted = [False] * len(self.steps)
         # Doubts of readings that were kept, with the step that they were about.
         self.settled: set[tuple[Doubt, int]] = set()
-        for index, (take, rank) in enumerate(items):
+        # The step at which the stand of each was moved last; None if it never was.
+        self.moved: list[int | None] = []
+        # Not 0 where a reading that was kept in doubt began a new zero.
+        self.fresh: list[int] = []
+        self.setup: list[int] = []  # readings of one share a zero
+        # Indices of those that others are compared with: not of those kept in doubt, though they
+        # do not fit, which prove nothing.
+        proven: list[int] = []
+        begun, known = dict[object, int](), dict[object, int]()
+        for index, (step, (take, rank)) in enumerate(zip(self.steps, items, strict=True)):
+            moves = (at for at, then in state.moved if then <= rank)
+            self.moved.append([None, *(at for at in moves if steps[at - 1].zero == step.zero)][-1])
+            self.fresh.append(begun.get(step.zero, 0))
+            zero = (step.zero, self.moved[-1], self.fresh[-1])
+            self.setup.append(known.setdefault(zero, len(known)))
+            doubted = False
             if isinstance(take, Questioned):
                 self.settled.add((take.doubt, take.about))
                 # One that showed that its stand was moved is right: only the zero before is not.
                 # A doubt about an earlier set-up says nothing of this one.
-                here = steps[(take.about or take.step) - 1].setup == self.steps[index].setup
-                moved = (take.step, rank) in state.moved
-                self.doubted[index] = take.doubt.compares and here and not moved
-
-    def moved_before(self, step: SessionStep, rank: int) -> int | None:
-        """The step at which the stand of this gauge was moved last up to record `rank`."""
-        steps, so_far = self.setting.steps, self.state.moved
-        own = [at for at, then in so_far if then <= rank and steps[at - 1].zero == step.zero]
-        return own[-1] if own else None
+                here = steps[(take.about or take.step) - 1].setup == step.setup
+                doubted = take.doubt.compares and here and (take.step, rank) not in state.moved
+            if doubted:
+                begun[step.zero] = index + 1
+            else:
+                proven.append(index)
+        # What the last reading is compared with, (k,); and with itself, (k + 1,).
+        last = len(self.steps) - 1
+        self.past: Ints = np.array([index for index in proven if index != last], dtype=np.int64)
+        self.compared: Ints = np.append(self.past, last)
+        # Of these the readings by the same gauge in the same set-up; and in the same cell.
+        self.series = [i for i in self.past.tolist() if self.setup[i] == self.setup[last]]
+        self.repeats = [i for i in self.series if self.steps[i].cell == self.steps[last].cell]
 
     def row(self, number: int, take: Arrived | None = None, **further: object) -> ReadingRow:
         """A step as a row of the session file: what it reads, a reading, and what is said of it."""
         setting, opened, step = self.setting, self.state.opened, self.setting.steps[number - 1]
         first = setting.first
-        said = {"cycle": step.cycle + (first.repeats[step.cell] if first else 0), **further}
+        cells = {"cycle": step.cycle + (first.repeats[step.cell] if first else 0), **further}
         if take is not None:
-            own = take.file_minutes
-            said = {
+            minutes = take.file_minutes
+            cells = {
                 "reading_mm": take.value_mm,
                 "gauge": opened.gauge_id(step.stand),
                 "timestamp": take.at,
-                "minutes": first.minutes(opened.at, own) if first else own,
+                "minutes": first.minutes(opened.at, minutes) if first else minutes,
                 "temperature_c": opened.temperature_c,
-                **said,
+                **cells,
             }
-        return row_at(setting.plan, number - 1, str(step.posture)).model_copy(update=said)
+        return row_at(setting.plan, number - 1, str(step.posture)).model_copy(update=cells)
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of the session file; a gauge that was moved has another label."""
-        rows, first = list[ReadingRow](), self.setting.first
+        rows, first, following = list[ReadingRow](), self.setting.first, self.setting.following
         seq = len(first.readings) if first else 0
         for (take, _), step, moved in zip(
             self.state.accepted.values(), self.steps, self.moved, strict=True
         ):
             label = self.state.opened.gauge_id(step.stand)
             seq += 1
-            if first and first.following.continues:
+            if first and following and following.continues:
                 names = AXES[step.leg], AXES[step.direction]
                 mine = (row.gauge for row in first.rows if (row.leg, row.direction) == names)
                 label = [None, *mine][-1]  # of the gauge that read it last
@@ -248,25 +271,28 @@ class ReadingsSoFar:
             for gauge in opened.gauges
         ]
         before = first.conditions.gauges if first else ()
-        said = first.environment if first else {}
-        said["readings_from"] = ", ".join(state.source)
+        environment = first.environment if first else {}
+        environment["readings_from"] = ", ".join(state.source)
         if opened.seed is not None:
-            said["seed"] = str(opened.seed)
+            environment["seed"] = str(opened.seed)
         if opened.temperature_c is not None:
-            said["temperature_c"] = f"{opened.temperature_c:g}"
+            environment["temperature_c"] = f"{opened.temperature_c:g}"
         loose = [f"step {step}: {text}" for step, text in state.notes if step not in state.accepted]
         if loose:
-            said["notes"] = "; ".join(loose)
+            environment["notes"] = "; ".join(loose)
         return Session(
             machine=self.setting.model,
             protocol=opened.protocol.value,
             operator=opened.operator or (first.conditions.operator if first else None),
-            gauges=(*gauges, *(each for each in before if each.id not in {g.id for g in gauges})),
+            gauges=(
+                *gauges,
+                *(gauge for gauge in before if gauge.id not in {g.id for g in gauges}),
+            ),
             started=(first.conditions.started if first else None) or opened.at,
             finished=state.ended.at if state.ended else None,
-            environment=said,
+            environment=environment,
             readings=(*(first.rows if first else ()), *self.rows),
-            retaken=tuple(self.row(old.step, old, reason=why) for old, why in state.replaced),
+            retaken=tuple(self.row(take.step, take, reason=why) for take, why in state.replaced),
             skipped=tuple(self.row(n, reason=why) for n, why in sorted(state.skipped.items())),
         )
 
@@ -308,54 +334,22 @@ class ReadingsSoFar:
             return left
         return [step for step in left if step.visit != closing[0].visit]
 
-
-class NextReading:
-    """A reading to come, after the n readings so far.
-
-    It is of a step, taken so many minutes after the session began, given and spoken of in a unit.
-    """
-
-    def __init__(
-        self, so_far: ReadingsSoFar, step: SessionStep, minutes: float, unit: Unit = Unit.MM
-    ) -> None:
-        self.so_far = so_far
-        self.minutes = minutes
-        self.unit = unit
-        self.steps = steps = [*so_far.steps, step]  # in time order, n + 1
-        # Indices of the readings to compare with: not those that were kept in doubt, (k,).
-        self.past: Ints = np.flatnonzero(~np.array(so_far.doubted, dtype=bool))
-        self.rows: Ints = np.append(self.past, len(so_far.steps))  # with the one to come, (k + 1,)
-        begun: dict[object, int] = {}
-        fresh: list[int] = []
-        for each, doubted in zip(steps, [*so_far.doubted, False], strict=True):
-            fresh.append(begun.get(each.zero, 0))
-            if doubted:
-                begun[each.zero] = len(fresh)
-        # Not 0 where a reading that was kept in doubt began a new zero, (n + 1,).
-        self.fresh: Ints = np.array(fresh)
-        moved = [*so_far.moved, so_far.moved_before(step, so_far.state.count)]
-        known: dict[object, int] = {}
-        keys = zip((each.zero for each in steps), moved, fresh, strict=True)
-        setup = [known.setdefault(key, len(known)) for key in keys]
-        last = {(s.setup, s.leg, s.stand): own for s, own in zip(steps, setup, strict=True)}
-        self.setup: Ints = np.array(setup)  # readings of one share a zero, (n + 1,)
-        # Set-up of the other gauge of the same leg, (n + 1,); −1 without one.
-        self.partner: Ints = np.array([last.get((s.setup, s.leg, 1 - s.stand), -1) for s in steps])
-        # Indices of earlier readings by the same gauge in the same set-up; and in the same cell.
-        self.series = [i for i in self.past.tolist() if setup[i] == setup[-1]]
-        self.repeats = [i for i in self.series if steps[i].cell == step.cell]
+    @cached_property
+    def partner(self) -> Ints:
+        """Set-up of the other gauge of the same leg, (n,); −1 without one."""
+        setups = zip(self.steps, self.setup, strict=True)
+        last = {(step.setup, step.leg, step.stand): setup for step, setup in setups}
+        return np.array([last.get((s.setup, s.leg, 1 - s.stand), -1) for s in self.steps])
 
     @cached_property
     def forecast(self) -> Mixture:
-        """Of 2·(n + 1) readings: these, and the same with the gauges of each leg exchanged."""
-        setting, setup = self.so_far.setting, self.setup
+        """Forecast of 2·n readings: these, and the same with the gauges of each leg exchanged."""
         rows = np.array([step.number - 1 for step in self.steps])
-        hours = np.append(self.so_far.minutes, self.minutes) / 60.0
-        return setting.outlook.forecast(
-            np.concatenate((rows, rows + len(setting.steps))),
-            np.concatenate((setup, np.where(self.partner >= 0, self.partner, setup))),
+        return self.setting.outlook.forecast(
+            np.concatenate((rows, rows + len(self.setting.steps))),
+            np.concatenate((self.setup, np.where(self.partner < 0, self.setup, self.partner))),
             np.tile(np.arange(len(rows)), 2),
-            np.tile(hours, 2),
+            np.tile(self.minutes / 60.0, 2),
             np.tile(self.fresh, 2),
             self.sigma_mm,
         )
@@ -364,13 +358,13 @@ class NextReading:
     def sigma_mm(self) -> float:
         """Standard deviation of a reading: as stated, or larger where successive repeats say so.
 
-        The median ignores blunders.
+        The median ignores blunders; the last reading is not asked.
         """
-        stated = self.so_far.setting.machine.gauge.noise_mm
+        stated = self.setting.machine.gauge.noise_mm
         last: dict[object, float] = {}
         jumps: list[float] = []
-        readings = zip(self.so_far.steps, self.setup[:-1], self.so_far.value, strict=True)
-        for step, setup, value in readings:
+        earlier = zip(self.steps[:-1], self.setup, self.value.tolist(), strict=False)
+        for step, setup, value in earlier:
             if (step.cell, setup) in last:
                 jumps.append(abs(value - last[step.cell, setup]))
             last[step.cell, setup] = value

@@ -55,7 +55,7 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
     Once it is `begun`, readings were taken in it: the stands must stay where they are.
     """
     here = [step for step in setting.steps if step.setup == setup]
-    planned, first = here[0].cell, setting.first
+    planned, following = here[0].cell, setting.following
     leg, contact = AXES[planned.leg].upper(), planned.contact
     directions = sorted({step.direction for step in here})
     names = [AXES[direction].upper() for direction in directions]
@@ -70,10 +70,11 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
             f"2. Slide the stand between the ends of leg {leg}; never touch the gauge's zero.",
             "3. Joint end: at the carriage joint. Tool end: at the tool centre point.",
         ]
-    elif first and first.following.continues and not begun and setup == 1:
+    elif following and following.continues and not begun and setup == 1:
+        path = visible(following.data.path)
         words = [
             "Do not touch the stands: they must be where they were for the last reading",
-            f"of {visible(first.path)}. If one was touched since: q, and another measurement.",
+            f"of {path}. If one was touched since: q, and another measurement.",
         ]
     elif begun:
         words = [
@@ -82,7 +83,8 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
         ]
     else:
         words = []
-        bars = [row.bar for row in (first.rows if first else []) if row.leg == AXES[planned.leg]]
+        rows = setting.first.rows if setting.first else []
+        bars = [row.bar for row in rows if row.leg == AXES[planned.leg]]
         if planned.turned:
             sides = " and ".join(f"+{AXES[axis].upper()}" for axis in other_axes(planned.leg))
             words = [
@@ -108,9 +110,9 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
 
 
 def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
-    """Where step n of N is; `minutes` are those left."""
+    """Place of step n of N; `minutes` are those left."""
     # The isotropic posture once more than the others closes a set-up.
-    repeats = Counter(each.cell for each in setting.steps if each.setup == step.setup)
+    repeats = Counter(other.cell for other in setting.steps if other.setup == step.setup)
     here = repeats[step.cell]
     moved = [number for cell, number in repeats.items() if cell.displacement != 0.0]
     closes = step.displacement_mm == 0.0 and here == max(moved, default=here) + 1
@@ -129,14 +131,14 @@ def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
 
 
 def point(step: SessionStep, setting: Setting) -> tuple[Floats, Floats]:
-    """Where to drive: joints and tool, shape (3,) each [mm]."""
+    """Point to drive to: joints and tool, shape (3,) each [mm]."""
     machine = setting.model.orthoglide
     joints = machine.joints_at(step.leg, step.displacement_mm) - setting.short_mm(step)
     return joints, machine.nominal_rails.tool_for(joints)
 
 
 def place(step: SessionStep, setting: Setting) -> str:
-    """Where to drive: the joints, or the tool; either moves the machine to the same posture."""
+    """Point to drive to, in words: its joints, and its tool; either is the same posture."""
     joints, tool = point(step, setting)
     return (
         f"Drive to  joints   {_axes(joints, '.3f', '   ')}  mm\n"

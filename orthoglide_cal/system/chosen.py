@@ -1,19 +1,21 @@
-"""The operating system that the program runs on, chosen once."""
+"""The operating system that the program runs on, by its module, chosen once.
 
-import os
-from importlib import import_module
+Every system has the same functions; which are there the type checker sees at each call.
 
-from orthoglide_cal.system.interface import System
-from orthoglide_cal.system.windows import Windows
+    terminal(descriptor)      the terminal that this descriptor reads from
+    lock(descriptor)          lock a file until it is closed or the process ends, however; raises
+                              OSError if it is locked
+    publish(temporary, path)  give a finished file its name; raises FileExistsError if another file
+                              has it
+    sync_folder(folder)       make new names in a folder survive a power loss, as far as the system
+                              can
+"""
 
+import sys
 
-def this_system() -> System:
-    """Windows, or else one with POSIX terminals and locks."""
-    if os.name == "nt":
-        return Windows(import_module("msvcrt"))
-    from orthoglide_cal.system.posix import Posix
+__all__ = ["SYSTEM"]
 
-    return Posix()
-
-
-SYSTEM: System = this_system()
+if sys.platform == "win32":
+    from orthoglide_cal.system import windows as SYSTEM
+else:
+    from orthoglide_cal.system import posix as SYSTEM

@@ -1,8 +1,7 @@
-"""The few things that each operating system does in its own way, as the program wants them."""
+"""The terminal of any operating system, as the program wants it."""
 
 import os
 from contextlib import suppress
-from pathlib import Path
 from typing import Protocol
 
 # Where nobody says how wide the screen is.
@@ -39,19 +38,3 @@ class Terminal(Protocol):
 
     def close(self) -> None:
         """Leave the terminal as it was."""
-
-
-class System(Protocol):
-    """An operating system."""
-
-    def terminal(self, descriptor: int) -> Terminal:
-        """The terminal that this descriptor reads from."""
-
-    def lock(self, descriptor: int) -> None:
-        """Lock a file until it is closed or the process ends, however. Raises OSError if it is."""
-
-    def publish(self, temporary: Path, path: Path) -> None:
-        """Give a finished file its name. Raises FileExistsError if another file has it."""
-
-    def sync_folder(self, folder: Path) -> None:
-        """Make new names in a folder survive a power loss, as far as the system can."""

@@ -8,9 +8,8 @@ import signal
 import termios
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
-from orthoglide_cal.system.interface import System, Terminal
+from orthoglide_cal.system.interface import Terminal
 
 
 class PosixTerminal(Terminal):
@@ -24,7 +23,7 @@ class PosixTerminal(Terminal):
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
         self._disturbed = False
         self._before = termios.tcgetattr(descriptor)
-        self._handlers: dict[int, Any] = {
+        self._handlers = {
             number: signal.signal(number, self._on_signal)
             for number in (signal.SIGCONT, signal.SIGTSTP)
             if signal.getsignal(number) != signal.SIG_IGN
@@ -85,32 +84,34 @@ class PosixTerminal(Terminal):
             os.close(self._output)
 
 
-class Posix(System):
-    """A system with POSIX terminals and locks."""
+terminal = PosixTerminal
 
-    def terminal(self, descriptor: int) -> PosixTerminal:
-        return PosixTerminal(descriptor)
 
-    def lock(self, descriptor: int) -> None:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+def lock(descriptor: int) -> None:
+    """See `chosen`."""
+    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
-    def publish(self, temporary: Path, path: Path) -> None:
-        """A link fails where a rename would replace. File systems without links (USB sticks) get
-        a check and a rename.
-        """
+
+def publish(temporary: Path, path: Path) -> None:
+    """See `chosen`. A link fails where a rename would replace.
+
+    File systems without links (USB sticks) get a check and a rename.
+    """
+    try:
+        path.hardlink_to(temporary)
+    except FileExistsError:
+        raise
+    except OSError:
+        if path.exists():
+            raise FileExistsError(str(path)) from None
+        temporary.rename(path)
+
+
+def sync_folder(folder: Path) -> None:
+    """See `chosen`."""
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
         try:
-            path.hardlink_to(temporary)
-        except FileExistsError:
-            raise
-        except OSError:
-            if path.exists():
-                raise FileExistsError(str(path)) from None
-            temporary.rename(path)
-
-    def sync_folder(self, folder: Path) -> None:
-        with suppress(OSError):
-            handle = os.open(folder, os.O_RDONLY)
-            try:
-                os.fsync(handle)
-            finally:
-                os.close(handle)
+            os.fsync(handle)
+        finally:
+            os.close(handle)

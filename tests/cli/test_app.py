@@ -151,7 +151,7 @@ def test_options_are_plain_numbers(command: str) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 @pytest.mark.parametrize(
-    "arguments", [("solve", SIX), ("solve", SIX, "--json"), ("template", "machine")]
+    "arguments", [("validate", SIX), ("validate", SIX, "--json"), ("template", "machine")]
 )
 def test_a_full_disk_behind_standard_output_is_said_in_one_line(arguments: tuple[str, ...]) -> None:
     with Path("/dev/full").open("w") as full:

@@ -46,15 +46,6 @@ def test_json_is_the_answer(file: str) -> None:
             assert row["expected_mm"] == pytest.approx(gap, abs=5e-4)
 
 
-@pytest.mark.parametrize("file", [SIX, DOUBLE, SINGLE, SESSION])
-def test_one_input_has_one_answer(file: str) -> None:
-    """Solve, diagnose, report and export print the same object."""
-    solved = answer("solve", file)
-    assert solved == answer("diagnose", file) == answer("report", file)["answer"]
-    exported = run("export", "--json", file)
-    assert lines(exported)[0] == solved if exported.exit_code == 0 else exported.exit_code == 4
-
-
 @pytest.mark.parametrize("file", [DOUBLE, SINGLE])
 def test_the_sample_sessions_give_their_true_offsets(file: str) -> None:
     for each, value in zip(answer("solve", file)["parameters"], (0.42, -0.31, 0.87), strict=True):

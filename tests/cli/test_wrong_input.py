@@ -18,7 +18,6 @@ from tests.session.virtual import answered, readings_of, steps_of, typed
 from .program import DOUBLE, SIX, answer, done, refused, run
 
 PROTOTYPE = (shipped_folder() / "orthoglide_prototype.yaml").read_text(encoding="utf-8")
-DELTA = str(shipped_folder() / "linear_delta.yaml")
 
 
 def test_apply_says_nothing_is_entered_before_it_asks(tmp_path: Path) -> None:
@@ -147,7 +146,7 @@ def test_a_contradiction_offers_both_readings(tmp_path: Path) -> None:
     lines = [*right[:8], slip, "r 3", right[2], right[8], right[9]]
     dialogue, _ = answered(tmp_path / "s.journal", lines)
     assert list(dialogue.state.accepted) == [1, 2, 4, 5, 6, 7, 8, 3, 9, 10]
-    assert [old.take.step for old in dialogue.state.replaced] == [9, 3]
+    assert [take.step for take, _ in dialogue.state.replaced] == [9, 3]
 
 
 def test_a_caution_is_a_note_too(tmp_path: Path) -> None:

@@ -35,8 +35,7 @@ def test_the_conditions_of_a_table_are_those_of_its_columns(tmp_path):
     assert not given.is_session
     assert given.model is MODEL
     assert given.conditions == Conditions(
-        temperature_c=(20.25, 21.5),
-        first_and_last_c=(21.5, 20.25),
+        temperature_c=(21.5, 20.25),
         gauges=(GaugeIdentity(id="B"), GaugeIdentity(id="A")),
         notes=((3, "shaken"),),
     )

@@ -84,7 +84,7 @@ BAD = [
     (L, "leg_length_mm: [1]", 7, "leg_length_mm", None, "must be a number", "plain number"),
     (L, "leg_lenght_mm: 310.25", 3, "leg_length_mm", None, "missing", "leg_length_mm: …"),
     (L, L + "\nkind:", 8, "kind", None, "kind of machine", "Known: orthoglide"),
-    (L, L + "\nL: 3", 8, "L", "3", "not known", "Known here: schema_version"),
+    (L, L + "\nL: 3", 8, "L", "3", "not known", "Known here: kind, name"),
     (L, L + "\n" + L, 8, "leg_length_mm", "310.25", "given twice", "Remove"),
     ("[-100, 60]", "[60, -100]", 10, "joint_limits_mm", None, "ordered", "displacements"),
     ("[-100, 60]", "[-100, 370.25]", 10, "joint_limits_mm[1]", "370.25", "beyond", "not the joint"),
@@ -179,9 +179,14 @@ def test_a_number_that_cannot_be_is_refused_wherever_it_stands(text, wrong):
 
 
 def test_all_faults_at_once_in_the_order_of_lines():
-    text = changed(TEXT, (L, "leg_length_mm: x"), ("range_mm: 10", "rang_mm: 10"))
+    text = changed(
+        TEXT, (L, "leg_length_mm: x"), ("range_mm: 10", "rang_mm: 10"),
+        ("axis_gap: 0.5", "axis_gap: y"), ("misread: 0.1", "mis[ad: z"),
+    )  # fmt: skip
     assert places(problems(read, text)) == [
         (7, "leg_length_mm", "x"), (14, "gauge.range_mm", None), (16, "gauge.rang_mm", "10"),
+        (26, "tolerances.axis_gap", "y"), (36, "tolerances.mis[ad", "z"),
+        (36, "tolerances.mis[ad", "mis[ad"),
     ]  # fmt: skip
 
 

@@ -62,6 +62,11 @@ def test_what_is_optional_in_any_order(tmp_path: Path) -> None:
     assert any("colour" in remark for remark in read.remarks)
 
 
+def test_a_line_with_a_hash_is_a_comment_also_below_a_header_of_places(tmp_path: Path) -> None:
+    read = read_input(saved(tmp_path, H + "# a new nozzle\n1,0,0.2\n"), MODEL).measured
+    assert read.value.tolist() == [0.1, 0.2]
+
+
 def test_the_order_in_time_is_that_of_the_numbers(tmp_path: Path) -> None:
     text = "seq,x_mm,y_mm,reading_mm\n7,0,0,0.1\n3,1,0,0.2\n5,2,0,0.3\n"
     read = read_input(saved(tmp_path, text), MODEL).measured

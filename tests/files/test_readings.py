@@ -63,6 +63,7 @@ def test_the_required_columns_are_enough(tmp_path):
         GOOD.replace(HEAD, '"leg","posture","direction","reading_mm"'),
         GOOD.replace("0.12", '"0.12"'),
         GOOD.replace("\n", ",,\n"),
+        GOOD.replace("reading_mm", "reading_mm,").replace("0.12", "0.12,unnamed"),
         "# made by hand, with a \" in it\n\n" + GOOD.replace("x,max", "\n # why\n,,,\nx,max"),
         GOOD.replace("0.12", "12e-2"),
         GOOD.replace("0.12", "+000.120"),

@@ -58,8 +58,7 @@ def test_the_conditions_are_those_of_the_file(tmp_path):
         protocol="double-posture",
         operator="M. Muster: # 'quoted'",
         started="2025-03-01T09:00:00+01:00",
-        temperature_c=(20.0, 20 + 3 / 7),
-        first_and_last_c=(20.0, 20 + 3 / 7),
+        temperature_c=tuple(20 + k / 7 for k in range(4)),
         environment=(("temperature_c", "20.5"), ("note", "null")),
         gauges=(GaugeIdentity(id="012", certificate="1e-3", resolution_mm=0.01),),
         retaken=1,
@@ -155,6 +154,7 @@ def test_resolution_with_its_unit_and_inches(tmp_path):
 BAD = [
     ("leg: x", "leg: w", "readings[0].leg", "w", "not an axis"),
     ("posture: max", "posture: [a]", "readings[1].posture", None, "one value"),
+    ("leg: x,", "leg: x, colour: [red],", "readings[0].colour", None, "one value"),
     ("reading_mm: -0.4", "reading_mm: 1:30", "readings[0].reading_mm", "1:30", "not a number"),
     ("reading_mm: -0.4, ", "", "readings[0].reading_mm", None, "missing"),
     ("09:00:30.250", "soon", "readings[0].timestamp", "2025-03-01Tsoon+01:00", "not a time"),

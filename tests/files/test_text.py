@@ -8,7 +8,6 @@ import pytest
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.text import (
-    UnreadableError,
     document_from_bytes,
     read_document,
     write_text,
@@ -42,11 +41,11 @@ def test_refused_with_a_remedy(data, what, line):
 
 
 def test_unreadable(tmp_path):
-    with pytest.raises(UnreadableError, match="no such file"):
+    with pytest.raises(InputError, match="no such file"):
         read_document(str(tmp_path / "none.csv"))
-    with pytest.raises(UnreadableError, match="folder"):
+    with pytest.raises(InputError, match="folder"):
         read_document(str(tmp_path))
-    with pytest.raises(UnreadableError, match="cannot be read"):
+    with pytest.raises(InputError, match="cannot be read"):
         read_document("a\0b")
 
 

@@ -66,7 +66,7 @@ def test_scalars_stay_text_and_lines_are_known():
 )
 def test_duplicate_keys_are_all_noted(text, faults):
     tree = load_tree(document(text))
-    assert [(f.line, f.column) for f in tree.faults.problems] == faults
+    assert [(f.line, f.column) for f in tree.problems] == faults
     assert (tree.value["a"], tree.value["b"]) == ("1", {"c": "1"})
 
 

@@ -224,11 +224,14 @@ def test_repeats_tell_the_repeatability() -> None:
     assert solve(read.measured, read.model).sigma_repeats_mm == found.lack_of_fit.repeats_mm
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", [1, 2, 3])
 def test_consistent_is_what_noise_leaves(seed: int, tmp_path: Path) -> None:
-    """Stored calibrations whose heights scatter four times as much as is usual."""
+    """Stored calibrations whose heights scatter four times as much as is usual.
+
+    With p = 0.04, 0.0003 and 4e-7: on both sides of 0.001.
+    """
     file = tmp_path / "printer.cfg"
-    file.write_text(printer_cfg(V400, OFF, seed=seed, noise=0.05))
+    file.write_text(printer_cfg(V400, OFF, seed=seed, noise=0.05, sections="c"))
     found = answer_to(read_input(str(file)))
     assert found.lack_of_fit is not None
     assert found.noise is not None

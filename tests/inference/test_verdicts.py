@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.inference import Diagnosis, diagnose
+from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.decision import decide
 from tests import truth
+from tests.decisions import content
 from tests.inference.sessions import ids, known
 from tests.sentences import sentences
 
@@ -44,6 +47,19 @@ def drawn(cause: str, gauge: truth.Gauge, seed: int) -> truth.Session:
 @cache
 def judged(session: truth.Session) -> Diagnosis:
     return diagnose(*known(session))
+
+
+def test_data_that_are_decided_again_give_the_same() -> None:
+    """To the last digit, whatever was decided meanwhile: the other tests decide them once."""
+    whites = [Whitened.of(*known(drawn("axis_gap", truth.MICRON, seed))) for seed in (1, 4, 1, 4)]
+    probabilities, offsets = zip(
+        *((found.belief.listed, found.offsets) for found in map(decide, whites)), strict=True
+    )
+    for first, again in ((0, 2), (1, 3)):
+        assert content(whites[first]) == content(whites[again]) != content(whites[1 - first])
+        assert probabilities[first] == probabilities[again]
+        for values in zip(offsets[first], offsets[again], strict=True):
+            assert np.array_equal(*values)
 
 
 @pytest.mark.parametrize(("cause", "gauge", "seed"), cases)

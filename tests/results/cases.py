@@ -29,8 +29,7 @@ COMPLETE = Conditions(
     operator="A. Martin",
     started="2026-03-03T09:00:00+01:00",
     finished="2026-03-03T09:31:00+01:00",
-    temperature_c=(20.7, 21.6),
-    first_and_last_c=(20.9, 21.3),
+    temperature_c=(20.9, 20.7, 21.6, 21.3),
     environment=(("place", "hall 3"),),
     gauges=(
         GaugeIdentity(id="no. 41", certificate="2026-0117", due="2027-01-31", resolution_mm=0.01),

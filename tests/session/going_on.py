@@ -8,11 +8,10 @@ from typing import Any
 import yaml
 
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.planning import Option, ranked
-from orthoglide_cal.session.events import Event, Following
+from orthoglide_cal.session.events import Event
 from orthoglide_cal.session.journal import decode
 
 SIMULATED = ("--gauge", "simulated", "--seed", "7", "--yes")
@@ -58,14 +57,3 @@ def content(path: Path) -> dict[str, Any]:
 
 def events_of(path: Path) -> tuple[Event, ...]:
     return decode(path.read_bytes(), "j").events
-
-
-def alone(path: Path) -> Following:
-    """What goes on from a file, with nothing entered since."""
-    return Following(
-        data=read_document(str(path)),
-        what="",
-        minutes=1.0,
-        continues=False,
-        entered=(0.0, 0.0, 0.0),
-    )

@@ -28,7 +28,7 @@ AT_ONCE = (
 PROMPT = re.compile(r"(\d+)\. Gauge [XYZ][^\r\n]* > (?:\x1b\[0m)?$")
 QUESTION = re.compile(r"(\d+)\. k keep it[^\r\n]* > (?:\x1b\[0m)?$")
 # The end of any prompt; what is typed sooner is not taken for an answer.
-ASKED = re.compile(r"> (?:\x1b\[[0-9;]*m)*$")
+ASKED = re.compile(r"(?:>|\]:) (?:\x1b\[[0-9;]*m)*$")
 
 # Much longer than anything takes, also on a machine that has other things to do [s].
 PATIENCE_S = 300

@@ -9,7 +9,7 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, check_reading, check_repeats
 from orthoglide_cal.session.events import Answered, Doubt, Taken
-from orthoglide_cal.session.readings import NextReading
+from orthoglide_cal.session.readings import ReadingsSoFar
 from orthoglide_cal.words import Unit
 from tests.machines import PROTOTYPE
 
@@ -17,9 +17,9 @@ from .virtual import (
     AT,
     DOUBLE,
     SINGLE,
-    compared,
     play,
     questioned,
+    read_next,
     readings_of,
     state_of,
     steps_of,
@@ -167,8 +167,7 @@ def test_numbers_that_the_gauge_cannot_show(
 ) -> None:
     state = state_of([])
     unit = Unit.INCH if inches else Unit.MM
-    past = compared(state, steps_of(), 0, 0.0, unit=unit)
-    question = check_number(past, value)
+    question = check_number(read_next(state, steps_of(), 0, 0.0, value), unit)
     assert (question.doubt if question else None) == doubt
 
 
@@ -181,17 +180,19 @@ def test_every_question_speaks_in_the_unit_of_the_reading(unit: Unit) -> None:
 
     inches = PROTOTYPE.changed(gauge=PROTOTYPE.gauge.changed(resolution_mm=0.0254))
 
-    def coming(taken_before: list[Taken], index: int, machine: Machine = PROTOTYPE) -> NextReading:
-        return compared(state_of(taken_before), steps, index, index / 5.0, machine, unit)
+    def coming(
+        before: list[Taken], index: int, value: float, machine: Machine = PROTOTYPE
+    ) -> ReadingsSoFar:
+        return read_next(state_of(before), steps, index, index / 5.0, value, machine)
 
     read = [taken(n, value, n / 5.0) for n, value in enumerate(values, start=1)]
     asked = [
-        check_number(coming([], 0), 12.7),
-        check_number(coming(read[:2], 2), 12.7),
-        check_number(coming([], 0, inches), 0.0137),
-        check_reading(coming(read[:9], 9), values[9] + 0.3),
-        check_reading(coming(read[:50], 50), values[50] + 1.0),
-        check_repeats(coming(steady, 39), 0.001),
+        check_number(coming([], 0, 12.7), unit),
+        check_number(coming(read[:2], 2, 12.7), unit),
+        check_number(coming([], 0, 0.0137, inches), unit),
+        check_reading(coming(read[:9], 9, values[9] + 0.3), unit),
+        check_reading(coming(read[:50], 50, values[50] + 1.0), unit),
+        check_repeats(coming(steady, 39, 0.001), unit),
     ]
     texts = [question.text for question in asked if question]
     assert len(texts) == len(asked)
@@ -205,17 +206,20 @@ def test_every_question_speaks_in_the_unit_of_the_reading(unit: Unit) -> None:
 def test_a_preset_that_was_confirmed_once_moves_the_range_with_it() -> None:
     preset = questioned(taken(1, 100.0), Doubt.RANGE, "mistyped?")
     state = state_of([preset, Answered(at=AT, keep=True)])
-    past = compared(state, steps_of(), 2, 0.4)
-    assert check_number(past, 100.4) is None
-    far = check_number(past, 0.4)
+    near, far = (
+        check_number(read_next(state, steps_of(), 2, 0.4, value), Unit.MM) for value in (100.4, 0.4)
+    )
+    assert near is None
     assert far is not None
     assert far.doubt is Doubt.RANGE
 
 
 def test_a_plunger_cannot_be_further_than_its_travel_from_any_reading() -> None:
     """Of 10 mm; from the last reading alone it would not be."""
-    past = compared(state_of([taken(1, 6.0), taken(3, 0.0)]), steps_of(), 4, 0.8)
-    far, near = check_number(past, -4.5), check_number(past, -3.5)
+    state = state_of([taken(1, 6.0), taken(3, 0.0)])
+    far, near = (
+        check_number(read_next(state, steps_of(), 4, 0.8, value), Unit.MM) for value in (-4.5, -3.5)
+    )
     assert far is not None
     assert far.doubt is Doubt.RANGE
     assert near is None

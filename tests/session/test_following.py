@@ -11,6 +11,7 @@ import pytest
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine, read_machine_file
+from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.design import GIVES_UP
@@ -19,7 +20,7 @@ from orthoglide_cal.session.readings import PriorReadings
 from tests.cli.program import done
 from tests.machines import ROOT, SAMPLES
 
-from .going_on import SIMULATED, alone, choice, content, events_of, is_step, is_turn, is_usual, read
+from .going_on import SIMULATED, choice, content, events_of, is_step, is_turn, is_usual, read
 from .terminal import finished
 
 
@@ -149,7 +150,7 @@ def test_the_clock_runs_on_the_same_day(
     line = f"finished: {finished!r}" if finished else "finished: null"
     path = tmp_path / "a.yaml"
     path.write_text(re.sub("(?m)^finished: .*$", line, first.read_text()))
-    joined = PriorReadings(alone(path), default_machine())
+    joined = PriorReadings(read_document(str(path)), default_machine())
     last = float(joined.readings.plan.hours.max()) * 60.0
     assert joined.minutes(began, 1.5) == pytest.approx(last + wanted + 1.5, abs=2e-4)
     least = joined.minutes(began, 0.0)

@@ -5,11 +5,10 @@ import sys
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.session.gauges import (
     PATIENCE_S,
     SERIAL_FORMATS,
-    NotAReading,
     SerialGauge,
     SerialPort,
     SimulatedGauge,
@@ -167,7 +166,7 @@ def test_typed_numbers(text: str, value: float, unit: Unit | None) -> None:
     ],
 )  # fmt: skip
 def test_typed_text_that_is_no_reading(text: str) -> None:
-    with pytest.raises(NotAReading) as caught:
+    with pytest.raises(InputError) as caught:
         parse_typed(text)
     assert str(caught.value).isprintable()
     assert len(str(caught.value)) < 120

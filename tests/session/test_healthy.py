@@ -9,14 +9,14 @@ from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, gather
 from orthoglide_cal.session.events import advance
-from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
+from orthoglide_cal.words import Unit
 from tests.inference.sessions import model_of
 from tests.truth.machines import DIAL, LARGE, MICRON, PROTOTYPE
 from tests.truth.machines import Gauge as TrueGauge
 from tests.truth.machines import Machine as TrueMachine
 from tests.truth.session import make_session
 
-from .virtual import both_protocols, play, setting_of, state_of, steps_of, taken
+from .virtual import both_protocols, play, read_next, state_of, steps_of, taken
 
 
 def healthy_values(
@@ -46,17 +46,17 @@ def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
     machine = model_of(PROTOTYPE, gauge).orthoglide
     steps = steps_of(protocol)
     values = healthy_values(steps, 1000, machine, seed=11)
-    setting = setting_of(steps, machine)
     state = state_of([])
     false = np.zeros(len(values), dtype=bool)
     for index, step in enumerate(steps):
         minutes = 0.2 * index + 4.0 * (step.setup - 1)
-        past = NextReading(ReadingsSoFar(state, setting), step, minutes)
-        assert past.sigma_mm == machine.gauge.noise_mm
-        if past.series:
-            false |= gather(past, values[:, past.past].T, values[:, index]).questioned
+        now = read_next(state, steps, index, minutes, 0.0, machine)
+        assert now.sigma_mm == machine.gauge.noise_mm
+        if now.series:
+            false |= gather(now, values[:, now.past].T, values[:, index]).questioned
         for value in values[:20, index].tolist():
-            assert check_number(past, value) is None
+            now = read_next(state, steps, index, minutes, value, machine)
+            assert check_number(now, Unit.MM) is None
         state = advance(state, taken(step.number, 0.0, minutes))
     assert false.sum() < 10
 

@@ -22,7 +22,7 @@ from orthoglide_cal.session.events import (
     Taken,
     replay,
 )
-from orthoglide_cal.session.readings import NextReading, ReadingsSoFar
+from orthoglide_cal.session.readings import ReadingsSoFar
 
 from .virtual import (
     AT,
@@ -31,6 +31,7 @@ from .virtual import (
     opened,
     questioned,
     random_events,
+    read_next,
     readings_of,
     setting_of,
     state_of,
@@ -113,20 +114,19 @@ def test_the_scatter_of_repeats_is_that_of_a_normal_distribution() -> None:
         jumps += np.abs(np.diff(mine)).tolist()
     assert len(jumps) >= 20
     expected = np.median(jumps) / (np.sqrt(2.0) * stats.norm.ppf(0.75))
-    sigma = NextReading(so_far, steps[32], 5.0).sigma_mm
+    sigma = read_next(so_far.state, steps, 32, 5.0).sigma_mm
     assert sigma == pytest.approx(expected, rel=1e-4)
     assert sigma > 5.0 * so_far.setting.machine.gauge.noise_mm
 
 
 def test_few_repeats_or_quiet_ones_leave_the_stated_noise() -> None:
     steps = steps_of(cycles=5)
-    setting = setting_of(steps)
     rng = np.random.default_rng(13)
     for count, spread in ((14, 0.05), (32, 1e-4)):
         values = rng.normal(0.0, spread, count)
         events = [taken(k + 1, float(v)) for k, v in enumerate(values)]
-        beside = NextReading(ReadingsSoFar(state_of(events), setting), steps[count], 5.0)
-        assert beside.sigma_mm == setting.machine.gauge.noise_mm
+        now = read_next(state_of(events), steps, count, 5.0)
+        assert now.sigma_mm == now.setting.machine.gauge.noise_mm
 
 
 def test_what_was_kept_in_doubt_begins_the_comparison_anew() -> None:
@@ -137,12 +137,12 @@ def test_what_was_kept_in_doubt_begins_the_comparison_anew() -> None:
         Answered(at=AT, keep=True),
         *(reading(k, 0.1 * k) for k in range(10, 15)),
     ]
-    beside = NextReading(ReadingsSoFar(state_of(events), setting_of(steps)), steps[14], 3.0)
+    now = read_next(state_of(events), steps, 14, 3.0)
     # Steps 9, 11, 13, 15 … are gauge Y's; what was kept at 9 is used for nothing.
-    assert beside.past.tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13]
-    assert beside.series == [10, 12]
-    assert beside.fresh.tolist() == [0] * 10 + [9, 0, 9, 0, 9]
-    assert beside.partner[-1] == beside.setup[1]
+    assert now.past.tolist() == [0, 1, 2, 3, 4, 5, 6, 7, 9, 10, 11, 12, 13]
+    assert now.series == [10, 12]
+    assert now.fresh == [0] * 10 + [9, 0, 9, 0, 9]
+    assert now.partner[-1] == now.setup[1]
 
 
 def test_a_doubt_about_the_reading_itself_or_another_set_up_is_no_reason_for_that() -> None:
@@ -150,6 +150,6 @@ def test_a_doubt_about_the_reading_itself_or_another_set_up_is_no_reason_for_tha
     for doubt, about in ((Doubt.GRID, 0), (Doubt.SIGN, 2)):
         kept = reading(25, 0.123, doubt).model_copy(update={"about": about})
         events = [*(reading(k, 0.1 * k) for k in range(1, 25)), kept, Answered(at=AT, keep=True)]
-        beside = NextReading(ReadingsSoFar(state_of(events), setting_of(steps)), steps[25], 3.0)
-        assert len(beside.past) == 25
-        assert beside.so_far.settled == {(doubt, about)}
+        now = read_next(state_of(events), steps, 25, 3.0)
+        assert len(now.past) == 25
+        assert now.settled == {(doubt, about)}

@@ -37,7 +37,7 @@ from orthoglide_cal.session.events import (
 )
 from orthoglide_cal.session.gauges import LiveGauge, SimulatedGauge
 from orthoglide_cal.session.journal import Journal
-from orthoglide_cal.session.readings import NextReading, ReadingsSoFar, Setting
+from orthoglide_cal.session.readings import ReadingsSoFar, Setting
 from orthoglide_cal.words import Unit
 from tests.machines import NOMINAL, PROTOTYPE
 
@@ -129,17 +129,17 @@ def random_events(seed: int, count: int, steps: int = 8) -> list[Event]:
     return events
 
 
-def compared(
+def read_next(
     state: State,
     steps: Sequence[SessionStep],
     index: int,
     minutes: float,
+    value: float = 0.0,
     machine: Machine | None = None,
-    unit: Unit = Unit.MM,
-) -> NextReading:
-    """The reading of `steps[index]`, beside those that the state holds."""
-    so_far = ReadingsSoFar(state, setting_of(steps, machine))
-    return NextReading(so_far, steps[index], minutes, unit)
+) -> ReadingsSoFar:
+    """The readings that the state holds, and last that of `steps[index]`."""
+    state = advance(state, taken(steps[index].number, value, minutes))
+    return ReadingsSoFar(state, setting_of(steps, machine))
 
 
 def play(
@@ -153,13 +153,12 @@ def play(
 
     Stops after that many `questions`.
     """
-    setting = setting_of(steps, machine)
     state = replay([opened()])
     asked = []
     for index, step in enumerate(steps):
         value = float(values[index])
         now = 0.2 * index + 4.0 * (step.setup - 1) if minutes is None else float(minutes[index])
-        question = check(NextReading(ReadingsSoFar(state, setting), step, now), value)
+        question = check(read_next(state, steps, index, now, value, machine), Unit.MM)
         if question is None:
             state = advance(state, taken(step.number, value, now))
             continue
@@ -222,7 +221,7 @@ def a_dialogue(
 ) -> tuple[Dialogue, Screen, Journal]:
     """A session in `path` (a journal; resumed if it exists) that is answered by these lines."""
     journal = Journal.resume(path) if path.exists() else Journal.create(path, first or opened())
-    begun = journal.recovered.events[0]
+    begun = journal.events[0]
     assert isinstance(begun, Opened)
     steps = sequence(PROTOTYPE, begun.protocol, begun.cycles, begun.order, begun.stands)
     screen = Screen()

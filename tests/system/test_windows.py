@@ -1,17 +1,19 @@
 """The Windows side, with a stand-in for its C library; not a real Windows machine."""
 
+import importlib
 import os
+import sys
 from collections import deque
 from contextlib import closing
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.keyboard import Keyboard
-from orthoglide_cal.system import chosen
+from orthoglide_cal.system import chosen, posix
 from orthoglide_cal.system.interface import END_OF_INPUT
-from orthoglide_cal.system.windows import Windows
 from tests.session.virtual import answered, opened
 
 
@@ -41,8 +43,17 @@ class Msvcrt:
         self.locked.add(place)
 
 
+def windows(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> ModuleType:
+    """The module for Windows, on this C library."""
+    monkeypatch.setitem(sys.modules, "msvcrt", msvcrt)
+    module = importlib.import_module("orthoglide_cal.system.windows")
+    monkeypatch.setattr(module, "msvcrt", msvcrt)
+    return module
+
+
 def keyboard_of(monkeypatch: pytest.MonkeyPatch, msvcrt: Msvcrt) -> closing[Keyboard]:
-    monkeypatch.setattr("orthoglide_cal.session.keyboard.SYSTEM", Windows(msvcrt))
+    system = windows(monkeypatch, msvcrt)
+    monkeypatch.setattr("orthoglide_cal.session.keyboard.SYSTEM", system)
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("sys.stdin.fileno", lambda: 0, raising=False)
     return closing(Keyboard())
@@ -88,7 +99,7 @@ def test_ctrl_c_and_ctrl_z(monkeypatch: pytest.MonkeyPatch) -> None:
         keyboard.read(0.1)
     with keyboard_of(monkeypatch, Msvcrt("\x1a")) as keyboard, pytest.raises(EOFError):
         keyboard.read(0.1)
-    assert Windows(Msvcrt("\x1a")).terminal(0).read(0.1) == END_OF_INPUT
+    assert windows(monkeypatch, Msvcrt("\x1a")).terminal(0).read(0.1) == END_OF_INPUT
 
 
 def test_a_journal_is_locked_far_behind_its_end(
@@ -97,7 +108,8 @@ def test_a_journal_is_locked_far_behind_its_end(
     from orthoglide_cal.errors import UsageError
 
     msvcrt = Msvcrt()
-    monkeypatch.setattr("orthoglide_cal.session.journal.SYSTEM", Windows(msvcrt))
+    system = windows(monkeypatch, msvcrt)
+    monkeypatch.setattr("orthoglide_cal.session.journal.SYSTEM", system)
     path = tmp_path / "s.journal"
     journal = Journal.create(path, opened())
     ((_, byte),) = msvcrt.locked
@@ -110,8 +122,8 @@ def test_a_journal_is_locked_far_behind_its_end(
     assert list(dialogue.state.accepted) == [1]
 
 
-def test_a_file_gets_its_name_by_a_rename(tmp_path: Path) -> None:
-    system, old, new = Windows(Msvcrt()), tmp_path / "a.tmp", tmp_path / "a"
+def test_a_file_gets_its_name_by_a_rename(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    system, old, new = windows(monkeypatch, Msvcrt()), tmp_path / "a.tmp", tmp_path / "a"
     old.write_text("whole")
     system.publish(old, new)
     system.sync_folder(tmp_path)
@@ -119,9 +131,10 @@ def test_a_file_gets_its_name_by_a_rename(tmp_path: Path) -> None:
 
 
 def test_the_system_is_chosen_by_its_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert not isinstance(chosen.this_system(), Windows)
-    monkeypatch.setattr(chosen, "import_module", lambda name: Msvcrt())
-    monkeypatch.setattr("os.name", "nt")
-    system = chosen.this_system()
+    assert chosen.SYSTEM is posix
+    module = windows(monkeypatch, Msvcrt())
+    monkeypatch.setattr("sys.platform", "win32")
+    system = importlib.reload(chosen).SYSTEM
     monkeypatch.undo()
-    assert isinstance(system, Windows)
+    importlib.reload(chosen)
+    assert system is module
