@@ -344,9 +344,10 @@ def deliver(
     make = document.page if details or pages else document.screen or document.page
     page = make()
     if not pages:
-        from orthoglide_cal.report.terminal import TerminalPage
+        from orthoglide_cal.report.terminal import terminal
 
-        console().print(TerminalPage(page), crop=False)
+        screen = console()
+        screen.print(terminal(page, screen.width), soft_wrap=True)
     if html is not None:
         from orthoglide_cal.report.html import html as as_html
 

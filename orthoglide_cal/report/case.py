@@ -138,7 +138,7 @@ class Case:
 
     def more(self, verb: str) -> doc.Line:
         """Where the rest stands."""
-        return "More: ", doc.Typed(self.typed(verb, "--details"))
+        return "More: ", doc.typed(self.typed(verb, "--details"))
 
     def remedied(self, remedy: Remedy) -> str | None:
         """What to type for a remedy; None where there is nothing to type."""
@@ -315,10 +315,10 @@ def comparison_words(single: bool) -> tuple[str, str]:
     return "max − min", "dx_y is along x on leg y."
 
 
-def stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Given], ...]:
+def stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Marked], ...]:
     """What its owner wrote under these names, as far as the machine's file says so."""
     said = {name.replace("_", " ").capitalize(): getattr(machine.report, name) for name in names}
-    return tuple((name, doc.Given(text)) for name, text in said.items() if text is not None)
+    return tuple((name, doc.given(text)) for name, text in said.items() if text is not None)
 
 
 def signed_page(
@@ -335,7 +335,7 @@ def signed_page(
     """
     words = machine.vocabulary
     simulated = any(each.simulated for _, each in inputs)
-    own = ("Number", doc.Code(identity.number)), *facts
+    own = ("Number", doc.code(identity.number)), *facts
     issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
     first, *later = (dict(_conditions(*each, machine.noted)) for each in inputs)
     named = ((name.capitalize(), value) for name, value in first.items())
@@ -362,7 +362,7 @@ def signed_page(
 
 def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
     """The verdict with what a reader has to know before relying on it."""
-    return replace(notice, lines=(*notice.lines, *map(doc.Doubtful, reservations)))
+    return replace(notice, lines=(*notice.lines, *map(doc.doubtful, reservations)))
 
 
 def _conditions(
@@ -371,27 +371,27 @@ def _conditions(
     """Those of one measurement: when it was, what is `noted` at such a machine, and the data."""
     gauges: list[doc.Inline] = []
     for gauge in each.gauges:
-        gauges += ["; " if gauges else "", doc.Given(gauge.id)]
+        gauges += ["; " if gauges else "", doc.given(gauge.id)]
         if gauge.certificate:
-            gauges += [", certificate ", doc.Given(gauge.certificate)]
+            gauges += [", certificate ", doc.given(gauge.certificate)]
         due = f"due {gauge.due}" if gauge.due else "due date not given"
-        gauges += [", ", doc.Doubtful(f"overdue: {due}") if gauge.overdue else due]
+        gauges += [", ", doc.doubtful(f"overdue: {due}") if gauge.overdue else due]
     known = {"start": each.temperature_start_c, "end": each.temperature_end_c}
     said = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
     rows: dict[str, doc.Blank] = {
         "gauges": tuple(gauges) or None,
         "temperature": ", ".join(said) or None,
-        "operator": each.operator and doc.Given(each.operator),
+        "operator": each.operator and doc.given(each.operator),
     }
     yield "measured", moment(each.measured)
     yield from ((name, row) for name, row in rows.items() if name in noted)
-    yield "data", (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.Code(of.sha256[:12]))
+    yield "data", (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.code(of.sha256[:12]))
 
 
-def moment(written: str | None) -> doc.Given | None:
+def moment(written: str | None) -> doc.Marked | None:
     """An ISO 8601 time with a blank for the "T", to the second, its zone set off."""
     if written is None:
         return None
     time = datetime.fromisoformat(written)
     zone = f" {str(time)[-6:]}" if time.tzinfo else ""
-    return doc.Given(f"{time:%Y-%m-%d %H:%M:%S}{zone}")
+    return doc.given(f"{time:%Y-%m-%d %H:%M:%S}{zone}")

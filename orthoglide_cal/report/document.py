@@ -7,6 +7,8 @@ shows its values, `terminal`, `html` and `markdown` its page.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
+from typing import Literal
 
 from orthoglide_cal.report.escape import Html
 
@@ -14,40 +16,36 @@ from orthoglide_cal.report.escape import Html
 MARK = "<!-- Written by orthocal -->\n"
 
 
+Style = Literal["plain", "code", "typed", "strong", "doubtful", "given", "small"]
+
+
 @dataclass(frozen=True)
-class _Marked:
+class Marked:
+    """Words in a style.
+
+    code: to compare letter by letter; typed: to type, on one line however long it is, at the end
+    of its sentence; strong: the words that matter; doubtful: words to beware of; given: a name or
+    note that somebody typed, shown as it is, never obeyed; small: an explanation in small print.
+    """
+
+    style: Style
     text: str
 
 
-class Code(_Marked):
-    """Something to compare letter by letter."""
+code, typed = partial(Marked, "code"), partial(Marked, "typed")
+strong, doubtful = partial(Marked, "strong"), partial(Marked, "doubtful")
+given, small = partial(Marked, "given"), partial(Marked, "small")
 
-
-class Typed(_Marked):
-    """Something to type: stays on one line however long it is, at the end of its sentence."""
-
-
-class Strong(_Marked):
-    """The words that matter."""
-
-
-class Doubtful(_Marked):
-    """Words to beware of."""
-
-
-class Given(_Marked):
-    """A name or note that somebody typed: shown as it is, never obeyed."""
-
-
-Inline = str | Code | Typed | Strong | Doubtful | Given
+Inline = str | Marked
 Line = Inline | tuple[Inline, ...]
 # None is shown as a line to write on.
 Blank = Line | None
 
 
-def parts_of(content: Blank) -> tuple[Inline | None, ...]:
-    """The parts of a line, however it was given."""
-    return content if isinstance(content, tuple) else (content,)
+def parts_of(content: Blank) -> tuple[Marked | None, ...]:
+    """The parts of a line, however it was given; mere text has the style "plain"."""
+    parts = content if isinstance(content, tuple) else (content,)
+    return tuple(Marked("plain", part) if isinstance(part, str) else part for part in parts)
 
 
 class Tone(StrEnum):
@@ -63,13 +61,6 @@ class Tone(StrEnum):
     def sign(self) -> str:
         """One character."""
         return {"good": "✔", "warn": "!", "bad": "✘", "open": "?", "info": "i"}[self]
-
-
-@dataclass(frozen=True)
-class Small:
-    """A paragraph in small print: an explanation."""
-
-    content: Line
 
 
 @dataclass(frozen=True)
@@ -145,7 +136,7 @@ class Listing:
 
 
 # A line alone is a paragraph.
-Block = Line | Small | Notice | Facts | Grid | Figure | Instructions | Listing
+Block = Line | Notice | Facts | Grid | Figure | Instructions | Listing
 
 
 @dataclass(init=False)

@@ -76,8 +76,8 @@ def _sections(sections: Iterable[doc.Section]) -> Iterator[Html]:
 
 def _block(block: doc.Block) -> Html:
     match block:
-        case doc.Small():
-            return tag("p", _line(block.content), class_="small")
+        case doc.Marked("small"):
+            return tag("p", _line(block), class_="small")
         case doc.Notice():
             title = tag("h2", tag("span", f"{block.tone.sign} ", aria_hidden="true"), block.title)
             lines = (tag("p", _line(line)) for line in block.lines)
@@ -160,20 +160,19 @@ def _line(content: doc.Blank) -> Html:
     return join(_inline(part) for part in doc.parts_of(content))
 
 
-def _inline(part: doc.Inline | None) -> Html:
-    match part:
-        case None:
-            return tag("span", class_="blank", role="img", aria_label="not given")
-        case doc.Code():
+def _inline(part: doc.Marked | None) -> Html:
+    if part is None:
+        return tag("span", class_="blank", role="img", aria_label="not given")
+    match part.style:
+        case "code":
             return tag("code", part.text)
-        case doc.Typed():
+        case "typed":
             return tag("code", part.text, class_="typed")
-        case doc.Strong():
+        case "strong":
             return tag("strong", part.text)
-        case doc.Doubtful():
+        case "doubtful":
             return tag("strong", tag("bdi", part.text), class_="doubt")
-        case doc.Given():
+        case "given":
             return tag("bdi", part.text)
-        case _:
-            pieces = enumerate(_WHOLE.split(part))
-            return join(tag("span", each, class_="nb") if k % 2 else each for k, each in pieces)
+    pieces = enumerate(_WHOLE.split(part.text))
+    return join(tag("span", each, class_="nb") if k % 2 else each for k, each in pieces)

@@ -144,7 +144,7 @@ def _notice(case: Case, left: Verification | None) -> doc.Notice:
     release = answer.release
     wrong = _wrong(case) if release.sound and answer.parameters and not release.usable else ""
     if wrong:
-        notice = doc.Notice(notice.tone, wrong, (doc.Strong(f"{notice.title}."), *notice.lines))
+        notice = doc.Notice(notice.tone, wrong, (doc.strong(f"{notice.title}."), *notice.lines))
     known = [*release.reasons, *release.cautions]
     others = (each for each in answer.validity.reservations if each not in known)
     return reserved(notice, [*map(case.says, others)])
@@ -183,7 +183,7 @@ def _gap(answer: Answer) -> Iterator[doc.Section]:
     for gap, shim in zip(gaps, answer.shims, strict=True):
         size = f"{with_uncertainty(gap.value, gap.expanded)} mm"
         told = f"move rail {shim.rail} by {plain(shim.mm, 2)} mm towards {shim.along}"
-        rows.append((doc.Strong(gap.name), size, told))
+        rows.append((doc.strong(gap.name), size, told))
     caption = "Shim all three, then measure again. xy: how far rail x lies above rail y, along z;"
     caption += " and so on. U: 95 %."
     grid = doc.Grid(("rails", "gap ± U", "shim"), rows, (0, 1, 2), caption)
@@ -213,7 +213,7 @@ def _result(
         found = ", ".join(f"{each.name} {found_words(each)}" for each in answer.parameters)
         causes = " and ".join(answer.named)
         said = f"{case.words.title} found{f' with {causes}' if causes else ''}, not to be entered:"
-        yield doc.Section(None, doc.Small(f"{said} {found} (± U, 95 %)."), *open_blocks(case))
+        yield doc.Section(None, doc.small(f"{said} {found} (± U, 95 %)."), *open_blocks(case))
 
 
 def _differences(
@@ -287,13 +287,13 @@ def _conditions(case: Case) -> doc.Section:
     given, machine, answer = case.given.conditions, case.machine, case.answer
     gauge, noise = machine.instrument, machine.vocabulary.noise
     rows: list[tuple[str, doc.Blank]] = [
-        ("Protocol", None if given.protocol is None else doc.Given(given.protocol)),
+        ("Protocol", None if given.protocol is None else doc.given(given.protocol)),
         ("Started", moment(given.started)),
         ("Finished", moment(given.finished)),
     ]
     # Temperatures stand under the verdict.
     remarks = ((name, text) for name, text in given.environment if "temperature" not in name)
-    rows += [(name.replace("_", " "), doc.Given(text)) for name, text in remarks]
+    rows += [(name.replace("_", " "), doc.given(text)) for name, text in remarks]
     if case.given.is_session:
         rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
     # Blanks are for those who write down how it was.
@@ -310,7 +310,7 @@ def _conditions(case: Case) -> doc.Section:
     if places:
         blocks.append(_sketch(case, sorted(places)))
     if given.notes and answer.parameters:
-        notes = [(str(line), doc.Given(note)) for line, note in given.notes[:_MOST_NOTES]]
+        notes = [(str(line), doc.given(note)) for line, note in given.notes[:_MOST_NOTES]]
         blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
     return doc.Section(f"Conditions and {noise}s", *blocks)
 
@@ -353,14 +353,14 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
         rows += compared_inputs(left)
     else:
         rows += [
-            ("Input", doc.Given(file_words(answer.input.path))),
-            ("SHA-256", doc.Code(answer.input.sha256)),
+            ("Input", doc.given(file_words(answer.input.path))),
+            ("SHA-256", doc.code(answer.input.sha256)),
             ("Data", data_words(case.source, answer.input.kind, answer.input.readings)),
         ]
-    rows += [("Machine", doc.Given(machine.name)), ("Geometry", machine.geometry_words)]
+    rows += [("Machine", doc.given(machine.name)), ("Geometry", machine.geometry_words)]
     if model.accepted:
         rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.accepted)))
     if answer.method is not None and answer.noise is not None:
         rows += [("Solved by", method_words(case)), ("Noise, mm", noise_words(answer))]
-    notes = (doc.Small(case.says(warning)) for warning in answer.warnings)
+    notes = (doc.small(case.says(warning)) for warning in answer.warnings)
     return doc.Section("Traceability", doc.Facts(rows), *notes)

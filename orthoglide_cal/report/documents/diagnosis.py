@@ -436,7 +436,7 @@ def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
         for how, each in changed.items():
             ids = f": {' and '.join(sorted(each.ids))}" if each.ids else ""
             notes.append(f"With all tolerances {how} the answer is {each.verdict}{ids}.")
-    return tuple(map(doc.Small, notes))
+    return tuple(map(doc.small, notes))
 
 
 def _fit_blocks(case: Case) -> Sequence[str]:

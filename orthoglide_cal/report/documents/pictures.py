@@ -41,7 +41,7 @@ def residual_sections(case: Case, fit: Sequence[doc.Block]) -> list[doc.Section]
             blocks.append(doc.Figure(title or None, "", (), sketch=sketch))
         title = f"Measured minus modelled, µm: {model}"
         sections.append(doc.Section(title, *blocks, _distances(answer)))
-    return [*sections, doc.Section(None, doc.Small(BED_LEGEND if bed else LEG_LEGEND), *fit)]
+    return [*sections, doc.Section(None, doc.small(BED_LEGEND if bed else LEG_LEGEND), *fit)]
 
 
 def brief_residuals(case: Case) -> list[doc.Block]:

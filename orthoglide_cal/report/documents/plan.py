@@ -275,7 +275,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     names: list[doc.Inline] = [str(each.cycles) if cycles else each.name for each in shown]
     for k, each in enumerate(shown):
         if (each.name, each.cycles) == (plan.protocol, plan.cycles):
-            names[k] = doc.Strong(f"→ {names[k]}" if cycles and brief else f"{names[k]}")
+            names[k] = doc.strong(f"→ {names[k]}" if cycles and brief else f"{names[k]}")
     columns: dict[str, Sequence[doc.Inline]] = {
         "cycles" if cycles else "layout": names,
         "readings": [str(each.readings) for each in shown],
@@ -369,7 +369,7 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
         f"Only the postures {postures}, the gauges at {percent(best.gauge_at or 0.0)} of"
         f" the leg from the carriage: {percent(best.share_of_readings or 0.0)} of the"
         " readings of the double-posture protocol leave the same noise.",
-        (f"{best.readings} readings in {minutes} give {gives}: ", doc.Typed(typed)),
+        (f"{best.readings} readings in {minutes} give {gives}: ", doc.typed(typed)),
         f"The plunger keeps {percent(best.margin or 0.0)} of the leg from both joints at"
         f" every posture. What is given up: {GIVES_UP}.",
     )

@@ -60,7 +60,7 @@ def _rows(values: Mapping[str, object], group: str = "") -> Iterator[tuple[str, 
         name, _, unit = key.rpartition("_")
         unit = f", {unit}" if unit in ("mm", "deg") else ""
         words = f"{group}{name if unit else key}".replace("_", " ")
-        yield words[0].upper() + words[1:] + unit, doc.Given(_written(value))
+        yield words[0].upper() + words[1:] + unit, doc.given(_written(value))
 
 
 def _written(value: object) -> str:
@@ -131,7 +131,7 @@ def application_document(found: Application, session: str) -> doc.Document:
     def page() -> doc.Page:
         head = ("axis", "before", "change", "from now on")
         rows = [
-            (axis, signed(before, 4), signed(after - before, 4), doc.Strong(signed(after, 4)))
+            (axis, signed(before, 4), signed(after - before, 4), doc.strong(signed(after, 4)))
             for axis, before, after in zip(AXES, *offsets, strict=False)
         ]
         caption = "Joint offsets in the controller, mm (true position = indicated + offset)."
@@ -141,7 +141,7 @@ def application_document(found: Application, session: str) -> doc.Document:
             for each in entry.written.values:
                 now, then = each.before, each.after
                 now, then = (then, now) if found.undone else (now, then)
-                rows.append((str(each.line), each.key, now, doc.Strong(then)))
+                rows.append((str(each.line), each.key, now, doc.strong(then)))
             notes = (
                 f"Lines of {entry.written.target}; all others stay.",
                 *found.controller.remarks,

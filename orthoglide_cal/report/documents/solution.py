@@ -233,7 +233,7 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     if enter:
         write = typed if brief and case.unit else plain
         new = [write(each.new(answer.decimals), answer.decimals) for each in every]
-        columns["enter" if brief else "type in"] = [doc.Typed(each) for each in new]
+        columns["enter" if brief else "type in"] = [doc.typed(each) for each in new]
     if brief:
         columns[" "] = [unit[0], *[""] * (len(unit) - 1)] if case.unit else unit
     head, rows = [*columns], [*zip(*columns.values(), strict=True)]

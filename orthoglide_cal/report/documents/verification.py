@@ -84,7 +84,7 @@ def _page(found: Verification, identity: Identity) -> doc.Page:
         *(applied if found.applied_mm else []),
     )
     compared = "independent changes" if found.differences else "touches afterwards"
-    machine = ("Machine", doc.Given(found.machine))
+    machine = ("Machine", doc.given(found.machine))
     origin = *compared_inputs(found), machine, ("Compared", f"{found.compared} {compared}")
     return replace(
         page,
@@ -227,12 +227,12 @@ def parameters_left(found: Verification) -> doc.Section:
     entered = [each.entered for each in every]
     now = [None if e.entered is None else e.before + e.entered for e in every]
     columns: dict[str, list[doc.Blank]] = {
-        "": [doc.Strong(name) for name in found.parameters],
+        "": [doc.strong(name) for name in found.parameters],
         "unit": [each.unit for each in every],
         "found ± U": [with_uncertainty(each.found, each.expanded) for each in every],
         "before": [plain(each.before, decimals) for each in every],
         "entered": ["unknown" if e is None else signed(e, decimals) for e in entered],
-        "now": ["unknown" if each is None else doc.Strong(plain(each, decimals)) for each in now],
+        "now": ["unknown" if each is None else doc.strong(plain(each, decimals)) for each in now],
         "left ± U": [with_uncertainty(each.left, each.left_expanded) for each in every],
     }
     caption = "Before, now: active in the controller. Found by the first measurement, left by the"
@@ -265,7 +265,7 @@ def _outcome(found: Verification) -> doc.Section:
 def rule_blocks(found: Verification) -> tuple[doc.Block, ...]:
     """By which rule a limit is judged; nothing where none was given."""
     rule = found.decision
-    return (doc.Small(f"Decision rule: {rule.rule}"),) if rule else ()
+    return (doc.small(f"Decision rule: {rule.rule}"),) if rule else ()
 
 
 def _differences(found: Verification, *, full: bool = False) -> doc.Grid:
@@ -302,7 +302,7 @@ def _response(found: Verification, response: Coefficient) -> doc.Section:
     grid = doc.Grid(head, rows, caption="Change of each joint, mm, fitted together.")
     lead = (
         "Response coefficient, all axes together: ",
-        doc.Strong(_interval(response)),
+        doc.strong(_interval(response)),
         f". Expected: 1. (95 % interval, {found.response_dof} degrees of freedom.)",
     )
     blocks: list[doc.Block] = [lead, grid]
@@ -321,8 +321,8 @@ def _response(found: Verification, response: Coefficient) -> doc.Section:
 def compared_inputs(found: Verification) -> Iterator[tuple[str, doc.Blank]]:
     """Where both sides come from: file and digest."""
     for name, (given, count) in zip(("Before", "After"), _measured(found), strict=True):
-        yield name, doc.Given(f"{file_words(given.path)} ({count})")
-        yield "SHA-256", doc.Code(given.sha256)
+        yield name, doc.given(f"{file_words(given.path)} ({count})")
+        yield "SHA-256", doc.code(given.sha256)
 
 
 def _measured(found: Verification) -> Iterator[tuple[ComparedInput, str]]:
