@@ -183,4 +183,4 @@ class TestText:
         (before,), (after,) = (sentences(each.answer.release.reasons) for each in (first, second))
         assert before.startswith("Something is wrong")
         assert after.startswith("Something may be wrong")
-        assert after.endswith("nor from a sound machine.")
+        assert after.endswith("or from a sound machine.")
