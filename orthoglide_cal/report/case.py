@@ -92,12 +92,6 @@ class Case:
         return tuple(Case(given, answer, self.machine_file) for given, answer in pairs)
 
     @property
-    def unit(self) -> str:
-        """Of all parameters; "" where they have several."""
-        units = {each.unit for each in self.answer.parameters}
-        return units.pop() if len(units) == 1 else ""
-
-    @property
     def known(self) -> tuple[Cause, ...]:
         """Lasting causes of the machine: accepted ones, and those that were found."""
         sure = self.answer.causes if self.answer.verdict is Verdict.NAMED else ()
@@ -185,39 +179,30 @@ class Case:
         return self.typed("export", "--format table") if known and self.answer.remains else None
 
 
-def decision_tone(answer: Answer) -> doc.Tone:
-    """Mark and colour of a decision, the same on every screen and page."""
-    release = answer.release
-    if release.usable:
-        return doc.Tone.WARN if release.cautions else doc.Tone.GOOD
-    undecided = release.sound and answer.verdict is Verdict.AMBIGUOUS
-    return doc.Tone.OPEN if undecided else doc.Tone.BAD
-
-
 def decision_notice(case: Case) -> doc.Notice:
-    """The decision and what it rests on."""
+    """The decision and what it rests on; its mark is the same on every screen and page."""
     answer, release, many = case.answer, case.answer.release, case.words.many
-    title, reasons = f"Do not enter these {many}", release.reasons
+    judged, cautions = answer.judgement, release.cautions
+    tone, title, reasons = doc.Tone.BAD, f"Do not enter these {many}", release.reasons
+    lines = []
     if not answer.parameters:
         title = "There is no result"
+    elif release.settled:
+        title, reasons = NOT_NEEDED, cautions
+        if judged and judged.code == "residuals_unusual":
+            reasons = (judged, *cautions)
+        known = [(each.found or 0.0, each.expanded, each.unit) for each in answer.parameters]
+        value, expanded, unit = max(known, key=lambda row: abs(row[0]) / row[1])
+        size = f"{with_uncertainty(value, expanded)} {unit_words(unit)}"
+        lines = [f"Largest change {size}; the differences would not become smaller."]
     elif release.usable:
-        reasons = release.cautions or tuple(filter(None, [answer.judgement]))
-        title = f"The {many} may be entered{', with care' if release.cautions else ''}"
-    lines = [case.says(reason) for reason in reasons]
-    if release.settled:
-        judged = answer.judgement
-        unusual = [judged] if judged and judged.code == "residuals_unusual" else []
-        said = map(case.says, (*unusual, *release.cautions))
-        title, lines = NOT_NEEDED, [change_words(case), *said]
-    return doc.Notice(decision_tone(answer), title, tuple(lines), case.about)
-
-
-def change_words(case: Case) -> str:
-    """How little there would be to enter, in one sentence."""
-    known = [(each.found or 0.0, each.expanded, each.unit) for each in case.answer.parameters]
-    value, expanded, unit = max(known, key=lambda row: abs(row[0]) / row[1])
-    size = f"{with_uncertainty(value, expanded)} {unit_words(unit)}"
-    return f"Largest change {size}; the differences would not become smaller."
+        title = f"The {many} may be entered{', with care' if cautions else ''}"
+        reasons = cautions or tuple(filter(None, [judged]))
+    elif release.sound and answer.verdict is Verdict.AMBIGUOUS:
+        tone = doc.Tone.OPEN
+    if release.usable:
+        tone = doc.Tone.WARN if cautions else doc.Tone.GOOD
+    return doc.Notice(tone, title, (*lines, *map(case.says, reasons)), case.about)
 
 
 def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
@@ -248,7 +233,7 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     else:
         yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
     if not brief and recorded != "elsewhere":
-        yield doc.Instruction("The same as lines of the controller's own file", export)
+        yield doc.Instruction("Or print the lines for the controller's file", export)
     if check is not None:
         yield doc.Instruction(check_words(check))
     if case.table is not None and not brief:
@@ -266,17 +251,15 @@ def check_words(check: CheckReading) -> str:
     """The check posture as an instruction, with the number that is expected."""
     moves = f"{with_uncertainty(check.expected_mm, check.expanded_mm)} mm"
     today = f"(today {signed(check.before_mm, decimals_for(check.expanded_mm))})"
+    first, second = (position_words(place, 3) for place in (check.first_mm, check.second_mm))
     if check.ends:
         return (
-            f"Check leg {check.leg} along {check.direction} at {position_words(check.first_mm, 3)}:"
-            f" the tool end reads {moves} more than the joint end {today}."
+            f"Check: put the gauge on leg {check.leg}, along {check.direction}, at {first}; the"
+            f" tool end must read {moves} more than the joint end {today}."
         )
-    words = [position_words(each, 3).split() for each in (check.first_mm, check.second_mm)]
-    still = [one for one, other in zip(*words, strict=True) if one == other]
-    first, second = (" ".join(one for one in each if one not in still) for each in words)
     return (
-        f"Check, gauge at the middle of leg {check.leg}, along {check.direction}: from {first} to"
-        f" {second} ({' '.join(still)}) it moves by {moves} {today}."
+        f"Check: put the gauge at the middle of leg {check.leg}, along {check.direction}; drive"
+        f" from {first} to {second}; it must move by {moves} {today}."
     )
 
 

@@ -69,16 +69,16 @@ def as_text(case: Case, identity: Identity) -> str:
     """A page of plain text for any controller: "the controller says X, truly Y"."""
     answer = case.answer
     digits = answer.decimals
-    rows = [("", "previous", "change", "U", "enter")]
+    unit, rows = common_unit(case.machine), [("", "previous", "change", "U", "enter")]
     for each in answer.parameters:
-        name = each.name if case.unit else f"{each.name}, {each.unit}"
+        name = each.name if unit else f"{each.name}, {each.unit}"
         change = typed(each.change(digits), digits) if each.determined else "unknown"
         active, new = plain(each.active, digits), plain(each.new(digits), digits)
         rows.append((name, active, change, two_figures(each.expanded), new))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
         "",
-        f"{case.words.title}{common_unit(case.machine)} ({case.words.relation}; U: expanded"
+        f"{case.words.title}{unit} ({case.words.relation}; U: expanded"
         f" uncertainty, {coverage_words(answer.k or 0.0)}, {100 * answer.confidence:.0f} %)",
         *("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows),
         "",

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
-from typing import Literal
+from typing import Literal, Self
 
 from orthoglide_cal.report.escape import Html
 
@@ -59,8 +59,8 @@ class Tone(StrEnum):
 
     @property
     def sign(self) -> str:
-        """One character."""
-        return {"good": "✔", "warn": "!", "bad": "✘", "open": "?", "info": "i"}[self]
+        """One character before the title; none of what is no decision."""
+        return {"good": "✔ ", "warn": "! ", "bad": "✘ ", "open": "? ", "info": ""}[self]
 
 
 @dataclass(frozen=True)
@@ -93,6 +93,17 @@ class Grid:
     words: Sequence[int] = (0,)
     caption: str | None = None
     tiles: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        columns: Mapping[str, Sequence[Blank]],
+        words: Sequence[int] = (0,),
+        caption: str | None = None,
+        tiles: bool = False,
+    ) -> Self:
+        """A table of columns under their titles."""
+        return cls([*columns], [*zip(*columns.values(), strict=True)], words, caption, tiles)
 
 
 @dataclass(frozen=True)

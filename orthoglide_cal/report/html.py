@@ -79,7 +79,7 @@ def _block(block: doc.Block) -> Html:
         case doc.Marked("small"):
             return tag("p", _line(block), class_="small")
         case doc.Notice():
-            title = tag("h2", tag("span", f"{block.tone.sign} ", aria_hidden="true"), block.title)
+            title = tag("h2", tag("span", block.tone.sign, aria_hidden="true"), block.title)
             lines = (tag("p", _line(line)) for line in block.lines)
             return tag("div", title, *lines, class_=f"notice {block.tone}")
         case doc.Facts():

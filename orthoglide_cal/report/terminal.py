@@ -143,7 +143,7 @@ class _Lines:
         return lines
 
     def _notice(self, notice: doc.Notice) -> Iterator[Text]:
-        sign = Text(f"{notice.tone.sign} ", f"bold {_COLOURS[notice.tone]}")
+        sign = Text(notice.tone.sign, f"bold {_COLOURS[notice.tone]}")
         *lines, last = _hung(self._flow(notice.title, len(sign), "bold"), sign, _GAP)
         yield from lines
         aside = Text(visible(notice.aside))

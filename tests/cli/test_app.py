@@ -294,4 +294,4 @@ def test_a_terminal_without_such_letters_keeps_every_sign() -> None:
     lines = shown.stdout.splitlines()
     assert lines[0].startswith("+ The offsets may be entered")
     assert re.search(r"^  y +0.000 +-0.296 +0.024 +-0.296$", shown.stdout, re.MULTILINE)
-    assert "moves by -0.001 +/- 0.023 mm" in " ".join(shown.stdout.split())
+    assert "must move by -0.001 +/- 0.023 mm" in " ".join(shown.stdout.split())

@@ -406,7 +406,7 @@ def test_the_report_is_written_whole() -> None:
         # Calibrated again it would get other digits, and no better ones.
         ("solve right.csv",
          ("✔ Nothing to enter: the machine is calibrated within U",
-          "orthocal plan right.csv --machine v400.yaml"), ("type in", "orthocal export")),
+          "orthocal plan right.csv --machine v400.yaml"), ("orthocal export",)),
         ("diagnose right.csv", ("Nothing to enter",), ()),
         ("export right.csv --format klipper", ("Nothing to enter",), ()),
         # One spare reading: any cause fits it, and that nothing is wrong is likelier than each.

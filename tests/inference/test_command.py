@@ -153,7 +153,7 @@ class TestText:
         assert "left out of the fit" in text
         assert "tolerances" not in text
         assert "Stable when tolerances are halved" in words(shown(GAP, "--details"))
-        assert "type in" not in text
+        assert "may be entered" not in text
         assert "−0.189" in text
 
     def test_an_open_answer_offers_no_compensation(self) -> None:

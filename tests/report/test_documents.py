@@ -87,8 +87,8 @@ def test_what_is_faulty_is_marked_on_the_machine() -> None:
 
 def test_offsets_end_where_their_uncertainty_does() -> None:
     case = cases.healthy()
-    grid = grid_of(*report_of(case).page().sheet, head="type in")
-    columns = [k for word in ("Δρ", "now", "type in") for k, title in enumerate(grid.head)
+    grid = grid_of(*report_of(case).page().sheet, head="enter")
+    columns = [k for word in ("Δρ", "active", "enter") for k, title in enumerate(grid.head)
                if word in title]  # fmt: skip
     for row, each in zip(grid.rows, case.answer.parameters, strict=True):
         cells = [row[k] if isinstance(row[k], str) else row[k].text for k in columns]

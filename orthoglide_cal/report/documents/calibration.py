@@ -33,9 +33,8 @@ from orthoglide_cal.report.documents.pictures import differences_figure, residua
 from orthoglide_cal.report.documents.solution import (
     alone_block,
     budget_sections,
+    fit_facts,
     found_words,
-    method_words,
-    noise_words,
     open_blocks,
     parameters_grid,
     parameters_title,
@@ -361,6 +360,6 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
     if model.accepted:
         rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.accepted)))
     if answer.method is not None and answer.noise is not None:
-        rows += [("Solved by", method_words(case)), ("Noise, mm", noise_words(answer))]
+        rows += fit_facts(case)
     notes = (doc.small(case.says(warning)) for warning in answer.warnings)
     return doc.Section("Traceability", doc.Facts(rows), *notes)

@@ -15,11 +15,8 @@ from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.measured import weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
-    NOT_NEEDED,
     Case,
-    change_words,
     decision_notice,
-    decision_tone,
     to_do,
 )
 from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections
@@ -100,9 +97,9 @@ def _screen(case: Case) -> doc.Page:
 
 def _notice(case: Case) -> doc.Notice:
     """The verdict, and what it means for the parameters."""
-    answer, words, release = case.answer, case.words, case.answer.release
+    answer, release, notice = case.answer, case.answer.release, decision_notice(case)
     if not release.usable and answer.verdict in (None, Verdict.CONSISTENT):
-        return decision_notice(case)  # not the model is wrong, but the numbers
+        return notice  # not the model is wrong, but the numbers
     title = headline(case)
     if answer.verdict is Verdict.NAMED:
         ids, share = [cause.id for cause in answer.causes], answer.causes[0].probability
@@ -119,23 +116,16 @@ def _notice(case: Case) -> doc.Notice:
         first = sorted(said[:2], key=lambda text: (not text.startswith(_NOTHING), text))
         title = f"Undecided: {', or '.join(first)}" if len(said) > 1 else title
         title += f", or {counted(len(said) - 2, 'other')}" if len(said) > 2 else ""
-    reasons, cautions = (
-        tuple(map(case.says, each)) for each in (release.reasons, release.cautions)
-    )
-    told: tuple[doc.Line, ...] = (f"Do not enter the {words.many}.", *reasons)
-    if release.settled:
-        told = (f"{NOT_NEEDED}. {change_words(case)}", *cautions)
-    elif release.usable:
-        told = (f"The {words.many} may be entered.", *cautions)
-    elif answer.alone is not None and release.codes[0] in ("offsets_wrong", "cause_found"):
+    lines = [f"{notice.title}.", *notice.lines]
+    if answer.alone is not None and release.codes[:1] in (("offsets_wrong",), ("cause_found",)):
         wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
-        alone = f"the {words.many} alone would be wrong by up to {wrong}"
-        told = (f"Do not enter anything yet: {alone}.", *reasons[1:])
-    elif release.codes[0] == "undecided":
-        u = f"{two_figures(max(each.expanded for each in answer.parameters))} {case.unit}"
-        why = f": until that is decided they may be wrong by {u}" if case.unit else ""
-        told = (" ".join((f"Do not enter the {words.many}{why}.", *reasons[1:])),)
-    return doc.Notice(decision_tone(answer), title, told, case.about)
+        alone = f"the {case.words.many} alone would be wrong by up to {wrong}"
+        lines[:2] = [f"Do not enter anything yet: {alone}."]
+    elif release.codes[:1] == ("undecided",):
+        u = two_figures(max(each.expanded for each in answer.parameters))
+        why = f": until that is decided they may be wrong by {u} {answer.parameters[0].unit}"
+        lines[:2] = [f"{notice.title}{why if common_unit(case.machine) else ''}."]
+    return replace(notice, title=title, lines=tuple(lines))
 
 
 def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
@@ -163,14 +153,14 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
             left = len(cause.parameters) - len(rows)
             cells = [*sizes(rows, False), *([f"and {left} smaller"] if left else [])]
             lines.append((f"{cause.id}, {unit_words(shown[0].unit)}", cells))
+    unit = common_unit(case.machine)
     if offsets:
         known = (each for each in answer.parameters if each.determined)
         found = [(each.name, each.found or 0.0, each.expanded, each.unit) for each in known]
-        unit = common_unit(case.machine)
         with_it = " with it" * bool(answer.named)
         lines.append((f"{case.words.many}{with_it}{unit}", sizes(found, not unit)))
     if lines:
-        yield sizes_grid(lines, 3 if case.unit else 2)
+        yield sizes_grid(lines, 3 if unit else 2)
 
 
 def _rms_grid(case: Case) -> doc.Grid:

@@ -14,7 +14,7 @@ from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import data_words, reserved, signed_page
 from orthoglide_cal.report.documents.pictures import differences_figure
-from orthoglide_cal.report.documents.solution import common_unit, sizes, sizes_grid
+from orthoglide_cal.report.documents.solution import common_unit, deviations_grid, sizes, sizes_grid
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import (
@@ -270,16 +270,15 @@ def rule_blocks(found: Verification) -> tuple[doc.Block, ...]:
 
 def _differences(found: Verification, *, full: bool = False) -> doc.Grid:
     """Deviations as measured and as predicted; on a screen only r.m.s. where they are many."""
-    rows, digits = found.differences, _digits(found)
-    shown = rows if full or len(rows) <= _MOST_DIFFERENCES else ()
-    before, promised, after, _ = (size.removesuffix(" mm") for size in _sizes(found))
-    table = (
-        ("before", *(signed(each.before_mm, digits) for each in shown), before),
-        ("predicted", *(signed(each.promised_mm, digits) for each in shown), promised),
-        ("± U", *(plain(each.promised_expanded_mm, digits) for each in shown), ""),
-        ("measured", *(signed(each.after_mm, digits) for each in shown), after),
-    )
-    return doc.Grid(("Deviation, mm", *(each.difference for each in shown), "r.m.s."), table)
+    every = found.differences
+    rows = every if full or len(every) <= _MOST_DIFFERENCES else ()
+    sizes = {
+        "before": [*(each.before_mm for each in rows), found.rms_before_mm],
+        "predicted": [*(each.promised_mm for each in rows), found.rms_promised_mm],
+        "± U": [each.promised_expanded_mm for each in rows],
+        "measured": [*(each.after_mm for each in rows), found.rms_after_mm],
+    }
+    return deviations_grid([each.difference for each in rows], _digits(found), sizes)
 
 
 def left_figure(found: Verification) -> doc.Figure:
