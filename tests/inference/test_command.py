@@ -150,9 +150,9 @@ class TestText:
         assert "Cause found: the actuator axes do not meet in one point (axis_gap, 94.7 %)" in text
         assert "xy +0.3" in text
         assert f"orthocal diagnose {shlex.quote(str(GAP))} --accept axis_gap" in text
-        assert "left out of the fit" in text
+        assert "predicting omitted readings" in text
         assert "tolerances" not in text
-        assert "Stable when tolerances are halved" in words(shown(GAP, "--details"))
+        assert "Conclusion unchanged when tolerances are halved" in words(shown(GAP, "--details"))
         assert "may be entered" not in text
         assert "−0.189" in text
 

@@ -130,7 +130,7 @@ def _notice(case: Case) -> doc.Notice:
 
 def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
     """Where the causes are, and their parameters; with `offsets` also those of the machine."""
-    answer = case.answer
+    answer, unit = case.answer, common_unit(case.machine)
     lines: list[tuple[str, Sequence[str]]] = []
     for cause in answer.causes:
         shown = cause.parameters
@@ -139,47 +139,49 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
             shown = tuple(largest[:_MOST_CELLS])
         rows = [(each.name, each.value, each.expanded, each.unit) for each in shown]
         if cause.where:
-            named = sizes(rows, True)
-            if CAUSES[cause.id].stage is Stage.RECORD and len(rows) == 1:
-                too = "high" if rows[0][1] > 0.0 else "low"
-                unsigned = (
-                    named[0].translate(str.maketrans("", "", "+−")).replace(" 1 turns", " 1 turn")
-                )
-                named = [f"{unsigned} too {too}"]
-            alone = [text.partition(" ")[2] for text in named]
-            size = f": {', '.join(named if len(rows) > 1 else alone)}" if named else ""
-            yield f"{cause.id} at {cause.where.removeprefix('at ')}{size}."
+            cells = sizes(rows, True)
+            if len(rows) == 1:
+                cells = [cells[0].partition(" ")[2]]
+                if CAUSES[cause.id].stage is Stage.RECORD:
+                    size = cells[0].lstrip("+−").replace("1 turns", "1 turn")
+                    cells = [f"{size} too {'high' if rows[0][1] > 0.0 else 'low'}"]
+            place = f"{cause.id} at {cause.where.removeprefix('at ')}"
+            yield f"{': '.join(filter(None, (place, ', '.join(cells))))}."
         elif rows:
-            left = len(cause.parameters) - len(rows)
-            cells = [*sizes(rows, False), *([f"and {left} smaller"] if left else [])]
+            others = len(cause.parameters) - len(rows)
+            cells = [*sizes(rows, False), *([f"and {counted(others, 'other')}"] * bool(others))]
             lines.append((f"{cause.id}, {unit_words(shown[0].unit)}", cells))
-    unit = common_unit(case.machine)
     if offsets:
         known = (each for each in answer.parameters if each.determined)
-        found = [(each.name, each.found or 0.0, each.expanded, each.unit) for each in known]
-        with_it = " with it" * bool(answer.named)
-        lines.append((f"{case.words.many}{with_it}{unit}", sizes(found, not unit)))
+        rows = [(each.name, each.found or 0.0, each.expanded, each.unit) for each in known]
+        causes = _with_causes(case) if answer.named else ""
+        lines.append((f"{case.words.many}{causes}{unit}", sizes(rows, not unit)))
     if lines:
         yield sizes_grid(lines, 3 if unit else 2)
+
+
+def _with_causes(case: Case) -> str:
+    ids = " and ".join(cause.id for cause in case.answer.causes)
+    return f" with {ids}" if ids else ""
+
+
+def _omitted(case: Case) -> str:
+    return "later readings" if case.answer.holdout else "omitted readings"
 
 
 def _rms_grid(case: Case) -> doc.Grid:
     """What is left without and with the causes, of readings fitted and not."""
     answer, lack = case.answer, case.answer.lack_of_fit
-    with_it = ["with them" if len(answer.causes) > 1 else "with it"] if answer.causes else []
     left: dict[str, tuple[float, ...]] = {}
     for first in answer.causes[:1]:
-        where = "later readings" if answer.holdout else "left out of the fit"
         left["fitted"] = first.rms_before_mm, first.rms_after_mm
-        left[where] = first.heldout_before_mm, first.heldout_after_mm
+        left[f"predicting {_omitted(case)}"] = first.heldout_before_mm, first.heldout_after_mm
     if lack is not None:
         left.setdefault("fitted", (lack.left_mm,))
         left[f"{case.words.noise}'s noise{case.words.also} would leave"] = (lack.expected_mm,)
-    rows = []
-    for name, own in left.items():
-        blank = [""] * (1 + len(with_it) - len(own))
-        rows.append((name, *(plain(mm, 4) for mm in own), *blank))
-    return doc.Grid(("r.m.s., mm", f"{case.words.many} only", *with_it), rows)
+    head = ["r.m.s., mm", f"{case.words.many} only", *filter(None, [_with_causes(case).strip()])]
+    rows = [(name, *(plain(mm, 4) for mm in pair), "")[: len(head)] for name, pair in left.items()]
+    return doc.Grid(head, rows)
 
 
 def _baselines(case: Case) -> Iterator[doc.Block]:
@@ -187,15 +189,14 @@ def _baselines(case: Case) -> Iterator[doc.Block]:
     found = case.answer.baselines
     if found is None:
         return
-    where = "the later readings" if case.answer.holdout else "readings left out of the fit"
     named = {
         f"{case.words.many} alone": found.parameters_mm,
         "extension": found.extension_mm,
         "a quartic surface instead": found.quartic_mm,
         "the earlier map instead": found.earlier_map_mm,
     }
-    sizes = [f"{what} {plain(1e3 * mm, 1)}" for what, mm in named.items() if mm is not None]
-    yield f"Prediction errors of {where}, µm r.m.s.: {', '.join(sizes)}."
+    errors = [f"{name} {plain(1e3 * mm, 1)}" for name, mm in named.items() if mm is not None]
+    yield f"Errors of predicting {_omitted(case)}, µm r.m.s.: {', '.join(errors)}."
 
 
 def _open(answer: Answer) -> list[Explanation]:
@@ -239,12 +240,9 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             # What lasts may be carried, whatever makes it.
             typed = case.typed("diagnose", f"--accept {shape}")
             yield doc.Instruction("Or make the shape part of the model, whatever makes it", typed)
-    elif "other_data_contradict" in release.codes:
+    elif not release.usable:
         yield from case.remedies()
-    elif answer.verdict is Verdict.NAMED and any(fault.matters for fault in answer.unshown):
-        # The size of the causes depends on it, too: their remedies come when that is decided.
-        yield from case.remedies()
-        if answer.next_measurement is not None:
+        if answer.next_measurement is not None and any(each.matters for each in answer.unshown):
             decides = _next_step(case)
             yield replace(decides, content=f"Or: {decides.content}")
     elif answer.verdict is Verdict.NAMED:
@@ -254,8 +252,6 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             if cause.recommended:
                 typed = case.typed("diagnose", f"--accept {cause.id}")
                 yield doc.Instruction("Or accept it as part of the model", typed)
-    elif not release.usable:
-        yield from case.remedies()
     if release.settled:
         yield doc.Instruction("See which readings would show more", case.typed("plan"))
     elif release.usable:
@@ -294,19 +290,19 @@ def headline(case: Case) -> str:
             return "Undecided: these data do not show what is wrong, or whether anything is."
         return "Undecided: these data leave open what is wrong."
     if answer.verdict is not Verdict.CONSISTENT:
-        beyond = [
-            f"{each.id} at {each.times:.0f} times its size" for each in answer.beyond_tolerance
-        ]
-        only = f"only {' or '.join(beyond)} would explain what these readings show"
-        told = only if beyond else "something is wrong that no listed cause explains"
-        return f"Unexplained: {told}."
+        far = [f"{each.id} at {each.times:.0f} times its size" for each in answer.beyond_tolerance]
+        only = f"only {' or '.join(far)} would explain what these readings show"
+        return f"Unexplained: {only if far else 'no listed cause explains these readings'}."
     if lack is not None and not lack.dof:
-        told = "Consistent, but there is no reading to spare: these data cannot show whether the"
-        return f"{told} model fits."
+        return (
+            "Consistent, but without spare readings these data cannot show whether the model fits."
+        )
     noise = f"this {case.words.noise}'s noise{case.words.also}"
     told = f"nothing shows beyond {noise}; the model fits."
     if lack is not None and lack.p_value < UNUSUAL:
-        told = f"what is left is larger than usual for {noise}, not large enough to call the model"
+        told = (
+            f"the residuals are larger than usual for {noise}, not large enough to call the model"
+        )
         told += " wrong."
     for each in answer.undetermined:
         if each.name not in [parameter.name for parameter in answer.parameters]:
@@ -418,14 +414,23 @@ def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
         notes.append(f"Assumed sizes (not in the machine file): {told}.")
     if answer.ruled_out:
         notes.append(f"Ruled out by hand: {', '.join(answer.ruled_out)}.")
-    found = answer.verdict, {cause.id for cause in answer.causes}
-    changed = answer.sensitivity or {}
-    if changed and all((each.verdict, set(each.ids)) == found for each in changed.values()):
-        notes.append("Stable when tolerances are halved or doubled.")
-    else:
-        for how, each in changed.items():
-            ids = f": {' and '.join(sorted(each.ids))}" if each.ids else ""
-            notes.append(f"With all tolerances {how} the answer is {each.verdict}{ids}.")
+    found = {cause.id for cause in answer.causes}
+    other = {
+        how: each
+        for how, each in (answer.sensitivity or {}).items()
+        if (each.verdict, set(each.ids)) != (answer.verdict, found)
+    }
+    for how, each in other.items():
+        ids = " and ".join(sorted(each.ids))
+        conclusion = {
+            Verdict.CONSISTENT: "nothing is wrong",
+            Verdict.NAMED: f"the cause found is {ids}",
+            Verdict.AMBIGUOUS: f"{ids} is {'no longer certain' if found else 'possible'}",
+            Verdict.UNEXPLAINED: "no listed cause explains these readings",
+        }[each.verdict]
+        notes.append(f"With tolerances {how}, {conclusion}.")
+    if answer.sensitivity and not other:
+        notes.append("Conclusion unchanged when tolerances are halved or doubled.")
     return tuple(map(doc.small, notes))
 
 
@@ -436,15 +441,13 @@ def _fit_blocks(case: Case) -> Sequence[str]:
         return ()
     if not lack.dof:
         return [f"As many {words.many} as readings: they fit exactly, whatever is wrong."]
-    said = [
-        f"{words.many.capitalize()} alone leave {plain(lack.left_mm, 4)} mm"
-        f" r.m.s.{weighing(case.given.measured)}; this {words.noise}'s noise{words.also} would"
-        f" leave {plain(lack.expected_mm, 4)} mm ({chance(lack.p_value)},"
+    lines = [
+        f"With {words.many} only, {plain(lack.left_mm, 4)} mm"
+        f" r.m.s.{weighing(case.given.measured)} remains; this {words.noise}'s noise{words.also}"
+        f" would leave {plain(lack.expected_mm, 4)} mm ({chance(lack.p_value)},"
         f" {counted(lack.dof, 'degree')} of freedom)."
     ]
     if lack.repeats_mm is not None:
-        judged = ""
-        if lack.repeats_p_value is not None:
-            judged = f" Judged by them, {chance(lack.repeats_p_value)}."
-        said.append(f"Repeats scatter by {plain(lack.repeats_mm, 4)} mm.{judged} {words.repeats}")
-    return said
+        p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
+        lines.append(f"Repeats scatter by {plain(lack.repeats_mm, 4)} mm{p}. {words.repeats}")
+    return lines
