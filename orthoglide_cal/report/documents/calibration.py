@@ -139,37 +139,32 @@ def _notice(case: Case, left: Verification | None) -> doc.Notice:
     """The verdict, with what to know before relying on it; of a refused result what is wrong."""
     if left is not None:
         return verification_notice(left)
-    answer, notice = case.answer, decision_notice(case)
-    release = answer.release
+    answer, notice, release = case.answer, decision_notice(case), case.answer.release
     wrong = _wrong(case) if release.sound and answer.parameters and not release.usable else ""
     if wrong:
-        notice = doc.Notice(notice.tone, wrong, (doc.strong(f"{notice.title}."), *notice.lines))
+        lines = doc.strong(f"{notice.title}."), *notice.lines
+        notice = replace(notice, title=wrong, lines=lines, aside="")
     known = [*release.reasons, *release.cautions]
-    others = (each for each in answer.validity.reservations if each not in known)
-    return reserved(notice, [*map(case.says, others)])
+    return reserved(notice, [case.says(e) for e in answer.validity.reservations if e not in known])
 
 
 def _wrong(case: Case) -> str:
-    """What is wrong with the machine or the readings, as a title; "" where only numbers are."""
+    """The fault of the machine or the readings, as a title; "" where only numbers are wrong."""
     answer = case.answer
     if answer.verdict is Verdict.AMBIGUOUS:
         return headline(case).rstrip(".")
     if answer.verdict is Verdict.UNEXPLAINED and answer.lack_of_fit is not None:
-        left = plain(answer.lack_of_fit.left_mm, 3)
-        return f"{left} mm r.m.s. is left that no known cause explains"
-    if answer.verdict is not Verdict.NAMED:
-        return ""
+        return f"Unexplained: {plain(answer.lack_of_fit.left_mm, 3)} mm r.m.s."
     if answer.shims:
-        size = max(shim.mm for shim in answer.shims)
-        return f"The rails miss each other by {plain(size, 2)} mm"
+        return f"The rails miss each other by {plain(max(each.mm for each in answer.shims), 2)} mm"
     titles = []
-    for cause in answer.causes:
+    for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
         titles.append(case.title_of(cause.id))
         largest = max(cause.parameters, key=lambda each: abs(each.value), default=None)
         if largest is not None and largest.std:
             titles[-1] += f", by {two_figures(abs(largest.value))} {unit_words(largest.unit)}"
-    said = " and ".join(titles)
-    return said[0].upper() + said[1:]
+    title = " and ".join(titles)
+    return title[:1].upper() + title[1:]
 
 
 def _gap(answer: Answer) -> Iterator[doc.Section]:
@@ -178,14 +173,16 @@ def _gap(answer: Answer) -> Iterator[doc.Section]:
         return
     both = ((cause.id, each) for cause in answer.causes for each in cause.parameters)
     gaps = [gap for id, gap in both if CAUSES[id].shim(gap.name, gap.value)]
-    rows = []
-    for gap, shim in zip(gaps, answer.shims, strict=True):
-        size = f"{with_uncertainty(gap.value, gap.expanded)} mm"
-        told = f"move rail {shim.rail} by {plain(shim.mm, 2)} mm towards {shim.along}"
-        rows.append((doc.strong(gap.name), size, told))
+    columns: dict[str, Sequence[doc.Blank]] = {
+        "rails": [doc.strong(gap.name) for gap in gaps],
+        "gap ± U": [f"{with_uncertainty(gap.value, gap.expanded)} mm" for gap in gaps],
+        "shim": [
+            f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in answer.shims
+        ],
+    }
     caption = "Shim all three, then measure again. xy: how far rail x lies above rail y, along z;"
     caption += " and so on. U: 95 %."
-    grid = doc.Grid(("rails", "gap ± U", "shim"), rows, (0, 1, 2), caption)
+    grid = doc.Grid.of(columns, (0, 1, 2), caption)
     picture = figures.rails_sketch({gap.name: gap.value for gap in gaps})
     key = "The rails where they really are, their gaps enlarged."
     figure = doc.Figure(None, "", (picture,), columns=0, key=key)
@@ -232,14 +229,13 @@ def _differences(
 
 def _other(case: Case) -> doc.Section:
     """What else the same file stores: its verdict, and what is left of it."""
-    notice, rms = decision_notice(case), case.answer.rms
-    title = f"Also judged: {data_words(case.source, case.answer.input.kind, 0)}"
-    told = []
-    if rms is not None:
+    blocks: list[doc.Block] = [decision_notice(case)]
+    if rms := case.answer.rms:
         before, after = (plain(size, 4) for size in (rms.before_mm, rms.after_mm))
-        told = [f"{before} mm r.m.s. as found, {after} would be left."]
+        blocks.append(f"{before} mm r.m.s. as found, {after} would be left.")
     again = doc.Instruction("See all of it.", case.typed("report"))
-    return doc.Section(title, notice, *told, doc.Instructions([again]))
+    title = f"Also judged: {data_words(case.source, case.answer.input.kind, 0)}"
+    return doc.Section(title, *blocks, doc.Instructions([again]))
 
 
 # --- the evidence -----------------------------------------------------------------------------
@@ -258,15 +254,13 @@ def _workspace(
 
     lead = f"As found: up to {up_to(found.before_mm, found.worst_before_mm)}."
     if after is None:
-        why = ", which is the uncertainty of the offsets."
+        why = ", from uncertainty alone."
         if causes := " and ".join(cause.id for cause in case.known):
             why = f"; {two_figures(found.left_mm)} mm of that comes from {causes}, which offsets do"
             why += " not remove."
         lead += f" Expected: at most {up_to(found.after_mm, found.worst_after_mm)}{why}"
-        for cause in case.known:
-            if cause.timed:
-                lead += f" What {cause.id} does depends on time or on the way there, and is not"
-                lead += " included."
+        if timed := " and ".join(cause.id for cause in case.known if cause.timed):
+            lead += f" Not included: the effect of {timed}, which depends on time or path."
     else:
         lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
     low, high = (plain(edge, 0) for edge in found.cube_mm)

@@ -107,7 +107,7 @@ def verification_notice(found: Verification) -> doc.Notice:
     size = f"Predicted {promised}, measured {after} (r.m.s.; before {before})."
     says = _says(found)
     remains = says(found.remains) if found.remains else ""
-    lines = tuple(line for line in (size, _answer(found), _decision(found), remains) if line)
+    lines = tuple(filter(None, (size, _answer(found), _decision(found), remains)))
     if not found.differences:
         better = found.rms_after_mm < found.rms_before_mm
         came = "as predicted" if found.kept else f"{'but' if better else 'and'} not as predicted"
@@ -148,9 +148,9 @@ def verification_steps(
     `brief` is for a screen, which says the answer above and is no report.
     """
     if not found.kept:
-        if found.response is not None and not brief:
-            yield doc.Instruction(_answer(found))
-        yield doc.Instruction("Then measure again and compare again")
+        if remedy := _remedy(found):
+            yield doc.Instruction(remedy)
+        yield doc.Instruction("Measure again, and compare again")
     elif found.decision is not None and found.decision.outcome is Outcome.FAIL:
         yield doc.Instruction(
             "The offsets are right, but a deviation is beyond the limit: find its cause",
@@ -169,34 +169,46 @@ def _answer(found: Verification) -> str:
     if found.response is None or found.answer is None:
         return ""
     size = f"response {_interval(found.response)}"
-    otherwise = []
-    for axis, row in found.axes.items():
-        if row.otherwise:
-            change, applied = signed(row.found_mm, 3), signed(row.applied_mm, 3)
-            otherwise.append(f"{axis} changed by {change} mm where {applied} mm was applied")
-    gain = "check the gauge against a gauge block, its plunger for tilt, and the axis scale."
-    if any(abs(found.response.value / f - 1.0) < 0.1 for f in (MM_PER_INCH, 1.0 / MM_PER_INCH)):
-        gain = "inches and millimetres were mixed up."
+    acted_as = _triple(found.acted_as_mm or {}, found)
+    moves = [
+        f"{axis.upper()} moved {signed(row.found_mm, 3)} of {signed(row.applied_mm, 3)} mm"
+        for axis, row in found.axes.items()
+        if row.otherwise
+    ]
     return {
         Behaviour.AS_MODELLED: f"The machine responded as the model says: {size}, expected 1.",
-        Behaviour.OPPOSITE: f"The correction acted with the opposite sign ({size}): enter the"
-        " negative values.",
-        Behaviour.EXCHANGED: f"The correction acted as if {_triple(found.acted_as_mm or {}, found)}"
-        " had been entered (x, y, z): check the joints.",
-        Behaviour.NO_RESPONSE: f"The machine did not respond ({size}): re-home, and check that the"
-        " values are active.",
-        Behaviour.OTHER_GAIN: f"The size of the response is wrong ({size}, expected 1): {gain}",
-        Behaviour.PARTLY: f"Not every axis did what was entered: {'; '.join(otherwise)}. Check what"
-        " the controller holds there, and re-home.",
+        Behaviour.OPPOSITE: f"The correction acted with the opposite sign ({size}).",
+        Behaviour.EXCHANGED: f"The correction acted as if {acted_as} had been entered (x, y, z).",
+        Behaviour.NO_RESPONSE: f"The machine did not respond ({size}).",
+        Behaviour.OTHER_GAIN: f"The size of the response is wrong ({size}, expected 1).",
+        Behaviour.PARTLY: f"{'; '.join(moves)}.",
         Behaviour.UNDETERMINED: "The correction is too small for these readings to show a response"
         f" ({size}).",
     }[found.answer]
 
 
+def _remedy(found: Verification) -> str | None:
+    """What to do about a response that is wrong."""
+    gain = "Check the gauge against a gauge block, its plunger for tilt, and the axis scale"
+    inches, size = (MM_PER_INCH, 1.0 / MM_PER_INCH), found.response.value if found.response else 1.0
+    if any(abs(size / factor - 1.0) < 0.1 for factor in inches):
+        gain = "Enter the offsets in the controller's unit: inches and millimetres were mixed up"
+    wrong = ", ".join(axis.upper() for axis, row in found.axes.items() if row.otherwise)
+    remedies = {
+        Behaviour.OPPOSITE: "Enter the negative values",
+        Behaviour.EXCHANGED: "Check the joints",
+        Behaviour.NO_RESPONSE: "Re-home, and check that the values are active",
+        Behaviour.OTHER_GAIN: gain,
+        Behaviour.PARTLY: f"Check {wrong} in the controller, and re-home",
+    }
+    return remedies.get(found.answer) if found.answer else None
+
+
 def _interval(coefficient: Coefficient) -> str:
     """ "1.03 [0.91, 1.14]"."""
-    low, high = coefficient.ci95
-    return f"{coefficient.value:.2f} [{low:.2f}, {high:.2f}]"
+    sizes = coefficient.value, *coefficient.ci95
+    value, low, high = (plain(size, 2).replace("-", "−") for size in sizes)
+    return f"{value} [{low}, {high}]"
 
 
 def _entered(found: Verification) -> int:
@@ -224,27 +236,25 @@ def parameters_left(found: Verification) -> doc.Section:
     """What was found, what was entered, and what remains of each parameter."""
     decimals = _entered(found) if found.remaining_mm else 4
     every = found.parameters.values()
-    entered = [each.entered for each in every]
     now = [None if e.entered is None else e.before + e.entered for e in every]
     columns: dict[str, list[doc.Blank]] = {
         "": [doc.strong(name) for name in found.parameters],
-        "unit": [each.unit for each in every],
-        "found ± U": [with_uncertainty(each.found, each.expanded) for each in every],
-        "before": [plain(each.before, decimals) for each in every],
-        "entered": ["unknown" if e is None else signed(e, decimals) for e in entered],
-        "now": ["unknown" if each is None else doc.strong(plain(each, decimals)) for each in now],
-        "left ± U": [with_uncertainty(each.left, each.left_expanded) for each in every],
+        "unit": [e.unit for e in every],
+        "found ± U": [with_uncertainty(e.found, e.expanded) for e in every],
+        "before": [plain(e.before, decimals) for e in every],
+        "entered": ["unknown" if e.entered is None else signed(e.entered, decimals) for e in every],
+        "now": ["unknown" if new is None else doc.strong(plain(new, decimals)) for new in now],
+        "left ± U": [with_uncertainty(e.left, e.left_expanded) for e in every],
     }
     caption = "Before, now: active in the controller. Found by the first measurement, left by the"
     caption += " second."
-    grid = doc.Grid([*columns], [*zip(*columns.values(), strict=True)], caption=caption)
     other = [name for name, each in found.parameters.items() if each.as_found is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
         note = "The files do not say what was entered: a printer.cfg of each time would."
     elif other:
         note = f"What was entered differs from what was found here: {', '.join(other)}."
-    return doc.Section("Parameters", grid, note)
+    return doc.Section("Parameters", doc.Grid.of(columns, caption=caption), note)
 
 
 def _outcome(found: Verification) -> doc.Section:
@@ -291,29 +301,30 @@ def left_figure(found: Verification) -> doc.Figure:
 
 
 def _response(found: Verification, response: Coefficient) -> doc.Section:
-    rows = []
-    for axis, row in found.axes.items():
-        values = (row.applied_mm, row.found_mm, *row.ci95_mm)
-        applied, changed, low, high = (signed(value, _entered(found)) for value in values)
-        coefficient = _interval(row.coefficient) if row.coefficient else ""
-        rows.append((axis, applied, changed, f"{low} … {high}", coefficient))
-    head = ("axis", "applied", "found", "95 % interval", "coefficient")
-    grid = doc.Grid(head, rows, caption="Change of each joint, mm, fitted together.")
+    rows, decimals = found.axes.values(), _entered(found)
+    intervals = [[signed(end, decimals) for end in row.ci95_mm] for row in rows]
+    columns = {
+        "axis": [*found.axes],
+        "applied": [signed(row.applied_mm, decimals) for row in rows],
+        "found": [signed(row.found_mm, decimals) for row in rows],
+        "95 % interval": [" … ".join(ends) for ends in intervals],
+        "coefficient": [_interval(row.coefficient) if row.coefficient else "" for row in rows],
+    }
+    grid = doc.Grid.of(columns, caption="Change of each joint, mm, fitted together.")
     lead = (
         "Response coefficient, all axes together: ",
         doc.strong(_interval(response)),
         f". Expected: 1. (95 % interval, {found.response_dof} degrees of freedom.)",
     )
     blocks: list[doc.Block] = [lead, grid]
-    if found.other_change is not None:
-        change = found.other_change
-        told = f"{'Something' if change.found else 'Nothing'} else changed:"
-        told += f" {1000 * change.rms_mm:.0f} µm per difference"
-        told += f"{' that no offset explains,' * change.found} where noise gives"
-        told += f" {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
+    if change := found.other_change:
+        noise = f"where noise gives {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
+        size = f"else changed: {1000 * change.rms_mm:.0f} µm per difference"
+        text = f"Nothing {size}, {noise}"
         if change.found:
-            told += " Was the stand moved, a leg or rail adjusted, or another gauge used?"
-        blocks.append(told)
+            text = f"Something {size} that no offset explains, {noise}"
+            text += " Was the stand moved, a leg or rail adjusted, or another gauge used?"
+        blocks.append(text)
     return doc.Section("How the machine responded", *blocks)
 
 
