@@ -28,34 +28,41 @@ from orthoglide_cal.words import (
 )
 
 _HIGH = 24  # lines of a screen
-_TOLD = 3  # of its changes in words
-_MONTH = 30.0  # days, in which a drift is told
+_TOLD = 3  # changes in words
+_MONTH = 30.0  # days, for which a drift is stated
+_STORIES = {
+    Trend.UNCHANGED: "no change",
+    Trend.CHANGED: "a step",
+    Trend.DRIFTING: "drift",
+    Trend.SCATTERING: "scatter",
+}
 
 
 def history_document(found: History, machine_file: Path | None = None) -> doc.Document:
     """The document; with the machine file as the user gave it."""
     see = command("solve", found.sessions[-1].path, machine=machine_file)
     steps = doc.Instruction(found.next), doc.Instruction("See the last session", see)
-    given = found, doc.Instructions(steps)
-    return doc.Document(
-        partial(found.model_dump, mode="json"), partial(_page, *given), partial(_screen, *given)
-    )
+    page, screen = partial(_page, found, steps), partial(_screen, found, steps)
+    return doc.Document(partial(found.model_dump, mode="json"), page, screen)
 
 
-def _screen(found: History, steps: doc.Instructions) -> doc.Page:
+def _screen(found: History, steps: Sequence[doc.Instruction]) -> doc.Page:
     """As many sessions as a screen has lines for, three at least."""
     more = "More: the same with --details, or as a page: --html history.html"
-    following = doc.Section("Next", steps, more)
     for most in range(max(min(len(found.sessions), _HIGH), 3), 2, -1):
-        sections = doc.Section(None, _table(found, most), *found.notes[:3]), following
-        page = doc.Page("History", None, notice=_notice(found), sections=sections)
+        table = doc.Section(None, _table(found, most), *found.notes[:3])
+        sections = table, doc.next_steps(steps, more)
+        page = doc.Page("History", notice=_notice(found), sections=sections)
         if height(page) <= _HIGH:
             break
     return page
 
 
-def _page(found: History, steps: doc.Instructions) -> doc.Page:
-    notes = [*found.notes, f"The next session will find: {_sizes(found.prediction)} (95 %)."]
+def _page(found: History, steps: Sequence[doc.Instruction]) -> doc.Page:
+    notes = [
+        *found.notes,
+        f"The next session is expected to find: {_sizes(found.prediction)} (95 %).",
+    ]
     for count, expanded in found.further.items():
         pairs = zip(found.pooled, expanded, strict=True)
         known = ", ".join(f"{each.name} {two_figures(u)}" for each, u in pairs)
@@ -64,7 +71,7 @@ def _page(found: History, steps: doc.Instructions) -> doc.Page:
         kind="History",
         title=found.machine,
         notice=_notice(found),
-        sheet=[doc.Section("What to do next", steps)],
+        sheet=[doc.next_steps(steps)],
         sections=[
             doc.Section("Parameters from session to session", _courses(found)),
             doc.Section("What is left of each touch", *_shapes(found)),
@@ -75,37 +82,39 @@ def _page(found: History, steps: doc.Instructions) -> doc.Page:
 
 def _notice(found: History) -> doc.Notice:
     """The verdict, its numbers, and what is open."""
-    told, last = [], found.changes[-1].before if found.changes else None
-    earlier = len(found.changes) - _TOLD
-    for each in found.changes[: -_TOLD - 1 : -1]:
-        when = f"{_label(found, each.at)} and {_label(found, each.at + 1)}"
-        told.append(f"Changed between {when}: {_sizes(each.parameters, ' by')}")
-    told += [f"{counted(earlier, 'earlier change')}, marked in the table"] if earlier > 0 else []
+    lines = []
+    for change in found.changes[: -_TOLD - 1 : -1]:
+        when = f"{_label(found, change.at)} and {_label(found, change.at + 1)}"
+        lines.append(f"Changed between {when}: {_sizes(change.parameters, ' by')}")
+    if (earlier := len(found.changes) - _TOLD) > 0:
+        lines.append(f"{counted(earlier, 'earlier change')}, marked in the table")
     rates = []
     for rate in found.drift:
         rates.append(rate.name)
         if rate.per_day is not None and rate.std is not None:
             size = with_uncertainty(_MONTH * rate.per_day, U95 * _MONTH * rate.std)
             rates[-1] += f" {size} {unit_words(rate.unit)} in {_MONTH:g} days"
-    told += [f"Drifting: {', '.join(rates)}"] if rates else []
+    lines += [f"Drifting: {', '.join(rates)}"] if rates else []
     if found.scatter:
         sizes = (f"{each.name} {plain(each.std, 3)} {each.unit}" for each in found.scatter)
-        told.append(f"Scattering from session to session, one std. dev.: {', '.join(sizes)}")
+        lines.append(f"Scattering from session to session, one std. dev.: {', '.join(sizes)}")
     ends = f"{_label(found, 0)} to {_label(found, -1)}"
-    title, *others = told or [f"Unchanged in {counted(len(found.sessions), 'session')}, {ends}"]
-    lines = [f"{each}." for each in others]
+    title, *others = lines or [f"Unchanged in {counted(len(found.sessions), 'session')}, {ends}"]
+    lines = [f"{line}." for line in others]
+    last = found.changes[-1].before if found.changes else None
     if last and not any(last in note and "adjustment" in note for note in found.notes):
         lines.insert(0, "No adjustment is recorded in between.")
     if found.ambiguous_with:
-        lines.append(f"These dates do not exclude: {', '.join(found.ambiguous_with)}.")
+        stories = " or ".join(_STORIES[trend] for trend in found.ambiguous_with)
+        lines.append(f"{stories[0].upper()}{stories[1:]} is also possible.")
     if limit := found.limit:
-        said = "no drift is established"
+        when = "no drift is established"
         if limit.scatter_exceeds:
-            said = f"the scatter of {', '.join(limit.scatter_exceeds)} exceeds it (95 %)"
+            when = f"the scatter of {', '.join(limit.scatter_exceeds)} exceeds it (95 %)"
         elif limit.parameter is not None:
-            said = f"{limit.parameter} reaches it on {limit.date} at the earliest (95 %), if the"
-            said += " best values are entered now"
-        lines.append(f"Limit {limit.limit_mm:g} mm: {said}.")
+            when = f"{limit.parameter} reaches it on {limit.date} at the earliest (95 %), if the"
+            when += " best values are entered now"
+        lines.append(f"Limit {limit.limit_mm:g} mm: {when}.")
     tone = doc.Tone.GOOD if found.verdict is Trend.UNCHANGED else doc.Tone.WARN
     tone = doc.Tone.OPEN if found.ambiguous_with else tone
     sure = percent(min(found.probability, 0.9999), 1)
@@ -132,12 +141,10 @@ def _label(found: History, at: int) -> str:
 
 def _table(found: History, most: int) -> doc.Grid:
     """A row for each session, or those around changes; a line where the machine changed."""
-    count = len(found.sessions)
-    every = [*range(len(found.pooled))]
+    count, every = len(found.sessions), [*range(len(found.pooled))]
     around = (k for change in reversed(found.changes) for k in (change.at, change.at + 1))
     wanted = dict.fromkeys((count - 1, 0, *around, *range(count - 2, 0, -1)))
-    chosen = {*[*wanted][:most]}
-    names = [each.name for each in found.pooled]
+    chosen, names = {*[*wanted][:most]}, [each.name for each in found.pooled]
     # One alone needs no more room than a line that it is missing.
     shown = [k for k in range(count) if k in chosen or {k - 1, k + 1} <= chosen]
     if sum(max(len(name), 6) + 2 for name in names) > 64:  # those that did something

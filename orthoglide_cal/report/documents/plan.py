@@ -191,30 +191,29 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     missing = [name for name, each in chosen.parameters.items() if not each.determined]
     if missing:
         lines.append(f"Not determined: {' and '.join(missing)}. {words.more}")
-    if plan.target is None:
-        tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
-        return doc.Notice(tone, title, tuple(lines))
-    wanted = f"± {plan.target.expanded_mm:g} mm"
-    if plan.target.reached:
-        title = f"{wanted} takes {counted(plan.cycles, 'cycle')}: {title}"
-        return doc.Notice(doc.Tone.GOOD, title, tuple(lines))
-    why = f"More than {MOST_CYCLES} cycles would do, because of the scatter of the readings:"
-    why += " take a finer gauge or a better stand."
-    if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
-        remedy = source_words(plan.floor.largest.source, model.machine)[1]
-        why = f"{_stays(plan, plan.floor)} {remedy}"
-    return doc.Notice(
-        doc.Tone.BAD, f"{wanted} cannot be reached in this way", (why, f"{title}.", *lines)
-    )
+    tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
+    if plan.target is not None:
+        wanted = f"± {plan.target.expanded_mm:g} mm"
+        if plan.target.reached:
+            tone, title = doc.Tone.GOOD, f"{wanted} takes {counted(plan.cycles, 'cycle')}: {title}"
+        else:
+            why = f"It needs more than {MOST_CYCLES} cycles, because the readings scatter: take a"
+            why += " finer gauge or a better stand."
+            if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
+                remedy = source_words(plan.floor.largest.source, model.machine)[1]
+                why = f"{_stays(plan, plan.floor)} {remedy}"
+            lines = [why, f"{title}.", *lines]
+            tone, title = doc.Tone.BAD, f"{wanted} cannot be reached in this way"
+    return doc.Notice(tone, title, tuple(lines))
 
 
 def _stays(plan: MeasurementPlan, floor: Budget) -> str:
-    """What more readings leave, and of what it is."""
-    what = floor.largest.source
-    what = what if what in CAUSES else source_words(what, plan.model.machine)[0]
+    """U that more readings leave, and its source."""
+    source = floor.largest.source
+    source = source if source in CAUSES else source_words(source, plan.model.machine)[0]
     if plan.gauges is None:
-        return f"{what} stays."
-    return f"± {two_figures(float(floor.expanded_mm.max()))} mm stays ({what})."
+        return f"{source} stays."
+    return f"± {two_figures(float(floor.expanded_mm.max()))} mm stays ({source})."
 
 
 def _limits(plan: MeasurementPlan) -> Iterator[str]:
@@ -229,9 +228,9 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
         yield f"More {more} {help_}: {_stays(plan, floor)}"
     sigma = plan.chosen.rivals_sigma
     if sigma is not None:
-        told = "" if sigma >= CERTAIN_SIGMA else "not for sure "
+        surely = "" if sigma >= CERTAIN_SIGMA else "not surely "
         rivals = " and ".join(plan.model.machine.rivals)
-        yield f"{rivals} are {told}distinguished ({two_figures(sigma)} σ)."
+        yield f"{rivals} are {surely}distinguished ({two_figures(sigma)} σ)."
 
 
 def _left_open(plan: MeasurementPlan) -> Iterator[str]:
@@ -268,60 +267,57 @@ def _worthwhile(plan: MeasurementPlan) -> list[SessionForecast]:
 def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     """Numbers of cycles, or layouts: what they take, what they give.
 
-    `brief`: of cycles the largest U, of layouts those that no quicker one beats.
+    `brief`: of layouts those that no quicker one beats, and without what the columns mean.
     """
     machine, cycles = plan.model.machine, plan.gauges is not None
     shown = _worthwhile(plan) if brief and not cycles else plan.by_cycles
     names: list[doc.Inline] = [str(each.cycles) if cycles else each.name for each in shown]
     for k, each in enumerate(shown):
         if (each.name, each.cycles) == (plan.protocol, plan.cycles):
-            names[k] = doc.strong(f"→ {names[k]}" if cycles and brief else f"{names[k]}")
-    columns: dict[str, Sequence[doc.Inline]] = {
+            names[k] = doc.strong(f"→ {names[k]}")
+    columns: dict[str, list[doc.Inline]] = {
         "cycles" if cycles else "layout": names,
         "readings": [str(each.readings) for each in shown],
         "min": [f"{each.minutes:.0f}" for each in shown],
     }
-    if cycles and brief:
-        largest = [two_figures(max(each.expanded_mm.values())) for each in shown]
-        columns[f"{machine.vocabulary.one} ± U, mm"] = largest
-    else:
-        if cycles:
-            columns["noise"] = [two_figures(max(each.noise_std_mm.values())) for each in shown]
-        for name in machine.parameter_names:
-            own = [each.parameters[name] for each in shown]
-            columns[name] = [two_figures(u.lessened) if u.determined else "–" for u in own]
+    unit = (
+        "mm"
+        if common_unit(machine)
+        else ", ".join(
+            f"{name} {unit_words(unit)}"
+            for name, unit in zip(machine.parameter_names, machine.parameter_units, strict=True)
+        )
+    )
+    meaning = [f"U of each {machine.vocabulary.one} (95 %), {unit}; –: not determined."]
+    if cycles:
+        columns["noise"] = [two_figures(max(each.noise_std_mm.values())) for each in shown]
+        meaning.append("Noise: the part of scatter, of the worst one, one standard deviation.")
+    for name in machine.parameter_names:
+        parameters = [each.parameters[name] for each in shown]
+        columns[name] = [two_figures(u.lessened) if u.determined else "–" for u in parameters]
     if machine.has_cube:
-        tool = [two_figures(each.tool_mm or 0.0) for each in shown]
-        columns["tool ± U, mm" if brief else "tool"] = tool
+        columns["tool"] = [two_figures(each.tool_mm or 0.0) for each in shown]
+        meaning.append("Tool: at the worst place of the workspace, offsets entered.")
     if machine.rivals:
         sigma = [each.rivals_sigma for each in shown]
         columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
-    rows = [*zip(*columns.values(), strict=True)]
-    left = () if cycles else (0,)
+        pair = " and ".join(machine.rivals)
+        meaning.append(f"σ: distance of {pair} of usual size, in standard deviations.")
     # What no layout determines, and what it adds to U.
     fixed = [each.source for each in plan.budget if each.source in machine.fixed_parameters]
     if fixed:
         added = (two_figures(each.fixed) for each in plan.chosen.parameters.values())
-        rows.append((" and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)))
-    if brief:
-        return doc.Grid(tuple(columns), tuple(rows), left)
-    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
-    units = ", ".join(f"{name} {unit_words(unit)}" for name, unit in named)
-    told = ["In mm." if common_unit(machine) else f"{units}; – is not determined."]
-    if cycles:
-        told.append("Noise: what scatter leaves of the worst one, one standard deviation.")
-    told.append(f"U: of each {machine.vocabulary.one}, 95 %.")
-    if machine.has_cube:
-        told.append("Tool: at the worst place of the workspace, offsets entered.")
-    if machine.rivals:
-        pair = " and ".join(machine.rivals)
-        told.append(f"σ: how far {pair} of usual size are apart, in standard deviations.")
-    if fixed:
-        told.append(
-            f"No layout determines {rows[-1][0]}, taken as stated: what it adds (by squares) is the"
+        last = " and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)
+        for column, cell in zip(columns.values(), last, strict=True):
+            column.append(cell)
+        meaning.append(
+            f"No layout determines {last[0]}, taken as stated: what it adds (by squares) is the"
             " last row. In solve, what the readings cannot rule out is added."
         )
-    return doc.Grid(tuple(columns), tuple(rows), left, " ".join(told))
+    caption = " ".join(meaning)
+    if brief:
+        caption = meaning[0] if cycles else ""
+    return doc.Grid.of(columns, () if cycles else (0,), caption)
 
 
 def _ways(plan: MeasurementPlan) -> doc.Section:
@@ -426,9 +422,9 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
 
 
 def _next_grid(
-    plan: MeasurementPlan, found: Sequence[RankedMeasurement], full: bool = False
+    plan: MeasurementPlan, ranked: Sequence[RankedMeasurement], full: bool = False
 ) -> doc.Grid:
-    """Of the ranking; `full`: also U as it is, and what the columns mean."""
+    """A part of the ranking; `full`: also U as it is, and what the columns mean."""
     telling = any(each.between for each in plan.next)
     now_mm = plan.now_mm if full else None
     heads = ["", "min", *(("settles", "σ") if telling else ()), "U, mm", "what to do"]
@@ -436,7 +432,7 @@ def _next_grid(
     if now_mm is not None:
         blank = [""] * (len(heads) - 2)
         rows.append((*blank, two_figures(now_mm), "nothing: U as it is"))
-    for each in found[:_SHOWN_NEXT]:
+    for each in ranked[:_SHOWN_NEXT]:
         sure = (percent(each.chance), f"{each.separation_sigma:.1f}") if telling else ()
         number, minutes = str(plan.next.index(each) + 1), f"{each.minutes:.0f}"
         u = two_figures(max(each.expanded_mm.values()))
