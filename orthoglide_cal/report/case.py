@@ -1,7 +1,5 @@
-"""What is shown, and what all pages say alike: of which data and machine, may it be entered, what
-to do next, and the facts about machine, gauges and circumstances.
-
-They say it in the words of the kind of machine.
+"""A result to be shown, and the parts common to all pages: its data and machine, the decision, the
+next steps, and the facts about machine, gauges and circumstances, in the words of its kind.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -52,7 +50,7 @@ _DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What a page is about."""
+    """An answer with its input."""
 
     given: Input
     answer: Answer
@@ -70,11 +68,11 @@ class Case:
 
     @property
     def words(self) -> Vocabulary:
-        """What its kind calls things."""
+        """The words of its kind."""
         return self.machine.vocabulary
 
     def title_of(self, id: str) -> str:
-        """What a cause is called at such a machine."""
+        """Name of a cause at such a machine."""
         return CAUSES[id].words(self.machine).title
 
     def says(self, reason: Reason) -> str:
@@ -104,10 +102,10 @@ class Case:
         """Machine, data, and a method that was asked for, at the end of the first line."""
         answer = self.answer
         data = data_words(self.source, answer.input.kind, answer.input.readings)
-        told = [answer.machine.name, data]
+        parts = [answer.machine.name, data]
         if self._method is not None:
-            told.append(f"method {self._method}")
-        return ", ".join(told)
+            parts.append(f"method {self._method}")
+        return ", ".join(parts)
 
     @property
     def _method(self) -> str | None:
@@ -135,20 +133,20 @@ class Case:
         return "More: ", doc.typed(self.typed(verb, "--details"))
 
     def remedied(self, remedy: Remedy) -> str | None:
-        """What to type for a remedy; None where there is nothing to type."""
+        """The command of a remedy; None where it has none."""
         return None if remedy.verb is None else self.typed(remedy.verb, remedy.options)
 
     def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
-        """What to do instead of entering the parameters; with `verb` only what it is typed for."""
+        """Steps instead of entering the parameters; with `verb` only those with that command."""
         for each in self.answer.release.remedies:
             if verb in (None, each.verb):
                 yield doc.Instruction(self.says(each.sentence), self.remedied(each))
 
     @property
     def verify(self) -> str:
-        """What to type once the parameters were entered and the session was measured again.
+        """The command to compare with once the parameters were entered and measured again.
 
-        With what was entered, where no machine file can tell.
+        It holds what was entered where no machine file can tell.
         """
         unknown = recording(self.given) == "nowhere"
         digits = self.answer.decimals
@@ -157,11 +155,11 @@ class Case:
 
     @property
     def record(self) -> str | None:
-        """What to type once they were entered; None where that is recorded, or nowhere kept."""
+        """The command that records what was entered; None where it is recorded, or nowhere kept."""
         return self.typed("apply") if recording(self.given) == "due" else None
 
     def further(self, session: str | None) -> str | None:
-        """What to type for a further measurement; a printer has its own ways.
+        """The command for a further measurement; a printer has other ways.
 
         `session` are the options of a session of its own; None: it goes on from these readings.
         """
@@ -174,7 +172,7 @@ class Case:
 
     @property
     def table(self) -> str | None:
-        """What to type for a table that takes out what offsets leave; None where none would."""
+        """The command for a table that corrects what offsets leave; None where none would."""
         known = any(effect.cause.compensable for effect in self.given.model.accepted)
         return self.typed("export", "--format table") if known and self.answer.remains else None
 
@@ -206,7 +204,7 @@ def decision_notice(case: Case) -> doc.Notice:
 
 
 def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
-    """What to do next, step by step; `brief`: what one screen has room for."""
+    """Next steps; `brief`: those that one screen has room for."""
     release, verdict = case.answer.release, case.answer.verdict
     causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     if release.settled:
@@ -270,7 +268,7 @@ def position_words(tool_mm: Sequence[float], decimals: int) -> str:
 
 
 def measure_again(conditions: Conditions | None, machine: Path | None = None) -> str:
-    """What to type to measure again: a simulated machine comes back with its seed."""
+    """The command to measure again: a simulated machine comes back with its seed."""
     seed = dict(conditions.environment).get("seed") if conditions else None
     options = f"--gauge simulated --seed {seed}" if seed and seed.isdecimal() else ""
     return command("measure", machine=machine, options=options)
@@ -292,16 +290,16 @@ def data_words(source: Source | None, kind: str, count: int) -> str:
 
 
 def comparison_words(single: bool) -> tuple[str, str]:
-    """What the differences of an expected-improvement table are, and how their names are meant."""
+    """The kind of differences that are promised, and the meaning of their names."""
     if single:
         return "tool end − joint end", "dz_x+ is along z on leg x at max."
     return "max − min", "dx_y is along x on leg y."
 
 
 def stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Marked], ...]:
-    """What its owner wrote under these names, as far as the machine's file says so."""
-    said = {name.replace("_", " ").capitalize(): getattr(machine.report, name) for name in names}
-    return tuple((name, doc.given(text)) for name, text in said.items() if text is not None)
+    """Facts that the owner wrote under these names into the machine's file."""
+    texts = {name.replace("_", " ").capitalize(): getattr(machine.report, name) for name in names}
+    return tuple((name, doc.given(text)) for name, text in texts.items() if text is not None)
 
 
 def signed_page(
@@ -311,14 +309,14 @@ def signed_page(
     inputs: Sequence[tuple[InputFile, Validity]],
     *facts: tuple[str, doc.Blank],
 ) -> doc.Page:
-    """What a numbered page begins with: what it is about, and under which conditions it holds.
+    """The beginning of a numbered page: its subject, and the conditions under which it holds.
 
     Its `inputs` are one measurement, or before and after; of simulated ones it is no report. The
     `facts` stand behind its number.
     """
     words = machine.vocabulary
     simulated = any(each.simulated for _, each in inputs)
-    own = ("Number", doc.code(identity.number)), *facts
+    first_facts = ("Number", doc.code(identity.number)), *facts
     issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
     first, *later = (dict(_conditions(*each, machine.noted)) for each in inputs)
     named = ((name.capitalize(), value) for name, value in first.items())
@@ -334,7 +332,7 @@ def signed_page(
         kind="Practice report" if simulated else kind,
         title=machine.name,
         number=identity.number,
-        facts=doc.Facts((*stated(machine, OWNER), *own, issued)),
+        facts=doc.Facts((*stated(machine, OWNER), *first_facts, issued)),
         sheet=[doc.Section(None, strip)],
         scope=f"This report holds for the machine and the {words.instruments} that it names, as"
         f" they were when they were measured, and for the {words.positions} and conditions stated"
@@ -360,10 +358,10 @@ def _conditions(
         due = f"due {gauge.due}" if gauge.due else "due date not given"
         gauges += [", ", doc.doubtful(f"overdue: {due}") if gauge.overdue else due]
     known = {"start": each.temperature_start_c, "end": each.temperature_end_c}
-    said = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
+    temperatures = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
     rows: dict[str, doc.Blank] = {
         "gauges": tuple(gauges) or None,
-        "temperature": ", ".join(said) or None,
+        "temperature": ", ".join(temperatures) or None,
         "operator": each.operator and doc.given(each.operator),
     }
     yield "measured", moment(each.measured)

@@ -1,4 +1,4 @@
-"""What goes to the controller: a page of text, lines to paste, a table of corrections.
+"""Exports for the controller: a page of text, lines to paste, a table of corrections.
 
 All firmwares of a linear delta have a delta radius, tower angles and arms in common; an endstop is
 stated as
@@ -123,7 +123,7 @@ def as_table(table: Compensation, case: Case, identity: Identity) -> str:
 # --- firmwares of a linear delta --------------------------------------------------------------
 
 
-def told(case: Case) -> LinearDelta:
+def firmware_machine(case: Case) -> LinearDelta:
     """The machine as its firmware is to have it, with arms that were accepted as longer."""
     model, answer = case.given.model, case.answer
     machine = LinearDelta.require(model.machine)
@@ -143,9 +143,9 @@ def told(case: Case) -> LinearDelta:
     )
 
 
-def told_by_name(case: Case) -> dict[str, float]:
+def firmware_values(case: Case) -> dict[str, float]:
     """The same by the names that a calibration gives them; arms as arm_a, arm_b, arm_c."""
-    new = told(case)
+    new = firmware_machine(case)
     names = [*"abc", "radius", *(f"{of}_{tower}" for of in ("angle", "arm") for tower in "abc")]
     values = (*new.endstops_mm, new.delta_radius_mm, *new.tower_angles_deg, *new.arm_length_mm)
     return dict(zip(names, values, strict=True))
@@ -203,7 +203,7 @@ def marlin(new: LinearDelta) -> Iterator[str]:
 
 
 def _equal(new: LinearDelta) -> bool:
-    """Whether one length is enough for the arms."""
+    """True if one length is enough for the arms."""
     return len({round(arm, _DECIMALS) for arm in new.arm_length_mm}) == 1
 
 
@@ -230,14 +230,16 @@ FIRMWARES: Mapping[str, tuple[str, Callable[[LinearDelta], Iterator[str]], str]]
 def as_firmware(format: str, case: Case, identity: Identity) -> str:
     """The lines to paste, with what they are and what they leave out as comments."""
     name, lines, sign = FIRMWARES[format]
-    return _around(case, identity, lines(told(case)), f"{sign} ", *_left_out(name, case))
+    return _around(
+        case, identity, lines(firmware_machine(case)), f"{sign} ", *_left_out(name, case)
+    )
 
 
 def _left_out(name: str, case: Case) -> Iterator[str]:
-    """What the firmware has no setting for, and what of it is known of this machine."""
-    own = " but when it is compiled" if name == "Marlin" else ""
+    """Parts of the calibration for which the firmware has no setting."""
+    but = " but when it is compiled" if name == "Marlin" else ""
     yield (
-        f"{name} has no setting for towers that lean, nor for a radius of each tower{own}; the"
+        f"{name} has no setting for towers that lean, nor for a radius of each tower{but}; the"
         " shape of the bed is left to its mesh."
     )
     for id in dict.fromkeys(cause.id for cause in case.known):

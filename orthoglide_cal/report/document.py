@@ -1,4 +1,4 @@
-"""What a command shows of a result: plain values for programs, and blocks for people.
+"""A result as a command shows it: plain values for programs, and blocks for people.
 
 A document is made in `report.documents`; the renderers know nothing of what it is about: `json`
 shows its values, `terminal`, `html` and `markdown` its page.
@@ -49,7 +49,7 @@ def parts_of(content: Blank) -> tuple[Marked | None, ...]:
 
 
 class Tone(StrEnum):
-    """What a notice means; its sign says so without the colour."""
+    """Meaning of a notice; its sign tells it without the colour."""
 
     GOOD = "good"
     WARN = "warn"
@@ -163,7 +163,7 @@ class Section:
 
 
 def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:
-    """What to do next, in order."""
+    """Next steps, in order."""
     return Section("Next", Instructions(tuple(steps)), *more)
 
 

@@ -273,9 +273,9 @@ def residual_panels(
         for values in microns:
             last = values is microns[-1]
             for turn in sorted({rows[k].cycle for k in chosen}):
-                own = [k for k in chosen if rows[k].cycle == turn]
-                places = [across(postures.index(posture[k]) + 0.09 * (turn - 2.5)) for k in own]
-                points = [*zip(places, (up(float(values[k])) for k in own), strict=True)]
+                repeats = [k for k in chosen if rows[k].cycle == turn]
+                places = [across(postures.index(posture[k]) + 0.09 * (turn - 2.5)) for k in repeats]
+                points = [*zip(places, (up(float(values[k])) for k in repeats), strict=True)]
                 parts += [thread(points)] if last else []
                 parts += [mark(x, y, turn - 1, "mark" if last else "mark open") for x, y in points]
         worst = max(chosen, key=lambda k: abs(microns[-1][k]))
@@ -408,7 +408,7 @@ def bed_maps(
     bed_mm: float,
     towers_deg: Sequence[float],
 ) -> tuple[Html, ...]:
-    """What is left of each touch of a bed, one map for each model, with a scale of its own each.
+    """Residuals of the touches of a bed: one map for each model, with its own scale.
 
     Args:
         title: of all of them.
@@ -512,10 +512,10 @@ def machine_sketch(
         drawn.append(words(x, y + 4, f"+{AXES[direction]}", "middle"))
         parts.append(tag("g", *drawn, class_=f"c-{AXES[leg]}"))
     finding = "Three legs run from the tool in the middle to carriages on the rails x, y and z."
-    spoilt = "; ".join(Series(*fault).words for fault in sorted(faults))
-    bent = "; ".join(AXES[rail] for rail in sorted(rails))
-    for what in (f"readings of {spoilt}" if spoilt else "", f"axis {bent}" if bent else ""):
-        finding += f" Marked, because of a fault: {what}." if what else ""
+    marked = [f"axis {AXES[rail]}" for rail in sorted(rails)]
+    marked += [f"readings of {Series(*fault).words}" for fault in sorted(faults)]
+    if marked:
+        finding += f" Marked, because of a fault: {'; '.join(marked)}."
     return svg("machine", 328.0, 232.0, "The machine and its gauges", finding, parts)
 
 

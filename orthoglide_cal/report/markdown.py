@@ -39,8 +39,8 @@ def _block(block: doc.Block) -> str:
             caption = [f"\n{in_markdown(block.caption)}"] if block.caption else []
             return "\n".join([f"| {' | '.join(titles)} |", f"|{'|'.join(rules)}|", *rows, *caption])
         case doc.Figure():
-            said = [in_markdown(block.in_words)] if block.in_words else []
-            return "\n\n".join([*said, _fenced(block.sketch)])
+            title = [in_markdown(block.in_words)] if block.in_words else []
+            return "\n\n".join([*title, _fenced(block.sketch)])
         case doc.Listing():
             return _fenced(block.lines)
         case doc.Instructions():

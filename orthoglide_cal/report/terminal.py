@@ -103,7 +103,7 @@ class _Lines:
                 yield from _hung(self._flow(block, len(indent)), indent, indent)
 
     def _instruction(self, item: doc.Instruction, first: str, rest: str) -> Iterator[Text]:
-        """What to do; what to type stands behind it where both fit on one line."""
+        """A step; its command stands behind it where both fit on one line."""
         *lines, last = _hung(self._flow(item.content, len(first)), first, rest)
         yield from lines
         if not item.command:
@@ -193,7 +193,7 @@ class _Lines:
     def _widths(
         self, rows: Sequence[Sequence[Text]], words: Iterable[int]
     ) -> tuple[list[int], int]:
-        """Of the columns, those of words squeezed as far as needed; how much all are too wide."""
+        """Widths of the columns, those of words squeezed as needed; excess of all together."""
         widths = [max(cell.cell_len for cell in column) for column in zip(*rows, strict=True)]
         over = sum(widths) + len(_GAP) * len(widths) - self._width
         for k in sorted(words, key=lambda k: -widths[k]):

@@ -67,7 +67,7 @@ def calibration_document(
     Args:
         case, identity: the result and its number.
         left: of the session measured after the adjustment; None without one.
-        limit_mm: largest deviation allowed; None where nobody said.
+        limit_mm: largest deviation allowed; None where none is given.
     """
     given, answer = case.given.conditions, case.answer
 
@@ -192,7 +192,7 @@ def _gap(answer: Answer) -> Iterator[doc.Section]:
 def _result(
     case: Case, left: Verification | None, drawn: Sequence[doc.Block]
 ) -> Iterator[doc.Section]:
-    """What to do, and the parameters with U next to the differences; in small print where they
+    """Next steps, and the parameters with U next to the differences; in small print where they
     must not be entered.
     """
     answer = case.answer
@@ -208,8 +208,8 @@ def _result(
     else:
         found = ", ".join(f"{each.name} {found_words(each)}" for each in answer.parameters)
         causes = " and ".join(answer.named)
-        said = f"{case.words.title} found{f' with {causes}' if causes else ''}, not to be entered:"
-        yield doc.Section(None, doc.small(f"{said} {found} (± U, 95 %)."), *open_blocks(case))
+        lead = f"{case.words.title} found{f' with {causes}' if causes else ''}, not to be entered:"
+        yield doc.Section(None, doc.small(f"{lead} {found} (± U, 95 %)."), *open_blocks(case))
 
 
 def _differences(
@@ -228,7 +228,7 @@ def _differences(
 
 
 def _other(case: Case) -> doc.Section:
-    """What else the same file stores: its verdict, and what is left of it."""
+    """Other data of the same file: their verdict and residuals."""
     blocks: list[doc.Block] = [decision_notice(case)]
     if rms := case.answer.rms:
         before, after = (plain(size, 4) for size in (rms.before_mm, rms.after_mm))
@@ -330,9 +330,9 @@ def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
             marked.append(f"{cause.id}: {cause.where or ', '.join(seen)}")
     limits = machine.joint_limits_mm
     drawn = figures.machine_sketch(machine.leg_length_mm, limits, places, faults, rails)
-    told = f"Marked: {'; '.join(marked)}." if marked else ""
+    finding = f"Marked: {'; '.join(marked)}." if marked else ""
     key = "○ dial: its reading grows when the leg moves towards it."
-    return doc.Figure("Where the gauges stood", told, (drawn,), columns=0, key=key)
+    return doc.Figure("Where the gauges stood", finding, (drawn,), columns=0, key=key)
 
 
 def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Section:

@@ -63,8 +63,8 @@ def diagnosis_document(case: Case) -> doc.Document:
 def _screen(case: Case) -> doc.Page:
     """The numbers that decide, one thought each, and what to do.
 
-    Where a screen has too few lines for it, notes give way, then baselines, what need not be said
-    again, the residuals, and the last steps.
+    Where a screen has too few lines for it, notes give way, then baselines, the reminder to
+    solve again, the residuals, and the last steps.
     """
     answer = case.answer
     undecided = answer.verdict is Verdict.AMBIGUOUS
@@ -108,14 +108,14 @@ def _notice(case: Case) -> doc.Notice:
         else:
             title = f"{title.rstrip('.')} ({ids[0]}, {percent(share, 1)})"
     elif answer.verdict is Verdict.AMBIGUOUS:
-        said = [f"{_name(each)} ({percent(each.probability)})" for each in _open(answer)]
-        if len(said) == 1:
+        names = [f"{_name(each)} ({percent(each.probability)})" for each in _open(answer)]
+        if len(names) == 1:
             beyond = sum(each.probability for each in answer.explanations if each.pattern)
-            said.append(f"something that is not on the list ({percent(beyond)})")
+            names.append(f"something that is not on the list ({percent(beyond)})")
         # By name: none comes first that the data do not carry.
-        first = sorted(said[:2], key=lambda text: (not text.startswith(_NOTHING), text))
-        title = f"Undecided: {', or '.join(first)}" if len(said) > 1 else title
-        title += f", or {counted(len(said) - 2, 'other')}" if len(said) > 2 else ""
+        first = sorted(names[:2], key=lambda text: (not text.startswith(_NOTHING), text))
+        title = f"Undecided: {', or '.join(first)}" if len(names) > 1 else title
+        title += f", or {counted(len(names) - 2, 'other')}" if len(names) > 2 else ""
     lines = [f"{notice.title}.", *notice.lines]
     if answer.alone is not None and release.codes[:1] in (("offsets_wrong",), ("cause_found",)):
         wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
@@ -170,7 +170,7 @@ def _omitted(case: Case) -> str:
 
 
 def _rms_grid(case: Case) -> doc.Grid:
-    """What is left without and with the causes, of readings fitted and not."""
+    """Residuals without and with the causes, of readings fitted and not."""
     answer, lack = case.answer, case.answer.lack_of_fit
     left: dict[str, tuple[float, ...]] = {}
     for first in answer.causes[:1]:
@@ -185,7 +185,7 @@ def _rms_grid(case: Case) -> doc.Grid:
 
 
 def _baselines(case: Case) -> Iterator[doc.Block]:
-    """What a printer's extension predicts, compared with what needs no cause."""
+    """Predictions of a printer's extension, compared with those that need no cause."""
     found = case.answer.baselines
     if found is None:
         return
@@ -211,19 +211,21 @@ def _name(each: Explanation) -> str:
 
 
 def _open_grid(case: Case) -> doc.Grid:
-    """What each open explanation leaves, and the parameters under it."""
+    """Residuals and parameters under each open explanation."""
     rows = []
     names = [each.name for each in case.answer.parameters]
     for each in _open(case.answer)[:_MOST_OPEN]:
-        own = {one.name: signed(one.found, decimals_for(2.0 * one.std)) for one in each.parameters}
+        values = {
+            one.name: signed(one.found, decimals_for(2.0 * one.std)) for one in each.parameters
+        }
         left = "" if each.rms_mm is None else plain(each.rms_mm, 4)
-        rows.append((_name(each), left, *(own.get(name, "") for name in names)))
-    what = f"{case.words.many}{common_unit(case.machine)}"
-    return doc.Grid((what, "r.m.s. left, mm", *names), rows)
+        rows.append((_name(each), left, *(values.get(name, "") for name in names)))
+    head = f"{case.words.many}{common_unit(case.machine)}"
+    return doc.Grid((head, "r.m.s. left, mm", *names), rows)
 
 
 def _steps(case: Case) -> Iterator[doc.Instruction]:
-    """What to do next: remedies, the measurement that decides, or entering."""
+    """Next steps: remedies, the measurement that decides, or entering."""
     answer, release = case.answer, case.answer.release
     if answer.verdict is Verdict.AMBIGUOUS:
         if "few_readings" in release.codes:  # more of them come first
@@ -260,12 +262,12 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
 
 def _page(case: Case) -> doc.Page:
     answer = case.answer
-    told: list[doc.Block] = [parameters_grid(case)]
+    blocks: list[doc.Block] = [parameters_grid(case)]
     if answer.verdict is Verdict.AMBIGUOUS:
-        told.append("U includes the undecided causes.")
+        blocks.append("U includes the undecided causes.")
     elif answer.verdict is Verdict.UNEXPLAINED:
-        told.append("U includes what is unexplained.")
-    told += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
+        blocks.append("U includes what is unexplained.")
+    blocks += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
     return doc.Page(
         kind="Diagnosis",
         notice=_notice(case),
@@ -273,7 +275,7 @@ def _page(case: Case) -> doc.Page:
         sections=(
             doc.Section("Causes", *_cause_blocks(case)),
             *residual_sections(case, _fit_blocks(case)),
-            doc.Section(parameters_title(case), *told),
+            doc.Section(parameters_title(case), *blocks),
         ),
     )
 
@@ -298,17 +300,17 @@ def headline(case: Case) -> str:
             "Consistent, but without spare readings these data cannot show whether the model fits."
         )
     noise = f"this {case.words.noise}'s noise{case.words.also}"
-    told = f"nothing shows beyond {noise}; the model fits."
+    text = f"nothing shows beyond {noise}; the model fits."
     if lack is not None and lack.p_value < UNUSUAL:
-        told = (
+        text = (
             f"the residuals are larger than usual for {noise}, not large enough to call the model"
         )
-        told += " wrong."
+        text += " wrong."
     for each in answer.undetermined:
         if each.name not in [parameter.name for parameter in answer.parameters]:
             within = f"{each.within:.2g} {unit_words(each.unit)}"
-            told += f" The readings do not determine {each.name}: it may be off by {within} (1 σ)."
-    return f"Consistent: {told}"
+            text += f" The readings do not determine {each.name}: it may be off by {within} (1 σ)."
+    return f"Consistent: {text}"
 
 
 def diagnosis_section(case: Case) -> doc.Section:
@@ -320,7 +322,7 @@ def diagnosis_section(case: Case) -> doc.Section:
 
 
 def _cause_blocks(case: Case) -> Iterator[doc.Block]:
-    """What is open; each cause with place and size, and what all of them are worth."""
+    """Open explanations; each cause with place and size; what all of them gain."""
     answer = case.answer
     if answer.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED) and _open(answer):
         yield _open_grid(case)
@@ -329,17 +331,17 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
     yield from _sizes(case)
     yield _rms_grid(case)
     for cause in answer.causes:
-        told = [(cause.id, case.title_of(cause.id))]
+        lines = [(cause.id, case.title_of(cause.id))]
         if cause.id in case.machine.companions:
-            told.append(("doubt", case.machine.companions[cause.id]))
+            lines.append(("doubt", case.machine.companions[cause.id]))
         if not cause.in_machine:
             note = "It lies in the measurement: nothing for the controller to correct."
-            told.append(("note", note))
+            lines.append(("note", note))
         elif not cause.recommended:
-            told.append(("note", "Making it part of the machine's model is not recommended."))
+            lines.append(("note", "Making it part of the machine's model is not recommended."))
         if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
-            told.append(("looks like", ", ".join(cause.aliases)))
-        yield doc.Facts(told)
+            lines.append(("looks like", ", ".join(cause.aliases)))
+        yield doc.Facts(lines)
     share = percent(answer.causes[0].probability, 1)
     nothing = nothing_wrong(answer.explanations)
     if nothing is not None:
@@ -359,18 +361,18 @@ def _next_step(case: Case) -> doc.Instruction:
     answer, following = case.answer, case.answer.next_measurement
     if following is not None and following.between:
         first, second = between_words(following)
-        told = f"{following.what} About {following.minutes:.0f} min; it distinguishes {first}"
-        told += f" from {second} ({following.separation_sigma:.1f} σ)."
-        return doc.Instruction(told, case.further(following.session))
+        text = f"{following.what} About {following.minutes:.0f} min; it distinguishes {first}"
+        text += f" from {second} ({following.separation_sigma:.1f} σ)."
+        return doc.Instruction(text, case.further(following.session))
     if not answer.ambiguous_with:
         again = f"Repeat the session with {case.words.further}: what is real returns as it is."
         return doc.Instruction(again)
     open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
-    told = "No further reading of this kind is likely to decide."
+    text = "No further reading of this kind is likely to decide."
     if not any(CAUSES[id].in_machine for id in open_ids):
-        told += " All of them are faults of the measurement: measure there again, and leave the old"
-        told += " readings out. Then it does not matter which it was."
-    return doc.Instruction(told)
+        text += " All of them are faults of the measurement: measure there again, and leave the old"
+        text += " readings out. Then it does not matter which it was."
+    return doc.Instruction(text)
 
 
 def between_words(each: NextMeasurement) -> tuple[str, str]:
@@ -380,7 +382,7 @@ def between_words(each: NextMeasurement) -> tuple[str, str]:
 
 
 def _doubts(case: Case, all: bool = True) -> Iterator[str]:
-    """What these readings would not show, and causes far beyond their size.
+    """Faults that these readings would not show, and causes far beyond their size.
 
     Without `all` not those that the decision names, and of several only their names.
     """
@@ -410,8 +412,8 @@ def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
     if assumed := answer.assumed_sizes:
         # Without its size where the cause has none: it happens or it does not.
         known = {e.id: f" {e.size:.3g} {unit_words(e.unit)}" if e.unit else "" for e in assumed}
-        told = ", ".join(f"{id}{size}" for id, size in known.items())
-        notes.append(f"Assumed sizes (not in the machine file): {told}.")
+        text = ", ".join(f"{id}{size}" for id, size in known.items())
+        notes.append(f"Assumed sizes (not in the machine file): {text}.")
     if answer.ruled_out:
         notes.append(f"Ruled out by hand: {', '.join(answer.ruled_out)}.")
     found = {cause.id for cause in answer.causes}

@@ -38,76 +38,76 @@ _STORIES = {
 }
 
 
-def history_document(found: History, machine_file: Path | None = None) -> doc.Document:
+def history_document(history: History, machine_file: Path | None = None) -> doc.Document:
     """The document; with the machine file as the user gave it."""
-    see = command("solve", found.sessions[-1].path, machine=machine_file)
-    steps = doc.Instruction(found.next), doc.Instruction("See the last session", see)
-    page, screen = partial(_page, found, steps), partial(_screen, found, steps)
-    return doc.Document(partial(found.model_dump, mode="json"), page, screen)
+    see = command("solve", history.sessions[-1].path, machine=machine_file)
+    steps = doc.Instruction(history.next), doc.Instruction("See the last session", see)
+    page, screen = partial(_page, history, steps), partial(_screen, history, steps)
+    return doc.Document(partial(history.model_dump, mode="json"), page, screen)
 
 
-def _screen(found: History, steps: Sequence[doc.Instruction]) -> doc.Page:
+def _screen(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
     """As many sessions as a screen has lines for, three at least."""
     more = "More: the same with --details, or as a page: --html history.html"
-    for most in range(max(min(len(found.sessions), _HIGH), 3), 2, -1):
-        table = doc.Section(None, _table(found, most), *found.notes[:3])
+    for most in range(max(min(len(history.sessions), _HIGH), 3), 2, -1):
+        table = doc.Section(None, _table(history, most), *history.notes[:3])
         sections = table, doc.next_steps(steps, more)
-        page = doc.Page("History", notice=_notice(found), sections=sections)
+        page = doc.Page("History", notice=_notice(history), sections=sections)
         if height(page) <= _HIGH:
             break
     return page
 
 
-def _page(found: History, steps: Sequence[doc.Instruction]) -> doc.Page:
+def _page(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
     notes = [
-        *found.notes,
-        f"The next session is expected to find: {_sizes(found.prediction)} (95 %).",
+        *history.notes,
+        f"The next session is expected to find: {_sizes(history.prediction)} (95 %).",
     ]
-    for count, expanded in found.further.items():
-        pairs = zip(found.pooled, expanded, strict=True)
+    for count, expanded in history.further.items():
+        pairs = zip(history.pooled, expanded, strict=True)
         known = ", ".join(f"{each.name} {two_figures(u)}" for each, u in pairs)
         notes.append(f"With {counted(count, 'further session')}, U of the best values: {known}.")
     return doc.Page(
         kind="History",
-        title=found.machine,
-        notice=_notice(found),
+        title=history.machine,
+        notice=_notice(history),
         sheet=[doc.next_steps(steps)],
         sections=[
-            doc.Section("Parameters from session to session", _courses(found)),
-            doc.Section("What is left of each touch", *_shapes(found)),
-            doc.Section("Sessions", _table(found, len(found.sessions)), *notes),
+            doc.Section("Parameters from session to session", _courses(history)),
+            doc.Section("What is left of each touch", *_shapes(history)),
+            doc.Section("Sessions", _table(history, len(history.sessions)), *notes),
         ],
     )
 
 
-def _notice(found: History) -> doc.Notice:
+def _notice(history: History) -> doc.Notice:
     """The verdict, its numbers, and what is open."""
     lines = []
-    for change in found.changes[: -_TOLD - 1 : -1]:
-        when = f"{_label(found, change.at)} and {_label(found, change.at + 1)}"
+    for change in history.changes[: -_TOLD - 1 : -1]:
+        when = f"{_label(history, change.at)} and {_label(history, change.at + 1)}"
         lines.append(f"Changed between {when}: {_sizes(change.parameters, ' by')}")
-    if (earlier := len(found.changes) - _TOLD) > 0:
+    if (earlier := len(history.changes) - _TOLD) > 0:
         lines.append(f"{counted(earlier, 'earlier change')}, marked in the table")
     rates = []
-    for rate in found.drift:
+    for rate in history.drift:
         rates.append(rate.name)
         if rate.per_day is not None and rate.std is not None:
             size = with_uncertainty(_MONTH * rate.per_day, U95 * _MONTH * rate.std)
             rates[-1] += f" {size} {unit_words(rate.unit)} in {_MONTH:g} days"
     lines += [f"Drifting: {', '.join(rates)}"] if rates else []
-    if found.scatter:
-        sizes = (f"{each.name} {plain(each.std, 3)} {each.unit}" for each in found.scatter)
+    if history.scatter:
+        sizes = (f"{each.name} {plain(each.std, 3)} {each.unit}" for each in history.scatter)
         lines.append(f"Scattering from session to session, one std. dev.: {', '.join(sizes)}")
-    ends = f"{_label(found, 0)} to {_label(found, -1)}"
-    title, *others = lines or [f"Unchanged in {counted(len(found.sessions), 'session')}, {ends}"]
+    ends = f"{_label(history, 0)} to {_label(history, -1)}"
+    title, *others = lines or [f"Unchanged in {counted(len(history.sessions), 'session')}, {ends}"]
     lines = [f"{line}." for line in others]
-    last = found.changes[-1].before if found.changes else None
-    if last and not any(last in note and "adjustment" in note for note in found.notes):
+    last = history.changes[-1].before if history.changes else None
+    if last and not any(last in note and "adjustment" in note for note in history.notes):
         lines.insert(0, "No adjustment is recorded in between.")
-    if found.ambiguous_with:
-        stories = " or ".join(_STORIES[trend] for trend in found.ambiguous_with)
+    if history.ambiguous_with:
+        stories = " or ".join(_STORIES[trend] for trend in history.ambiguous_with)
         lines.append(f"{stories[0].upper()}{stories[1:]} is also possible.")
-    if limit := found.limit:
+    if limit := history.limit:
         when = "no drift is established"
         if limit.scatter_exceeds:
             when = f"the scatter of {', '.join(limit.scatter_exceeds)} exceeds it (95 %)"
@@ -115,10 +115,10 @@ def _notice(found: History) -> doc.Notice:
             when = f"{limit.parameter} reaches it on {limit.date} at the earliest (95 %), if the"
             when += " best values are entered now"
         lines.append(f"Limit {limit.limit_mm:g} mm: {when}.")
-    tone = doc.Tone.GOOD if found.verdict is Trend.UNCHANGED else doc.Tone.WARN
-    tone = doc.Tone.OPEN if found.ambiguous_with else tone
-    sure = percent(min(found.probability, 0.9999), 1)
-    return doc.Notice(tone, f"{title} ({sure})", tuple(lines), aside=found.machine)
+    tone = doc.Tone.GOOD if history.verdict is Trend.UNCHANGED else doc.Tone.WARN
+    tone = doc.Tone.OPEN if history.ambiguous_with else tone
+    sure = percent(min(history.probability, 0.9999), 1)
+    return doc.Notice(tone, f"{title} ({sure})", tuple(lines), aside=history.machine)
 
 
 def _sizes(values: Sequence[CauseParameter], by: str = "") -> str:
@@ -130,28 +130,28 @@ def _sizes(values: Sequence[CauseParameter], by: str = "") -> str:
     )
 
 
-def _label(found: History, at: int) -> str:
+def _label(history: History, at: int) -> str:
     """Date, with the time where a day has several sessions; the file's name without dates."""
-    session = found.sessions[at]
-    if not found.dated or session.started is None:
+    session = history.sessions[at]
+    if not history.dated or session.started is None:
         return PurePath(session.path).stem
-    days = {(each.started or "")[:10] for each in found.sessions}
-    return session.started[: 10 if len(days) == len(found.sessions) else 16].replace("T", " ")
+    days = {(each.started or "")[:10] for each in history.sessions}
+    return session.started[: 10 if len(days) == len(history.sessions) else 16].replace("T", " ")
 
 
-def _table(found: History, most: int) -> doc.Grid:
+def _table(history: History, most: int) -> doc.Grid:
     """A row for each session, or those around changes; a line where the machine changed."""
-    count, every = len(found.sessions), [*range(len(found.pooled))]
-    around = (k for change in reversed(found.changes) for k in (change.at, change.at + 1))
+    count, every = len(history.sessions), [*range(len(history.pooled))]
+    around = (k for change in reversed(history.changes) for k in (change.at, change.at + 1))
     wanted = dict.fromkeys((count - 1, 0, *around, *range(count - 2, 0, -1)))
-    chosen, names = {*[*wanted][:most]}, [each.name for each in found.pooled]
+    chosen, names = {*[*wanted][:most]}, [each.name for each in history.pooled]
     # One alone needs no more room than a line that it is missing.
     shown = [k for k in range(count) if k in chosen or {k - 1, k + 1} <= chosen]
     if sum(max(len(name), 6) + 2 for name in names) > 64:  # those that did something
-        moved = {each.name for change in found.changes for each in change.parameters}
-        moved |= {rate.name for rate in found.drift} | {size.name for size in found.scatter}
+        moved = {each.name for change in history.changes for each in change.parameters}
+        moved |= {rate.name for rate in history.drift} | {size.name for size in history.scatter}
         every = [k for k in every if names[k] in moved] or every[:6]
-    decimals = [decimals_for(each.expanded) for each in found.pooled]
+    decimals = [decimals_for(each.expanded) for each in history.pooled]
 
     def row(name: str, sizes: Sequence[CauseParameter], uncertain: bool = False) -> tuple[str, ...]:
         """Values, or their U; lengths beyond 10 mm are no offsets: they have no sign."""
@@ -159,24 +159,24 @@ def _table(found: History, most: int) -> doc.Grid:
         bare = [uncertain or abs(size) > 10.0 for size in shown]
         return (name, *((plain if bare[k] else signed)(shown[k], decimals[k]) for k in every))
 
-    units = [unit_words(found.pooled[k].unit) for k in every]
+    units = [unit_words(history.pooled[k].unit) for k in every]
     same = len(set(units)) == 1
     rows = [] if same else [("", *units)]
     for at, after in zip(shown, (*shown[1:], count), strict=True):
-        rows.append(row(_label(found, at), found.sessions[at].parameters))
-        if any(at <= change.at < after for change in found.changes):
+        rows.append(row(_label(history, at), history.sessions[at].parameters))
+        if any(at <= change.at < after for change in history.changes):
             rows.append(tuple("-" * len(cell) for cell in rows[-1]))
         if after > at + 1:
             rows.append((f"… {after - at - 1} more", *("" for _ in every)))
-    rows.append(row("± U", found.sessions[-1].parameters, uncertain=True))
-    rows += [row("best now", found.pooled), row("± U", found.pooled, uncertain=True)]
+    rows.append(row("± U", history.sessions[-1].parameters, uncertain=True))
+    rows += [row("best now", history.pooled), row("± U", history.pooled, uncertain=True)]
     return doc.Grid((units[0] if same else "", *(names[k] for k in every)), rows)
 
 
-def _courses(found: History) -> doc.Figure:
+def _courses(history: History) -> doc.Figure:
     """A plot for each parameter: marks with U bars, and what is fitted to them."""
-    starts = [datetime.fromisoformat(s.started or "") for s in found.sessions if found.dated]
-    times = [each.timestamp() for each in starts] or [*range(len(found.sessions))]
+    starts = [datetime.fromisoformat(s.started or "") for s in history.sessions if history.dated]
+    times = [each.timestamp() for each in starts] or [*range(len(history.sessions))]
     labels = [f"{each:%Y-%m}" for each in starts] or [str(k + 1) for k in times]
     wide, top, bottom = 330.0, 22.0, 124.0
     across = figures.Scale(times[0], times[-1], 74.0, wide - 26.0)
@@ -185,10 +185,10 @@ def _courses(found: History) -> doc.Figure:
     new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
     dates = [*below([places[k] for k in new], [labels[k] for k in new], bottom + 18.0)]
     panels = []
-    for k, now in enumerate(found.pooled):
-        rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in found.sessions]
-        gaps = [c.at for c in found.changes if now.name in [each.name for each in c.parameters]]
-        limit = [found.limit.limit_mm] if found.limit and now.unit == "mm" else []
+    for k, now in enumerate(history.pooled):
+        rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in history.sessions]
+        gaps = [c.at for c in history.changes if now.name in [each.name for each in c.parameters]]
+        limit = [history.limit.limit_mm] if history.limit and now.unit == "mm" else []
         edges = [now.value + side for size in limit for side in (-size, size)]
         ends = [*edges, *(value + side for value, half, _ in rows for side in (-half, half))]
         up = figures.Scale.around(ends, bottom, top)
@@ -212,15 +212,15 @@ def _courses(found: History) -> doc.Figure:
         axis = "c-" + dict(zip("xyzabc", "xyzxyz", strict=True)).get(now.name, "x")
         panels.append(figures.svg(name, wide, bottom + 26.0, now.name, finding, parts, axis))
     key = "Bars: U of what is not common to all sessions. Line: as fitted, broken where it changed."
-    key += " Dashed: the limit around the best value now." if found.limit else ""
+    key += " Dashed: the limit around the best value now." if history.limit else ""
     return doc.Figure(None, "", panels, columns=2, key=key)
 
 
-def _shapes(found: History) -> Iterator[doc.Figure]:
+def _shapes(history: History) -> Iterator[doc.Figure]:
     """The bed as the parameters leave it: first, last; difference where the places are the same."""
-    if not found.shapes:
+    if not history.shapes:
         return
-    (place, first, seen), (other, last, _) = found.shapes
+    (place, first, seen), (other, last, _) = history.shapes
     bed = seen.radius_mm, seen.tower_angles_deg
     maps = figures.bed_maps("first", place, {"": first}, *bed)
     maps += figures.bed_maps("last", other, {"": last}, *bed)

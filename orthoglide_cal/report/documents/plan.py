@@ -139,8 +139,8 @@ def _to_do(
         yield doc.Instruction(machine.vocabulary.probing)
     else:
         typed = _command(chosen, plan, machine_file, begun)
-        told = "Write the places to a file, probe them in this order, fill in reading_mm"
-        yield doc.Instruction(told, typed)
+        text = "Write the places to a file, probe them in this order, fill in reading_mm"
+        yield doc.Instruction(text, typed)
         typed = command("diagnose", _PLACES, machine=machine_file)
         yield doc.Instruction("See the result", typed)
 
@@ -148,7 +148,7 @@ def _to_do(
 def _command(
     found: SessionForecast, plan: MeasurementPlan, machine: Path | None, begun: Case | None
 ) -> str:
-    """What to type to measure a session, or to have its places written."""
+    """The command to measure a session, or to have its places written."""
     if plan.gauges is not None:
         protocol = MeasuringProtocol(found.name)
         options = sequence_options(protocol, found.cycles, Order.PAPER, plan.gauges)
@@ -174,7 +174,7 @@ def _reach(model: Model, expanded: Floats) -> str:
 
 
 def _notice(plan: MeasurementPlan) -> doc.Notice:
-    """What the session gives, and what it lacks."""
+    """Gains of the session, and its gaps."""
     chosen, warning, model = plan.chosen, plan.bar_warning, plan.model
     if warning is not None and warning.leaves:
         return doc.Notice(doc.Tone.BAD, "This cannot be measured in this way", warning.lines)
@@ -217,7 +217,7 @@ def _stays(plan: MeasurementPlan, floor: Budget) -> str:
 
 
 def _limits(plan: MeasurementPlan) -> Iterator[str]:
-    """What more readings do not reduce, and whether rivals are distinguished."""
+    """The part of U that more readings do not reduce; are rivals distinguished?"""
     chosen, floor = plan.chosen.budget, plan.floor
     stays = 0.0 if floor is None else float(np.max(floor.std_mm / chosen.std_mm))
     more = "readings" if plan.gauges is None else "cycles"
@@ -234,7 +234,7 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
 
 
 def _left_open(plan: MeasurementPlan) -> Iterator[str]:
-    """What cannot be seen, what cannot be distinguished, and a shorter way."""
+    """Causes that cannot be seen or distinguished, and a shorter way."""
     if plan.apart.invisible:
         yield f"Cannot be seen: {listed([cause.id for cause in plan.apart.invisible])}."
     pairs = (pair for pair in plan.apart.visible.pairs if pair.sigma < TRACE_SIGMA)
@@ -361,7 +361,7 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
         return doc.Section(f"To distinguish {pair}", *blocks)
     postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
     gives = f"± {two_figures(max(best.expanded_mm.values()))} mm"
-    told: tuple[doc.Line, ...] = (
+    text: tuple[doc.Line, ...] = (
         f"Only the postures {postures}, the gauges at {percent(best.gauge_at or 0.0)} of"
         f" the leg from the carriage: {percent(best.share_of_readings or 0.0)} of the"
         " readings of the double-posture protocol leave the same noise.",
@@ -369,7 +369,7 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
         f"The plunger keeps {percent(best.margin or 0.0)} of the leg from both joints at"
         f" every posture. What is given up: {GIVES_UP}.",
     )
-    return doc.Section("The fewest readings", *told)
+    return doc.Section("The fewest readings", *text)
 
 
 def _separation(plan: MeasurementPlan) -> doc.Section:
@@ -379,9 +379,9 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     if seen.causes:
         sketch = separation_lines([cause.id for cause in seen.causes], seen.sigma, seen.trace)
         cycles = counted(min(plan.cycles, MOST_COMPARED), "cycle")
-        told = f"{plan.alike} of {plan.pairs} pairs of causes are not distinguished"
-        told += "." if plan.gauges is None else f" by {cycles}."
-        blocks = [doc.Figure(None, told, (), sketch=sketch)]
+        text = f"{plan.alike} of {plan.pairs} pairs of causes are not distinguished"
+        text += "." if plan.gauges is None else f" by {cycles}."
+        blocks = [doc.Figure(None, text, (), sketch=sketch)]
     if hidden:
         rows = [(cause.id, cause.words(plan.model.machine).instrument) for cause in hidden]
         caption = "At their usual size they leave hardly a trace in such readings."
@@ -391,7 +391,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
 
 
 def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
-    """What to measure in addition to the data that there are, and what it brings."""
+    """The best measurement in addition to the data that there are, and its gain."""
     best, now = plan.next[0], plan.now_mm
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
     today = "Now it is" if common_unit(plan.model.machine) else "The largest is now"
@@ -402,13 +402,13 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
         # The quickest way to the U that was asked for, with the data that there are.
         wanted = plan.target.expanded_mm
         able = [each for each in plan.next if max(each.expanded_mm.values()) <= wanted]
-        said = "is reached by none of these."
+        when = "is reached by none of these."
         if now is not None and now <= wanted:
-            said = "is reached already."
+            when = "is reached already."
         elif able:
             quickest = min(able, key=lambda each: each.minutes)
-            said = f"takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
-        target.append(f"± {wanted:g} mm {said}")
+            when = f"takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
+        target.append(f"± {wanted:g} mm {when}")
     if best.between:
         first, second = between_words(best)
         title = f"Next: {minutes} leave one answer with a probability of {percent(best.chance)}"

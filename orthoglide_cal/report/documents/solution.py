@@ -1,6 +1,6 @@
 """The document of `orthocal solve`: may the offsets be entered, how sure they are, what is left.
 
-Other pages show its parts, too: the parameters, what stays open, and where U comes from.
+Other pages show its parts, too: the parameters, what is not determined, and where U comes from.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -130,8 +130,8 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
 
 def _page(case: Case) -> doc.Page:
     answer = case.answer
-    what, _ = comparison_words(answer.check is not None and answer.check.ends)
-    title = f"Differences, {what}" if answer.deviations else None
+    name, _ = comparison_words(answer.check is not None and answer.check.ends)
+    title = f"Differences, {name}" if answer.deviations else None
     blocks = parameters_grid(case), *open_blocks(case), *alone_block(case)
     notes = [f"Note: {case.says(warning)}" for warning in answer.warnings]
     if answer.judgement and not (answer.release.usable or answer.named):
@@ -156,10 +156,10 @@ def _correlations(case: Case) -> str:
     """How the parameters depend on each other."""
     names, matrix = [each.name for each in case.answer.parameters], case.answer.correlation
     pairs = [(i, k) for i in range(len(names)) for k in range(i)]
-    told = ", ".join(f"{names[i]}{names[k]} {signed(matrix[i][k], 2)}" for i, k in pairs)
+    text = ", ".join(f"{names[i]}{names[k]} {signed(matrix[i][k], 2)}" for i, k in pairs)
     sigma = case.answer.sigma_rho_mm
     together = "" if sigma is None else f" Together: σ_ρ = {two_figures(sigma)} mm."
-    return f"Correlations: {told}.{together}"
+    return f"Correlations: {text}.{together}"
 
 
 # --- parts that other pages show, too ----------------------------------------------------------
@@ -204,7 +204,7 @@ def parameters_title(case: Case) -> str:
 
 
 def common_unit(machine: Machine) -> str:
-    """What is written behind a title: the unit of all parameters, if they have one."""
+    """Unit of all parameters, as it follows a title; "" where they have several."""
     units = set(machine.parameter_units)
     return f", {units.pop()}" if len(units) == 1 else ""
 
@@ -221,7 +221,7 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     alone = answer.alone if brief and not enter else None
 
     def found(chosen: Sequence[Parameter]) -> list[str]:
-        return [found_words(each, own) for each, own in zip(chosen, digits, strict=True)]
+        return [found_words(each, decimals) for each, decimals in zip(chosen, digits, strict=True)]
 
     columns: dict[str, Sequence[doc.Blank]] = {"": [each.name for each in every]}
     if not (same or brief):
@@ -248,7 +248,7 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
 
 
 def found_words(each: Parameter, decimals: int | None = None) -> str:
-    """What was found of it; without `decimals` with its U and unit."""
+    """The change that was found; without `decimals` with its U and unit."""
     if each.found is None:
         return "not determined"
     if decimals is None:
@@ -266,7 +266,7 @@ def sizes(rows: Iterable[tuple[str, float, float, str]], units: bool) -> list[st
 
 
 def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Grid:
-    """What they are of, and how many of them side by side."""
+    """A table of sizes: so many side by side, behind what they are of."""
     rows = [
         ("" if start else name, *cells[start : start + width], *[""] * (start + width - len(cells)))
         for name, cells in lines
@@ -279,21 +279,21 @@ def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Gr
 def _largest_words(case: Case) -> str:
     """The largest contribution to U in one line."""
     largest = max(case.answer.budget, key=_adds)
-    what = largest.source
-    if what in _SOURCES:
-        what = source_words(what, case.machine)[0]
+    name = largest.source
+    if name in _SOURCES:
+        name = source_words(name, case.machine)[0]
     size = _size(largest).replace(" (assumed)", ", assumed")
-    told = f"{'possible: ' * largest.possible}{what}{f', ± {size}' if size else ''}"
-    return f"Largest contribution to U (95 %): {told}."
+    text = f"{'possible: ' * largest.possible}{name}{f', ± {size}' if size else ''}"
+    return f"Largest contribution to U (95 %): {text}."
 
 
 def _adds(line: BudgetLine) -> float:
-    """What a source adds to the variance of all parameters."""
+    """Variance that a source adds to all parameters together."""
     return sum(std**2 for std in line.std)
 
 
 def alone_block(case: Case) -> Iterator[doc.Block]:
-    """What the parameters would be without the causes that were found, in one line."""
+    """The parameters without the causes that were found, in one line."""
     alone, digits = case.answer.alone, case.answer.decimals
     if alone is not None:
         values = ", ".join(f"{each.name} {found_words(each, digits)}" for each in alone.parameters)
@@ -302,12 +302,12 @@ def alone_block(case: Case) -> Iterator[doc.Block]:
 
 
 def open_blocks(case: Case) -> Iterator[doc.Block]:
-    """What these readings do not determine: parameters, and what is taken as given."""
+    """Parameters that these readings do not determine, and sizes taken as stated."""
     names = {each.name for each in case.answer.parameters}
     missing = [each for each in case.answer.undetermined if each.name in names]
     if missing:
-        told = " and ".join(f"{e.name} (U = {two_figures(e.within)} {e.unit})" for e in missing)
-        yield f"These {case.answer.input.readings} readings do not determine {told}."
+        text = " and ".join(f"{e.name} (U = {two_figures(e.within)} {e.unit})" for e in missing)
+        yield f"These {case.answer.input.readings} readings do not determine {text}."
     for each in case.answer.undetermined:
         if each.name not in names:
             within = f"{each.within:.2g} {unit_words(each.unit)}"
@@ -324,8 +324,8 @@ def budget_sections(
     rows: list[tuple[str, ...]] = []
     for each in sorted(lines, key=lambda each: -max(each.std)):
         if not each.minor:
-            what = source_words(each.source, machine, each.possible)[0]
-            rows.append((what, each.type, _size(each), *map(two_figures, each.std)))
+            name = source_words(each.source, machine, each.possible)[0]
+            rows.append((name, each.type, _size(each), *map(two_figures, each.std)))
     if any(total.minor):
         others = sum(each.minor for each in lines)
         rows.append((counted(others, "other"), "", "", *map(two_figures, total.minor)))
@@ -333,25 +333,25 @@ def budget_sections(
     u = f"U = k·u, {coverage_words(total.k)}"
     rows.append((u, "", "", *map(two_figures, total.expanded)))
     largest = max(lines, key=_adds)
-    what, remedy = source_words(largest.source, machine, largest.possible)
+    name, remedy = source_words(largest.source, machine, largest.possible)
     named = zip(machine.parameter_names, machine.parameter_units, strict=True)
-    heads = [name if unit else f"{name}, {own}" for name, own in named]
+    heads = [name if unit else f"{name}, {its_unit}" for name, its_unit in named]
     grid = doc.Grid(("source", "type", "size", *heads), rows)
-    told = f"Largest contribution: {what}. {remedy}"
-    yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, told)
+    text = f"Largest contribution: {name}. {remedy}"
+    yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
 
 
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:
     """A source in words, and what would reduce it; `possible` if it may be there or not."""
     words = machine.vocabulary
     if source in _SOURCES:
-        what, remedy = _SOURCES[source]
-        return what.format(words=words), remedy.format(words=words)
+        name, remedy = _SOURCES[source]
+        return name.format(words=words), remedy.format(words=words)
     causes = [CAUSES[id].words(machine) for id in source.split(" and ")]
-    what = " and ".join(cause.title for cause in causes)
+    name = " and ".join(cause.title for cause in causes)
     if possible:
-        return f"possible: {what}", _OPEN.format(words=words)
-    return what, f"{causes[0].advice} {_STATE}"
+        return f"possible: {name}", _OPEN.format(words=words)
+    return name, f"{causes[0].advice} {_STATE}"
 
 
 def _size(each: BudgetLine) -> str:
