@@ -208,7 +208,7 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
     release, verdict = case.answer.release, case.answer.verdict
     causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     if release.settled:
-        yield doc.Instruction("See which readings would show more", case.typed("plan"))
+        yield doc.Instruction("See which further readings would help", case.typed("plan"))
     elif release.usable:
         yield from _entering(case, brief)
     else:
@@ -235,9 +235,7 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     if check is not None:
         yield doc.Instruction(check_words(check))
     if case.table is not None and not brief:
-        yield doc.Instruction(
-            "Correct what the offsets leave with a table of corrections", case.table
-        )
+        yield doc.Instruction("Correct the remaining errors with a table", case.table)
     if words.measure:
         again = measure_again(case.given.conditions, case.machine_file)
         yield doc.Instruction("Measure again", again)

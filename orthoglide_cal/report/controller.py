@@ -59,7 +59,7 @@ def _around(
     if case.record is not None:
         after.append(f"Record what was entered: {case.record}")
     if case.table is not None:
-        after.append(f"Correct what offsets leave with a table of corrections: {case.table}")
+        after.append(f"Correct the remaining errors with a table: {case.table}")
     after.append(f"Then measure again and run: {case.verify}")
     above, below = ([f"{sign}{visible(line)}" for line in each] for each in (head, after))
     return "\n".join((*above, *lines, *below, ""))
@@ -237,14 +237,14 @@ def as_firmware(format: str, case: Case, identity: Identity) -> str:
 
 def _left_out(name: str, case: Case) -> Iterator[str]:
     """Parts of the calibration for which the firmware has no setting."""
-    but = " but when it is compiled" if name == "Marlin" else ""
+    but = " (only when it is compiled)" if name == "Marlin" else ""
     yield (
-        f"{name} has no setting for towers that lean, nor for a radius of each tower{but}; the"
-        " shape of the bed is left to its mesh."
+        f"{name} has no setting for towers that lean or for a radius of each tower{but}; its mesh"
+        " corrects the shape of the bed."
     )
     for id in dict.fromkeys(cause.id for cause in case.known):
         if id not in case.machine.fixed_parameters:
             yield f"Not in these lines: {id}; {CAUSES[id].words(case.machine).no_setting}."
     unknown = [each.name for each in case.answer.parameters if not each.determined]
     if unknown:
-        yield f"Left as they are, because these readings do not tell: {', '.join(unknown)}."
+        yield f"Unchanged, because these readings do not determine them: {', '.join(unknown)}."

@@ -578,7 +578,7 @@ _MOST = 99  # σ beyond which the number says nothing more
 _NOTHING = "–"
 SEPARATION_LEGEND = (
     "Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes",
-    f"{_NOTHING}: from nothing wrong at all; {_MOST}: or more",
+    f"{_NOTHING}: from a sound machine; {_MOST}: or more",
 )
 
 
@@ -590,7 +590,7 @@ def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tupl
     Args:
         names: of c causes, at most 26.
         sigma: between each pair, shape (c, c).
-        trace: of each from nothing wrong, shape (c,).
+        trace: of each from a sound machine, shape (c,).
 
     >>> import numpy as np
     >>> print("\\n".join(separation_lines(["a", "bc"], np.array([[0, 3.2], [3.2, 0]]), np.ones(2))))
@@ -598,7 +598,7 @@ def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tupl
     A a   ▓ 1
     B bc  ▓ 1 ▒ 3
     Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes
-    –: from nothing wrong at all; 99: or more
+    –: from a sound machine; 99: or more
     """
 
     def cell(value: float) -> str:

@@ -183,7 +183,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "not_excluded": "Not excluded, too small to show: {ids:names}.",
     "pattern": "No listed cause explains the residuals. Their pattern: {pattern}.",
     "pattern_in_u": "Its size is part of the uncertainty of the {words.many}.",
-    "two_would_follow": "{ids:with} would also follow it, but two causes follow nearly any"
+    "two_would_follow": "{ids:with} would also fit it, but two causes fit nearly any"
     " pattern. To check them, repeat with {words.further}.",
     "perhaps_also": "These readings cannot show whether {ids:and} is also present.",
     "perhaps_alone": "{id} alone is also possible (probability {probability:.2g}): it is not"

@@ -63,7 +63,7 @@ def test_every_command_has_help(command: str) -> None:
           for command in ("--help", "--version", "solve --help")),
         *((command, "numpy scipy") for command in ("guide signs", "template machine")),
         *((command, "scipy.optimize scipy.stats matplotlib jinja2")
-          for command in ("solve DOUBLE", "plan", "plan --machine PRINTER")),
+          for command in ("solve DOUBLE", "report DOUBLE", "plan", "plan --machine PRINTER")),
     ],
 )  # fmt: skip
 def test_no_command_loads_what_it_does_not_need(command: str, heavy: str) -> None:

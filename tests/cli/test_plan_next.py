@@ -39,7 +39,7 @@ def test_the_text_says_what_to_type() -> None:
     # The recommendation leads.
     assert shown.index("\nNext: about") < shown.index("What to measure next, best first")
     said = " ".join(shown.split())
-    assert "Ranked by the expected time: eight hours for coming back" in said
+    assert "Ranked by the expected time; a second visit counts as eight hours" in said
     assert "measure --then" in shown
     assert "settles" in shown
 

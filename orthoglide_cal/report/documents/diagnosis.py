@@ -239,9 +239,11 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
         found, shape = answer.baselines, case.machine.shape
         open_ids = (*answer.ambiguous_with, *(cause.id for cause in answer.causes))
         if found is not None and shape in open_ids and found.extension_mm < found.parameters_mm:
-            # What lasts may be carried, whatever makes it.
+            # What lasts may be carried, whatever its cause.
             typed = case.typed("diagnose", f"--accept {shape}")
-            yield doc.Instruction("Or make the shape part of the model, whatever makes it", typed)
+            yield doc.Instruction(
+                "Or accept the shape as part of the machine, whatever its cause", typed
+            )
     elif not release.usable:
         yield from case.remedies()
         if answer.next_measurement is not None and any(each.matters for each in answer.unshown):
@@ -253,9 +255,9 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             yield doc.Instruction(cause.remedy)
             if cause.recommended:
                 typed = case.typed("diagnose", f"--accept {cause.id}")
-                yield doc.Instruction("Or accept it as part of the model", typed)
+                yield doc.Instruction("Or accept it as part of the machine", typed)
     if release.settled:
-        yield doc.Instruction("See which readings would show more", case.typed("plan"))
+        yield doc.Instruction("See which further readings would help", case.typed("plan"))
     elif release.usable:
         yield doc.Instruction("See what to enter", case.typed("solve"))
 
@@ -266,7 +268,7 @@ def _page(case: Case) -> doc.Page:
     if answer.verdict is Verdict.AMBIGUOUS:
         blocks.append("U includes the undecided causes.")
     elif answer.verdict is Verdict.UNEXPLAINED:
-        blocks.append("U includes what is unexplained.")
+        blocks.append("U includes the unexplained part.")
     blocks += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
     return doc.Page(
         kind="Diagnosis",
@@ -365,7 +367,7 @@ def _next_step(case: Case) -> doc.Instruction:
         text += f" from {second} ({following.separation_sigma:.1f} σ)."
         return doc.Instruction(text, case.further(following.session))
     if not answer.ambiguous_with:
-        again = f"Repeat the session with {case.words.further}: what is real returns as it is."
+        again = f"Repeat the session with {case.words.further}: a real fault returns unchanged."
         return doc.Instruction(again)
     open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
     text = "No further reading of this kind is likely to decide."

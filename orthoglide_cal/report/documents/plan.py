@@ -350,14 +350,14 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
     minutes = f"about {best.minutes:.0f} min"
     if best.causes:
         pair = " and ".join(best.causes)
-        apart = f"{CERTAIN_SIGMA:g} standard deviations apart"
-        reached = f"The quickest that gets {pair} {apart}"
+        apart = f"{CERTAIN_SIGMA:g} standard deviations"
+        reached = f"The quickest layout that separates {pair} by {apart}"
         if not best.reached:
             farthest = two_figures(best.rivals_sigma or 0.0)
-            reached = f"None gets {pair} {apart}; this one gets farthest, {farthest}"
+            reached = f"No layout separates {pair} by {apart}; this one comes closest, {farthest}"
         blocks: list[doc.Block] = [f"{reached}: {best.what}, {minutes}."]
         if best.name != plan.chosen.name:
-            blocks.append(doc.Instructions([doc.Instruction("Have its places written", typed)]))
+            blocks.append(doc.Instructions([doc.Instruction("Write its places to a file", typed)]))
         return doc.Section(f"To distinguish {pair}", *blocks)
     postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
     gives = f"± {two_figures(max(best.expanded_mm.values()))} mm"
@@ -443,7 +443,7 @@ def _next_grid(
         meaning += " per minute; half an hour is added for the session."
     if full and plan.next[0].between:
         first, second = between_words(plan.next[0])
-        meaning = "Settles: the probability of one answer. Ranked by the expected time: eight hours"
-        meaning += f" for coming back if it stays undecided. σ: how far {first} and {second}"
-        meaning += " are apart in the new readings, in standard deviations."
+        meaning = "Settles: the probability of one answer. Ranked by the expected time; a second"
+        meaning += f" visit counts as eight hours. σ: distance of {first} and {second} in the new"
+        meaning += " readings, in standard deviations."
     return doc.Grid(heads, rows, words=(len(heads) - 1,), caption=meaning)

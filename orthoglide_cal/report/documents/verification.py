@@ -259,7 +259,7 @@ def parameters_left(result: Verification) -> doc.Section:
     other = [name for name, each in result.parameters.items() if each.as_found is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
-        note = "The files do not say what was entered: a printer.cfg of each time would."
+        note = "The files do not record what was entered; a printer.cfg saved each time does."
     elif other:
         note = f"What was entered differs from what was found here: {', '.join(other)}."
     return doc.Section("Parameters", doc.Grid.of(columns, caption=caption), note)
