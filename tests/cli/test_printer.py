@@ -413,7 +413,7 @@ def test_the_report_is_written_whole() -> None:
         ("diagnose seven.csv",
          ("Undecided: nothing wrong (", "so few readings nearly anything fits",
           "1. Probe more places"), ("Likeliest", "Something is wrong")),
-        ("solve seven.csv", ("nor from a sound machine",), ()),
+        ("solve seven.csv", ("or from a sound machine",), ()),
         # Without a touch to spare the model is not said to fit.
         ("diagnose six.csv", ("these data cannot show",),
          ("✔", "Unexplained: ", "degrees of freedom")),
@@ -456,7 +456,7 @@ def test_values_and_page_give_the_same_residuals() -> None:
     told = found("diagnose", "odd.csv", *MACHINE)
     assert told["verdict"] == "unexplained"
     lack, said = told["lack_of_fit"], page("diagnose", "odd.csv", *MACHINE, "--details")
-    assert f"leave {lack['left_mm']:.4f} mm r.m.s." in said
+    assert f"{lack['left_mm']:.4f} mm r.m.s. remains" in said
     assert f"would leave {lack['expected_mm']:.4f} mm" in said
     assert f"{lack['left_mm']:.3f} mm r.m.s., where" in " ".join(told["release"]["reasons"])
 

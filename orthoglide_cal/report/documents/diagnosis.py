@@ -117,11 +117,12 @@ def _notice(case: Case) -> doc.Notice:
         title = f"Undecided: {', or '.join(first)}" if len(names) > 1 else title
         title += f", or {counted(len(names) - 2, 'other')}" if len(names) > 2 else ""
     lines = [f"{notice.title}.", *notice.lines]
-    if answer.alone is not None and release.codes[:1] in (("offsets_wrong",), ("cause_found",)):
+    reason = release.reasons[0].code if release.reasons else ""
+    if answer.alone is not None and reason in ("offsets_wrong", "cause_found"):
         wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
         alone = f"the {case.words.many} alone would be wrong by up to {wrong}"
         lines[:2] = [f"Do not enter anything yet: {alone}."]
-    elif release.codes[:1] == ("undecided",):
+    elif reason == "undecided":
         u = two_figures(max(each.expanded for each in answer.parameters))
         why = f": until that is decided they may be wrong by {u} {answer.parameters[0].unit}"
         lines[:2] = [f"{notice.title}{why if common_unit(case.machine) else ''}."]
@@ -418,24 +419,22 @@ def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
         notes.append(f"Assumed sizes (not in the machine file): {text}.")
     if answer.ruled_out:
         notes.append(f"Ruled out by hand: {', '.join(answer.ruled_out)}.")
-    found = {cause.id for cause in answer.causes}
-    other = {
-        how: each
-        for how, each in (answer.sensitivity or {}).items()
-        if (each.verdict, set(each.ids)) != (answer.verdict, found)
-    }
-    for how, each in other.items():
-        ids = " and ".join(sorted(each.ids))
-        conclusion = {
-            Verdict.CONSISTENT: "nothing is wrong",
-            Verdict.NAMED: f"the cause found is {ids}",
-            Verdict.AMBIGUOUS: f"{ids} is {'no longer certain' if found else 'possible'}",
-            Verdict.UNEXPLAINED: "no listed cause explains these readings",
-        }[each.verdict]
-        notes.append(f"With tolerances {how}, {conclusion}.")
-    if answer.sensitivity and not other:
+    found, changed = {cause.id for cause in answer.causes}, []
+    for how, other in (answer.sensitivity or {}).items():
+        if (other.verdict, set(other.ids)) != (answer.verdict, found):
+            ids, named = (" and ".join(sorted(each)) for each in (other.ids, found))
+            conclusion = {
+                Verdict.CONSISTENT: "no cause is found",
+                Verdict.NAMED: f"the cause found is {ids}",
+                Verdict.AMBIGUOUS: f"{named} is no longer certain"
+                if named
+                else f"{ids} is possible",
+                Verdict.UNEXPLAINED: "no listed cause explains these readings",
+            }[other.verdict]
+            changed.append(f"With tolerances {how}, {conclusion}.")
+    if answer.sensitivity and not changed:
         notes.append("Conclusion unchanged when tolerances are halved or doubled.")
-    return tuple(map(doc.small, notes))
+    return tuple(map(doc.small, (*notes, *changed)))
 
 
 def _fit_blocks(case: Case) -> Sequence[str]:

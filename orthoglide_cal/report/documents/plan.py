@@ -31,7 +31,12 @@ from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order,
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.diagnosis import between_words
-from orthoglide_cal.report.documents.solution import budget_sections, common_unit, source_words
+from orthoglide_cal.report.documents.solution import (
+    budget_sections,
+    common_unit,
+    parameter_heads,
+    source_words,
+)
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (
@@ -267,7 +272,7 @@ def _worthwhile(plan: MeasurementPlan) -> list[SessionForecast]:
 def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     """Numbers of cycles, or layouts: what they take, what they give.
 
-    `brief`: of layouts those that no quicker one beats, and without what the columns mean.
+    `brief`: of layouts those that no quicker one beats, without units and explanations.
     """
     machine, cycles = plan.model.machine, plan.gauges is not None
     shown = _worthwhile(plan) if brief and not cycles else plan.by_cycles
@@ -280,21 +285,15 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         "readings": [str(each.readings) for each in shown],
         "min": [f"{each.minutes:.0f}" for each in shown],
     }
-    unit = (
-        "mm"
-        if common_unit(machine)
-        else ", ".join(
-            f"{name} {unit_words(unit)}"
-            for name, unit in zip(machine.parameter_names, machine.parameter_units, strict=True)
-        )
-    )
-    meaning = [f"U of each {machine.vocabulary.one} (95 %), {unit}; –: not determined."]
+    unit = common_unit(machine)
+    meaning = [f"U of each {machine.vocabulary.one}{unit} (95 %); –: not determined."]
     if cycles:
         columns["noise"] = [two_figures(max(each.noise_std_mm.values())) for each in shown]
         meaning.append("Noise: the part of scatter, of the worst one, one standard deviation.")
-    for name in machine.parameter_names:
+    heads = machine.parameter_names if brief else parameter_heads(machine)
+    for name, head in zip(machine.parameter_names, heads, strict=True):
         parameters = [each.parameters[name] for each in shown]
-        columns[name] = [two_figures(u.lessened) if u.determined else "–" for u in parameters]
+        columns[head] = [two_figures(u.lessened) if u.determined else "–" for u in parameters]
     if machine.has_cube:
         columns["tool"] = [two_figures(each.tool_mm or 0.0) for each in shown]
         meaning.append("Tool: at the worst place of the workspace, offsets entered.")

@@ -209,6 +209,12 @@ def common_unit(machine: Machine) -> str:
     return f", {units.pop()}" if len(units) == 1 else ""
 
 
+def parameter_heads(machine: Machine) -> list[str]:
+    """Names of the parameters, with their units where they have several."""
+    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
+    return [name if common_unit(machine) else f"{name} ({unit})" for name, unit in named]
+
+
 def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     """Parameters as found, and what to enter only if they may be.
 
@@ -334,9 +340,7 @@ def budget_sections(
     rows.append((u, "", "", *map(two_figures, total.expanded)))
     largest = max(lines, key=_adds)
     name, remedy = source_words(largest.source, machine, largest.possible)
-    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
-    heads = [name if unit else f"{name}, {its_unit}" for name, its_unit in named]
-    grid = doc.Grid(("source", "type", "size", *heads), rows)
+    grid = doc.Grid(("source", "type", "size", *parameter_heads(machine)), rows)
     text = f"Largest contribution: {name}. {remedy}"
     yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
 
