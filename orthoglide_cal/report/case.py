@@ -138,9 +138,9 @@ class Case:
 
     def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
         """Steps instead of entering the parameters; with `verb` only those with that command."""
-        for each in self.answer.release.remedies:
-            if verb in (None, each.verb):
-                yield doc.Instruction(self.says(each.sentence), self.remedied(each))
+        for remedy in self.answer.release.remedies:
+            if verb in (None, remedy.verb):
+                yield doc.Instruction(self.says(remedy.sentence), self.remedied(remedy))
 
     @property
     def verify(self) -> str:
@@ -313,10 +313,10 @@ def signed_page(
     `facts` stand behind its number.
     """
     words = machine.vocabulary
-    simulated = any(each.simulated for _, each in inputs)
+    simulated = any(validity.simulated for _, validity in inputs)
     first_facts = ("Number", doc.code(identity.number)), *facts
     issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
-    first, *later = (dict(_conditions(*each, machine.noted)) for each in inputs)
+    first, *later = (dict(_conditions(*recorded, machine.noted)) for recorded in inputs)
     named = ((name.capitalize(), value) for name, value in first.items())
     strip: doc.Block = doc.Facts((*named, ("Software", identity.software)))
     if later:
@@ -345,24 +345,24 @@ def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
 
 
 def _conditions(
-    of: InputFile, each: Validity, noted: Sequence[str]
+    of: InputFile, validity: Validity, noted: Sequence[str]
 ) -> Iterator[tuple[str, doc.Blank]]:
     """Those of one measurement: when it was, what is `noted` at such a machine, and the data."""
     gauges: list[doc.Inline] = []
-    for gauge in each.gauges:
+    for gauge in validity.gauges:
         gauges += ["; " if gauges else "", doc.given(gauge.id)]
         if gauge.certificate:
             gauges += [", certificate ", doc.given(gauge.certificate)]
         due = f"due {gauge.due}" if gauge.due else "due date not given"
         gauges += [", ", doc.doubtful(f"overdue: {due}") if gauge.overdue else due]
-    known = {"start": each.temperature_start_c, "end": each.temperature_end_c}
+    known = {"start": validity.temperature_start_c, "end": validity.temperature_end_c}
     temperatures = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
     rows: dict[str, doc.Blank] = {
         "gauges": tuple(gauges) or None,
         "temperature": ", ".join(temperatures) or None,
-        "operator": each.operator and doc.given(each.operator),
+        "operator": validity.operator and doc.given(validity.operator),
     }
-    yield "measured", moment(each.measured)
+    yield "measured", moment(validity.measured)
     yield from ((name, row) for name, row in rows.items() if name in noted)
     yield "data", (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.code(of.sha256[:12]))
 

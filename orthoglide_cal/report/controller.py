@@ -61,7 +61,7 @@ def _around(
     if case.table is not None:
         after.append(f"Correct the remaining errors with a table: {case.table}")
     after.append(f"Then measure again and run: {case.verify}")
-    above, below = ([f"{sign}{visible(line)}" for line in each] for each in (head, after))
+    above, below = ([f"{sign}{visible(line)}" for line in part] for part in (head, after))
     return "\n".join((*above, *lines, *below, ""))
 
 
@@ -193,7 +193,7 @@ def marlin(new: LinearDelta) -> Iterator[str]:
     line = f"M665 L{_number(arm)} R{radius} H{_number(height)} {_turned(new)}"
     if not _equal(new):
         named = zip("ABC", new.arm_length_mm, strict=True)
-        line += "".join(f" {name}{_number(each - arm)}" for name, each in named)
+        line += "".join(f" {name}{_number(length - arm)}" for name, length in named)
     yield line
     yield f"M666 {_towers([height - endstop for endstop in new.endstops_mm])}"
     yield "M500"

@@ -159,7 +159,7 @@ class Section:
 
     def __init__(self, title: str | None, *blocks: Block) -> None:
         self.title = title
-        self.blocks = [each for each in blocks if not isinstance(each, Grid) or each.rows]
+        self.blocks = [block for block in blocks if not isinstance(block, Grid) or block.rows]
 
 
 def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:
@@ -186,10 +186,12 @@ class Page:
     def in_characters(self) -> list[Section]:
         """The sections but figures without a sketch: their words would refer to nothing."""
         shown = [
-            Section(each.title, *(b for b in each.blocks if not isinstance(b, Figure) or b.sketch))
-            for each in (*self.sheet, *self.sections)
+            Section(
+                section.title, *(b for b in section.blocks if not isinstance(b, Figure) or b.sketch)
+            )
+            for section in (*self.sheet, *self.sections)
         ]
-        return [each for each in shown if each.blocks]
+        return [section for section in shown if section.blocks]
 
     @property
     def closing(self) -> tuple[str, ...]:

@@ -65,13 +65,13 @@ def html(page: doc.Page) -> str:
 
 
 def _sections(sections: Iterable[doc.Section]) -> Iterator[Html]:
-    for each in sections:
+    for section in sections:
         # Many panels take the whole width of a wide screen, where others stand side by side.
-        pictures = (block for block in each.blocks if isinstance(block, doc.Figure))
+        pictures = (block for block in section.blocks if isinstance(block, doc.Figure))
         wide = "wide" if any(len(block.panels) > MOST_PANELS for block in pictures) else None
-        title = tag("h2", each.title) if each.title is not None else None
-        if each.blocks:
-            yield tag("section", title, *map(_block, each.blocks), class_=wide)
+        title = tag("h2", section.title) if section.title is not None else None
+        if section.blocks:
+            yield tag("section", title, *map(_block, section.blocks), class_=wide)
 
 
 def _block(block: doc.Block) -> Html:
@@ -175,4 +175,4 @@ def _inline(part: doc.Marked | None) -> Html:
         case "given":
             return tag("bdi", part.text)
     pieces = enumerate(_WHOLE.split(part.text))
-    return join(tag("span", each, class_="nb") if k % 2 else each for k, each in pieces)
+    return join(tag("span", piece, class_="nb") if k % 2 else piece for k, piece in pieces)

@@ -92,7 +92,7 @@ def calibration_document(
         machine = case.machine
         recorded = [(answer.input, answer.validity)]
         if left is not None:
-            recorded = [(each, each.validity) for each in (left.before, left.after)]
+            recorded = [(side, side.validity) for side in (left.before, left.after)]
         frame = signed_page("Calibration report", machine, identity, recorded)
         sheet = [*frame.sheet]
         pages: list[doc.Section] = []
@@ -156,7 +156,7 @@ def _wrong(case: Case) -> str:
     if answer.verdict is Verdict.UNEXPLAINED and answer.lack_of_fit is not None:
         return f"Unexplained: {plain(answer.lack_of_fit.left_mm, 3)} mm r.m.s."
     if answer.shims:
-        return f"The rails miss each other by {plain(max(each.mm for each in answer.shims), 2)} mm"
+        return f"The rails miss each other by {plain(max(shim.mm for shim in answer.shims), 2)} mm"
     titles = []
     for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
         titles.append(case.title_of(cause.id))

@@ -390,14 +390,14 @@ def _doubts(case: Case, all: bool = True) -> Iterator[str]:
     Without `all` not those that the decision names, and of several only their names.
     """
     answer, machine = case.answer, case.machine
-    faults = [each for each in answer.unshown if all or not each.matters]
-    where = [f" ({fault.where})" if fault.where else "" for fault in faults]
+    faults = [fault for fault in answer.unshown if all or not fault.matters]
+    places = {fault: f" ({fault.where})" if fault.where else "" for fault in faults}
     if len(faults) > 1 and not all:
-        named = " or ".join(f"{fault.id}{at}" for fault, at in zip(faults, where, strict=True))
+        named = " or ".join(f"{fault.id}{place}" for fault, place in places.items())
         yield f"These readings would not show {named}. How to check: --details."
-        faults = []
-    for fault, at in zip(faults, where, strict=False):
-        title = case.title_of(fault.id) + at
+        places = {}
+    for fault, place in places.items():
+        title = case.title_of(fault.id) + place
         yield f"These readings would not show if {title}. What shows it: {fault.check}."
     for each in answer.causes:
         if each.times_stated is not None:

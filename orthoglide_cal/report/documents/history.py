@@ -65,7 +65,7 @@ def _page(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
     ]
     for count, expanded in history.further.items():
         pairs = zip(history.pooled, expanded, strict=True)
-        known = ", ".join(f"{each.name} {two_figures(u)}" for each, u in pairs)
+        known = ", ".join(f"{size.name} {two_figures(u)}" for size, u in pairs)
         notes.append(f"With {counted(count, 'further session')}, U of the best values: {known}.")
     return doc.Page(
         kind="History",
@@ -96,7 +96,7 @@ def _notice(history: History) -> doc.Notice:
             rates[-1] += f" {size} {unit_words(rate.unit)} in {_MONTH:g} days"
     lines += [f"Drifting: {', '.join(rates)}"] if rates else []
     if history.scatter:
-        sizes = (f"{each.name} {plain(each.std, 3)} {each.unit}" for each in history.scatter)
+        sizes = (f"{size.name} {plain(size.std, 3)} {size.unit}" for size in history.scatter)
         lines.append(f"Scattering from session to session, one std. dev.: {', '.join(sizes)}")
     ends = f"{_label(history, 0)} to {_label(history, -1)}"
     title, *others = lines or [f"Unchanged in {counted(len(history.sessions), 'session')}, {ends}"]
@@ -123,10 +123,10 @@ def _notice(history: History) -> doc.Notice:
 
 def _sizes(values: Sequence[CauseParameter], by: str = "") -> str:
     """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
-    kept = [each for each in values if not by or abs(each.value) > each.expanded] or values
+    kept = [size for size in values if not by or abs(size.value) > size.expanded] or values
     return ", ".join(
-        f"{each.name}{by} {with_uncertainty(each.value, each.expanded)} {unit_words(each.unit)}"
-        for each in kept
+        f"{size.name}{by} {with_uncertainty(size.value, size.expanded)} {unit_words(size.unit)}"
+        for size in kept
     )
 
 
@@ -135,7 +135,7 @@ def _label(history: History, at: int) -> str:
     session = history.sessions[at]
     if not history.dated or session.started is None:
         return PurePath(session.path).stem
-    days = {(each.started or "")[:10] for each in history.sessions}
+    days = {(session.started or "")[:10] for session in history.sessions}
     return session.started[: 10 if len(days) == len(history.sessions) else 16].replace("T", " ")
 
 
@@ -144,14 +144,14 @@ def _table(history: History, most: int) -> doc.Grid:
     count, every = len(history.sessions), [*range(len(history.pooled))]
     around = (k for change in reversed(history.changes) for k in (change.at, change.at + 1))
     wanted = dict.fromkeys((count - 1, 0, *around, *range(count - 2, 0, -1)))
-    chosen, names = {*[*wanted][:most]}, [each.name for each in history.pooled]
+    chosen, names = {*[*wanted][:most]}, [size.name for size in history.pooled]
     # One alone needs no more room than a line that it is missing.
     shown = [k for k in range(count) if k in chosen or {k - 1, k + 1} <= chosen]
     if sum(max(len(name), 6) + 2 for name in names) > 64:  # those that did something
         moved = {each.name for change in history.changes for each in change.parameters}
         moved |= {rate.name for rate in history.drift} | {size.name for size in history.scatter}
         every = [k for k in every if names[k] in moved] or every[:6]
-    decimals = [decimals_for(each.expanded) for each in history.pooled]
+    decimals = [decimals_for(size.expanded) for size in history.pooled]
 
     def row(name: str, sizes: Sequence[CauseParameter], uncertain: bool = False) -> tuple[str, ...]:
         """Values, or their U; lengths beyond 10 mm are no offsets: they have no sign."""
@@ -176,8 +176,8 @@ def _table(history: History, most: int) -> doc.Grid:
 def _courses(history: History) -> doc.Figure:
     """A plot for each parameter: marks with U bars, and what is fitted to them."""
     starts = [datetime.fromisoformat(s.started or "") for s in history.sessions if history.dated]
-    times = [each.timestamp() for each in starts] or [*range(len(history.sessions))]
-    labels = [f"{each:%Y-%m}" for each in starts] or [str(k + 1) for k in times]
+    times = [start.timestamp() for start in starts] or [*range(len(history.sessions))]
+    labels = [f"{start:%Y-%m}" for start in starts] or [str(k + 1) for k in times]
     wide, top, bottom = 330.0, 22.0, 124.0
     across = figures.Scale(times[0], times[-1], 74.0, wide - 26.0)
     places = [across(time) for time in times]
@@ -187,7 +187,7 @@ def _courses(history: History) -> doc.Figure:
     panels = []
     for k, now in enumerate(history.pooled):
         rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in history.sessions]
-        gaps = [c.at for c in history.changes if now.name in [each.name for each in c.parameters]]
+        gaps = [c.at for c in history.changes if now.name in [size.name for size in c.parameters]]
         limit = [history.limit.limit_mm] if history.limit and now.unit == "mm" else []
         edges = [now.value + side for size in limit for side in (-size, size)]
         ends = [*edges, *(value + side for value, half, _ in rows for side in (-half, half))]

@@ -285,12 +285,11 @@ def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Gr
 def _largest_words(case: Case) -> str:
     """The largest contribution to U in one line."""
     largest = max(case.answer.budget, key=_adds)
-    name = largest.source
+    name, size = largest.source, _size(largest).replace(" (assumed)", ", assumed")
     if name in _SOURCES:
         name = source_words(name, case.machine)[0]
-    size = _size(largest).replace(" (assumed)", ", assumed")
-    text = f"{'possible: ' * largest.possible}{name}{f', ± {size}' if size else ''}"
-    return f"Largest contribution to U (95 %): {text}."
+    source = f"{'possible: ' * largest.possible}{name}"
+    return f"Largest contribution to U (95 %): {', ± '.join(filter(None, (source, size)))}."
 
 
 def _adds(line: BudgetLine) -> float:
@@ -309,15 +308,11 @@ def alone_block(case: Case) -> Iterator[doc.Block]:
 
 def open_blocks(case: Case) -> Iterator[doc.Block]:
     """Parameters that these readings do not determine, and sizes taken as stated."""
-    names = {each.name for each in case.answer.parameters}
-    missing = [each for each in case.answer.undetermined if each.name in names]
-    if missing:
-        text = " and ".join(f"{e.name} (U = {two_figures(e.within)} {e.unit})" for e in missing)
-        yield f"These {case.answer.input.readings} readings do not determine {text}."
+    names = {parameter.name for parameter in case.answer.parameters}
     for each in case.answer.undetermined:
-        if each.name not in names:
-            within = f"{each.within:.2g} {unit_words(each.unit)}"
-            yield f"Not determined: {each.name}, taken as stated to within {within}."
+        size = f"{each.within:.2g} {unit_words(each.unit)}"
+        how = f"U = {size}" if each.name in names else f"taken as stated to within {size}"
+        yield f"Not determined: {each.name}, {how}."
 
 
 def budget_sections(
