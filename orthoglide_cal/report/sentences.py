@@ -17,7 +17,7 @@ Data = Mapping[str, Any]
 
 
 # In addition to Python's formats.
-_FORMATS: Mapping[str, Callable[[Any], str]] = {
+_FORMATS: Mapping[str, Callable[..., str]] = {
     "names": ", ".join,
     "and": " and ".join,
     "with": " with ".join,
