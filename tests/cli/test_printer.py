@@ -471,7 +471,7 @@ def test_of_what_the_touches_do_not_determine_no_number_is_told() -> None:
     assert page("solve", "grid.csv", *MACHINE).count("not determined") == 6
     pasted = once("export", "grid.csv", *MACHINE, "--format", "klipper", "--force").stdout
     assert "#*# delta_radius = 161.8000" in pasted
-    assert "do not tell: a, b, c, radius, angle_a, angle_b" in pasted
+    assert "do not determine them: a, b, c, radius, angle_a, angle_b" in pasted
 
 
 # --- which of the readings that a printer.cfg stores ------------------------------------------
