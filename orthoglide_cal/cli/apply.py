@@ -142,7 +142,7 @@ def _entered(
     """
     from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.files.machine_file import new_machine_file
-    from orthoglide_cal.report.controller import told_by_name
+    from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
 
     file = None  # what is written to a printer needs none
@@ -159,5 +159,5 @@ def _entered(
     given, answer = case.given, case.answer
     file = file or new_machine_file(given.model)
     now = datetime.now().astimezone()
-    entry = application(given, answer, file, now, to, lambda: told_by_name(case))
+    entry = application(given, answer, file, now, to, lambda: firmware_values(case))
     return entry if answer.release.needed else None

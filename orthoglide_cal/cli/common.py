@@ -337,9 +337,10 @@ def deliver(
     make = document.page if details or html or markdown else document.screen or document.page
     page = make()
     if not (html or markdown):
-        from orthoglide_cal.report.terminal import TerminalPage
+        from orthoglide_cal.report.terminal import terminal
 
-        console().print(TerminalPage(page), crop=False)
+        screen = console()
+        screen.print(terminal(page, screen.width), soft_wrap=True)
         return
     from orthoglide_cal.report.document import MARK
     from orthoglide_cal.report.html import html as as_html

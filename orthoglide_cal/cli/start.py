@@ -53,7 +53,7 @@ def start() -> None:
     page = doc.Page(
         "orthocal",
         title,
-        facts=doc.Facts([(name, doc.Given(value)) for name, value in facts]),
+        facts=doc.Facts([(name, doc.given(value)) for name, value in facts]),
         sections=[
             doc.Section(None, *said),
             doc.Section("Next" if steps else None, doc.Instructions(steps)),

@@ -88,7 +88,7 @@ class Orthoglide(Machine):
         more="Measure again with more postures.",
         fewest=None,
         noise="gauge",
-        repeats="They share one gauge set-up, so they understate the real scatter.",
+        repeats="Repeats alone understate the scatter: same set-up.",
         again="Check the set-up, measure again, and compare the two sessions.",
         positions="postures",
         instruments="gauges",

@@ -1,7 +1,5 @@
-"""What is shown, and what all pages say alike: of which data and machine, may it be entered, what
-to do next, and the facts about machine, gauges and circumstances.
-
-They say it in the words of the kind of machine.
+"""A result to be shown, and the parts common to all pages: its data and machine, the decision, the
+next steps, and the facts about machine, gauges and circumstances, in the words of its kind.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -52,7 +50,7 @@ _DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What a page is about."""
+    """An answer with its input."""
 
     given: Input
     answer: Answer
@@ -70,11 +68,11 @@ class Case:
 
     @property
     def words(self) -> Vocabulary:
-        """What its kind calls things."""
+        """The words of its kind."""
         return self.machine.vocabulary
 
     def title_of(self, id: str) -> str:
-        """What a cause is called at such a machine."""
+        """Name of a cause at such a machine."""
         return CAUSES[id].words(self.machine).title
 
     def says(self, reason: Reason) -> str:
@@ -92,12 +90,6 @@ class Case:
         return tuple(Case(given, answer, self.machine_file) for given, answer in pairs)
 
     @property
-    def unit(self) -> str:
-        """Of all parameters; "" where they have several."""
-        units = {each.unit for each in self.answer.parameters}
-        return units.pop() if len(units) == 1 else ""
-
-    @property
     def known(self) -> tuple[Cause, ...]:
         """Lasting causes of the machine: accepted ones, and those that were found."""
         sure = self.answer.causes if self.answer.verdict is Verdict.NAMED else ()
@@ -110,10 +102,10 @@ class Case:
         """Machine, data, and a method that was asked for, at the end of the first line."""
         answer = self.answer
         data = data_words(self.source, answer.input.kind, answer.input.readings)
-        told = [answer.machine.name, data]
+        parts = [answer.machine.name, data]
         if self._method is not None:
-            told.append(f"method {self._method}")
-        return ", ".join(told)
+            parts.append(f"method {self._method}")
+        return ", ".join(parts)
 
     @property
     def _method(self) -> str | None:
@@ -138,23 +130,23 @@ class Case:
 
     def more(self, verb: str) -> doc.Line:
         """Where the rest stands."""
-        return "More: ", doc.Typed(self.typed(verb, "--details"))
+        return "More: ", doc.typed(self.typed(verb, "--details"))
 
     def remedied(self, remedy: Remedy) -> str | None:
-        """What to type for a remedy; None where there is nothing to type."""
+        """The command of a remedy; None where it has none."""
         return None if remedy.verb is None else self.typed(remedy.verb, remedy.options)
 
     def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
-        """What to do instead of entering the parameters; with `verb` only what it is typed for."""
-        for each in self.answer.release.remedies:
-            if verb in (None, each.verb):
-                yield doc.Instruction(self.says(each.sentence), self.remedied(each))
+        """Steps instead of entering the parameters; with `verb` only those with that command."""
+        for remedy in self.answer.release.remedies:
+            if verb in (None, remedy.verb):
+                yield doc.Instruction(self.says(remedy.sentence), self.remedied(remedy))
 
     @property
     def verify(self) -> str:
-        """What to type once the parameters were entered and the session was measured again.
+        """The command to compare with once the parameters were entered and measured again.
 
-        With what was entered, where no machine file can tell.
+        It holds what was entered where no machine file can tell.
         """
         unknown = recording(self.given) == "nowhere"
         digits = self.answer.decimals
@@ -163,11 +155,11 @@ class Case:
 
     @property
     def record(self) -> str | None:
-        """What to type once they were entered; None where that is recorded, or nowhere kept."""
+        """The command that records what was entered; None where it is recorded, or nowhere kept."""
         return self.typed("apply") if recording(self.given) == "due" else None
 
     def further(self, session: str | None) -> str | None:
-        """What to type for a further measurement; a printer has its own ways.
+        """The command for a further measurement; a printer has other ways.
 
         `session` are the options of a session of its own; None: it goes on from these readings.
         """
@@ -180,52 +172,43 @@ class Case:
 
     @property
     def table(self) -> str | None:
-        """What to type for a table that takes out what offsets leave; None where none would."""
+        """The command for a table that corrects what offsets leave; None where none would."""
         known = any(effect.cause.compensable for effect in self.given.model.accepted)
         return self.typed("export", "--format table") if known and self.answer.remains else None
 
 
-def decision_tone(answer: Answer) -> doc.Tone:
-    """Mark and colour of a decision, the same on every screen and page."""
-    release = answer.release
-    if release.usable:
-        return doc.Tone.WARN if release.cautions else doc.Tone.GOOD
-    undecided = release.sound and answer.verdict is Verdict.AMBIGUOUS
-    return doc.Tone.OPEN if undecided else doc.Tone.BAD
-
-
 def decision_notice(case: Case) -> doc.Notice:
-    """The decision and what it rests on."""
+    """The decision and what it rests on; its mark is the same on every screen and page."""
     answer, release, many = case.answer, case.answer.release, case.words.many
-    title, reasons = f"Do not enter these {many}", release.reasons
+    judged, cautions = answer.judgement, release.cautions
+    tone, title, reasons = doc.Tone.BAD, f"Do not enter these {many}", release.reasons
+    lines = []
     if not answer.parameters:
         title = "There is no result"
+    elif release.settled:
+        title, reasons = NOT_NEEDED, cautions
+        if judged and judged.code == "residuals_unusual":
+            reasons = (judged, *cautions)
+        known = [(each.found or 0.0, each.expanded, each.unit) for each in answer.parameters]
+        value, expanded, unit = max(known, key=lambda row: abs(row[0]) / row[1])
+        size = f"{with_uncertainty(value, expanded)} {unit_words(unit)}"
+        lines = [f"Largest change {size}; the differences would not become smaller."]
     elif release.usable:
-        reasons = release.cautions or tuple(filter(None, [answer.judgement]))
-        title = f"The {many} may be entered{', with care' if release.cautions else ''}"
-    lines = [case.says(reason) for reason in reasons]
-    if release.settled:
-        judged = answer.judgement
-        unusual = [judged] if judged and judged.code == "residuals_unusual" else []
-        said = map(case.says, (*unusual, *release.cautions))
-        title, lines = NOT_NEEDED, [change_words(case), *said]
-    return doc.Notice(decision_tone(answer), title, tuple(lines), case.about)
-
-
-def change_words(case: Case) -> str:
-    """How little there would be to enter, in one sentence."""
-    known = [(each.found or 0.0, each.expanded, each.unit) for each in case.answer.parameters]
-    value, expanded, unit = max(known, key=lambda row: abs(row[0]) / row[1])
-    size = f"{with_uncertainty(value, expanded)} {unit_words(unit)}"
-    return f"Largest change {size}; the differences would not become smaller."
+        title = f"The {many} may be entered{', with care' if cautions else ''}"
+        reasons = cautions or tuple(filter(None, [judged]))
+    elif release.sound and answer.verdict is Verdict.AMBIGUOUS:
+        tone = doc.Tone.OPEN
+    if release.usable:
+        tone = doc.Tone.WARN if cautions else doc.Tone.GOOD
+    return doc.Notice(tone, title, (*lines, *map(case.says, reasons)), case.about)
 
 
 def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
-    """What to do next, step by step; `brief`: what one screen has room for."""
+    """Next steps; `brief`: those that one screen has room for."""
     release, verdict = case.answer.release, case.answer.verdict
     causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     if release.settled:
-        yield doc.Instruction("See which readings would show more", case.typed("plan"))
+        yield doc.Instruction("See which further readings would help", case.typed("plan"))
     elif release.usable:
         yield from _entering(case, brief)
     else:
@@ -248,13 +231,11 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     else:
         yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
     if not brief and recorded != "elsewhere":
-        yield doc.Instruction("The same as lines of the controller's own file", export)
+        yield doc.Instruction("Or print the lines for the controller's file", export)
     if check is not None:
         yield doc.Instruction(check_words(check))
     if case.table is not None and not brief:
-        yield doc.Instruction(
-            "Correct what the offsets leave with a table of corrections", case.table
-        )
+        yield doc.Instruction("Correct the remaining errors with a table", case.table)
     if words.measure:
         again = measure_again(case.given.conditions, case.machine_file)
         yield doc.Instruction("Measure again", again)
@@ -266,17 +247,15 @@ def check_words(check: CheckReading) -> str:
     """The check posture as an instruction, with the number that is expected."""
     moves = f"{with_uncertainty(check.expected_mm, check.expanded_mm)} mm"
     today = f"(today {signed(check.before_mm, decimals_for(check.expanded_mm))})"
+    first, second = (position_words(place, 3) for place in (check.first_mm, check.second_mm))
     if check.ends:
         return (
-            f"Check leg {check.leg} along {check.direction} at {position_words(check.first_mm, 3)}:"
-            f" the tool end reads {moves} more than the joint end {today}."
+            f"Check: put the gauge on leg {check.leg}, along {check.direction}, at {first}; the"
+            f" tool end must read {moves} more than the joint end {today}."
         )
-    words = [position_words(each, 3).split() for each in (check.first_mm, check.second_mm)]
-    still = [one for one, other in zip(*words, strict=True) if one == other]
-    first, second = (" ".join(one for one in each if one not in still) for each in words)
     return (
-        f"Check, gauge at the middle of leg {check.leg}, along {check.direction}: from {first} to"
-        f" {second} ({' '.join(still)}) it moves by {moves} {today}."
+        f"Check: put the gauge at the middle of leg {check.leg}, along {check.direction}; drive"
+        f" from {first} to {second}; it must move by {moves} {today}."
     )
 
 
@@ -287,7 +266,7 @@ def position_words(tool_mm: Sequence[float], decimals: int) -> str:
 
 
 def measure_again(conditions: Conditions | None, machine: Path | None = None) -> str:
-    """What to type to measure again: a simulated machine comes back with its seed."""
+    """The command to measure again: a simulated machine comes back with its seed."""
     seed = dict(conditions.environment).get("seed") if conditions else None
     options = f"--gauge simulated --seed {seed}" if seed and seed.isdecimal() else ""
     return command("measure", machine=machine, options=options)
@@ -309,16 +288,16 @@ def data_words(source: Source | None, kind: str, count: int) -> str:
 
 
 def comparison_words(single: bool) -> tuple[str, str]:
-    """What the differences of an expected-improvement table are, and how their names are meant."""
+    """The kind of differences that are promised, and the meaning of their names."""
     if single:
         return "tool end − joint end", "dz_x+ is along z on leg x at max."
     return "max − min", "dx_y is along x on leg y."
 
 
-def stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Given], ...]:
-    """What its owner wrote under these names, as far as the machine's file says so."""
-    said = {name.replace("_", " ").capitalize(): getattr(machine.report, name) for name in names}
-    return tuple((name, doc.Given(text)) for name, text in said.items() if text is not None)
+def stated(machine: Machine, names: Sequence[str]) -> tuple[tuple[str, doc.Marked], ...]:
+    """Facts that the owner wrote under these names into the machine's file."""
+    texts = {name.replace("_", " ").capitalize(): getattr(machine.report, name) for name in names}
+    return tuple((name, doc.given(text)) for name, text in texts.items() if text is not None)
 
 
 def signed_page(
@@ -328,16 +307,16 @@ def signed_page(
     inputs: Sequence[tuple[InputFile, Validity]],
     *facts: tuple[str, doc.Blank],
 ) -> doc.Page:
-    """What a numbered page begins with: what it is about, and under which conditions it holds.
+    """The beginning of a numbered page: its subject, and the conditions under which it holds.
 
     Its `inputs` are one measurement, or before and after; of simulated ones it is no report. The
     `facts` stand behind its number.
     """
     words = machine.vocabulary
-    simulated = any(each.simulated for _, each in inputs)
-    own = ("Number", doc.Code(identity.number)), *facts
+    simulated = any(validity.simulated for _, validity in inputs)
+    first_facts = ("Number", doc.code(identity.number)), *facts
     issued = ("Issued", f"{identity.issued:%Y-%m-%d %H:%M} UTC")
-    first, *later = (dict(_conditions(*each, machine.noted)) for each in inputs)
+    first, *later = (dict(_conditions(*recorded, machine.noted)) for recorded in inputs)
     named = ((name.capitalize(), value) for name, value in first.items())
     strip: doc.Block = doc.Facts((*named, ("Software", identity.software)))
     if later:
@@ -351,7 +330,7 @@ def signed_page(
         kind="Practice report" if simulated else kind,
         title=machine.name,
         number=identity.number,
-        facts=doc.Facts((*stated(machine, OWNER), *own, issued)),
+        facts=doc.Facts((*stated(machine, OWNER), *first_facts, issued)),
         sheet=[doc.Section(None, strip)],
         scope=f"This report holds for the machine and the {words.instruments} that it names, as"
         f" they were when they were measured, and for the {words.positions} and conditions stated"
@@ -362,36 +341,36 @@ def signed_page(
 
 def reserved(notice: doc.Notice, reservations: Sequence[str]) -> doc.Notice:
     """The verdict with what a reader has to know before relying on it."""
-    return replace(notice, lines=(*notice.lines, *map(doc.Doubtful, reservations)))
+    return replace(notice, lines=(*notice.lines, *map(doc.doubtful, reservations)))
 
 
 def _conditions(
-    of: InputFile, each: Validity, noted: Sequence[str]
+    of: InputFile, validity: Validity, noted: Sequence[str]
 ) -> Iterator[tuple[str, doc.Blank]]:
     """Those of one measurement: when it was, what is `noted` at such a machine, and the data."""
     gauges: list[doc.Inline] = []
-    for gauge in each.gauges:
-        gauges += ["; " if gauges else "", doc.Given(gauge.id)]
+    for gauge in validity.gauges:
+        gauges += ["; " if gauges else "", doc.given(gauge.id)]
         if gauge.certificate:
-            gauges += [", certificate ", doc.Given(gauge.certificate)]
+            gauges += [", certificate ", doc.given(gauge.certificate)]
         due = f"due {gauge.due}" if gauge.due else "due date not given"
-        gauges += [", ", doc.Doubtful(f"overdue: {due}") if gauge.overdue else due]
-    known = {"start": each.temperature_start_c, "end": each.temperature_end_c}
-    said = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
+        gauges += [", ", doc.doubtful(f"overdue: {due}") if gauge.overdue else due]
+    known = {"start": validity.temperature_start_c, "end": validity.temperature_end_c}
+    temperatures = [f"{plain(c, 1)} °C at the {when}" for when, c in known.items() if c is not None]
     rows: dict[str, doc.Blank] = {
         "gauges": tuple(gauges) or None,
-        "temperature": ", ".join(said) or None,
-        "operator": each.operator and doc.Given(each.operator),
+        "temperature": ", ".join(temperatures) or None,
+        "operator": validity.operator and doc.given(validity.operator),
     }
-    yield "measured", moment(each.measured)
+    yield "measured", moment(validity.measured)
     yield from ((name, row) for name, row in rows.items() if name in noted)
-    yield "data", (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.Code(of.sha256[:12]))
+    yield "data", (f"{of.readings} {_DATA[of.kind][0]}s, ", doc.code(of.sha256[:12]))
 
 
-def moment(written: str | None) -> doc.Given | None:
+def moment(written: str | None) -> doc.Marked | None:
     """An ISO 8601 time with a blank for the "T", to the second, its zone set off."""
     if written is None:
         return None
     time = datetime.fromisoformat(written)
     zone = f" {str(time)[-6:]}" if time.tzinfo else ""
-    return doc.Given(f"{time:%Y-%m-%d %H:%M:%S}{zone}")
+    return doc.given(f"{time:%Y-%m-%d %H:%M:%S}{zone}")

@@ -1,4 +1,4 @@
-"""What goes to the controller: a page of text, lines to paste, a table of corrections.
+"""Exports for the controller: a page of text, lines to paste, a table of corrections.
 
 All firmwares of a linear delta have a delta radius, tower angles and arms in common; an endstop is
 stated as
@@ -59,9 +59,9 @@ def _around(
     if case.record is not None:
         after.append(f"Record what was entered: {case.record}")
     if case.table is not None:
-        after.append(f"Correct what offsets leave with a table of corrections: {case.table}")
+        after.append(f"Correct the remaining errors with a table: {case.table}")
     after.append(f"Then measure again and run: {case.verify}")
-    above, below = ([f"{sign}{visible(line)}" for line in each] for each in (head, after))
+    above, below = ([f"{sign}{visible(line)}" for line in part] for part in (head, after))
     return "\n".join((*above, *lines, *below, ""))
 
 
@@ -69,16 +69,16 @@ def as_text(case: Case, identity: Identity) -> str:
     """A page of plain text for any controller: "the controller says X, truly Y"."""
     answer = case.answer
     digits = answer.decimals
-    rows = [("", "previous", "change", "U", "enter")]
+    unit, rows = common_unit(case.machine), [("", "previous", "change", "U", "enter")]
     for each in answer.parameters:
-        name = each.name if case.unit else f"{each.name}, {each.unit}"
+        name = each.name if unit else f"{each.name}, {each.unit}"
         change = typed(each.change(digits), digits) if each.determined else "unknown"
         active, new = plain(each.active, digits), plain(each.new(digits), digits)
         rows.append((name, active, change, two_figures(each.expanded), new))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
         "",
-        f"{case.words.title}{common_unit(case.machine)} ({case.words.relation}; U: expanded"
+        f"{case.words.title}{unit} ({case.words.relation}; U: expanded"
         f" uncertainty, {coverage_words(answer.k or 0.0)}, {100 * answer.confidence:.0f} %)",
         *("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows),
         "",
@@ -123,7 +123,7 @@ def as_table(table: Compensation, case: Case, identity: Identity) -> str:
 # --- firmwares of a linear delta --------------------------------------------------------------
 
 
-def told(case: Case) -> LinearDelta:
+def firmware_machine(case: Case) -> LinearDelta:
     """The machine as its firmware is to have it, with arms that were accepted as longer."""
     model, answer = case.given.model, case.answer
     machine = LinearDelta.require(model.machine)
@@ -143,9 +143,9 @@ def told(case: Case) -> LinearDelta:
     )
 
 
-def told_by_name(case: Case) -> dict[str, float]:
+def firmware_values(case: Case) -> dict[str, float]:
     """The same by the names that a calibration gives them; arms as arm_a, arm_b, arm_c."""
-    new = told(case)
+    new = firmware_machine(case)
     names = [*"abc", "radius", *(f"{of}_{tower}" for of in ("angle", "arm") for tower in "abc")]
     values = (*new.endstops_mm, new.delta_radius_mm, *new.tower_angles_deg, *new.arm_length_mm)
     return dict(zip(names, values, strict=True))
@@ -193,7 +193,7 @@ def marlin(new: LinearDelta) -> Iterator[str]:
     line = f"M665 L{_number(arm)} R{radius} H{_number(height)} {_turned(new)}"
     if not _equal(new):
         named = zip("ABC", new.arm_length_mm, strict=True)
-        line += "".join(f" {name}{_number(each - arm)}" for name, each in named)
+        line += "".join(f" {name}{_number(length - arm)}" for name, length in named)
     yield line
     yield f"M666 {_towers([height - endstop for endstop in new.endstops_mm])}"
     yield "M500"
@@ -203,7 +203,7 @@ def marlin(new: LinearDelta) -> Iterator[str]:
 
 
 def _equal(new: LinearDelta) -> bool:
-    """Whether one length is enough for the arms."""
+    """True if one length is enough for the arms."""
     return len({round(arm, _DECIMALS) for arm in new.arm_length_mm}) == 1
 
 
@@ -230,19 +230,21 @@ FIRMWARES: Mapping[str, tuple[str, Callable[[LinearDelta], Iterator[str]], str]]
 def as_firmware(format: str, case: Case, identity: Identity) -> str:
     """The lines to paste, with what they are and what they leave out as comments."""
     name, lines, sign = FIRMWARES[format]
-    return _around(case, identity, lines(told(case)), f"{sign} ", *_left_out(name, case))
+    return _around(
+        case, identity, lines(firmware_machine(case)), f"{sign} ", *_left_out(name, case)
+    )
 
 
 def _left_out(name: str, case: Case) -> Iterator[str]:
-    """What the firmware has no setting for, and what of it is known of this machine."""
-    own = " but when it is compiled" if name == "Marlin" else ""
+    """Parts of the calibration for which the firmware has no setting."""
+    but = " (only when it is compiled)" if name == "Marlin" else ""
     yield (
-        f"{name} has no setting for towers that lean, nor for a radius of each tower{own}; the"
-        " shape of the bed is left to its mesh."
+        f"{name} has no setting for towers that lean or for a radius of each tower{but}; its mesh"
+        " corrects the shape of the bed."
     )
     for id in dict.fromkeys(cause.id for cause in case.known):
         if id not in case.machine.fixed_parameters:
             yield f"Not in these lines: {id}; {CAUSES[id].words(case.machine).no_setting}."
     unknown = [each.name for each in case.answer.parameters if not each.determined]
     if unknown:
-        yield f"Left as they are, because these readings do not tell: {', '.join(unknown)}."
+        yield f"Unchanged, because these readings do not determine them: {', '.join(unknown)}."

@@ -1,4 +1,4 @@
-"""What a command shows of a result: plain values for programs, and blocks for people.
+"""A result as a command shows it: plain values for programs, and blocks for people.
 
 A document is made in `report.documents`; the renderers know nothing of what it is about: `json`
 shows its values, `terminal`, `html` and `markdown` its page.
@@ -7,6 +7,8 @@ shows its values, `terminal`, `html` and `markdown` its page.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
+from typing import Literal, Self
 
 from orthoglide_cal.report.escape import Html
 
@@ -14,44 +16,40 @@ from orthoglide_cal.report.escape import Html
 MARK = "<!-- Written by orthocal -->\n"
 
 
+Style = Literal["plain", "code", "typed", "strong", "doubtful", "given", "small"]
+
+
 @dataclass(frozen=True)
-class _Marked:
+class Marked:
+    """Words in a style.
+
+    code: to compare letter by letter; typed: to type, on one line however long it is, at the end
+    of its sentence; strong: the words that matter; doubtful: words to beware of; given: a name or
+    note that somebody typed, shown as it is, never obeyed; small: an explanation in small print.
+    """
+
+    style: Style
     text: str
 
 
-class Code(_Marked):
-    """Something to compare letter by letter."""
+code, typed = partial(Marked, "code"), partial(Marked, "typed")
+strong, doubtful = partial(Marked, "strong"), partial(Marked, "doubtful")
+given, small = partial(Marked, "given"), partial(Marked, "small")
 
-
-class Typed(_Marked):
-    """Something to type: stays on one line however long it is, at the end of its sentence."""
-
-
-class Strong(_Marked):
-    """The words that matter."""
-
-
-class Doubtful(_Marked):
-    """Words to beware of."""
-
-
-class Given(_Marked):
-    """A name or note that somebody typed: shown as it is, never obeyed."""
-
-
-Inline = str | Code | Typed | Strong | Doubtful | Given
+Inline = str | Marked
 Line = Inline | tuple[Inline, ...]
 # None is shown as a line to write on.
 Blank = Line | None
 
 
-def parts_of(content: Blank) -> tuple[Inline | None, ...]:
-    """The parts of a line, however it was given."""
-    return content if isinstance(content, tuple) else (content,)
+def parts_of(content: Blank) -> tuple[Marked | None, ...]:
+    """The parts of a line, however it was given; mere text has the style "plain"."""
+    parts = content if isinstance(content, tuple) else (content,)
+    return tuple(Marked("plain", part) if isinstance(part, str) else part for part in parts)
 
 
 class Tone(StrEnum):
-    """What a notice means; its sign says so without the colour."""
+    """Meaning of a notice; its sign tells it without the colour."""
 
     GOOD = "good"
     WARN = "warn"
@@ -61,15 +59,8 @@ class Tone(StrEnum):
 
     @property
     def sign(self) -> str:
-        """One character."""
-        return {"good": "✔", "warn": "!", "bad": "✘", "open": "?", "info": "i"}[self]
-
-
-@dataclass(frozen=True)
-class Small:
-    """A paragraph in small print: an explanation."""
-
-    content: Line
+        """One character before the title; none of what is no decision."""
+        return {"good": "✔ ", "warn": "! ", "bad": "✘ ", "open": "? ", "info": ""}[self]
 
 
 @dataclass(frozen=True)
@@ -102,6 +93,17 @@ class Grid:
     words: Sequence[int] = (0,)
     caption: str | None = None
     tiles: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        columns: Mapping[str, Sequence[Blank]],
+        words: Sequence[int] = (0,),
+        caption: str | None = None,
+        tiles: bool = False,
+    ) -> Self:
+        """A table of columns under their titles."""
+        return cls([*columns], [*zip(*columns.values(), strict=True)], words, caption, tiles)
 
 
 @dataclass(frozen=True)
@@ -145,7 +147,7 @@ class Listing:
 
 
 # A line alone is a paragraph.
-Block = Line | Small | Notice | Facts | Grid | Figure | Instructions | Listing
+Block = Line | Notice | Facts | Grid | Figure | Instructions | Listing
 
 
 @dataclass(init=False)
@@ -157,11 +159,11 @@ class Section:
 
     def __init__(self, title: str | None, *blocks: Block) -> None:
         self.title = title
-        self.blocks = [each for each in blocks if not isinstance(each, Grid) or each.rows]
+        self.blocks = [block for block in blocks if not isinstance(block, Grid) or block.rows]
 
 
 def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:
-    """What to do next, in order."""
+    """Next steps, in order."""
     return Section("Next", Instructions(tuple(steps)), *more)
 
 
@@ -184,10 +186,12 @@ class Page:
     def in_characters(self) -> list[Section]:
         """The sections but figures without a sketch: their words would refer to nothing."""
         shown = [
-            Section(each.title, *(b for b in each.blocks if not isinstance(b, Figure) or b.sketch))
-            for each in (*self.sheet, *self.sections)
+            Section(
+                section.title, *(b for b in section.blocks if not isinstance(b, Figure) or b.sketch)
+            )
+            for section in (*self.sheet, *self.sections)
         ]
-        return [each for each in shown if each.blocks]
+        return [section for section in shown if section.blocks]
 
     @property
     def closing(self) -> tuple[str, ...]:

@@ -273,9 +273,9 @@ def residual_panels(
         for values in microns:
             last = values is microns[-1]
             for turn in sorted({rows[k].cycle for k in chosen}):
-                own = [k for k in chosen if rows[k].cycle == turn]
-                places = [across(postures.index(posture[k]) + 0.09 * (turn - 2.5)) for k in own]
-                points = [*zip(places, (up(float(values[k])) for k in own), strict=True)]
+                repeats = [k for k in chosen if rows[k].cycle == turn]
+                places = [across(postures.index(posture[k]) + 0.09 * (turn - 2.5)) for k in repeats]
+                points = [*zip(places, (up(float(values[k])) for k in repeats), strict=True)]
                 parts += [thread(points)] if last else []
                 parts += [mark(x, y, turn - 1, "mark" if last else "mark open") for x, y in points]
         worst = max(chosen, key=lambda k: abs(microns[-1][k]))
@@ -408,7 +408,7 @@ def bed_maps(
     bed_mm: float,
     towers_deg: Sequence[float],
 ) -> tuple[Html, ...]:
-    """What is left of each touch of a bed, one map for each model, with a scale of its own each.
+    """Residuals of the touches of a bed: one map for each model, with its own scale.
 
     Args:
         title: of all of them.
@@ -512,10 +512,10 @@ def machine_sketch(
         drawn.append(words(x, y + 4, f"+{AXES[direction]}", "middle"))
         parts.append(tag("g", *drawn, class_=f"c-{AXES[leg]}"))
     finding = "Three legs run from the tool in the middle to carriages on the rails x, y and z."
-    spoilt = "; ".join(Series(*fault).words for fault in sorted(faults))
-    bent = "; ".join(AXES[rail] for rail in sorted(rails))
-    for what in (f"readings of {spoilt}" if spoilt else "", f"axis {bent}" if bent else ""):
-        finding += f" Marked, because of a fault: {what}." if what else ""
+    marked = [f"axis {AXES[rail]}" for rail in sorted(rails)]
+    marked += [f"readings of {Series(*fault).words}" for fault in sorted(faults)]
+    if marked:
+        finding += f" Marked, because of a fault: {'; '.join(marked)}."
     return svg("machine", 328.0, 232.0, "The machine and its gauges", finding, parts)
 
 
@@ -578,7 +578,7 @@ _MOST = 99  # σ beyond which the number says nothing more
 _NOTHING = "–"
 SEPARATION_LEGEND = (
     "Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes",
-    f"{_NOTHING}: from nothing wrong at all; {_MOST}: or more",
+    f"{_NOTHING}: from a sound machine; {_MOST}: or more",
 )
 
 
@@ -590,7 +590,7 @@ def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tupl
     Args:
         names: of c causes, at most 26.
         sigma: between each pair, shape (c, c).
-        trace: of each from nothing wrong, shape (c,).
+        trace: of each from a sound machine, shape (c,).
 
     >>> import numpy as np
     >>> print("\\n".join(separation_lines(["a", "bc"], np.array([[0, 3.2], [3.2, 0]]), np.ones(2))))
@@ -598,7 +598,7 @@ def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tupl
     A a   ▓ 1
     B bc  ▓ 1 ▒ 3
     Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes
-    –: from nothing wrong at all; 99: or more
+    –: from a sound machine; 99: or more
     """
 
     def cell(value: float) -> str:

@@ -65,21 +65,21 @@ def html(page: doc.Page) -> str:
 
 
 def _sections(sections: Iterable[doc.Section]) -> Iterator[Html]:
-    for each in sections:
+    for section in sections:
         # Many panels take the whole width of a wide screen, where others stand side by side.
-        pictures = (block for block in each.blocks if isinstance(block, doc.Figure))
+        pictures = (block for block in section.blocks if isinstance(block, doc.Figure))
         wide = "wide" if any(len(block.panels) > MOST_PANELS for block in pictures) else None
-        title = tag("h2", each.title) if each.title is not None else None
-        if each.blocks:
-            yield tag("section", title, *map(_block, each.blocks), class_=wide)
+        title = tag("h2", section.title) if section.title is not None else None
+        if section.blocks:
+            yield tag("section", title, *map(_block, section.blocks), class_=wide)
 
 
 def _block(block: doc.Block) -> Html:
     match block:
-        case doc.Small():
-            return tag("p", _line(block.content), class_="small")
+        case doc.Marked("small"):
+            return tag("p", _line(block), class_="small")
         case doc.Notice():
-            title = tag("h2", tag("span", f"{block.tone.sign} ", aria_hidden="true"), block.title)
+            title = tag("h2", tag("span", block.tone.sign, aria_hidden="true"), block.title)
             lines = (tag("p", _line(line)) for line in block.lines)
             return tag("div", title, *lines, class_=f"notice {block.tone}")
         case doc.Facts():
@@ -160,20 +160,19 @@ def _line(content: doc.Blank) -> Html:
     return join(_inline(part) for part in doc.parts_of(content))
 
 
-def _inline(part: doc.Inline | None) -> Html:
-    match part:
-        case None:
-            return tag("span", class_="blank", role="img", aria_label="not given")
-        case doc.Code():
+def _inline(part: doc.Marked | None) -> Html:
+    if part is None:
+        return tag("span", class_="blank", role="img", aria_label="not given")
+    match part.style:
+        case "code":
             return tag("code", part.text)
-        case doc.Typed():
+        case "typed":
             return tag("code", part.text, class_="typed")
-        case doc.Strong():
+        case "strong":
             return tag("strong", part.text)
-        case doc.Doubtful():
+        case "doubtful":
             return tag("strong", tag("bdi", part.text), class_="doubt")
-        case doc.Given():
+        case "given":
             return tag("bdi", part.text)
-        case _:
-            pieces = enumerate(_WHOLE.split(part))
-            return join(tag("span", each, class_="nb") if k % 2 else each for k, each in pieces)
+    pieces = enumerate(_WHOLE.split(part.text))
+    return join(tag("span", piece, class_="nb") if k % 2 else piece for k, piece in pieces)

@@ -27,8 +27,6 @@ def markdown(page: doc.Page) -> str:
 
 def _block(block: doc.Block) -> str:
     match block:
-        case doc.Small():
-            return _line(block.content)
         case doc.Notice():
             lines = [f"**{in_markdown(block.title)}**", *(_line(line) for line in block.lines)]
             return "\n>\n".join(f"> {line}" for line in lines)
@@ -41,8 +39,8 @@ def _block(block: doc.Block) -> str:
             caption = [f"\n{in_markdown(block.caption)}"] if block.caption else []
             return "\n".join([f"| {' | '.join(titles)} |", f"|{'|'.join(rules)}|", *rows, *caption])
         case doc.Figure():
-            said = [in_markdown(block.in_words)] if block.in_words else []
-            return "\n\n".join([*said, _fenced(block.sketch)])
+            title = [in_markdown(block.in_words)] if block.in_words else []
+            return "\n\n".join([*title, _fenced(block.sketch)])
         case doc.Listing():
             return _fenced(block.lines)
         case doc.Instructions():
@@ -58,18 +56,13 @@ def _line(content: doc.Blank) -> str:
     return "".join(_inline(part) for part in doc.parts_of(content))
 
 
-def _inline(part: doc.Inline | None) -> str:
-    match part:
-        case None:
-            return _BLANK
-        case doc.Code() | doc.Typed():
-            return _code(part.text)
-        case doc.Strong() | doc.Doubtful():
-            return f"**{in_markdown(part.text)}**"
-        case str():
-            return in_markdown(part)
-        case _:
-            return in_markdown(part.text)
+def _inline(part: doc.Marked | None) -> str:
+    if part is None:
+        return _BLANK
+    if part.style in ("code", "typed"):
+        return _code(part.text)
+    text = in_markdown(part.text)
+    return f"**{text}**" if part.style in ("strong", "doubtful") else text
 
 
 def _code(content: str) -> str:

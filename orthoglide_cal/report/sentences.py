@@ -1,8 +1,7 @@
 """Reasons, cautions, notes and remedies in words: the one table from a code to its sentence.
 
-A sentence is a format string over the data of its reason and the `words` of the machine, with
-these formats in addition to Python's: `two` figures of a size, `names` with commas, `and`, `with`.
-Where its grammar depends on the data it is a function.
+A sentence is a format string over the data of its reason, the `words` of the machine and those of
+the `cause` that the reason names by its id. Where its grammar depends on the data it is a function.
 """
 
 import string
@@ -17,27 +16,42 @@ from orthoglide_cal.words import counted, percent, plain, two_figures, unit_word
 Data = Mapping[str, Any]
 
 
-class _Formats(string.Formatter):
+# In addition to Python's formats.
+_FORMATS: Mapping[str, Callable[..., str]] = {
+    "names": ", ".join,
+    "and": " and ".join,
+    "with": " with ".join,
+    "causes": lambda ids: " and ".join(ids) or "this",
+    "two": two_figures,
+    "tenths": lambda value: plain(value, 1),
+    "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
+    "place": lambda where: f" ({where})" if where else "",
+    "moves": lambda rows: ", ".join(
+        f"{name} by {two_figures(size)} {unit_words(unit)}" for name, size, unit in rows
+    ),
+}
+
+
+class _Formatter(string.Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
-        joined = {"names": ", ", "and": " and ", "with": " with "}
-        if format_spec in joined:
-            return joined[format_spec].join(value)
-        if format_spec == "two":
-            return two_figures(value)
-        return str(super().format_field(value, format_spec))
+        words = _FORMATS.get(format_spec)
+        return words(value) if words else str(super().format_field(value, format_spec))
 
 
 def sentence(reason: Reason, machine: Machine) -> str:
     """The sentence for a reason, in the words of a kind of machine."""
-    words = _SENTENCES[reason.code]
+    words, data = _SENTENCES[reason.code], reason.data
     if not isinstance(words, str):
-        return words(machine, reason.data)
-    return _Formats().vformat(words, (), {"words": machine.vocabulary, **reason.data})
+        return words(machine, data)
+    known = {"words": machine.vocabulary, **data}
+    if "{cause." in words:
+        known["cause"] = CAUSES[str(data["id"])].words(machine)
+    return _Formatter().vformat(words, (), known)
 
 
-def _residuals(what: str, end: str) -> str:
-    sizes = "one reading scatters by {scatter_mm:.2g} mm against {stated_mm:.2g} mm"
-    return f"The residuals are {what} the {{words.noise}}'s noise{{words.also}}{end % sizes}"
+def _residuals(size: str, end: str) -> str:
+    scatter = "one reading scatters by {scatter_mm:.2g} mm against {stated_mm:.2g} mm"
+    return f"The residuals are {size} the {{words.noise}}'s noise{{words.also}}{end % scatter}"
 
 
 def _implausible(machine: Machine, data: Data) -> str:
@@ -57,8 +71,8 @@ def _undecided(machine: Machine, data: Data) -> str:
     either = " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
     return (
         f"Something {'may be' if sound else 'is'} wrong besides the {machine.vocabulary.many}:"
-        f" {either}. These data do not distinguish them"
-        f"{', nor from a sound machine' if sound else ''}."
+        f" {either}. These data cannot distinguish them"
+        f"{' from each other or from a sound machine' if sound else ''}."
     )
 
 
@@ -71,60 +85,13 @@ def _offsets_wrong(machine: Machine, data: Data) -> str:
     )
 
 
-def _within_u(machine: Machine, data: Data) -> str:
-    moves = "moves" if len(data["ids"]) == 1 else "move"
-    return (
-        f"{' and '.join(data['ids'])} {moves} no {machine.vocabulary.one} by more than"
-        f" {data['change']:.3f} {data['unit']}, which is within U."
-    )
-
-
-def _title(machine: Machine, data: Data) -> str:
-    """A fault that would not show, with its place."""
-    where = f" ({data['where']})" if data["where"] else ""
-    return f"{CAUSES[data['id']].words(machine).title}{where}"
-
-
-def _unshown(machine: Machine, data: Data) -> str:
-    where = f" ({data['where']})" if data["where"] else ""
-    return (
-        f"If {CAUSES[data['id']].words(machine).title} as well{where}, which these readings would"
-        f" not show, the {machine.vocabulary.many} change by up to {data['change']:.3f}"
-        f" {data['unit']}."
-    )
-
-
-def _look(machine: Machine, data: Data) -> str:
-    shows = CAUSES[data["id"]].words(machine).instrument
-    return (
-        f"Check whether {_title(machine, data)}. What shows it: {shows}. If all is in order, say"
-        " so:"
-    )
-
-
-def _unexplained(machine: Machine, data: Data) -> str:
-    usual, words = " of usual size" if data["beyond"] else "", machine.vocabulary
-    return (
-        f"No listed cause{usual} explains these data: they leave {data['left_mm']:.3f} mm r.m.s.,"
-        f" where the {words.noise}'s noise{words.also} would leave {data['expected_mm']:.3f} mm."
-    )
-
-
 def _other_data(_: Machine, data: Data) -> str:
-    ids, name = " and ".join(data["ids"]), f"The {data['data']} in the same file"
-    says = {
-        "named": f"shows {ids}, too",
+    judged = {
+        "named": f"shows {' and '.join(data['ids'])}, too",
         "ambiguous": "leaves open what is wrong",
         "unexplained": "shows something that no listed cause explains",
-    }
-    return f"{name}, judged alone, {says.get(data['verdict'], 'must not be used')}."
-
-
-def _contradicted(_: Machine, data: Data) -> str:
-    apart = ", ".join(
-        f"{name} by {two_figures(size)} {unit_words(unit)}" for name, size, unit in data["apart"]
-    )
-    return f"The {data['data']} in the same file contradicts these values beyond U: {apart}."
+    }.get(data["verdict"], "must not be used")
+    return f"The {data['data']} in the same file, judged alone, {judged}."
 
 
 def _recalibrated(_: Machine, data: Data) -> str:
@@ -136,6 +103,11 @@ def _recalibrated(_: Machine, data: Data) -> str:
     )
 
 
+def _of_session(machine: Machine, data: Data) -> str:
+    text = sentence(data["reason"], machine)
+    return f"{data['when']}, {text[0].lower()}{text[1:]}"
+
+
 def _origin_moved(_: Machine, data: Data) -> str:
     moves = ", ".join(f"{name} by {value:+.3f}" for name, value in data["moves"].items())
     return (
@@ -144,42 +116,15 @@ def _origin_moved(_: Machine, data: Data) -> str:
     )
 
 
-def _local(_: Machine, data: Data) -> str:
-    left, noise, beyond = (1e3 * data[name] for name in ("left_mm", "noise_mm", "beyond_mm"))
-    return (
-        f"Unexplained: {left:.0f} µm r.m.s., of which {noise:.0f} µm are the probe's noise:"
-        f" {beyond:.0f} µm are local, shared by neighbouring places, and no evidence for any cause."
-    )
-
-
-def _of_session(machine: Machine, data: Data) -> str:
-    said = sentence(data["reason"], machine)
-    return f"{data['when']}, {said[0].lower()}{said[1:]}"
-
-
-def _remains(_: Machine, data: Data) -> str:
-    causes = " and ".join(data["ids"]) or "this"
-    return f"Offsets do not remove {causes}: {two_figures(data['left_mm'])} mm r.m.s. will remain."
-
-
-def _temperature(_: Machine, data: Data) -> str:
-    return f"The temperature changed by {plain(data['kelvin'], 1)} K while measuring."
-
-
-def _temperatures(_: Machine, data: Data) -> str:
-    before, after = (plain(data[when], 1) for when in ("before_c", "after_c"))
-    return f"The temperature differed: {before} °C before, {after} °C after."
+def _advice(machine: Machine, data: Data) -> str:
+    return CAUSES[data["id"]].words(machine).advice.format(where=data["where"])
 
 
 def _retake(_: Machine, data: Data) -> str:
     kept = data["kept"]
     few = len(kept) <= 3  # to say why
-    listed = ", ".join(f"r {step} ({why})" if few else f"r {step}" for step, why in kept)
-    return f"Retake what was questioned and kept: {listed}:"
-
-
-def _advice(machine: Machine, data: Data) -> str:
-    return CAUSES[data["id"]].words(machine).advice.format(where=data["where"])
+    steps = ", ".join(f"r {step} ({why})" if few else f"r {step}" for step, why in kept)
+    return f"Retake what was questioned and kept: {steps}:"
 
 
 _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
@@ -194,20 +139,24 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "undecided": _undecided,
     "few_readings": "With so few readings nearly anything fits.",
     "cause_found": "{ids:and} was found.",
-    "unshown_fault": _unshown,
+    "unshown_fault": "If {cause.title} as well{where:place}, which these readings would not show,"
+    " the {words.many} change by up to {change:.3f} {unit}.",
     "offsets_wrong": _offsets_wrong,
-    "unexplained": _unexplained,
-    "other_data_contradict": _contradicted,
+    "unexplained": "No listed cause of usual size explains these data: they leave {left_mm:.3f} mm"
+    " r.m.s., where the {words.noise}'s noise{words.also} would leave {expected_mm:.3f} mm.",
+    "other_data_contradict": "The {data} in the same file contradicts these values beyond U:"
+    " {apart:moves}.",
     # What to know although it may be entered.
-    "within_u": _within_u,
+    "within_u": "With {ids:and} the {words.many} change by at most {change:.3f} {unit}, which is"
+    " within U.",
     "local_shape": "The bed's local shape is about {factor:.1f} times as large as is stated or"
     " usual, and U does not cover all of that. State it as texture_mm of the probe.",
-    "remains": _remains,
+    "remains": "Offsets do not remove {ids:causes}: {left_mm:two} mm r.m.s. will remain.",
     "other_data": _other_data,
     "stale_mesh": "{text}",
     "simulated": "Simulated: no machine was measured.",
     "overdue_gauge": "Gauge {id} is overdue: its calibration was due on {due}.",
-    "temperature_changed": _temperature,
+    "temperature_changed": "The temperature changed by {kelvin:tenths} K while measuring.",
     # The residuals, judged.
     "no_spare_readings": "There are no spare readings: these data cannot show whether the model"
     " fits, and U rests on the {words.noise}'s stated noise ({stated_mm:.2g} mm).",
@@ -223,7 +172,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "not_recorded": "Not recorded: {missing:names}.",
     "of_session": _of_session,
     "other_gauges": "Other gauges were used: {before:names} before, {after:names} after.",
-    "temperatures_differ": _temperatures,
+    "temperatures_differ": "The temperature differed: {before_c:tenths} °C before, {after_c:tenths}"
+    " °C after.",
     # About the data.
     "remark": "{text}",
     "doubtful_readings": "{what} {remedy}",
@@ -233,7 +183,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "not_excluded": "Not excluded, too small to show: {ids:names}.",
     "pattern": "No listed cause explains the residuals. Their pattern: {pattern}.",
     "pattern_in_u": "Its size is part of the uncertainty of the {words.many}.",
-    "two_would_follow": "{ids:with} would also follow it, but two causes follow nearly any"
+    "two_would_follow": "{ids:with} would also fit it, but two causes fit nearly any"
     " pattern. To check them, repeat with {words.further}.",
     "perhaps_also": "These readings cannot show whether {ids:and} is also present.",
     "perhaps_alone": "{id} alone is also possible (probability {probability:.2g}): it is not"
@@ -247,7 +197,9 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "origin_moved": _origin_moved,
     "maps_repeat": "The residual maps of these dates repeat (r = {correlation:.2f}): what the"
     " parameters leave is a shape that lasts, not noise.",
-    "local_residual": _local,
+    "local_residual": "Unexplained: {left_mm:µm} r.m.s., of which {noise_mm:µm} are the probe's"
+    " noise: {beyond_mm:µm} are local, shared by neighbouring places, and no evidence for any"
+    " cause.",
     # Remedies.
     "do": "{what}",
     "validate": "Check the file:",
@@ -255,8 +207,9 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "more_readings": "{words.more}",
     "again": "{words.again}",
     "advice": _advice,
-    "accept": "Correct it, or make {id} part of the machine and use the new machine file:",
-    "look": _look,
+    "accept": "{cause.advice} Or accept {id} as part of the machine:",
+    "look": "Check whether {cause.title}{where:place}. What shows it: {cause.instrument}. If all"
+    " is in order, say so:",
     "retake": _retake,
     "probe_both": "Calibrate and probe a mesh one after the other, with nothing changed in between;"
     " then compare again.",

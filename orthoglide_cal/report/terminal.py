@@ -1,8 +1,8 @@
-"""A page for a terminal, as something that rich prints.
+"""A page as text for a terminal.
 
 Everything is wrapped to the terminal's width but commands and listings: those stay on their lines,
-so that they can be copied. A table that is too wide is turned. Print with `crop=False`, which keeps
-what is wider.
+so that they can be copied. A table that is too wide is turned. Print with `soft_wrap=True`, which
+keeps what is wider.
 """
 
 import re
@@ -10,15 +10,20 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import zip_longest
 
-from rich.console import Console, ConsoleOptions
-from rich.segment import Segment
+from rich.console import Console
 from rich.text import Text
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.report import document as doc
 
 _COLOURS = {"good": "green", "warn": "yellow", "bad": "red", "open": "yellow", "info": "blue"}
-_TYPED = "bold cyan"
+_STYLES = {
+    "typed": "bold cyan",
+    "code": "bold",
+    "strong": "bold",
+    "doubtful": "bold",
+    "small": "dim",
+}
 _TYPED_AT = 46  # column at which what is to be typed begins where there is room
 _BLANK = "_" * 12
 _GAP = "  "
@@ -29,28 +34,19 @@ _NARROWEST = 12  # columns of words are not squeezed below this
 _ANY = Console()  # to wrap text by: what it asks is the same of all
 
 
-class TerminalPage:
-    """The lines of a page, as wide as the console on which they are printed."""
-
-    def __init__(self, page: doc.Page) -> None:
-        self._page = page
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Segment]:
-        for line in _lines(self._page, options.max_width):
-            line.plain = line.plain.replace(_BLANK_HELD, " ")
-            line.rstrip()
-            # They are as wide as they may be: rich need not wrap them again.
-            yield from line.render(console, end="\n")
+@lru_cache(maxsize=1)  # a page is measured, then printed
+def terminal(page: doc.Page, width: int) -> Text:
+    """The page's text, so many columns wide."""
+    lines = [*_Lines(width).of(page)]
+    for line in lines:
+        line.plain = line.plain.replace(_BLANK_HELD, " ")
+        line.rstrip()
+    return Text("\n").join(lines)
 
 
 def height(page: doc.Page) -> int:
-    """How many lines it has on a terminal 80 columns wide."""
-    return len(_lines(page, 80))
-
-
-@lru_cache(maxsize=1)  # a page is measured, then printed
-def _lines(page: doc.Page, width: int) -> tuple[Text, ...]:
-    return tuple(_Lines(width).of(page))
+    """Number of its lines on a terminal 80 columns wide."""
+    return terminal(page, 80).plain.count("\n") + 1
 
 
 class _Lines:
@@ -62,7 +58,7 @@ class _Lines:
     def of(self, page: doc.Page) -> Iterator[Text]:
         headed, begun = page.title is not None, page.notice is not None
         if headed:
-            yield from self._flow(doc.Strong(f"{page.kind}: {page.title}"))
+            yield from self._flow(doc.strong(f"{page.kind}: {page.title}"))
         if page.facts is not None:
             yield from self._facts(page.facts)
         if page.notice is not None:
@@ -72,7 +68,7 @@ class _Lines:
                 yield Text()
             begun = True
             if section.title is not None:
-                yield from self._flow(doc.Strong(section.title))
+                yield from self._flow(doc.strong(section.title))
             for number, block in enumerate(section.blocks):
                 close = section.title is None and not headed
                 if number and isinstance(block, doc.Grid | doc.Figure) and not close:
@@ -104,19 +100,16 @@ class _Lines:
                     first = f"{_GAP}{number}. "
                     yield from self._instruction(item, first, " " * len(first))
             case _:
-                small = isinstance(block, doc.Small)
-                content = block.content if isinstance(block, doc.Small) else block
-                lines = self._flow(content, len(indent), "dim" if small else "")
-                yield from _hung(lines, indent, indent)
+                yield from _hung(self._flow(block, len(indent)), indent, indent)
 
     def _instruction(self, item: doc.Instruction, first: str, rest: str) -> Iterator[Text]:
-        """What to do; what to type stands behind it where both fit on one line."""
+        """A step; its command stands behind it where both fit on one line."""
         *lines, last = _hung(self._flow(item.content, len(first)), first, rest)
         yield from lines
         if not item.command:
             yield last
             return
-        typed = Text(visible(item.command), _TYPED)
+        typed = Text(visible(item.command), _STYLES["typed"])
         free = self._width - typed.cell_len
         if lines or last.cell_len + len(_GAP) > free:
             yield last
@@ -131,7 +124,7 @@ class _Lines:
         So many columns of the console's width are `taken` by what stands in front.
         """
         parts = doc.parts_of(content)
-        whole = (k for k, part in enumerate(parts) if part is None or isinstance(part, doc.Typed))
+        whole = (k for k, part in enumerate(parts) if part is None or part.style == "typed")
         end = next(whole, len(parts))
         sentence, command = _text(parts[:end], style), _text(parts[end:], style)
         lines = self._wrapped(sentence, self._width - taken)
@@ -150,7 +143,7 @@ class _Lines:
         return lines
 
     def _notice(self, notice: doc.Notice) -> Iterator[Text]:
-        sign = Text(f"{notice.tone.sign} ", f"bold {_COLOURS[notice.tone]}")
+        sign = Text(notice.tone.sign, f"bold {_COLOURS[notice.tone]}")
         *lines, last = _hung(self._flow(notice.title, len(sign), "bold"), sign, _GAP)
         yield from lines
         aside = Text(visible(notice.aside))
@@ -161,7 +154,7 @@ class _Lines:
             yield from _hung(self._flow(line, len(_GAP)), _GAP, _GAP)
 
     def _facts(self, facts: doc.Facts, indent: str = "") -> Iterator[Text]:
-        names = [_text((name,), "dim") for name, _ in facts.rows]
+        names = [_text(doc.parts_of(name), "dim") for name, _ in facts.rows]
         room = min(max((name.cell_len for name in names), default=0), _LONGEST_NAME)
         for name, (_, value) in zip(names, facts.rows, strict=True):
             lines = self._flow(value, len(indent) + room + len(_GAP))
@@ -172,7 +165,7 @@ class _Lines:
         """The table; turned where it is too wide, or its rows as lines where that is, too."""
         rows = [[_text(doc.parts_of(cell)) for cell in row] for row in grid.rows]
         if any(grid.head):
-            rows.insert(0, [_text((title,), "dim") for title in grid.head])
+            rows.insert(0, [_text(doc.parts_of(title), "dim") for title in grid.head])
         widths, over = self._widths(rows, grid.words)
         words: Sequence[int] = grid.words
         if over > 0:
@@ -200,7 +193,7 @@ class _Lines:
     def _widths(
         self, rows: Sequence[Sequence[Text]], words: Iterable[int]
     ) -> tuple[list[int], int]:
-        """Of the columns, those of words squeezed as far as needed; how much all are too wide."""
+        """Widths of the columns, those of words squeezed as needed; excess of all together."""
         widths = [max(cell.cell_len for cell in column) for column in zip(*rows, strict=True)]
         over = sum(widths) + len(_GAP) * len(widths) - self._width
         for k in sorted(words, key=lambda k: -widths[k]):
@@ -210,17 +203,14 @@ class _Lines:
         return widths, over
 
 
-def _text(parts: Iterable[doc.Inline | None], style: str = "") -> Text:
+def _text(parts: Iterable[doc.Marked | None], style: str = "") -> Text:
     text = Text(style=style)
     for part in parts:
         if part is None:
             text.append(_BLANK, "dim")
             continue
-        marked = _TYPED if isinstance(part, doc.Typed) else ""
-        if isinstance(part, doc.Strong | doc.Code | doc.Doubtful):
-            marked = "bold"
-        content = part if isinstance(part, str) else part.text
-        text.append(content if content.isprintable() else visible(content), style=marked)
+        content = part.text if part.text.isprintable() else visible(part.text)
+        text.append(content, style=_STYLES.get(part.style, ""))
     text.plain = _HELD.sub(_BLANK_HELD, text.plain)
     return text
 

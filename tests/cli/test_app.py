@@ -63,7 +63,7 @@ def test_every_command_has_help(command: str) -> None:
           for command in ("--help", "--version", "solve --help")),
         *((command, "numpy scipy") for command in ("guide signs", "template machine")),
         *((command, "scipy.optimize scipy.stats matplotlib jinja2")
-          for command in ("solve DOUBLE", "plan", "plan --machine PRINTER")),
+          for command in ("solve DOUBLE", "report DOUBLE", "plan", "plan --machine PRINTER")),
     ],
 )  # fmt: skip
 def test_no_command_loads_what_it_does_not_need(command: str, heavy: str) -> None:
@@ -294,4 +294,4 @@ def test_a_terminal_without_such_letters_keeps_every_sign() -> None:
     lines = shown.stdout.splitlines()
     assert lines[0].startswith("+ The offsets may be entered")
     assert re.search(r"^  y +0.000 +-0.296 +0.024 +-0.296$", shown.stdout, re.MULTILINE)
-    assert "moves by -0.001 +/- 0.023 mm" in " ".join(shown.stdout.split())
+    assert "must move by -0.001 +/- 0.023 mm" in " ".join(shown.stdout.split())

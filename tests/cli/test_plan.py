@@ -93,7 +93,7 @@ def test_a_target_below_what_cannot_be_seen_says_what_would_help(tmp_path: Path)
     assert smaller.count("stays (leg_length). Measure the legs") == 1
     coarse = {"resolution_mm": 0.5, "range_mm": 10.0, "repeatability_mm": 5.0}
     noisy = said("0.1", "--machine", machine(tmp_path, gauge=coarse))
-    assert "More than 50 cycles would do, because of the scatter" in noisy
+    assert "It needs more than 50 cycles, because the readings scatter" in noisy
 
 
 def test_more_cycles_are_said_to_help_where_they_do(tmp_path: Path) -> None:

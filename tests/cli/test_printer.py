@@ -407,14 +407,14 @@ def test_the_report_is_written_whole() -> None:
         # Calibrated again it would get other digits, and no better ones.
         ("solve right.csv",
          ("✔ Nothing to enter: the machine is calibrated within U",
-          "orthocal plan right.csv --machine v400.yaml"), ("type in", "orthocal export")),
+          "orthocal plan right.csv --machine v400.yaml"), ("orthocal export",)),
         ("diagnose right.csv", ("Nothing to enter",), ()),
         ("export right.csv --format klipper", ("Nothing to enter",), ()),
         # One spare reading: any cause fits it, and that nothing is wrong is likelier than each.
         ("diagnose seven.csv",
          ("Undecided: nothing wrong (", "so few readings nearly anything fits",
           "1. Probe more places"), ("Likeliest", "Something is wrong")),
-        ("solve seven.csv", ("nor from a sound machine",), ()),
+        ("solve seven.csv", ("or from a sound machine",), ()),
         # Without a touch to spare the model is not said to fit.
         ("diagnose six.csv", ("these data cannot show",),
          ("✔", "Unexplained: ", "degrees of freedom")),
@@ -457,7 +457,7 @@ def test_values_and_page_give_the_same_residuals() -> None:
     told = found("diagnose", "odd.csv", *MACHINE)
     assert told["verdict"] == "unexplained"
     lack, said = told["lack_of_fit"], page("diagnose", "odd.csv", *MACHINE, "--details")
-    assert f"leave {lack['left_mm']:.4f} mm r.m.s." in said
+    assert f"{lack['left_mm']:.4f} mm r.m.s. remains" in said
     assert f"would leave {lack['expected_mm']:.4f} mm" in said
     assert f"{lack['left_mm']:.3f} mm r.m.s., where" in " ".join(told["release"]["reasons"])
 
@@ -472,7 +472,7 @@ def test_of_what_the_touches_do_not_determine_no_number_is_told() -> None:
     assert page("solve", "grid.csv", *MACHINE).count("not determined") == 6
     pasted = once("export", "grid.csv", *MACHINE, "--format", "klipper", "--force").stdout
     assert "#*# delta_radius = 161.8000" in pasted
-    assert "do not tell: a, b, c, radius, angle_a, angle_b" in pasted
+    assert "do not determine them: a, b, c, radius, angle_a, angle_b" in pasted
 
 
 # --- which of the readings that a printer.cfg stores ------------------------------------------

@@ -24,7 +24,7 @@ from tests.machines import SAMPLES
 
 SAMPLE_FILES = sorted(path.name for path in SAMPLES.iterdir() if path.suffix in (".csv", ".yaml"))
 SPEAKING = ("solve", "diagnose", "report", "export")
-ORDERS = ("type in", "Enter the offsets", "may be entered", "HOME_OFFSET")
+ORDERS = ("Enter the offsets", "may be entered", "HOME_OFFSET")
 COMMAND = re.compile(r"(?:^|[\s`>])orthocal ([a-z]+ [^\n`]+)")
 
 

@@ -1,4 +1,4 @@
-"""`report`, `verify` and `export` from the command line: exit codes, files, speed, imports."""
+"""`report`, `verify` and `export` from the command line: exit codes and files."""
 
 import json
 from itertools import product
@@ -130,8 +130,3 @@ def test_export_table_needs_an_accepted_cause(healthy: Path, tmp_path: Path):
     table = run("export", gap, "--machine", extended, "--format", "table", "--points", 2)
     assert table.exit_code == 0, table.stderr
     assert len(table.stdout.splitlines()) == 9
-
-
-def test_no_plotting_library_is_loaded(healthy: Path, tmp_path: Path):
-    loaded = program.modules_after("report", str(healthy), "--html", str(tmp_path / "page.html"))
-    assert not {"matplotlib", "scipy.optimize", "jinja2"} & loaded

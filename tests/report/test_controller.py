@@ -65,7 +65,7 @@ def test_linuxcnc_snippet_is_an_ini_with_one_offset_per_joint(released: Case) ->
     assert [len(settings[name]) for name in settings.sections()] == [1, 1, 1]
     assert "re-home all three axes" in text
     assert "previous +0.100" in text
-    assert "Check, gauge at the middle of leg" in text
+    assert "Check: put the gauge at the middle of leg" in text
 
 
 def test_text_says_what_the_controller_says_and_what_is_true(released: Case) -> None:
@@ -112,13 +112,6 @@ def test_compensation_table_is_numbers() -> None:
     assert {row["not_compensated"] for row in rows} == {"thermal_drift"}
     first = np.array([float(rows[0][f"add_to_joint_{axis}_mm"]) for axis in "xyz"])
     assert first == pytest.approx(table.corrections_mm[0], abs=5.1e-5)
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_the_command_to_verify_keeps_the_machine_file(released: Case, name: str) -> None:
-    case = replace(released, machine_file=Path("mine.yaml"))
-    text = FORMATS[name](*export(case))
-    assert "orthocal verify made.csv AFTER --machine mine.yaml --applied" in text
 
 
 def test_previous_offsets_keep_their_digits() -> None:

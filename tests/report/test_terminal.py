@@ -13,7 +13,7 @@ from orthoglide_cal.files.table import in_csv
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.escape import in_markdown
 from orthoglide_cal.report.markdown import markdown
-from orthoglide_cal.report.terminal import TerminalPage
+from orthoglide_cal.report.terminal import terminal
 from tests.report.cases import documents
 
 KINDS = tuple(documents())
@@ -26,7 +26,7 @@ def shown(page: doc.Page, width: int = 80, colour: bool = False) -> str:
     Console(
         file=file, width=width, highlight=False, markup=False, emoji=False,
         force_terminal=colour, color_system="standard" if colour else None,
-    ).print(TerminalPage(page), crop=False)  # fmt: skip
+    ).print(terminal(page, width), soft_wrap=True)  # fmt: skip
     return file.getvalue()
 
 
@@ -43,15 +43,13 @@ def blocks_of(page: doc.Page) -> Iterator[doc.Block]:
 def lines_of(block: doc.Block) -> Iterator[doc.Line]:
     """Every line of a block but what stands in grids."""
     match block:
-        case doc.Small():
-            yield block.content
         case doc.Notice():
             yield from block.lines
         case doc.Facts():
             yield from (value for _, value in block.rows if value is not None)
         case doc.Instructions():
             yield from (item.content for item in block.items)
-        case str() | tuple():
+        case str() | tuple() | doc.Marked():
             yield block
 
 
@@ -60,7 +58,7 @@ def unwrapped(page: doc.Page) -> list[str]:
     found = []
     for block in blocks_of(page):
         parts = [part for line in lines_of(block) for part in doc.parts_of(line)]
-        found += [part.text for part in parts if isinstance(part, doc.Typed)]
+        found += [part.text for part in parts if part and part.style == "typed"]
         if isinstance(block, doc.Instructions):
             found += [item.command for item in block.items if item.command]
         if isinstance(block, doc.Listing):
@@ -93,10 +91,10 @@ def test_commands_are_never_wrapped(kind):
 @pytest.mark.parametrize(
     "block",
     [
-        ("Run next: ", doc.Typed(LONG)),
-        doc.Facts((("a rather long name of a fact", doc.Typed(LONG)),)),
+        ("Run next: ", doc.typed(LONG)),
+        doc.Facts((("a rather long name of a fact", doc.typed(LONG)),)),
         doc.Instructions((doc.Instruction("Do this " * 20, LONG),)),
-        doc.Notice(doc.Tone.INFO, "title", (("x " * 60, doc.Typed(LONG)),)),
+        doc.Notice(doc.Tone.INFO, "title", (("x " * 60, doc.typed(LONG)),)),
         doc.Listing((f"    → {LONG}",)),
     ],
 )

@@ -232,7 +232,7 @@ def test_a_cause_that_moves_nothing_does_not_bar_the_offsets() -> None:
     near = replace(diagnosis, offsets_mm=solution.offsets_mm + 0.001)
     decision = release(solution, near)
     assert decision.usable
-    assert "misread moves no offset" in sentences(decision.cautions)[0]
+    assert "With misread the offsets change by at most" in sentences(decision.cautions)[0]
     assert not release(solution, replace(near, offsets_mm=solution.offsets_mm + 0.1)).usable
 
 

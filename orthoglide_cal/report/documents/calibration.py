@@ -33,9 +33,8 @@ from orthoglide_cal.report.documents.pictures import differences_figure, residua
 from orthoglide_cal.report.documents.solution import (
     alone_block,
     budget_sections,
+    fit_facts,
     found_words,
-    method_words,
-    noise_words,
     open_blocks,
     parameters_grid,
     parameters_title,
@@ -68,7 +67,7 @@ def calibration_document(
     Args:
         case, identity: the result and its number.
         left: of the session measured after the adjustment; None without one.
-        limit_mm: largest deviation allowed; None where nobody said.
+        limit_mm: largest deviation allowed; None where none is given.
     """
     given, answer = case.given.conditions, case.answer
 
@@ -93,7 +92,7 @@ def calibration_document(
         machine = case.machine
         recorded = [(answer.input, answer.validity)]
         if left is not None:
-            recorded = [(each, each.validity) for each in (left.before, left.after)]
+            recorded = [(side, side.validity) for side in (left.before, left.after)]
         frame = signed_page("Calibration report", machine, identity, recorded)
         sheet = [*frame.sheet]
         pages: list[doc.Section] = []
@@ -140,37 +139,32 @@ def _notice(case: Case, left: Verification | None) -> doc.Notice:
     """The verdict, with what to know before relying on it; of a refused result what is wrong."""
     if left is not None:
         return verification_notice(left)
-    answer, notice = case.answer, decision_notice(case)
-    release = answer.release
+    answer, notice, release = case.answer, decision_notice(case), case.answer.release
     wrong = _wrong(case) if release.sound and answer.parameters and not release.usable else ""
     if wrong:
-        notice = doc.Notice(notice.tone, wrong, (doc.Strong(f"{notice.title}."), *notice.lines))
+        lines = doc.strong(f"{notice.title}."), *notice.lines
+        notice = replace(notice, title=wrong, lines=lines, aside="")
     known = [*release.reasons, *release.cautions]
-    others = (each for each in answer.validity.reservations if each not in known)
-    return reserved(notice, [*map(case.says, others)])
+    return reserved(notice, [case.says(e) for e in answer.validity.reservations if e not in known])
 
 
 def _wrong(case: Case) -> str:
-    """What is wrong with the machine or the readings, as a title; "" where only numbers are."""
+    """The fault of the machine or the readings, as a title; "" where only numbers are wrong."""
     answer = case.answer
     if answer.verdict is Verdict.AMBIGUOUS:
         return headline(case).rstrip(".")
     if answer.verdict is Verdict.UNEXPLAINED and answer.lack_of_fit is not None:
-        left = plain(answer.lack_of_fit.left_mm, 3)
-        return f"{left} mm r.m.s. is left that no known cause explains"
-    if answer.verdict is not Verdict.NAMED:
-        return ""
+        return f"Unexplained: {plain(answer.lack_of_fit.left_mm, 3)} mm r.m.s."
     if answer.shims:
-        size = max(shim.mm for shim in answer.shims)
-        return f"The rails miss each other by {plain(size, 2)} mm"
+        return f"The rails miss each other by {plain(max(shim.mm for shim in answer.shims), 2)} mm"
     titles = []
-    for cause in answer.causes:
+    for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
         titles.append(case.title_of(cause.id))
         largest = max(cause.parameters, key=lambda each: abs(each.value), default=None)
         if largest is not None and largest.std:
             titles[-1] += f", by {two_figures(abs(largest.value))} {unit_words(largest.unit)}"
-    said = " and ".join(titles)
-    return said[0].upper() + said[1:]
+    title = " and ".join(titles)
+    return title[:1].upper() + title[1:]
 
 
 def _gap(answer: Answer) -> Iterator[doc.Section]:
@@ -179,14 +173,16 @@ def _gap(answer: Answer) -> Iterator[doc.Section]:
         return
     both = ((cause.id, each) for cause in answer.causes for each in cause.parameters)
     gaps = [gap for id, gap in both if CAUSES[id].shim(gap.name, gap.value)]
-    rows = []
-    for gap, shim in zip(gaps, answer.shims, strict=True):
-        size = f"{with_uncertainty(gap.value, gap.expanded)} mm"
-        told = f"move rail {shim.rail} by {plain(shim.mm, 2)} mm towards {shim.along}"
-        rows.append((doc.Strong(gap.name), size, told))
+    columns: dict[str, Sequence[doc.Blank]] = {
+        "rails": [doc.strong(gap.name) for gap in gaps],
+        "gap ± U": [f"{with_uncertainty(gap.value, gap.expanded)} mm" for gap in gaps],
+        "shim": [
+            f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in answer.shims
+        ],
+    }
     caption = "Shim all three, then measure again. xy: how far rail x lies above rail y, along z;"
     caption += " and so on. U: 95 %."
-    grid = doc.Grid(("rails", "gap ± U", "shim"), rows, (0, 1, 2), caption)
+    grid = doc.Grid.of(columns, (0, 1, 2), caption)
     picture = figures.rails_sketch({gap.name: gap.value for gap in gaps})
     key = "The rails where they really are, their gaps enlarged."
     figure = doc.Figure(None, "", (picture,), columns=0, key=key)
@@ -196,7 +192,7 @@ def _gap(answer: Answer) -> Iterator[doc.Section]:
 def _result(
     case: Case, left: Verification | None, drawn: Sequence[doc.Block]
 ) -> Iterator[doc.Section]:
-    """What to do, and the parameters with U next to the differences; in small print where they
+    """Next steps, and the parameters with U next to the differences; in small print where they
     must not be entered.
     """
     answer = case.answer
@@ -212,8 +208,8 @@ def _result(
     else:
         found = ", ".join(f"{each.name} {found_words(each)}" for each in answer.parameters)
         causes = " and ".join(answer.named)
-        said = f"{case.words.title} found{f' with {causes}' if causes else ''}, not to be entered:"
-        yield doc.Section(None, doc.Small(f"{said} {found} (± U, 95 %)."), *open_blocks(case))
+        lead = f"{case.words.title} found{f' with {causes}' if causes else ''}, not to be entered:"
+        yield doc.Section(None, doc.small(f"{lead} {found} (± U, 95 %)."), *open_blocks(case))
 
 
 def _differences(
@@ -232,15 +228,14 @@ def _differences(
 
 
 def _other(case: Case) -> doc.Section:
-    """What else the same file stores: its verdict, and what is left of it."""
-    notice, rms = decision_notice(case), case.answer.rms
-    title = f"Also judged: {data_words(case.source, case.answer.input.kind, 0)}"
-    told = []
-    if rms is not None:
+    """Other data of the same file: their verdict and residuals."""
+    blocks: list[doc.Block] = [decision_notice(case)]
+    if rms := case.answer.rms:
         before, after = (plain(size, 4) for size in (rms.before_mm, rms.after_mm))
-        told = [f"{before} mm r.m.s. as found, {after} would be left."]
+        blocks.append(f"{before} mm r.m.s. as found, {after} would be left.")
     again = doc.Instruction("See all of it.", case.typed("report"))
-    return doc.Section(title, notice, *told, doc.Instructions([again]))
+    title = f"Also judged: {data_words(case.source, case.answer.input.kind, 0)}"
+    return doc.Section(title, *blocks, doc.Instructions([again]))
 
 
 # --- the evidence -----------------------------------------------------------------------------
@@ -259,15 +254,13 @@ def _workspace(
 
     lead = f"As found: up to {up_to(found.before_mm, found.worst_before_mm)}."
     if after is None:
-        why = ", which is the uncertainty of the offsets."
+        why = ", from uncertainty alone."
         if causes := " and ".join(cause.id for cause in case.known):
             why = f"; {two_figures(found.left_mm)} mm of that comes from {causes}, which offsets do"
             why += " not remove."
         lead += f" Expected: at most {up_to(found.after_mm, found.worst_after_mm)}{why}"
-        for cause in case.known:
-            if cause.timed:
-                lead += f" What {cause.id} does depends on time or on the way there, and is not"
-                lead += " included."
+        if timed := " and ".join(cause.id for cause in case.known if cause.timed):
+            lead += f" Not included: the effect of {timed}, which depends on time or path."
     else:
         lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
     low, high = (plain(edge, 0) for edge in found.cube_mm)
@@ -287,13 +280,13 @@ def _conditions(case: Case) -> doc.Section:
     given, machine, answer = case.given.conditions, case.machine, case.answer
     gauge, noise = machine.instrument, machine.vocabulary.noise
     rows: list[tuple[str, doc.Blank]] = [
-        ("Protocol", None if given.protocol is None else doc.Given(given.protocol)),
+        ("Protocol", None if given.protocol is None else doc.given(given.protocol)),
         ("Started", moment(given.started)),
         ("Finished", moment(given.finished)),
     ]
     # Temperatures stand under the verdict.
     remarks = ((name, text) for name, text in given.environment if "temperature" not in name)
-    rows += [(name.replace("_", " "), doc.Given(text)) for name, text in remarks]
+    rows += [(name.replace("_", " "), doc.given(text)) for name, text in remarks]
     if case.given.is_session:
         rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
     # Blanks are for those who write down how it was.
@@ -310,7 +303,7 @@ def _conditions(case: Case) -> doc.Section:
     if places:
         blocks.append(_sketch(case, sorted(places)))
     if given.notes and answer.parameters:
-        notes = [(str(line), doc.Given(note)) for line, note in given.notes[:_MOST_NOTES]]
+        notes = [(str(line), doc.given(note)) for line, note in given.notes[:_MOST_NOTES]]
         blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
     return doc.Section(f"Conditions and {noise}s", *blocks)
 
@@ -337,9 +330,9 @@ def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
             marked.append(f"{cause.id}: {cause.where or ', '.join(seen)}")
     limits = machine.joint_limits_mm
     drawn = figures.machine_sketch(machine.leg_length_mm, limits, places, faults, rails)
-    told = f"Marked: {'; '.join(marked)}." if marked else ""
+    finding = f"Marked: {'; '.join(marked)}." if marked else ""
     key = "○ dial: its reading grows when the leg moves towards it."
-    return doc.Figure("Where the gauges stood", told, (drawn,), columns=0, key=key)
+    return doc.Figure("Where the gauges stood", finding, (drawn,), columns=0, key=key)
 
 
 def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Section:
@@ -353,14 +346,14 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
         rows += compared_inputs(left)
     else:
         rows += [
-            ("Input", doc.Given(file_words(answer.input.path))),
-            ("SHA-256", doc.Code(answer.input.sha256)),
+            ("Input", doc.given(file_words(answer.input.path))),
+            ("SHA-256", doc.code(answer.input.sha256)),
             ("Data", data_words(case.source, answer.input.kind, answer.input.readings)),
         ]
-    rows += [("Machine", doc.Given(machine.name)), ("Geometry", machine.geometry_words)]
+    rows += [("Machine", doc.given(machine.name)), ("Geometry", machine.geometry_words)]
     if model.accepted:
         rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.accepted)))
     if answer.method is not None and answer.noise is not None:
-        rows += [("Solved by", method_words(case)), ("Noise, mm", noise_words(answer))]
-    notes = (doc.Small(case.says(warning)) for warning in answer.warnings)
+        rows += fit_facts(case)
+    notes = (doc.small(case.says(warning)) for warning in answer.warnings)
     return doc.Section("Traceability", doc.Facts(rows), *notes)

@@ -15,11 +15,8 @@ from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.measured import weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
-    NOT_NEEDED,
     Case,
-    change_words,
     decision_notice,
-    decision_tone,
     to_do,
 )
 from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections
@@ -66,8 +63,8 @@ def diagnosis_document(case: Case) -> doc.Document:
 def _screen(case: Case) -> doc.Page:
     """The numbers that decide, one thought each, and what to do.
 
-    Where a screen has too few lines for it, notes give way, then baselines, what need not be said
-    again, the residuals, and the last steps.
+    Where a screen has too few lines for it, notes give way, then baselines, the reminder to
+    solve again, the residuals, and the last steps.
     """
     answer = case.answer
     undecided = answer.verdict is Verdict.AMBIGUOUS
@@ -100,9 +97,9 @@ def _screen(case: Case) -> doc.Page:
 
 def _notice(case: Case) -> doc.Notice:
     """The verdict, and what it means for the parameters."""
-    answer, words, release = case.answer, case.words, case.answer.release
+    answer, release, notice = case.answer, case.answer.release, decision_notice(case)
     if not release.usable and answer.verdict in (None, Verdict.CONSISTENT):
-        return decision_notice(case)  # not the model is wrong, but the numbers
+        return notice  # not the model is wrong, but the numbers
     title = headline(case)
     if answer.verdict is Verdict.NAMED:
         ids, share = [cause.id for cause in answer.causes], answer.causes[0].probability
@@ -111,36 +108,30 @@ def _notice(case: Case) -> doc.Notice:
         else:
             title = f"{title.rstrip('.')} ({ids[0]}, {percent(share, 1)})"
     elif answer.verdict is Verdict.AMBIGUOUS:
-        said = [f"{_name(each)} ({percent(each.probability)})" for each in _open(answer)]
-        if len(said) == 1:
+        names = [f"{_name(each)} ({percent(each.probability)})" for each in _open(answer)]
+        if len(names) == 1:
             beyond = sum(each.probability for each in answer.explanations if each.pattern)
-            said.append(f"something that is not on the list ({percent(beyond)})")
+            names.append(f"something that is not on the list ({percent(beyond)})")
         # By name: none comes first that the data do not carry.
-        first = sorted(said[:2], key=lambda text: (not text.startswith(_NOTHING), text))
-        title = f"Undecided: {', or '.join(first)}" if len(said) > 1 else title
-        title += f", or {counted(len(said) - 2, 'other')}" if len(said) > 2 else ""
-    reasons, cautions = (
-        tuple(map(case.says, each)) for each in (release.reasons, release.cautions)
-    )
-    told: tuple[doc.Line, ...] = (f"Do not enter the {words.many}.", *reasons)
-    if release.settled:
-        told = (f"{NOT_NEEDED}. {change_words(case)}", *cautions)
-    elif release.usable:
-        told = (f"The {words.many} may be entered.", *cautions)
-    elif answer.alone is not None and release.codes[0] in ("offsets_wrong", "cause_found"):
+        first = sorted(names[:2], key=lambda text: (not text.startswith(_NOTHING), text))
+        title = f"Undecided: {', or '.join(first)}" if len(names) > 1 else title
+        title += f", or {counted(len(names) - 2, 'other')}" if len(names) > 2 else ""
+    lines = [f"{notice.title}.", *notice.lines]
+    reason = release.reasons[0].code if release.reasons else ""
+    if answer.alone is not None and reason in ("offsets_wrong", "cause_found"):
         wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
-        alone = f"the {words.many} alone would be wrong by up to {wrong}"
-        told = (f"Do not enter anything yet: {alone}.", *reasons[1:])
-    elif release.codes[0] == "undecided":
-        u = f"{two_figures(max(each.expanded for each in answer.parameters))} {case.unit}"
-        why = f": until that is decided they may be wrong by {u}" if case.unit else ""
-        told = (" ".join((f"Do not enter the {words.many}{why}.", *reasons[1:])),)
-    return doc.Notice(decision_tone(answer), title, told, case.about)
+        alone = f"the {case.words.many} alone would be wrong by up to {wrong}"
+        lines[:2] = [f"Do not enter anything yet: {alone}."]
+    elif reason == "undecided":
+        u = two_figures(max(each.expanded for each in answer.parameters))
+        why = f": until that is decided they may be wrong by {u} {answer.parameters[0].unit}"
+        lines[:2] = [f"{notice.title}{why if common_unit(case.machine) else ''}."]
+    return replace(notice, title=title, lines=tuple(lines))
 
 
 def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
     """Where the causes are, and their parameters; with `offsets` also those of the machine."""
-    answer = case.answer
+    answer, unit = case.answer, common_unit(case.machine)
     lines: list[tuple[str, Sequence[str]]] = []
     for cause in answer.causes:
         shown = cause.parameters
@@ -149,63 +140,64 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
             shown = tuple(largest[:_MOST_CELLS])
         rows = [(each.name, each.value, each.expanded, each.unit) for each in shown]
         if cause.where:
-            named = sizes(rows, True)
-            if CAUSES[cause.id].stage is Stage.RECORD and len(rows) == 1:
-                too = "high" if rows[0][1] > 0.0 else "low"
-                unsigned = (
-                    named[0].translate(str.maketrans("", "", "+−")).replace(" 1 turns", " 1 turn")
-                )
-                named = [f"{unsigned} too {too}"]
-            alone = [text.partition(" ")[2] for text in named]
-            size = f": {', '.join(named if len(rows) > 1 else alone)}" if named else ""
-            yield f"{cause.id} at {cause.where.removeprefix('at ')}{size}."
+            cells = sizes(rows, True)
+            if len(rows) == 1:
+                cells = [cells[0].partition(" ")[2]]
+                if CAUSES[cause.id].stage is Stage.RECORD:
+                    size = cells[0].lstrip("+−").replace("1 turns", "1 turn")
+                    cells = [f"{size} too {'high' if rows[0][1] > 0.0 else 'low'}"]
+            place = f"{cause.id} at {cause.where.removeprefix('at ')}"
+            yield f"{': '.join(filter(None, (place, ', '.join(cells))))}."
         elif rows:
-            left = len(cause.parameters) - len(rows)
-            cells = [*sizes(rows, False), *([f"and {left} smaller"] if left else [])]
+            others = len(cause.parameters) - len(rows)
+            cells = [*sizes(rows, False), *([f"and {counted(others, 'other')}"] * bool(others))]
             lines.append((f"{cause.id}, {unit_words(shown[0].unit)}", cells))
     if offsets:
         known = (each for each in answer.parameters if each.determined)
-        found = [(each.name, each.found or 0.0, each.expanded, each.unit) for each in known]
-        unit = common_unit(case.machine)
-        with_it = " with it" * bool(answer.named)
-        lines.append((f"{case.words.many}{with_it}{unit}", sizes(found, not unit)))
+        rows = [(each.name, each.found or 0.0, each.expanded, each.unit) for each in known]
+        causes = _with_causes(case) if answer.named else ""
+        lines.append((f"{case.words.many}{causes}{unit}", sizes(rows, not unit)))
     if lines:
-        yield sizes_grid(lines, 3 if case.unit else 2)
+        yield sizes_grid(lines, 3 if unit else 2)
+
+
+def _with_causes(case: Case) -> str:
+    ids = " and ".join(cause.id for cause in case.answer.causes)
+    return f" with {ids}" if ids else ""
+
+
+def _omitted(case: Case) -> str:
+    return "later readings" if case.answer.holdout else "omitted readings"
 
 
 def _rms_grid(case: Case) -> doc.Grid:
-    """What is left without and with the causes, of readings fitted and not."""
+    """Residuals without and with the causes, of readings fitted and not."""
     answer, lack = case.answer, case.answer.lack_of_fit
-    with_it = ["with them" if len(answer.causes) > 1 else "with it"] if answer.causes else []
     left: dict[str, tuple[float, ...]] = {}
     for first in answer.causes[:1]:
-        where = "later readings" if answer.holdout else "left out of the fit"
         left["fitted"] = first.rms_before_mm, first.rms_after_mm
-        left[where] = first.heldout_before_mm, first.heldout_after_mm
+        left[f"predicting {_omitted(case)}"] = first.heldout_before_mm, first.heldout_after_mm
     if lack is not None:
         left.setdefault("fitted", (lack.left_mm,))
         left[f"{case.words.noise}'s noise{case.words.also} would leave"] = (lack.expected_mm,)
-    rows = []
-    for name, own in left.items():
-        blank = [""] * (1 + len(with_it) - len(own))
-        rows.append((name, *(plain(mm, 4) for mm in own), *blank))
-    return doc.Grid(("r.m.s., mm", f"{case.words.many} only", *with_it), rows)
+    head = ["r.m.s., mm", f"{case.words.many} only", *filter(None, [_with_causes(case).strip()])]
+    rows = [(name, *(plain(mm, 4) for mm in pair), "")[: len(head)] for name, pair in left.items()]
+    return doc.Grid(head, rows)
 
 
 def _baselines(case: Case) -> Iterator[doc.Block]:
-    """What a printer's extension predicts, compared with what needs no cause."""
+    """Predictions of a printer's extension, compared with those that need no cause."""
     found = case.answer.baselines
     if found is None:
         return
-    where = "the later readings" if case.answer.holdout else "readings left out of the fit"
     named = {
         f"{case.words.many} alone": found.parameters_mm,
         "extension": found.extension_mm,
         "a quartic surface instead": found.quartic_mm,
         "the earlier map instead": found.earlier_map_mm,
     }
-    sizes = [f"{what} {plain(1e3 * mm, 1)}" for what, mm in named.items() if mm is not None]
-    yield f"Prediction errors of {where}, µm r.m.s.: {', '.join(sizes)}."
+    errors = [f"{name} {plain(1e3 * mm, 1)}" for name, mm in named.items() if mm is not None]
+    yield f"Errors of predicting {_omitted(case)}, µm r.m.s.: {', '.join(errors)}."
 
 
 def _open(answer: Answer) -> list[Explanation]:
@@ -220,23 +212,23 @@ def _name(each: Explanation) -> str:
 
 
 def _open_grid(case: Case) -> doc.Grid:
-    """What each open explanation leaves, and the parameters under it."""
+    """Residuals and parameters under each open explanation."""
     rows = []
     names = [each.name for each in case.answer.parameters]
     for each in _open(case.answer)[:_MOST_OPEN]:
-        own = {
+        values = {
             one.name: signed(one.found, decimals_for(2.0 * one.std))
             for one in each.parameters
             if one.found is not None
         }
         left = "" if each.rms_mm is None else plain(each.rms_mm, 4)
-        rows.append((_name(each), left, *(own.get(name, "") for name in names)))
-    what = f"{case.words.many}{common_unit(case.machine)}"
-    return doc.Grid((what, "r.m.s. left, mm", *names), rows)
+        rows.append((_name(each), left, *(values.get(name, "") for name in names)))
+    head = f"{case.words.many}{common_unit(case.machine)}"
+    return doc.Grid((head, "r.m.s. left, mm", *names), rows)
 
 
 def _steps(case: Case) -> Iterator[doc.Instruction]:
-    """What to do next: remedies, the measurement that decides, or entering."""
+    """Next steps: remedies, the measurement that decides, or entering."""
     answer, release = case.answer, case.answer.release
     if answer.verdict is Verdict.AMBIGUOUS:
         if "few_readings" in release.codes:  # more of them come first
@@ -250,15 +242,14 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
         found, shape = answer.baselines, case.machine.shape
         open_ids = (*answer.ambiguous_with, *(cause.id for cause in answer.causes))
         if found is not None and shape in open_ids and found.extension_mm < found.parameters_mm:
-            # What lasts may be carried, whatever makes it.
+            # What lasts may be carried, whatever its cause.
             typed = case.typed("diagnose", f"--accept {shape}")
-            yield doc.Instruction("Or make the shape part of the model, whatever makes it", typed)
-    elif "other_data_contradict" in release.codes:
+            yield doc.Instruction(
+                "Or accept the shape as part of the machine, whatever its cause", typed
+            )
+    elif not release.usable:
         yield from case.remedies()
-    elif answer.verdict is Verdict.NAMED and any(fault.matters for fault in answer.unshown):
-        # The size of the causes depends on it, too: their remedies come when that is decided.
-        yield from case.remedies()
-        if answer.next_measurement is not None:
+        if answer.next_measurement is not None and any(each.matters for each in answer.unshown):
             decides = _next_step(case)
             yield replace(decides, content=f"Or: {decides.content}")
     elif answer.verdict is Verdict.NAMED:
@@ -267,23 +258,21 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             yield doc.Instruction(cause.remedy)
             if cause.recommended:
                 typed = case.typed("diagnose", f"--accept {cause.id}")
-                yield doc.Instruction("Or accept it as part of the model", typed)
-    elif not release.usable:
-        yield from case.remedies()
+                yield doc.Instruction("Or accept it as part of the machine", typed)
     if release.settled:
-        yield doc.Instruction("See which readings would show more", case.typed("plan"))
+        yield doc.Instruction("See which further readings would help", case.typed("plan"))
     elif release.usable:
         yield doc.Instruction("See what to enter", case.typed("solve"))
 
 
 def _page(case: Case) -> doc.Page:
     answer = case.answer
-    told: list[doc.Block] = [parameters_grid(case)]
+    blocks: list[doc.Block] = [parameters_grid(case)]
     if answer.verdict is Verdict.AMBIGUOUS:
-        told.append("U includes the undecided causes.")
+        blocks.append("U includes the undecided causes.")
     elif answer.verdict is Verdict.UNEXPLAINED:
-        told.append("U includes what is unexplained.")
-    told += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
+        blocks.append("U includes the unexplained part.")
+    blocks += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
     return doc.Page(
         kind="Diagnosis",
         notice=_notice(case),
@@ -291,7 +280,7 @@ def _page(case: Case) -> doc.Page:
         sections=(
             doc.Section("Causes", *_cause_blocks(case)),
             *residual_sections(case, _fit_blocks(case)),
-            doc.Section(parameters_title(case), *told),
+            doc.Section(parameters_title(case), *blocks),
         ),
     )
 
@@ -308,25 +297,25 @@ def headline(case: Case) -> str:
             return "Undecided: these data do not show what is wrong, or whether anything is."
         return "Undecided: these data leave open what is wrong."
     if answer.verdict is not Verdict.CONSISTENT:
-        beyond = [
-            f"{each.id} at {each.times:.0f} times its size" for each in answer.beyond_tolerance
-        ]
-        only = f"only {' or '.join(beyond)} would explain what these readings show"
-        told = only if beyond else "something is wrong that no listed cause explains"
-        return f"Unexplained: {told}."
+        far = [f"{each.id} at {each.times:.0f} times its size" for each in answer.beyond_tolerance]
+        only = f"only {' or '.join(far)} would explain what these readings show"
+        return f"Unexplained: {only if far else 'no listed cause explains these readings'}."
     if lack is not None and not lack.dof:
-        told = "Consistent, but there is no reading to spare: these data cannot show whether the"
-        return f"{told} model fits."
+        return (
+            "Consistent, but without spare readings these data cannot show whether the model fits."
+        )
     noise = f"this {case.words.noise}'s noise{case.words.also}"
-    told = f"nothing shows beyond {noise}; the model fits."
+    text = f"nothing shows beyond {noise}; the model fits."
     if lack is not None and lack.p_value < UNUSUAL:
-        told = f"what is left is larger than usual for {noise}, not large enough to call the model"
-        told += " wrong."
+        text = (
+            f"the residuals are larger than usual for {noise}, not large enough to call the model"
+        )
+        text += " wrong."
     for each in answer.undetermined:
         if each.name not in [parameter.name for parameter in answer.parameters]:
             within = f"{each.within:.2g} {unit_words(each.unit)}"
-            told += f" The readings do not determine {each.name}: it may be off by {within} (1 σ)."
-    return f"Consistent: {told}"
+            text += f" The readings do not determine {each.name}: it may be off by {within} (1 σ)."
+    return f"Consistent: {text}"
 
 
 def diagnosis_section(case: Case) -> doc.Section:
@@ -338,7 +327,7 @@ def diagnosis_section(case: Case) -> doc.Section:
 
 
 def _cause_blocks(case: Case) -> Iterator[doc.Block]:
-    """What is open; each cause with place and size, and what all of them are worth."""
+    """Open explanations; each cause with place and size; what all of them gain."""
     answer = case.answer
     if answer.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED) and _open(answer):
         yield _open_grid(case)
@@ -347,17 +336,17 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
     yield from _sizes(case)
     yield _rms_grid(case)
     for cause in answer.causes:
-        told = [(cause.id, case.title_of(cause.id))]
+        lines = [(cause.id, case.title_of(cause.id))]
         if cause.id in case.machine.companions:
-            told.append(("doubt", case.machine.companions[cause.id]))
+            lines.append(("doubt", case.machine.companions[cause.id]))
         if not cause.in_machine:
             note = "It lies in the measurement: nothing for the controller to correct."
-            told.append(("note", note))
+            lines.append(("note", note))
         elif not cause.recommended:
-            told.append(("note", "Making it part of the machine's model is not recommended."))
+            lines.append(("note", "Making it part of the machine's model is not recommended."))
         if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
-            told.append(("looks like", ", ".join(cause.aliases)))
-        yield doc.Facts(told)
+            lines.append(("looks like", ", ".join(cause.aliases)))
+        yield doc.Facts(lines)
     share = percent(answer.causes[0].probability, 1)
     nothing = nothing_wrong(answer.explanations)
     if nothing is not None:
@@ -377,18 +366,18 @@ def _next_step(case: Case) -> doc.Instruction:
     answer, following = case.answer, case.answer.next_measurement
     if following is not None and following.between:
         first, second = between_words(following)
-        told = f"{following.what} About {following.minutes:.0f} min; it distinguishes {first}"
-        told += f" from {second} ({following.separation_sigma:.1f} σ)."
-        return doc.Instruction(told, case.further(following.session))
+        text = f"{following.what} About {following.minutes:.0f} min; it distinguishes {first}"
+        text += f" from {second} ({following.separation_sigma:.1f} σ)."
+        return doc.Instruction(text, case.further(following.session))
     if not answer.ambiguous_with:
-        again = f"Repeat the session with {case.words.further}: what is real returns as it is."
+        again = f"Repeat the session with {case.words.further}: a real fault returns unchanged."
         return doc.Instruction(again)
     open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
-    told = "No further reading of this kind is likely to decide."
+    text = "No further reading of this kind is likely to decide."
     if not any(CAUSES[id].in_machine for id in open_ids):
-        told += " All of them are faults of the measurement: measure there again, and leave the old"
-        told += " readings out. Then it does not matter which it was."
-    return doc.Instruction(told)
+        text += " All of them are faults of the measurement: measure there again, and leave the old"
+        text += " readings out. Then it does not matter which it was."
+    return doc.Instruction(text)
 
 
 def between_words(each: NextMeasurement) -> tuple[str, str]:
@@ -398,19 +387,19 @@ def between_words(each: NextMeasurement) -> tuple[str, str]:
 
 
 def _doubts(case: Case, all: bool = True) -> Iterator[str]:
-    """What these readings would not show, and causes far beyond their size.
+    """Faults that these readings would not show, and causes far beyond their size.
 
     Without `all` not those that the decision names, and of several only their names.
     """
     answer, machine = case.answer, case.machine
-    faults = [each for each in answer.unshown if all or not each.matters]
-    where = [f" ({fault.where})" if fault.where else "" for fault in faults]
+    faults = [fault for fault in answer.unshown if all or not fault.matters]
+    places = {fault: f" ({fault.where})" if fault.where else "" for fault in faults}
     if len(faults) > 1 and not all:
-        named = " or ".join(f"{fault.id}{at}" for fault, at in zip(faults, where, strict=True))
+        named = " or ".join(f"{fault.id}{place}" for fault, place in places.items())
         yield f"These readings would not show {named}. How to check: --details."
-        faults = []
-    for fault, at in zip(faults, where, strict=False):
-        title = case.title_of(fault.id) + at
+        places = {}
+    for fault, place in places.items():
+        title = case.title_of(fault.id) + place
         yield f"These readings would not show if {title}. What shows it: {fault.check}."
     for each in answer.causes:
         if each.times_stated is not None:
@@ -428,19 +417,26 @@ def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
     if assumed := answer.assumed_sizes:
         # Without its size where the cause has none: it happens or it does not.
         known = {e.id: f" {e.size:.3g} {unit_words(e.unit)}" if e.unit else "" for e in assumed}
-        told = ", ".join(f"{id}{size}" for id, size in known.items())
-        notes.append(f"Assumed sizes (not in the machine file): {told}.")
+        text = ", ".join(f"{id}{size}" for id, size in known.items())
+        notes.append(f"Assumed sizes (not in the machine file): {text}.")
     if answer.ruled_out:
         notes.append(f"Ruled out by hand: {', '.join(answer.ruled_out)}.")
-    found = answer.verdict, {cause.id for cause in answer.causes}
-    changed = answer.sensitivity or {}
-    if changed and all((each.verdict, set(each.ids)) == found for each in changed.values()):
-        notes.append("Stable when tolerances are halved or doubled.")
-    else:
-        for how, each in changed.items():
-            ids = f": {' and '.join(sorted(each.ids))}" if each.ids else ""
-            notes.append(f"With all tolerances {how} the answer is {each.verdict}{ids}.")
-    return tuple(map(doc.Small, notes))
+    found, changed = {cause.id for cause in answer.causes}, []
+    for how, other in (answer.sensitivity or {}).items():
+        if (other.verdict, set(other.ids)) != (answer.verdict, found):
+            ids, named = (" and ".join(sorted(each)) for each in (other.ids, found))
+            conclusion = {
+                Verdict.CONSISTENT: "no cause is found",
+                Verdict.NAMED: f"the cause found is {ids}",
+                Verdict.AMBIGUOUS: f"{named} is no longer certain"
+                if named
+                else f"{ids} is possible",
+                Verdict.UNEXPLAINED: "no listed cause explains these readings",
+            }[other.verdict]
+            changed.append(f"With tolerances {how}, {conclusion}.")
+    if answer.sensitivity and not changed:
+        notes.append("Conclusion unchanged when tolerances are halved or doubled.")
+    return tuple(map(doc.small, (*notes, *changed)))
 
 
 def _fit_blocks(case: Case) -> Sequence[str]:
@@ -450,15 +446,13 @@ def _fit_blocks(case: Case) -> Sequence[str]:
         return ()
     if not lack.dof:
         return [f"As many {words.many} as readings: they fit exactly, whatever is wrong."]
-    said = [
-        f"{words.many.capitalize()} alone leave {plain(lack.left_mm, 4)} mm"
-        f" r.m.s.{weighing(case.given.measured)}; this {words.noise}'s noise{words.also} would"
-        f" leave {plain(lack.expected_mm, 4)} mm ({chance(lack.p_value)},"
+    lines = [
+        f"With {words.many} only, {plain(lack.left_mm, 4)} mm"
+        f" r.m.s.{weighing(case.given.measured)} remains; this {words.noise}'s noise{words.also}"
+        f" would leave {plain(lack.expected_mm, 4)} mm ({chance(lack.p_value)},"
         f" {counted(lack.dof, 'degree')} of freedom)."
     ]
     if lack.repeats_mm is not None:
-        judged = ""
-        if lack.repeats_p_value is not None:
-            judged = f" Judged by them, {chance(lack.repeats_p_value)}."
-        said.append(f"Repeats scatter by {plain(lack.repeats_mm, 4)} mm.{judged} {words.repeats}")
-    return said
+        p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
+        lines.append(f"Repeats scatter by {plain(lack.repeats_mm, 4)} mm{p}. {words.repeats}")
+    return lines

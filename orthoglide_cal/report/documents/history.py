@@ -28,123 +28,130 @@ from orthoglide_cal.words import (
 )
 
 _HIGH = 24  # lines of a screen
-_TOLD = 3  # of its changes in words
-_MONTH = 30.0  # days, in which a drift is told
+_TOLD = 3  # changes in words
+_MONTH = 30.0  # days, for which a drift is stated
+_STORIES = {
+    Trend.UNCHANGED: "no change",
+    Trend.CHANGED: "a step",
+    Trend.DRIFTING: "drift",
+    Trend.SCATTERING: "scatter",
+}
 
 
-def history_document(found: History, machine_file: Path | None = None) -> doc.Document:
+def history_document(history: History, machine_file: Path | None = None) -> doc.Document:
     """The document; with the machine file as the user gave it."""
-    see = command("solve", found.sessions[-1].path, machine=machine_file)
-    steps = doc.Instruction(found.next), doc.Instruction("See the last session", see)
-    given = found, doc.Instructions(steps)
-    return doc.Document(
-        partial(found.model_dump, mode="json"), partial(_page, *given), partial(_screen, *given)
-    )
+    see = command("solve", history.sessions[-1].path, machine=machine_file)
+    steps = doc.Instruction(history.next), doc.Instruction("See the last session", see)
+    page, screen = partial(_page, history, steps), partial(_screen, history, steps)
+    return doc.Document(partial(history.model_dump, mode="json"), page, screen)
 
 
-def _screen(found: History, steps: doc.Instructions) -> doc.Page:
+def _screen(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
     """As many sessions as a screen has lines for, three at least."""
     more = "More: the same with --details, or as a page: --html history.html"
-    following = doc.Section("Next", steps, more)
-    for most in range(max(min(len(found.sessions), _HIGH), 3), 2, -1):
-        sections = doc.Section(None, _table(found, most), *found.notes[:3]), following
-        page = doc.Page("History", None, notice=_notice(found), sections=sections)
+    for most in range(max(min(len(history.sessions), _HIGH), 3), 2, -1):
+        table = doc.Section(None, _table(history, most), *history.notes[:3])
+        sections = table, doc.next_steps(steps, more)
+        page = doc.Page("History", notice=_notice(history), sections=sections)
         if height(page) <= _HIGH:
             break
     return page
 
 
-def _page(found: History, steps: doc.Instructions) -> doc.Page:
-    notes = [*found.notes, f"The next session will find: {_sizes(found.prediction)} (95 %)."]
-    for count, expanded in found.further.items():
-        pairs = zip(found.pooled, expanded, strict=True)
-        known = ", ".join(f"{each.name} {two_figures(u)}" for each, u in pairs)
+def _page(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
+    notes = [
+        *history.notes,
+        f"The next session is expected to find: {_sizes(history.prediction)} (95 %).",
+    ]
+    for count, expanded in history.further.items():
+        pairs = zip(history.pooled, expanded, strict=True)
+        known = ", ".join(f"{size.name} {two_figures(u)}" for size, u in pairs)
         notes.append(f"With {counted(count, 'further session')}, U of the best values: {known}.")
     return doc.Page(
         kind="History",
-        title=found.machine,
-        notice=_notice(found),
-        sheet=[doc.Section("What to do next", steps)],
+        title=history.machine,
+        notice=_notice(history),
+        sheet=[doc.next_steps(steps)],
         sections=[
-            doc.Section("Parameters from session to session", _courses(found)),
-            doc.Section("What is left of each touch", *_shapes(found)),
-            doc.Section("Sessions", _table(found, len(found.sessions)), *notes),
+            doc.Section("Parameters from session to session", _courses(history)),
+            doc.Section("What is left of each touch", *_shapes(history)),
+            doc.Section("Sessions", _table(history, len(history.sessions)), *notes),
         ],
     )
 
 
-def _notice(found: History) -> doc.Notice:
+def _notice(history: History) -> doc.Notice:
     """The verdict, its numbers, and what is open."""
-    told, last = [], found.changes[-1].before if found.changes else None
-    earlier = len(found.changes) - _TOLD
-    for each in found.changes[: -_TOLD - 1 : -1]:
-        when = f"{_label(found, each.at)} and {_label(found, each.at + 1)}"
-        told.append(f"Changed between {when}: {_sizes(each.parameters, ' by')}")
-    told += [f"{counted(earlier, 'earlier change')}, marked in the table"] if earlier > 0 else []
+    lines = []
+    for change in history.changes[: -_TOLD - 1 : -1]:
+        when = f"{_label(history, change.at)} and {_label(history, change.at + 1)}"
+        lines.append(f"Changed between {when}: {_sizes(change.parameters, ' by')}")
+    if (earlier := len(history.changes) - _TOLD) > 0:
+        lines.append(f"{counted(earlier, 'earlier change')}, marked in the table")
     rates = []
-    for rate in found.drift:
+    for rate in history.drift:
         rates.append(rate.name)
-        if found.dated:
+        if history.dated:
             size = with_uncertainty(_MONTH * rate.value, _MONTH * rate.expanded)
             rates[-1] += f" {size} {unit_words(rate.unit)} in {_MONTH:g} days"
-    told += [f"Drifting: {', '.join(rates)}"] if rates else []
-    if found.scatter:
-        sizes = (f"{each.name} {plain(each.std, 3)} {each.unit}" for each in found.scatter)
-        told.append(f"Scattering from session to session, one std. dev.: {', '.join(sizes)}")
-    ends = f"{_label(found, 0)} to {_label(found, -1)}"
-    title, *others = told or [f"Unchanged in {counted(len(found.sessions), 'session')}, {ends}"]
-    lines = [f"{each}." for each in others]
-    if last and not any(last in note and "adjustment" in note for note in found.notes):
+    lines += [f"Drifting: {', '.join(rates)}"] if rates else []
+    if history.scatter:
+        sizes = (f"{size.name} {plain(size.std, 3)} {size.unit}" for size in history.scatter)
+        lines.append(f"Scattering from session to session, one std. dev.: {', '.join(sizes)}")
+    ends = f"{_label(history, 0)} to {_label(history, -1)}"
+    title, *others = lines or [f"Unchanged in {counted(len(history.sessions), 'session')}, {ends}"]
+    lines = [f"{line}." for line in others]
+    last = history.changes[-1].before if history.changes else None
+    if last and not any(last in note and "adjustment" in note for note in history.notes):
         lines.insert(0, "No adjustment is recorded in between.")
-    if found.ambiguous_with:
-        lines.append(f"These dates do not exclude: {', '.join(found.ambiguous_with)}.")
-    if limit := found.limit:
-        said = "no drift is established"
+    if history.ambiguous_with:
+        stories = " or ".join(_STORIES[trend] for trend in history.ambiguous_with)
+        lines.append(f"{stories[0].upper()}{stories[1:]} is also possible.")
+    if limit := history.limit:
+        when = "no drift is established"
         if limit.scatter_exceeds:
-            said = f"the scatter of {', '.join(limit.scatter_exceeds)} exceeds it (95 %)"
+            when = f"the scatter of {', '.join(limit.scatter_exceeds)} exceeds it (95 %)"
         elif limit.parameter is not None:
-            said = f"{limit.parameter} reaches it on {limit.date} at the earliest (95 %), if the"
-            said += " best values are entered now"
-        lines.append(f"Limit {limit.limit_mm:g} mm: {said}.")
-    tone = doc.Tone.GOOD if found.verdict is Trend.UNCHANGED else doc.Tone.WARN
-    tone = doc.Tone.OPEN if found.ambiguous_with else tone
-    sure = percent(min(found.probability, 0.9999), 1)
-    return doc.Notice(tone, f"{title} ({sure})", tuple(lines), aside=found.machine)
+            when = f"{limit.parameter} reaches it on {limit.date} at the earliest (95 %), if the"
+            when += " best values are entered now"
+        lines.append(f"Limit {limit.limit_mm:g} mm: {when}.")
+    tone = doc.Tone.GOOD if history.verdict is Trend.UNCHANGED else doc.Tone.WARN
+    tone = doc.Tone.OPEN if history.ambiguous_with else tone
+    sure = percent(min(history.probability, 0.9999), 1)
+    return doc.Notice(tone, f"{title} ({sure})", tuple(lines), aside=history.machine)
 
 
 def _sizes(values: Sequence[CauseParameter], by: str = "") -> str:
     """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
-    kept = [each for each in values if not by or abs(each.value) > each.expanded] or values
+    kept = [size for size in values if not by or abs(size.value) > size.expanded] or values
     return ", ".join(
-        f"{each.name}{by} {with_uncertainty(each.value, each.expanded)} {unit_words(each.unit)}"
-        for each in kept
+        f"{size.name}{by} {with_uncertainty(size.value, size.expanded)} {unit_words(size.unit)}"
+        for size in kept
     )
 
 
-def _label(found: History, at: int) -> str:
+def _label(history: History, at: int) -> str:
     """Date, with the time where a day has several sessions; the file's name without dates."""
-    session = found.sessions[at]
-    if not found.dated or session.started is None:
+    session = history.sessions[at]
+    if not history.dated or session.started is None:
         return PurePath(session.path).stem
-    days = {(each.started or "")[:10] for each in found.sessions}
-    return session.started[: 10 if len(days) == len(found.sessions) else 16].replace("T", " ")
+    days = {(session.started or "")[:10] for session in history.sessions}
+    return session.started[: 10 if len(days) == len(history.sessions) else 16].replace("T", " ")
 
 
-def _table(found: History, most: int) -> doc.Grid:
+def _table(history: History, most: int) -> doc.Grid:
     """A row for each session, or those around changes; a line where the machine changed."""
-    count = len(found.sessions)
-    every = [*range(len(found.pooled))]
-    around = (k for change in reversed(found.changes) for k in (change.at, change.at + 1))
+    count, every = len(history.sessions), [*range(len(history.pooled))]
+    around = (k for change in reversed(history.changes) for k in (change.at, change.at + 1))
     wanted = dict.fromkeys((count - 1, 0, *around, *range(count - 2, 0, -1)))
-    chosen = {*[*wanted][:most]}
-    names = [each.name for each in found.pooled]
+    chosen, names = {*[*wanted][:most]}, [size.name for size in history.pooled]
     # One alone needs no more room than a line that it is missing.
     shown = [k for k in range(count) if k in chosen or {k - 1, k + 1} <= chosen]
     if sum(max(len(name), 6) + 2 for name in names) > 64:  # those that did something
-        moved = {each.name for change in found.changes for each in change.parameters}
-        moved |= {rate.name for rate in found.drift} | {size.name for size in found.scatter}
+        moved = {each.name for change in history.changes for each in change.parameters}
+        moved |= {rate.name for rate in history.drift} | {size.name for size in history.scatter}
         every = [k for k in every if names[k] in moved] or every[:6]
-    decimals = [decimals_for(each.expanded) for each in found.pooled]
+    decimals = [decimals_for(size.expanded) for size in history.pooled]
 
     def row(name: str, sizes: Sequence[CauseParameter], uncertain: bool = False) -> tuple[str, ...]:
         """Values, or their U; lengths beyond 10 mm are no offsets: they have no sign."""
@@ -152,25 +159,25 @@ def _table(found: History, most: int) -> doc.Grid:
         bare = [uncertain or abs(size) > 10.0 for size in shown]
         return (name, *((plain if bare[k] else signed)(shown[k], decimals[k]) for k in every))
 
-    units = [unit_words(found.pooled[k].unit) for k in every]
+    units = [unit_words(history.pooled[k].unit) for k in every]
     same = len(set(units)) == 1
     rows = [] if same else [("", *units)]
     for at, after in zip(shown, (*shown[1:], count), strict=True):
-        rows.append(row(_label(found, at), found.sessions[at].parameters))
-        if any(at <= change.at < after for change in found.changes):
+        rows.append(row(_label(history, at), history.sessions[at].parameters))
+        if any(at <= change.at < after for change in history.changes):
             rows.append(tuple("-" * len(cell) for cell in rows[-1]))
         if after > at + 1:
             rows.append((f"… {after - at - 1} more", *("" for _ in every)))
-    rows.append(row("± U", found.sessions[-1].parameters, uncertain=True))
-    rows += [row("best now", found.pooled), row("± U", found.pooled, uncertain=True)]
+    rows.append(row("± U", history.sessions[-1].parameters, uncertain=True))
+    rows += [row("best now", history.pooled), row("± U", history.pooled, uncertain=True)]
     return doc.Grid((units[0] if same else "", *(names[k] for k in every)), rows)
 
 
-def _courses(found: History) -> doc.Figure:
+def _courses(history: History) -> doc.Figure:
     """A plot for each parameter: marks with U bars, and what is fitted to them."""
-    starts = [datetime.fromisoformat(s.started or "") for s in found.sessions if found.dated]
-    times = [each.timestamp() for each in starts] or [*range(len(found.sessions))]
-    labels = [f"{each:%Y-%m}" for each in starts] or [str(k + 1) for k in times]
+    starts = [datetime.fromisoformat(s.started or "") for s in history.sessions if history.dated]
+    times = [start.timestamp() for start in starts] or [*range(len(history.sessions))]
+    labels = [f"{start:%Y-%m}" for start in starts] or [str(k + 1) for k in times]
     wide, top, bottom = 330.0, 22.0, 124.0
     across = figures.Scale(times[0], times[-1], 74.0, wide - 26.0)
     places = [across(time) for time in times]
@@ -178,10 +185,10 @@ def _courses(found: History) -> doc.Figure:
     new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
     dates = [*below([places[k] for k in new], [labels[k] for k in new], bottom + 18.0)]
     panels = []
-    for k, now in enumerate(found.pooled):
-        rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in found.sessions]
-        gaps = [c.at for c in found.changes if now.name in [each.name for each in c.parameters]]
-        limit = [found.limit.limit_mm] if found.limit and now.unit == "mm" else []
+    for k, now in enumerate(history.pooled):
+        rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in history.sessions]
+        gaps = [c.at for c in history.changes if now.name in [size.name for size in c.parameters]]
+        limit = [history.limit.limit_mm] if history.limit and now.unit == "mm" else []
         edges = [now.value + side for size in limit for side in (-size, size)]
         ends = [*edges, *(value + side for value, half, _ in rows for side in (-half, half))]
         up = figures.Scale.around(ends, bottom, top)
@@ -205,15 +212,15 @@ def _courses(found: History) -> doc.Figure:
         axis = "c-" + dict(zip("xyzabc", "xyzxyz", strict=True)).get(now.name, "x")
         panels.append(figures.svg(name, wide, bottom + 26.0, now.name, finding, parts, axis))
     key = "Bars: U of what is not common to all sessions. Line: as fitted, broken where it changed."
-    key += " Dashed: the limit around the best value now." if found.limit else ""
+    key += " Dashed: the limit around the best value now." if history.limit else ""
     return doc.Figure(None, "", panels, columns=2, key=key)
 
 
-def _shapes(found: History) -> Iterator[doc.Figure]:
+def _shapes(history: History) -> Iterator[doc.Figure]:
     """The bed as the parameters leave it: first, last; difference where the places are the same."""
-    if not found.shapes:
+    if not history.shapes:
         return
-    (place, first, seen), (other, last, _) = found.shapes
+    (place, first, seen), (other, last, _) = history.shapes
     bed = seen.radius_mm, seen.tower_angles_deg
     maps = figures.bed_maps("first", place, {"": first}, *bed)
     maps += figures.bed_maps("last", other, {"": last}, *bed)

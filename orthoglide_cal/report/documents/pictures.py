@@ -1,4 +1,4 @@
-"""What is left of each reading, in characters for a terminal and as figures for a page."""
+"""Residuals, in characters for a terminal and as figures for a page."""
 
 from collections.abc import Sequence
 
@@ -36,12 +36,12 @@ def residual_sections(case: Case, fit: Sequence[doc.Block]) -> list[doc.Section]
     sections = []
     for model, left in _left(case).items():
         blocks: list[doc.Block] = [] if bed else [_by_leg(answer.residuals, left, sigma)]
-        for title, own in _surfaces(answer).items() if bed else ():
-            sketch = _signs(_places(answer)[own], left[own], sigma)
+        for title, touches in _surfaces(answer).items() if bed else ():
+            sketch = _signs(_places(answer)[touches], left[touches], sigma)
             blocks.append(doc.Figure(title or None, "", (), sketch=sketch))
         title = f"Measured minus modelled, µm: {model}"
         sections.append(doc.Section(title, *blocks, _distances(answer)))
-    return [*sections, doc.Section(None, doc.Small(BED_LEGEND if bed else LEG_LEGEND), *fit)]
+    return [*sections, doc.Section(None, doc.small(BED_LEGEND if bed else LEG_LEGEND), *fit)]
 
 
 def brief_residuals(case: Case) -> list[doc.Block]:
@@ -80,12 +80,12 @@ def differences_figure(
         shown = (first, second) if last is None else (first, second, last)
         numbers = "".join(f"{signed(value, 3):>10}" for value in shown)
         sketch.append(f"{name:<7}{numbers}  {plain(reach, 3)}")
-    what, meaning = comparison_words(single)
+    kind, meaning = comparison_words(single)
     key = "○ as found → ■ expected" + (" → ● measured" if measured else " once entered")
     key += f", with U (95 %). {meaning}"
     if limit_mm is not None:
         key += f" Green: within the limit of {limit_mm:g} mm."
-    title = f"Differences of readings, {what}, mm"
+    title = f"Differences of readings, {kind}, mm"
     finding = f"r.m.s. {' → '.join(plain(size, 3) for size in rms_mm)}."
     return doc.Figure(title, finding, [figures.deviation_rows(rows, limit_mm)], 0, key, sketch)
 
@@ -104,12 +104,12 @@ def residual_blocks(case: Case) -> list[doc.Block]:
     bed, places = case.machine.bed, _places(answer)
     measured = np.array([row.measured_mm for row in rows])
     blocks: list[doc.Block] = []
-    for title, own in _surfaces(answer).items():
+    for title, touches in _surfaces(answer).items():
         # Without their mean: the first layer's height is set apart.
-        shown = {"before": measured[own] - measured[own].mean()}
-        shown |= {f"after, {model}": values[own] for model, values in left.items()}
-        maps = figures.bed_maps(title, places[own], shown, bed.radius_mm, bed.tower_angles_deg)
-        sketch = _signs(places[own], left[list(left)[-1]][own], sigma)
+        shown = {"before": measured[touches] - measured[touches].mean()}
+        shown |= {f"after, {model}": values[touches] for model, values in left.items()}
+        maps = figures.bed_maps(title, places[touches], shown, bed.radius_mm, bed.tower_angles_deg)
+        sketch = _signs(places[touches], left[list(left)[-1]][touches], sigma)
         key = "Each map has its own scale. Ringed: beyond four robust standard deviations."
         blocks.append(doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch))
     return [*blocks, _distances(answer)]
@@ -137,7 +137,7 @@ def _left(case: Case) -> dict[str, Floats]:
 
 
 def _places(answer: Answer) -> Floats:
-    """Of each touch on the bed, shape (n, 2) [mm]."""
+    """Places of the touches on the bed, shape (n, 2) [mm]."""
     return np.array([(row.x_mm or 0.0, row.y_mm or 0.0) for row in answer.residuals])
 
 
@@ -180,7 +180,7 @@ def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> tuple[str, ...
 
 
 def _sign(left_mm: float, sigma_mm: float) -> str:
-    """What is left of one reading, against its standard deviation."""
+    """The sign of a residual of so many standard deviations."""
     if abs(left_mm) <= 2.0 * sigma_mm:
         return "·"
     large = abs(left_mm) > 4.0 * sigma_mm
@@ -219,11 +219,11 @@ def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = 
         row, name = rows[k], keys[k][0].words
         name += f", {row.end} end" if row.end else f", at {row.gauge_at:g}" if several else ""
         name += f", part {row.part}" if parts else ""
-        own = cells.setdefault(name, {posture: [] for posture in postures})
-        own[row.posture or ""].append(float(left_mm[k]))
+        by_posture = cells.setdefault(name, {posture: [] for posture in postures})
+        by_posture[row.posture or ""].append(float(left_mm[k]))
     columns = []
     for posture in postures:
-        column = [_mean_and_signs(own[posture], sigma_mm) for own in cells.values()]
+        column = [_mean_and_signs(by_posture[posture], sigma_mm) for by_posture in cells.values()]
         # Signs begin below each other, however many repeats there are.
         signs = [len(cell.partition(" ")[2]) for cell in column]
         pairs = zip(column, signs, strict=True)

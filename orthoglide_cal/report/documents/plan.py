@@ -31,7 +31,12 @@ from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order,
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.diagnosis import between_words
-from orthoglide_cal.report.documents.solution import budget_sections, common_unit, source_words
+from orthoglide_cal.report.documents.solution import (
+    budget_sections,
+    common_unit,
+    parameter_heads,
+    source_words,
+)
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (
@@ -139,8 +144,8 @@ def _to_do(
         yield doc.Instruction(machine.vocabulary.probing)
     else:
         typed = _command(chosen, plan, machine_file, begun)
-        told = "Write the places to a file, probe them in this order, fill in reading_mm"
-        yield doc.Instruction(told, typed)
+        text = "Write the places to a file, probe them in this order, fill in reading_mm"
+        yield doc.Instruction(text, typed)
         typed = command("diagnose", _PLACES, machine=machine_file)
         yield doc.Instruction("See the result", typed)
 
@@ -148,7 +153,7 @@ def _to_do(
 def _command(
     found: SessionForecast, plan: MeasurementPlan, machine: Path | None, begun: Case | None
 ) -> str:
-    """What to type to measure a session, or to have its places written."""
+    """The command to measure a session, or to have its places written."""
     if plan.gauges is not None:
         protocol = MeasuringProtocol(found.name)
         options = sequence_options(protocol, found.cycles, Order.PAPER, plan.gauges)
@@ -174,7 +179,7 @@ def _reach(model: Model, expanded: Floats) -> str:
 
 
 def _notice(plan: MeasurementPlan) -> doc.Notice:
-    """What the session gives, and what it lacks."""
+    """Gains of the session, and its gaps."""
     chosen, warning, model = plan.chosen, plan.bar_warning, plan.model
     near = warning[:2] if warning else ()
     if warning and warning.size > 0.0:
@@ -192,34 +197,33 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     missing = [name for name, each in chosen.parameters.items() if not each.determined]
     if missing:
         lines.append(f"Not determined: {' and '.join(missing)}. {words.more}")
-    if plan.target is None:
-        tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
-        return doc.Notice(tone, title, tuple(lines))
-    wanted = f"± {plan.target.expanded_mm:g} mm"
-    if plan.target.reached:
-        title = f"{wanted} takes {counted(plan.cycles, 'cycle')}: {title}"
-        return doc.Notice(doc.Tone.GOOD, title, tuple(lines))
-    why = f"More than {MOST_CYCLES} cycles would do, because of the scatter of the readings:"
-    why += " take a finer gauge or a better stand."
-    if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
-        remedy = source_words(plan.floor.largest.source, model.machine)[1]
-        why = f"{_stays(plan, plan.floor)} {remedy}"
-    return doc.Notice(
-        doc.Tone.BAD, f"{wanted} cannot be reached in this way", (why, f"{title}.", *lines)
-    )
+    tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
+    if plan.target is not None:
+        wanted = f"± {plan.target.expanded_mm:g} mm"
+        if plan.target.reached:
+            tone, title = doc.Tone.GOOD, f"{wanted} takes {counted(plan.cycles, 'cycle')}: {title}"
+        else:
+            why = f"It needs more than {MOST_CYCLES} cycles, because the readings scatter: take a"
+            why += " finer gauge or a better stand."
+            if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
+                remedy = source_words(plan.floor.largest.source, model.machine)[1]
+                why = f"{_stays(plan, plan.floor)} {remedy}"
+            lines = [why, f"{title}.", *lines]
+            tone, title = doc.Tone.BAD, f"{wanted} cannot be reached in this way"
+    return doc.Notice(tone, title, tuple(lines))
 
 
 def _stays(plan: MeasurementPlan, floor: Budget) -> str:
-    """What more readings leave, and of what it is."""
-    what = floor.largest.source
-    what = what if what in CAUSES else source_words(what, plan.model.machine)[0]
+    """U that more readings leave, and its source."""
+    source = floor.largest.source
+    source = source if source in CAUSES else source_words(source, plan.model.machine)[0]
     if plan.gauges is None:
-        return f"{what} stays."
-    return f"± {two_figures(float(floor.expanded_mm.max()))} mm stays ({what})."
+        return f"{source} stays."
+    return f"± {two_figures(float(floor.expanded_mm.max()))} mm stays ({source})."
 
 
 def _limits(plan: MeasurementPlan) -> Iterator[str]:
-    """What more readings do not reduce, and whether rivals are distinguished."""
+    """The part of U that more readings do not reduce; are rivals distinguished?"""
     chosen, floor = plan.chosen.budget, plan.floor
     stays = 0.0 if floor is None else float(np.max(floor.std_mm / chosen.std_mm))
     more = "readings" if plan.gauges is None else "cycles"
@@ -230,13 +234,13 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
         yield f"More {more} {help_}: {_stays(plan, floor)}"
     sigma = plan.chosen.rivals_sigma
     if sigma is not None:
-        told = "" if sigma >= CERTAIN_SIGMA else "not for sure "
+        surely = "" if sigma >= CERTAIN_SIGMA else "not surely "
         rivals = " and ".join(plan.model.machine.rivals)
-        yield f"{rivals} are {told}distinguished ({two_figures(sigma)} σ)."
+        yield f"{rivals} are {surely}distinguished ({two_figures(sigma)} σ)."
 
 
 def _left_open(plan: MeasurementPlan) -> Iterator[str]:
-    """What cannot be seen, what cannot be distinguished, and a shorter way."""
+    """Causes that cannot be seen or distinguished, and a shorter way."""
     if plan.apart.invisible:
         yield f"Cannot be seen: {listed([cause.id for cause in plan.apart.invisible])}."
     pairs = plan.apart.visible.pairs.items()
@@ -269,60 +273,51 @@ def _worthwhile(plan: MeasurementPlan) -> list[SessionForecast]:
 def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     """Numbers of cycles, or layouts: what they take, what they give.
 
-    `brief`: of cycles the largest U, of layouts those that no quicker one beats.
+    `brief`: of layouts those that no quicker one beats, without units and explanations.
     """
     machine, cycles = plan.model.machine, plan.gauges is not None
     shown = _worthwhile(plan) if brief and not cycles else plan.by_cycles
     names: list[doc.Inline] = [str(each.cycles) if cycles else each.name for each in shown]
     for k, each in enumerate(shown):
         if (each.name, each.cycles) == (plan.protocol, plan.cycles):
-            names[k] = doc.Strong(f"→ {names[k]}" if cycles and brief else f"{names[k]}")
-    columns: dict[str, Sequence[doc.Inline]] = {
+            names[k] = doc.strong(f"→ {names[k]}")
+    columns: dict[str, list[doc.Inline]] = {
         "cycles" if cycles else "layout": names,
         "readings": [str(each.readings) for each in shown],
         "min": [f"{each.minutes:.0f}" for each in shown],
     }
-    if cycles and brief:
-        largest = [two_figures(max(each.expanded_mm.values())) for each in shown]
-        columns[f"{machine.vocabulary.one} ± U, mm"] = largest
-    else:
-        if cycles:
-            columns["noise"] = [two_figures(max(each.noise_std_mm.values())) for each in shown]
-        for name in machine.parameter_names:
-            own = [each.parameters[name] for each in shown]
-            columns[name] = [two_figures(u.lessened) if u.determined else "–" for u in own]
+    unit = common_unit(machine)
+    meaning = [f"U of each {machine.vocabulary.one}{unit} (95 %); –: not determined."]
+    if cycles:
+        columns["noise"] = [two_figures(max(each.noise_std_mm.values())) for each in shown]
+        meaning.append("Noise: the part of scatter, of the worst one, one standard deviation.")
+    heads = machine.parameter_names if brief else parameter_heads(machine)
+    for name, head in zip(machine.parameter_names, heads, strict=True):
+        parameters = [each.parameters[name] for each in shown]
+        columns[head] = [two_figures(u.lessened) if u.determined else "–" for u in parameters]
     if machine.has_cube:
-        tool = [two_figures(each.tool_mm or 0.0) for each in shown]
-        columns["tool ± U, mm" if brief else "tool"] = tool
+        columns["tool"] = [two_figures(each.tool_mm or 0.0) for each in shown]
+        meaning.append("Tool: at the worst place of the workspace, offsets entered.")
     if machine.rivals:
         sigma = [each.rivals_sigma for each in shown]
         columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
-    rows = [*zip(*columns.values(), strict=True)]
-    left = () if cycles else (0,)
+        pair = " and ".join(machine.rivals)
+        meaning.append(f"σ: distance of {pair} of usual size, in standard deviations.")
     # What no layout determines, and what it adds to U.
     fixed = [each.source for each in plan.budget if each.source in machine.fixed_parameters]
     if fixed:
         added = (two_figures(each.fixed) for each in plan.chosen.parameters.values())
-        rows.append((" and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)))
-    if brief:
-        return doc.Grid(tuple(columns), tuple(rows), left)
-    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
-    units = ", ".join(f"{name} {unit_words(unit)}" for name, unit in named)
-    told = ["In mm." if common_unit(machine) else f"{units}; – is not determined."]
-    if cycles:
-        told.append("Noise: what scatter leaves of the worst one, one standard deviation.")
-    told.append(f"U: of each {machine.vocabulary.one}, 95 %.")
-    if machine.has_cube:
-        told.append("Tool: at the worst place of the workspace, offsets entered.")
-    if machine.rivals:
-        pair = " and ".join(machine.rivals)
-        told.append(f"σ: how far {pair} of usual size are apart, in standard deviations.")
-    if fixed:
-        told.append(
-            f"No layout determines {rows[-1][0]}, taken as stated: what it adds (by squares) is the"
+        last = " and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)
+        for column, cell in zip(columns.values(), last, strict=True):
+            column.append(cell)
+        meaning.append(
+            f"No layout determines {last[0]}, taken as stated: what it adds (by squares) is the"
             " last row. In solve, what the readings cannot rule out is added."
         )
-    return doc.Grid(tuple(columns), tuple(rows), left, " ".join(told))
+    caption = " ".join(meaning)
+    if brief:
+        caption = meaning[0] if cycles else ""
+    return doc.Grid.of(columns, () if cycles else (0,), caption)
 
 
 def _ways(plan: MeasurementPlan) -> doc.Section:
@@ -355,26 +350,26 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
     minutes = f"about {best.minutes:.0f} min"
     if best.causes:
         pair = " and ".join(best.causes)
-        apart = f"{CERTAIN_SIGMA:g} standard deviations apart"
-        reached = f"The quickest that gets {pair} {apart}"
+        apart = f"{CERTAIN_SIGMA:g} standard deviations"
+        reached = f"The quickest layout that separates {pair} by {apart}"
         if not best.reached:
             farthest = two_figures(best.rivals_sigma or 0.0)
-            reached = f"None gets {pair} {apart}; this one gets farthest, {farthest}"
+            reached = f"No layout separates {pair} by {apart}; this one comes closest, {farthest}"
         blocks: list[doc.Block] = [f"{reached}: {best.what}, {minutes}."]
         if best.name != plan.chosen.name:
-            blocks.append(doc.Instructions([doc.Instruction("Have its places written", typed)]))
+            blocks.append(doc.Instructions([doc.Instruction("Write its places to a file", typed)]))
         return doc.Section(f"To distinguish {pair}", *blocks)
     postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
     gives = f"± {two_figures(max(best.expanded_mm.values()))} mm"
-    told: tuple[doc.Line, ...] = (
+    text: tuple[doc.Line, ...] = (
         f"Only the postures {postures}, the gauges at {percent(best.gauge_at or 0.0)} of"
         f" the leg from the carriage: {percent(best.share_of_readings or 0.0)} of the"
         " readings of the double-posture protocol leave the same noise.",
-        (f"{best.readings} readings in {minutes} give {gives}: ", doc.Typed(typed)),
+        (f"{best.readings} readings in {minutes} give {gives}: ", doc.typed(typed)),
         f"The plunger keeps {percent(best.margin or 0.0)} of the leg from both joints at"
         f" every posture. What is given up: {GIVES_UP}.",
     )
-    return doc.Section("The fewest readings", *told)
+    return doc.Section("The fewest readings", *text)
 
 
 def _separation(plan: MeasurementPlan) -> doc.Section:
@@ -384,9 +379,9 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     if seen.causes:
         sketch = separation_lines([cause.id for cause in seen.causes], seen.sigma, seen.trace)
         cycles = counted(min(plan.cycles, MOST_COMPARED), "cycle")
-        told = f"{plan.alike} of {plan.pairs} pairs of causes are not distinguished"
-        told += "." if plan.gauges is None else f" by {cycles}."
-        blocks = [doc.Figure(None, told, (), sketch=sketch)]
+        text = f"{plan.alike} of {plan.pairs} pairs of causes are not distinguished"
+        text += "." if plan.gauges is None else f" by {cycles}."
+        blocks = [doc.Figure(None, text, (), sketch=sketch)]
     if hidden:
         rows = [(cause.id, cause.words(plan.model.machine).instrument) for cause in hidden]
         caption = "At their usual size they leave hardly a trace in such readings."
@@ -396,7 +391,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
 
 
 def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
-    """What to measure in addition to the data that there are, and what it brings."""
+    """The best measurement in addition to the data that there are, and its gain."""
     best, now = plan.next[0], plan.now_mm
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
     today = "Now it is" if common_unit(plan.model.machine) else "The largest is now"
@@ -407,13 +402,13 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
         # The quickest way to the U that was asked for, with the data that there are.
         wanted = plan.target.expanded_mm
         able = [each for each in plan.next if max(each.expanded_mm.values()) <= wanted]
-        said = "is reached by none of these."
+        when = "is reached by none of these."
         if now is not None and now <= wanted:
-            said = "is reached already."
+            when = "is reached already."
         elif able:
             quickest = min(able, key=lambda each: each.minutes)
-            said = f"takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
-        target.append(f"± {wanted:g} mm {said}")
+            when = f"takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
+        target.append(f"± {wanted:g} mm {when}")
     if best.between:
         first, second = between_words(best)
         title = f"Next: {minutes} leave one answer with a probability of {percent(best.chance)}"
@@ -426,8 +421,8 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
     return doc.Notice(doc.Tone.INFO, f"Next: {minutes}", (worth, *target))
 
 
-def _next_grid(plan: MeasurementPlan, found: Sequence[Option], full: bool = False) -> doc.Grid:
-    """Of the ranking; `full`: also U as it is, and what the columns mean."""
+def _next_grid(plan: MeasurementPlan, ranked: Sequence[Option], full: bool = False) -> doc.Grid:
+    """A part of the ranking; `full`: also U as it is, and what the columns mean."""
     telling = any(each.between for each in plan.next)
     now_mm = plan.now_mm if full else None
     heads = ["", "min", *(("settles", "σ") if telling else ()), "U, mm", "what to do"]
@@ -435,7 +430,7 @@ def _next_grid(plan: MeasurementPlan, found: Sequence[Option], full: bool = Fals
     if now_mm is not None:
         blank = [""] * (len(heads) - 2)
         rows.append((*blank, two_figures(now_mm), "nothing: U as it is"))
-    for each in found[:_SHOWN_NEXT]:
+    for each in ranked[:_SHOWN_NEXT]:
         sure = (percent(each.chance), f"{each.separation_sigma:.1f}") if telling else ()
         number, minutes = str(plan.next.index(each) + 1), f"{each.minutes:.0f}"
         u = two_figures(max(each.expanded_mm.values()))
@@ -446,7 +441,7 @@ def _next_grid(plan: MeasurementPlan, found: Sequence[Option], full: bool = Fals
         meaning += " per minute; half an hour is added for the session."
     if full and plan.next[0].between:
         first, second = between_words(plan.next[0])
-        meaning = "Settles: the probability of one answer. Ranked by the expected time: eight hours"
-        meaning += f" for coming back if it stays undecided. σ: how far {first} and {second}"
-        meaning += " are apart in the new readings, in standard deviations."
+        meaning = "Settles: the probability of one answer. Ranked by the expected time; a second"
+        meaning += f" visit counts as eight hours. σ: distance of {first} and {second} in the new"
+        meaning += " readings, in standard deviations."
     return doc.Grid(heads, rows, words=(len(heads) - 1,), caption=meaning)

@@ -29,8 +29,8 @@ def machine_document(model: Model) -> doc.Document:
 
 def _machine_page(model: Model) -> doc.Page:
     machine, values = model.machine, machine_values(model)
-    own = {key: value for key, value in values.items() if key not in _ELSEWHERE}
-    facts = doc.Facts([*_rows(own), *stated(machine, OWNER), *stated(machine, MEANS)])
+    numbers = {key: value for key, value in values.items() if key not in _ELSEWHERE}
+    facts = doc.Facts([*_rows(numbers), *stated(machine, OWNER), *stated(machine, MEANS)])
     entered = [
         (one.date[:10], _written(one.before), _written(one.after), one.data_sha256[:12])
         for one in machine.history
@@ -60,7 +60,7 @@ def _rows(values: Mapping[str, object], group: str = "") -> Iterator[tuple[str, 
         name, _, unit = key.rpartition("_")
         unit = f", {unit}" if unit in ("mm", "deg") else ""
         words = f"{group}{name if unit else key}".replace("_", " ")
-        yield words[0].upper() + words[1:] + unit, doc.Given(_written(value))
+        yield words[0].upper() + words[1:] + unit, doc.given(_written(value))
 
 
 def _written(value: object) -> str:
@@ -82,7 +82,7 @@ def check_document(
         check, source: what was found of the file, and what was measured.
         refused: why its data give no offsets although nothing is wrong with the file.
     """
-    told = check.changed(refused=str(refused) if refused else None)
+    checked = check.changed(refused=str(refused) if refused else None)
     path, kind = file_words(check.input.path), check.input.kind
     lines = [f"{path}: {counted(len(check.problems), 'fault')}"]
     if kind == "machine":
@@ -101,26 +101,26 @@ def check_document(
     lines += [f"  {refused.what}", f"    → {refused.remedy}"] if refused else []
     lines += [f"  note: {remark}" for remark in check.remarks]
     page = doc.Page("Validation", sections=[doc.Section(None, doc.Listing(lines))])
-    return doc.Document(partial(told.model_dump, mode="json"), lambda: page)
+    return doc.Document(partial(checked.model_dump, mode="json"), lambda: page)
 
 
-def application_document(found: Application, session: str) -> doc.Document:
-    """What is in the controller from now on, and what comes next; `session` as the user gave it.
+def application_document(application: Application, session: str) -> doc.Document:
+    """The offsets in the controller from now on, and what comes next; `session` as given.
 
     As data what changes in the machine file; lengths in mm.
     """
-    entry, machine = found.entry, found.file.model.machine
+    entry, machine = application.entry, application.file.model.machine
     # In the controller until then and from then on; none of a printer.
     offsets = entry.before or (), entry.after or ()
-    offsets = offsets[::-1] if found.undone else offsets
+    offsets = offsets[::-1] if application.undone else offsets
 
     def data() -> dict[str, object]:
         before, after = (dict(zip(AXES, each, strict=False)) for each in offsets)
         return {
             "schema_version": 1,
-            "machine_file": found.file.document.path,
+            "machine_file": application.file.document.path,
             "machine": machine.name,
-            "undone": found.undone,
+            "undone": application.undone,
             "date": entry.date,
             "before": before,
             "after": after,
@@ -131,33 +131,33 @@ def application_document(found: Application, session: str) -> doc.Document:
     def page() -> doc.Page:
         head = ("axis", "before", "change", "from now on")
         rows = [
-            (axis, signed(before, 4), signed(after - before, 4), doc.Strong(signed(after, 4)))
+            (axis, signed(before, 4), signed(after - before, 4), doc.strong(signed(after, 4)))
             for axis, before, after in zip(AXES, *offsets, strict=False)
         ]
         caption = "Joint offsets in the controller, mm (true position = indicated + offset)."
-        said = "The controller must hold the last column, and be homed since."
-        if found.controller is not None and entry.written is not None:
+        first = "The controller must hold the last column, and be homed since."
+        if application.controller is not None and entry.written is not None:
             head, rows = ("line", "what", "now", "from now on"), []
             for each in entry.written.values:
                 now, then = each.before, each.after
-                now, then = (then, now) if found.undone else (now, then)
-                rows.append((str(each.line), each.key, now, doc.Strong(then)))
+                now, then = (then, now) if application.undone else (now, then)
+                rows.append((str(each.line), each.key, now, doc.strong(then)))
             notes = (
                 f"Lines of {entry.written.target}; all others stay.",
-                *found.controller.remarks,
+                *application.controller.remarks,
             )
-            caption, said = " ".join(notes), machine.vocabulary.restart
-            if found.controller.adds:
-                said = f"Restart LinuxCNC: it reads its INI only then. {said}"
+            caption, first = " ".join(notes), machine.vocabulary.restart
+            if application.controller.adds:
+                first = f"Restart LinuxCNC: it reads its INI only then. {first}"
         again = doc.Instruction("Probe it again in the same way.")
         if machine.vocabulary.measure:
-            typed = measure_again(found.conditions)
+            typed = measure_again(application.conditions)
             again = doc.Instruction("Measure again in the same way.", typed)
         compare = doc.Instruction(
             "Compare with the prediction.", command("verify", session, "AFTER")
         )
-        title, steps = "To be recorded", [doc.Instruction(said), again, compare]
-        if found.undone:
+        title, steps = "To be recorded", [doc.Instruction(first), again, compare]
+        if application.undone:
             title = "To be taken back"
             steps = [doc.Instruction("The controller must hold the last column again; re-home.")]
         grid = doc.Grid(head, rows, caption=caption)
@@ -167,7 +167,7 @@ def application_document(found: Application, session: str) -> doc.Document:
     return doc.Document(data, page)
 
 
-def paper_document(found: "Reproduction") -> doc.Document:
+def paper_document(reproduction: "Reproduction") -> doc.Document:
     """Two lines for each row, as printed and as computed, and the verdict.
 
     As data None stands where nothing was printed or nothing can be computed.
@@ -176,25 +176,37 @@ def paper_document(found: "Reproduction") -> doc.Document:
     def data() -> dict[str, object]:
         rows = [
             {**vars(row), "reproduced": None if row.computed is None else row.reproduced}
-            for row in found.rows
+            for row in reproduction.rows
         ]
-        own = {"table": found.table, "title": found.title, "columns": found.columns, "rows": rows}
-        return {"schema_version": 1, **own, "reproduced": found.reproduced, "notes": found.notes}
+        title = {
+            "table": reproduction.table,
+            "title": reproduction.title,
+            "columns": reproduction.columns,
+            "rows": rows,
+        }
+        return {
+            "schema_version": 1,
+            **title,
+            "reproduced": reproduction.reproduced,
+            "notes": reproduction.notes,
+        }
 
     def page() -> doc.Page:
         rows = []
-        for row in found.rows:
+        for row in reproduction.rows:
             computed = row.computed or (None,) * len(row.published)
             both = (row.name, "published", row.published), ("", "computed", computed)
-            for name, what, values in both:
-                cells = ("—" if each is None else plain(each, found.digits) for each in values)
-                rows.append((name, what, *cells))
+            for name, origin, values in both:
+                cells = (
+                    "—" if each is None else plain(each, reproduction.digits) for each in values
+                )
+                rows.append((name, origin, *cells))
         verdict = doc.Notice(doc.Tone.BAD, "NOT reproduced.")
-        if found.reproduced:
+        if reproduction.reproduced:
             verdict = doc.Notice(doc.Tone.GOOD, "Reproduced in every figure that can be computed.")
-        grid = doc.Grid(("", "", *found.columns), rows, words=(0, 1))
-        kind = "Accuracy" if found.table == "accuracy" else f"Table {found.table}"
-        section = doc.Section(None, grid, *found.notes, verdict)
-        return doc.Page(kind, found.title, sections=[section])
+        grid = doc.Grid(("", "", *reproduction.columns), rows, words=(0, 1))
+        kind = "Accuracy" if reproduction.table == "accuracy" else f"Table {reproduction.table}"
+        section = doc.Section(None, grid, *reproduction.notes, verdict)
+        return doc.Page(kind, reproduction.title, sections=[section])
 
     return doc.Document(data, page)

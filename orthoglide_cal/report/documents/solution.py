@@ -1,6 +1,6 @@
 """The document of `orthocal solve`: may the offsets be entered, how sure they are, what is left.
 
-Other pages show its parts, too: the parameters, what stays open, and where U comes from.
+Other pages show its parts, too: the parameters, what is not determined, and where U comes from.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,7 +14,7 @@ from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.measured import DataKind, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, comparison_words, decision_notice, to_do
-from orthoglide_cal.results import Answer, Parameter
+from orthoglide_cal.results import Parameter
 from orthoglide_cal.words import (
     counted,
     coverage_words,
@@ -91,18 +91,18 @@ def solution_document(case: Case) -> doc.Document:
 
 
 def _screen(case: Case) -> doc.Page:
-    answer = case.answer
+    answer, release = case.answer, case.answer.release
+    wanted = release.usable and release.needed
     found: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
-    if answer.budget and answer.release.usable and answer.release.needed:
-        found.append(largest_words(case))
+    if answer.budget and wanted:
+        found.append(_largest_words(case))
     found += [f"Note: {case.says(warning)}" for warning in answer.warnings]
-    after = _improvement(case) if answer.release.usable and answer.release.needed else ()
     return doc.Page(
         kind="Solution",
         notice=decision_notice(case),
         sections=(
             doc.Section(None, *found),
-            doc.Section(None, *after),
+            doc.Section(None, *(_improvement(case) if wanted else ())),
             doc.next_steps(to_do(case, brief=True), case.more("solve")),
         ),
     )
@@ -115,16 +115,13 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
     if len(rows) > _MOST_DIFFERENCES and not full:
         rows = tuple(sorted(rows, key=lambda each: -abs(each.measured_mm))[:_LARGEST_DIFFERENCES])
     if rows and answer.as_found is not None and answer.expected is not None:
+        names = [each.name for each in rows]
         after = "expected after" if answer.release.usable else "would be left"
+        measured = *(each.measured_mm for each in rows), answer.as_found.rms_mm
+        expected = *(each.expected_mm for each in rows), answer.expected.rms_mm
+        reach = [each.expanded_mm for each in rows]
         digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
-        measured = (signed(each.measured_mm, digits) for each in rows)
-        expected = (signed(each.expected_mm, digits) for each in rows)
-        table = (
-            ("measured", *measured, plain(answer.as_found.rms_mm, digits)),
-            (after, *expected, plain(answer.expected.rms_mm, digits)),
-            ("± U", *(plain(each.expanded_mm, digits) for each in rows), ""),
-        )
-        yield doc.Grid(("Deviation, mm", *(each.name for each in rows), "r.m.s."), table)
+        yield deviations_grid(names, digits, {"measured": measured, after: expected, "± U": reach})
     if answer.rms is not None:
         of_what = f"{'readings' if raw else 'differences'}{weighing(case.given.measured)}"
         before, left = (plain(mm, 4) for mm in (answer.rms.before_mm, answer.rms.after_mm))
@@ -133,10 +130,9 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
 
 def _page(case: Case) -> doc.Page:
     answer = case.answer
-    facts = doc.Facts([("Method", method_words(case)), ("Noise, mm", noise_words(answer))])
-    what, _ = comparison_words(answer.check is not None and answer.check.ends)
-    title = f"Differences, {what}" if answer.deviations else None
-    blocks = (facts, parameters_grid(case), *open_blocks(case), *alone_block(case))
+    name, _ = comparison_words(answer.check is not None and answer.check.ends)
+    title = f"Differences, {name}" if answer.deviations else None
+    blocks = parameters_grid(case), *open_blocks(case), *alone_block(case)
     notes = [f"Note: {case.says(warning)}" for warning in answer.warnings]
     if answer.judgement and not (answer.release.usable or answer.named):
         # Otherwise it stands at the top, or is of the parameters alone.
@@ -146,7 +142,9 @@ def _page(case: Case) -> doc.Page:
         notice=decision_notice(case),
         sheet=(doc.next_steps(to_do(case)),),
         sections=(
-            doc.Section(parameters_title(case), *blocks, _correlations(case)),
+            doc.Section(
+                parameters_title(case), doc.Facts([*fit_facts(case)]), *blocks, _correlations(case)
+            ),
             doc.Section(title, *_improvement(case, full=True)),
             *budget_sections(case.machine, case.answer.budget, case.answer.total),
             doc.Section(None, *notes),
@@ -154,40 +152,46 @@ def _page(case: Case) -> doc.Page:
     )
 
 
-def method_words(case: Case) -> str:
-    """The method by its name, and what it is."""
-    method = Method(case.answer.method or "")
-    return f"{method} ({_METHODS[method]})"
-
-
 def _correlations(case: Case) -> str:
     """How the parameters depend on each other."""
     names, matrix = [each.name for each in case.answer.parameters], case.answer.correlation
     pairs = [(i, k) for i in range(len(names)) for k in range(i)]
-    told = ", ".join(f"{names[i]}{names[k]} {signed(matrix[i][k], 2)}" for i, k in pairs)
+    text = ", ".join(f"{names[i]}{names[k]} {signed(matrix[i][k], 2)}" for i, k in pairs)
     sigma = case.answer.sigma_rho_mm
     together = "" if sigma is None else f" Together: σ_ρ = {two_figures(sigma)} mm."
-    return f"Correlations: {told}.{together}"
-
-
-def noise_words(answer: Answer) -> str:
-    """Standard deviations of one reading [mm] by what they come from, and the one used for U."""
-    noise = answer.noise
-    if noise is None:
-        return ""
-    sizes = {
-        "repeats": noise.repeats_mm,
-        "residuals": noise.residuals_mm,
-        "stated": noise.stated_mm,
-        "resolution q/√12": noise.floor_mm,
-        "used for U": noise.used_mm,
-    }
-    known = {name: "unknown" if mm is None else plain(mm, 4) for name, mm in sizes.items()}
-    said = ", ".join(f"{name} {size}" for name, size in known.items())
-    return said + (f"; {counted(noise.dof, 'degree')} of freedom" if noise.dof else "")
+    return f"Correlations: {text}.{together}"
 
 
 # --- parts that other pages show, too ----------------------------------------------------------
+
+
+def fit_facts(case: Case) -> Iterator[tuple[str, str]]:
+    """The method; standard deviations of one reading by what they come from, and the one used."""
+    method, noise = Method(case.answer.method or ""), case.answer.noise
+    yield "Solved by", f"{method} ({_METHODS[method]})"
+    if noise is not None:
+        sizes = {
+            "repeats": noise.repeats_mm,
+            "residuals": noise.residuals_mm,
+            "stated": noise.stated_mm,
+            "resolution q/√12": noise.floor_mm,
+            "used for U": noise.used_mm,
+        }
+        known = {name: "unknown" if mm is None else plain(mm, 4) for name, mm in sizes.items()}
+        spare = f"; {counted(noise.dof, 'degree')} of freedom" if noise.dof else ""
+        yield "Noise, mm", ", ".join(f"{name} {size}" for name, size in known.items()) + spare
+
+
+def deviations_grid(
+    names: Sequence[str], decimals: int, rows: Mapping[str, Sequence[float]]
+) -> doc.Grid:
+    """Differences with their r.m.s. last, [mm]; U in rows that have no r.m.s. has no sign."""
+    table = []
+    for name, sizes in rows.items():
+        rms = plain(sizes[-1], decimals) if len(sizes) > len(names) else ""
+        write = signed if rms else plain
+        table.append((name, *(write(size, decimals) for size in sizes[: len(names)]), rms))
+    return doc.Grid(("Deviation, mm", *names, "r.m.s."), table)
 
 
 def parameters_title(case: Case) -> str:
@@ -200,54 +204,57 @@ def parameters_title(case: Case) -> str:
 
 
 def common_unit(machine: Machine) -> str:
-    """What is written behind a title: the unit of all parameters, if they have one."""
+    """Unit of all parameters, as it follows a title; "" where they have several."""
     units = set(machine.parameter_units)
     return f", {units.pop()}" if len(units) == 1 else ""
 
 
+def parameter_heads(machine: Machine) -> list[str]:
+    """Names of the parameters, with their units where they have several."""
+    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
+    return [name if common_unit(machine) else f"{name} ({unit})" for name, unit in named]
+
+
 def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
-    """What was found, and only if it may be entered what to type in.
+    """Parameters as found, and what to enter only if they may be.
 
     What must not be entered has the digits of its U. `brief`: as a screen has room for it.
     """
     answer, words = case.answer, case.words
-    every, enter = answer.parameters, answer.release.usable and not answer.release.settled
+    every, enter = answer.parameters, answer.release.usable and answer.release.needed
     digits = [answer.decimals if enter else decimals_for(each.expanded) for each in every]
-    unit = [unit_words(each.unit) for each in every]
+    same, unit = common_unit(case.machine), [unit_words(each.unit) for each in every]
     alone = answer.alone if brief and not enter else None
 
     def found(chosen: Sequence[Parameter]) -> list[str]:
-        return [found_words(each, own) for each, own in zip(chosen, digits, strict=True)]
+        return [found_words(each, decimals) for each, decimals in zip(chosen, digits, strict=True)]
 
     columns: dict[str, Sequence[doc.Blank]] = {"": [each.name for each in every]}
-    if not (case.unit or brief):
+    if not (same or brief):
         columns["unit"] = unit
     if alone is None:
-        name = "active" if brief else "active now"
-        columns[name] = [plain(each.active, answer.decimals) for each in every]
+        columns["active"] = [plain(each.active, answer.decimals) for each in every]
         columns["found" if brief else words.found] = found(every)
     else:
         columns[f"{words.many} alone"] = found(alone.parameters)
         columns[f"allowing for {' and '.join(answer.named)}"] = found(every)
     columns["± U"] = [two_figures(each.expanded) for each in every]
     if enter:
-        write = typed if brief and case.unit else plain
+        write = typed if brief and same else plain
         new = [write(each.new(answer.decimals), answer.decimals) for each in every]
-        columns["enter" if brief else "type in"] = [doc.Typed(each) for each in new]
+        columns["enter"] = [doc.typed(each) for each in new]
     if brief:
-        columns[" "] = [unit[0], *[""] * (len(unit) - 1)] if case.unit else unit
-    head, rows = [*columns], [*zip(*columns.values(), strict=True)]
-    if brief:
-        return doc.Grid(head, rows, (0, len(head) - 1))
+        columns[" "] = [unit[0], *[""] * (len(unit) - 1)] if same else unit
+        return doc.Grid.of(columns, (0, len(columns) - 1))
     caption = f"U: expanded uncertainty, {coverage_words(answer.k or 0.0)}, 95 %"
     if answer.dof is not None:
         caption += f" (Student's t with {counted(answer.dof, 'effective degree')} of freedom)"
-    # From afar one reads what to type in, and nothing else.
-    return doc.Grid(head, rows, caption=f"{caption}.", tiles=enter)
+    # From afar one reads what to enter, and nothing else.
+    return doc.Grid.of(columns, caption=f"{caption}.", tiles=enter)
 
 
 def found_words(each: Parameter, decimals: int | None = None) -> str:
-    """What was found of it; without `decimals` with its U and unit."""
+    """The change that was found; without `decimals` with its U and unit."""
     if each.found is None:
         return "not determined"
     if decimals is None:
@@ -265,7 +272,7 @@ def sizes(rows: Iterable[tuple[str, float, float, str]], units: bool) -> list[st
 
 
 def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Grid:
-    """What they are of, and how many of them side by side."""
+    """A table of sizes: so many side by side, behind what they are of."""
     rows = [
         ("" if start else name, *cells[start : start + width], *[""] * (start + width - len(cells)))
         for name, cells in lines
@@ -275,24 +282,23 @@ def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Gr
     return doc.Grid(("",) * columns, rows, words=range(columns))
 
 
-def largest_words(case: Case) -> str:
+def _largest_words(case: Case) -> str:
     """The largest contribution to U in one line."""
     largest = max(case.answer.budget, key=_adds)
-    what = largest.source
-    if what in _SOURCES:
-        what = source_words(what, case.machine)[0]
-    size = _size(largest).replace(" (assumed)", ", assumed")
-    told = f"{'possible: ' * largest.possible}{what}{f', ± {size}' if size else ''}"
-    return f"Largest contribution to U (95 %): {told}."
+    name, size = largest.source, _size(largest).replace(" (assumed)", ", assumed")
+    if name in _SOURCES:
+        name = source_words(name, case.machine)[0]
+    source = f"{'possible: ' * largest.possible}{name}"
+    return f"Largest contribution to U (95 %): {', ± '.join(filter(None, (source, size)))}."
 
 
-def _adds(each: Contribution) -> float:
-    """What a source adds to the variance of all parameters."""
-    return sum(std**2 for std in each.std)
+def _adds(line: Contribution) -> float:
+    """Variance that a source adds to all parameters together."""
+    return sum(std**2 for std in line.std)
 
 
 def alone_block(case: Case) -> Iterator[doc.Block]:
-    """What the parameters would be without the causes that were found, in one line."""
+    """The parameters without the causes that were found, in one line."""
     alone, digits = case.answer.alone, case.answer.decimals
     if alone is not None:
         values = ", ".join(f"{each.name} {found_words(each, digits)}" for each in alone.parameters)
@@ -301,16 +307,12 @@ def alone_block(case: Case) -> Iterator[doc.Block]:
 
 
 def open_blocks(case: Case) -> Iterator[doc.Block]:
-    """What these readings do not determine: parameters, and what is taken as given."""
-    names = {each.name for each in case.answer.parameters}
-    missing = [each for each in case.answer.undetermined if each.name in names]
-    if missing:
-        told = " and ".join(f"{e.name} (U = {two_figures(e.within)} {e.unit})" for e in missing)
-        yield f"These {case.answer.input.readings} readings do not determine {told}."
+    """Parameters that these readings do not determine, and sizes taken as stated."""
+    names = {parameter.name for parameter in case.answer.parameters}
     for each in case.answer.undetermined:
-        if each.name not in names:
-            within = f"{each.within:.2g} {unit_words(each.unit)}"
-            yield f"Not determined: {each.name}, taken as stated to within {within}."
+        size = f"{each.within:.2g} {unit_words(each.unit)}"
+        how = f"U = {size}" if each.name in names else f"taken as stated to within {size}"
+        yield f"Not determined: {each.name}, {how}."
 
 
 def budget_sections(
@@ -323,8 +325,8 @@ def budget_sections(
     rows: list[tuple[str, ...]] = []
     for each in sorted(lines, key=lambda each: -max(each.std)):
         if not each.minor:
-            what = source_words(each.source, machine, each.possible)[0]
-            rows.append((what, each.type, _size(each), *map(two_figures, each.std)))
+            name = source_words(each.source, machine, each.possible)[0]
+            rows.append((name, each.type, _size(each), *map(two_figures, each.std)))
     if any(total.minor):
         others = sum(each.minor for each in lines)
         rows.append((counted(others, "other"), "", "", *map(two_figures, total.minor)))
@@ -332,25 +334,23 @@ def budget_sections(
     u = f"U = k·u, {coverage_words(total.k)}"
     rows.append((u, "", "", *map(two_figures, total.expanded)))
     largest = max(lines, key=_adds)
-    what, remedy = source_words(largest.source, machine, largest.possible)
-    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
-    heads = [name if unit else f"{name}, {own}" for name, own in named]
-    grid = doc.Grid(("source", "type", "size", *heads), rows)
-    told = f"Largest contribution: {what}. {remedy}"
-    yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, told)
+    name, remedy = source_words(largest.source, machine, largest.possible)
+    grid = doc.Grid(("source", "type", "size", *parameter_heads(machine)), rows)
+    text = f"Largest contribution: {name}. {remedy}"
+    yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
 
 
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:
     """A source in words, and what would reduce it; `possible` if it may be there or not."""
     words = machine.vocabulary
     if source in _SOURCES:
-        what, remedy = _SOURCES[source]
-        return what.format(words=words), remedy.format(words=words)
+        name, remedy = _SOURCES[source]
+        return name.format(words=words), remedy.format(words=words)
     causes = [CAUSES[id].words(machine) for id in source.split(" and ")]
-    what = " and ".join(cause.title for cause in causes)
+    name = " and ".join(cause.title for cause in causes)
     if possible:
-        return f"possible: {what}", _OPEN.format(words=words)
-    return what, f"{causes[0].advice} {_STATE}"
+        return f"possible: {name}", _OPEN.format(words=words)
+    return name, f"{causes[0].advice} {_STATE}"
 
 
 def _size(each: Contribution) -> str:

@@ -14,7 +14,7 @@ from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import data_words, reserved, signed_page
 from orthoglide_cal.report.documents.pictures import differences_figure
-from orthoglide_cal.report.documents.solution import common_unit, sizes, sizes_grid
+from orthoglide_cal.report.documents.solution import common_unit, deviations_grid, sizes, sizes_grid
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import (
@@ -38,179 +38,199 @@ from orthoglide_cal.words import (
 _MOST_DIFFERENCES = 6  # that a screen has room for
 
 
-def verification_document(found: Verification, identity: Identity) -> doc.Document:
+def verification_document(result: Verification, identity: Identity) -> doc.Document:
     """The document, for any of the renderers."""
 
     def data() -> dict[str, object]:
         issued = identity.issued.isoformat(timespec="seconds")
-        values = found.model_dump(mode="json", context=_says(found))
+        values = result.model_dump(mode="json", context=_says(result))
         return {**values, "number": identity.number, "issued": issued}
 
-    return doc.Document(data, partial(_page, found, identity), partial(_screen, found))
+    return doc.Document(data, partial(_page, result, identity), partial(_screen, result))
 
 
-def _says(found: Verification) -> Callable[[Reason], str]:
+def _says(result: Verification) -> Callable[[Reason], str]:
     """Composes the sentence for a reason, in the words of the machine."""
-    return partial(sentence, machine=found.inputs[1][1].machine)
+    return partial(sentence, machine=result.inputs[1][1].machine)
 
 
-def _screen(found: Verification) -> doc.Page:
-    parameters = found.parameters.items()
+def _screen(result: Verification) -> doc.Page:
+    parameters = result.parameters.items()
     left = [(name, each.left, each.left_expanded, each.unit) for name, each in parameters]
-    unit = common_unit(found.inputs[1][1].machine)
+    unit = common_unit(result.inputs[1][1].machine)
     grid = sizes_grid([(f"left{unit}", sizes(left, not unit))], 3 if unit else 2)
-    before, after = (count for _, count in _measured(found))
+    before, after = (count for _, count in _measured(result))
     both = f"{before} before and after" if before == after else f"{before} and {after}"
     return doc.Page(
         kind="Verification",
-        notice=replace(verification_notice(found), aside=f"{found.machine}, {both}"),
+        notice=replace(verification_notice(result), aside=f"{result.machine}, {both}"),
         sections=(
-            doc.Section(None, *([_differences(found)] if found.differences else [])),
+            doc.Section(None, *([_differences(result)] if result.differences else [])),
             doc.Section(None, grid),
             doc.next_steps(
-                verification_steps(found, None, brief=True), "More: the same with --details"
+                verification_steps(result, None, brief=True), "More: the same with --details"
             ),
         ),
     )
 
 
-def _page(found: Verification, identity: Identity) -> doc.Page:
-    applied = [("Applied", f"{_triple(found.applied_mm, found)} mm (x, y, z)")]
+def _page(result: Verification, identity: Identity) -> doc.Page:
+    applied = [("Applied", f"{_triple(result.applied_mm, result)} mm (x, y, z)")]
     page = signed_page(
         "Verification report",
-        found.inputs[1][1].machine,
+        result.inputs[1][1].machine,
         identity,
-        [(each, each.validity) for each in (found.before, found.after)],
-        *(applied if found.applied_mm else []),
+        [(each, each.validity) for each in (result.before, result.after)],
+        *(applied if result.applied_mm else []),
     )
-    compared = "independent changes" if found.differences else "touches afterwards"
-    machine = ("Machine", doc.Given(found.machine))
-    origin = *compared_inputs(found), machine, ("Compared", f"{found.compared} {compared}")
+    compared = "independent changes" if result.differences else "touches afterwards"
+    machine = ("Machine", doc.given(result.machine))
+    origin = *compared_inputs(result), machine, ("Compared", f"{result.compared} {compared}")
     return replace(
         page,
-        title=found.machine,
-        notice=verification_notice(found),
-        sheet=(*page.sheet, _outcome(found), parameters_left(found)),
+        title=result.machine,
+        notice=verification_notice(result),
+        sheet=(*page.sheet, _outcome(result), parameters_left(result)),
         sections=(
-            *([_response(found, found.response)] if found.response else []),
+            *([_response(result, result.response)] if result.response else []),
             doc.Section("Traceability", doc.Facts(origin)),
         ),
         signatures=("Measured by", "Checked by"),
     )
 
 
-def verification_notice(found: Verification) -> doc.Notice:
+def verification_notice(result: Verification) -> doc.Notice:
     """The answer in one box."""
-    outcome = found.decision.outcome if found.decision else Outcome.PASS
+    outcome = result.decision.outcome if result.decision else Outcome.PASS
     tone, title = doc.Tone.GOOD, "The correction worked as predicted"
-    before, promised, after, _ = _sizes(found)
+    before, promised, after, _ = _sizes(result)
     size = f"Predicted {promised}, measured {after} (r.m.s.; before {before})."
-    says = _says(found)
-    remains = says(found.remains) if found.remains else ""
-    lines = tuple(line for line in (size, _answer(found), _decision(found), remains) if line)
-    if not found.differences:
-        better = found.rms_after_mm < found.rms_before_mm
-        came = "as predicted" if found.kept else f"{'but' if better else 'and'} not as predicted"
+    says = _says(result)
+    remains = says(result.remains) if result.remains else ""
+    lines = tuple(filter(None, (size, _answer(result), _decision(result), remains)))
+    if not result.differences:
+        better = result.rms_after_mm < result.rms_before_mm
+        came = "as predicted" if result.kept else f"{'but' if better else 'and'} not as predicted"
         title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
-        if found.moved:
+        if result.moved:
             title = "The machine has moved: nothing was entered, and the touches agree worse"
             told = "Look for what was changed, hit or came loose; then calibrate and probe again."
             lines = (*lines, told)
-        tone = doc.Tone.GOOD if found.kept else doc.Tone.WARN
-    elif not found.kept:
+        tone = doc.Tone.GOOD if result.kept else doc.Tone.WARN
+    elif not result.kept:
         tone, title = doc.Tone.BAD, "The correction did not work as predicted"
     elif outcome is Outcome.FAIL:
         tone, title = doc.Tone.BAD, "The correction worked, but a deviation is beyond the limit"
-    elif outcome is not Outcome.PASS or (found.other_change and found.other_change.found):
+    elif outcome is not Outcome.PASS or (result.other_change and result.other_change.found):
         tone, title = doc.Tone.WARN, "The correction worked, with a reservation"
-    if found.reservations and tone is doc.Tone.GOOD:
+    if result.reservations and tone is doc.Tone.GOOD:
         tone, title = doc.Tone.WARN, f"{title}, with a reservation"
-    return reserved(doc.Notice(tone, title, lines), [*map(says, found.reservations)])
+    return reserved(doc.Notice(tone, title, lines), [*map(says, result.reservations)])
 
 
-def _digits(found: Verification) -> int:
-    return difference_decimals(found.kind == DataKind.READINGS)
+def _digits(result: Verification) -> int:
+    return difference_decimals(result.kind == DataKind.READINGS)
 
 
-def _sizes(found: Verification) -> list[str]:
+def _sizes(result: Verification) -> list[str]:
     """Before, predicted, after and reachable, with unit."""
-    sizes = (found.rms_before_mm, found.rms_promised_mm, found.rms_after_mm, found.rms_reachable_mm)
-    if found.differences:
-        return ["" if size is None else f"{plain(size, _digits(found))} mm" for size in sizes]
+    sizes = (
+        result.rms_before_mm,
+        result.rms_promised_mm,
+        result.rms_after_mm,
+        result.rms_reachable_mm,
+    )
+    if result.differences:
+        return ["" if size is None else f"{plain(size, _digits(result))} mm" for size in sizes]
     return ["" if size is None else f"{plain(1000.0 * size, 0)} µm" for size in sizes]
 
 
 def verification_steps(
-    found: Verification, machine_file: Path | None, *, brief: bool = False
+    result: Verification, machine_file: Path | None, *, brief: bool = False
 ) -> Iterator[doc.Instruction]:
-    """What to do after the adjustment was measured.
+    """Next steps after the adjustment was measured.
 
     `brief` is for a screen, which says the answer above and is no report.
     """
-    if not found.kept:
-        if found.response is not None and not brief:
-            yield doc.Instruction(_answer(found))
-        yield doc.Instruction("Then measure again and compare again")
-    elif found.decision is not None and found.decision.outcome is Outcome.FAIL:
+    if not result.kept:
+        if remedy := _remedy(result):
+            yield doc.Instruction(remedy)
+        yield doc.Instruction("Measure again, and compare again")
+    elif result.decision is not None and result.decision.outcome is Outcome.FAIL:
         yield doc.Instruction(
             "The offsets are right, but a deviation is beyond the limit: find its cause",
-            command("diagnose", found.after.path, machine=machine_file),
+            command("diagnose", result.after.path, machine=machine_file),
         )
-    elif brief and found.differences:
-        options = f"--after {command('', found.after.path).split(maxsplit=1)[1]}"
-        write = command("report", found.before.path, machine=machine_file, options=options)
+    elif brief and result.differences:
+        options = f"--after {command('', result.after.path).split(maxsplit=1)[1]}"
+        write = command("report", result.before.path, machine=machine_file, options=options)
         yield doc.Instruction("Write the report, and keep it with the machine", write)
     else:
         yield doc.Instruction("Nothing more: keep this report with the machine.")
 
 
-def _answer(found: Verification) -> str:
+def _answer(result: Verification) -> str:
     """How the machine responded, in one sentence; nothing where that was not looked at."""
-    if found.response is None or found.answer is None:
+    if result.response is None or result.answer is None:
         return ""
-    size = f"response {_interval(found.response)}"
-    otherwise = []
-    for axis, row in found.axes.items():
-        if row.otherwise:
-            change, applied = signed(row.found_mm, 3), signed(row.applied_mm, 3)
-            otherwise.append(f"{axis} changed by {change} mm where {applied} mm was applied")
-    gain = "check the gauge against a gauge block, its plunger for tilt, and the axis scale."
-    if any(abs(found.response.value / f - 1.0) < 0.1 for f in (MM_PER_INCH, 1.0 / MM_PER_INCH)):
-        gain = "inches and millimetres were mixed up."
+    size = f"response {_interval(result.response)}"
+    acted_as = _triple(result.acted_as_mm or {}, result)
+    moves = [
+        f"{axis.upper()} moved {signed(row.found_mm, 3)} of {signed(row.applied_mm, 3)} mm"
+        for axis, row in result.axes.items()
+        if row.otherwise
+    ]
     return {
         Behaviour.AS_MODELLED: f"The machine responded as the model says: {size}, expected 1.",
-        Behaviour.OPPOSITE: f"The correction acted with the opposite sign ({size}): enter the"
-        " negative values.",
-        Behaviour.EXCHANGED: f"The correction acted as if {_triple(found.acted_as_mm or {}, found)}"
-        " had been entered (x, y, z): check the joints.",
-        Behaviour.NO_RESPONSE: f"The machine did not respond ({size}): re-home, and check that the"
-        " values are active.",
-        Behaviour.OTHER_GAIN: f"The size of the response is wrong ({size}, expected 1): {gain}",
-        Behaviour.PARTLY: f"Not every axis did what was entered: {'; '.join(otherwise)}. Check what"
-        " the controller holds there, and re-home.",
+        Behaviour.OPPOSITE: f"The correction acted with the opposite sign ({size}).",
+        Behaviour.EXCHANGED: f"The correction acted as if {acted_as} had been entered (x, y, z).",
+        Behaviour.NO_RESPONSE: f"The machine did not respond ({size}).",
+        Behaviour.OTHER_GAIN: f"The size of the response is wrong ({size}, expected 1).",
+        Behaviour.PARTLY: f"{'; '.join(moves)}.",
         Behaviour.UNDETERMINED: "The correction is too small for these readings to show a response"
         f" ({size}).",
-    }[found.answer]
+    }[result.answer]
+
+
+def _remedy(result: Verification) -> str | None:
+    """Remedy of a response that is wrong."""
+    gain = "Check the gauge against a gauge block, its plunger for tilt, and the axis scale"
+    inches, size = (
+        (MM_PER_INCH, 1.0 / MM_PER_INCH),
+        result.response.value if result.response else 1.0,
+    )
+    if any(abs(size / factor - 1.0) < 0.1 for factor in inches):
+        gain = "Enter the offsets in the controller's unit: inches and millimetres were mixed up"
+    wrong = ", ".join(axis.upper() for axis, row in result.axes.items() if row.otherwise)
+    remedies = {
+        Behaviour.OPPOSITE: "Enter the negative values",
+        Behaviour.EXCHANGED: "Check the joints",
+        Behaviour.NO_RESPONSE: "Re-home, and check that the values are active",
+        Behaviour.OTHER_GAIN: gain,
+        Behaviour.PARTLY: f"Check {wrong} in the controller, and re-home",
+    }
+    return remedies.get(result.answer) if result.answer else None
 
 
 def _interval(coefficient: Coefficient) -> str:
     """ "1.03 [0.91, 1.14]"."""
-    low, high = coefficient.ci95
-    return f"{coefficient.value:.2f} [{low:.2f}, {high:.2f}]"
+    sizes = coefficient.value, *coefficient.ci95
+    value, low, high = (plain(size, 2).replace("-", "−") for size in sizes)
+    return f"{value} [{low}, {high}]"
 
 
-def _entered(found: Verification) -> int:
+def _entered(result: Verification) -> int:
     """Decimals of joint offsets: those of what was applied, and of what is known of the rest."""
-    return entered_decimals(found.remaining_expanded_mm.values(), found.applied_mm.values())
+    return entered_decimals(result.remaining_expanded_mm.values(), result.applied_mm.values())
 
 
-def _triple(values: Mapping[str, float], found: Verification) -> str:
-    return " ".join(signed(value, _entered(found)) for value in values.values())
+def _triple(values: Mapping[str, float], result: Verification) -> str:
+    return " ".join(signed(value, _entered(result)) for value in values.values())
 
 
-def _decision(found: Verification) -> str:
+def _decision(result: Verification) -> str:
     """The decision about the limit in one sentence; none where no limit was given."""
-    made = found.decision
+    made = result.decision
     if made is None:
         return ""
     return (
@@ -220,112 +240,110 @@ def _decision(found: Verification) -> str:
     )
 
 
-def parameters_left(found: Verification) -> doc.Section:
-    """What was found, what was entered, and what remains of each parameter."""
-    decimals = _entered(found) if found.remaining_mm else 4
-    every = found.parameters.values()
-    entered = [each.entered for each in every]
+def parameters_left(result: Verification) -> doc.Section:
+    """Each parameter as found, as entered, and what remains of it."""
+    decimals = _entered(result) if result.remaining_mm else 4
+    every = result.parameters.values()
     now = [None if e.entered is None else e.before + e.entered for e in every]
     columns: dict[str, list[doc.Blank]] = {
-        "": [doc.Strong(name) for name in found.parameters],
-        "unit": [each.unit for each in every],
-        "found ± U": [with_uncertainty(each.found, each.expanded) for each in every],
-        "before": [plain(each.before, decimals) for each in every],
-        "entered": ["unknown" if e is None else signed(e, decimals) for e in entered],
-        "now": ["unknown" if each is None else doc.Strong(plain(each, decimals)) for each in now],
-        "left ± U": [with_uncertainty(each.left, each.left_expanded) for each in every],
+        "": [doc.strong(name) for name in result.parameters],
+        "unit": [e.unit for e in every],
+        "found ± U": [with_uncertainty(e.found, e.expanded) for e in every],
+        "before": [plain(e.before, decimals) for e in every],
+        "entered": ["unknown" if e.entered is None else signed(e.entered, decimals) for e in every],
+        "now": ["unknown" if new is None else doc.strong(plain(new, decimals)) for new in now],
+        "left ± U": [with_uncertainty(e.left, e.left_expanded) for e in every],
     }
     caption = "Before, now: active in the controller. Found by the first measurement, left by the"
     caption += " second."
-    grid = doc.Grid([*columns], [*zip(*columns.values(), strict=True)], caption=caption)
-    other = [name for name, each in found.parameters.items() if each.as_found is False]
+    other = [name for name, each in result.parameters.items() if each.as_found is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
-        note = "The files do not say what was entered: a printer.cfg of each time would."
+        note = "The files do not record what was entered; a printer.cfg saved each time does."
     elif other:
         note = f"What was entered differs from what was found here: {', '.join(other)}."
-    return doc.Section("Parameters", grid, note)
+    return doc.Section("Parameters", doc.Grid.of(columns, caption=caption), note)
 
 
-def _outcome(found: Verification) -> doc.Section:
+def _outcome(result: Verification) -> doc.Section:
     """Predicted and measured, difference by difference or in all."""
-    if found.differences:
-        figure = replace(left_figure(found), columns=1, sketch=())
-        blocks = _differences(found, full=True), figure, *rule_blocks(found)
+    if result.differences:
+        figure = replace(left_figure(result), columns=1, sketch=())
+        blocks = _differences(result, full=True), figure, *rule_blocks(result)
         return doc.Section("Predicted and measured", *blocks)
     grid = doc.Grid(
         ("r.m.s. of the heights", "as found", "predicted", "as left", "could be"),
-        (("touches, without their mean", *_sizes(found)),),
+        (("touches, without their mean", *_sizes(result)),),
         caption="Predicted: what the parameters found before would leave. Could be: what those"
         " found afterwards would.",
     )
     return doc.Section("Heights", grid)
 
 
-def rule_blocks(found: Verification) -> tuple[doc.Block, ...]:
+def rule_blocks(result: Verification) -> tuple[doc.Block, ...]:
     """By which rule a limit is judged; nothing where none was given."""
-    rule = found.decision
-    return (doc.Small(f"Decision rule: {rule.rule}"),) if rule else ()
+    rule = result.decision
+    return (doc.small(f"Decision rule: {rule.rule}"),) if rule else ()
 
 
-def _differences(found: Verification, *, full: bool = False) -> doc.Grid:
+def _differences(result: Verification, *, full: bool = False) -> doc.Grid:
     """Deviations as measured and as predicted; on a screen only r.m.s. where they are many."""
-    rows, digits = found.differences, _digits(found)
-    shown = rows if full or len(rows) <= _MOST_DIFFERENCES else ()
-    before, promised, after, _ = (size.removesuffix(" mm") for size in _sizes(found))
-    table = (
-        ("before", *(signed(each.before_mm, digits) for each in shown), before),
-        ("predicted", *(signed(each.promised_mm, digits) for each in shown), promised),
-        ("± U", *(plain(each.promised_expanded_mm, digits) for each in shown), ""),
-        ("measured", *(signed(each.after_mm, digits) for each in shown), after),
-    )
-    return doc.Grid(("Deviation, mm", *(each.difference for each in shown), "r.m.s."), table)
+    every = result.differences
+    rows = every if full or len(every) <= _MOST_DIFFERENCES else ()
+    sizes = {
+        "before": [*(each.before_mm for each in rows), result.rms_before_mm],
+        "predicted": [*(each.promised_mm for each in rows), result.rms_promised_mm],
+        "± U": [each.promised_expanded_mm for each in rows],
+        "measured": [*(each.after_mm for each in rows), result.rms_after_mm],
+    }
+    return deviations_grid([each.difference for each in rows], _digits(result), sizes)
 
 
-def left_figure(found: Verification) -> doc.Figure:
-    """What is left of each difference."""
-    every = found.differences
+def left_figure(result: Verification) -> doc.Figure:
+    """The differences as left."""
+    every = result.differences
     rows = [(e.difference, e.before_mm, e.promised_mm, e.expanded_mm, e.after_mm) for e in every]
-    sizes = (found.rms_before_mm, found.rms_promised_mm, found.rms_after_mm)
-    limit = found.decision.limit_mm if found.decision else None
-    return differences_figure(rows, sizes, found.kind == DataKind.SINGLE, limit)
+    sizes = (result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm)
+    limit = result.decision.limit_mm if result.decision else None
+    return differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit)
 
 
-def _response(found: Verification, response: Coefficient) -> doc.Section:
-    rows = []
-    for axis, row in found.axes.items():
-        values = (row.applied_mm, row.found_mm, *row.ci95_mm)
-        applied, changed, low, high = (signed(value, _entered(found)) for value in values)
-        coefficient = _interval(row.coefficient) if row.coefficient else ""
-        rows.append((axis, applied, changed, f"{low} … {high}", coefficient))
-    head = ("axis", "applied", "found", "95 % interval", "coefficient")
-    grid = doc.Grid(head, rows, caption="Change of each joint, mm, fitted together.")
+def _response(result: Verification, response: Coefficient) -> doc.Section:
+    rows, decimals = result.axes.values(), _entered(result)
+    intervals = [[signed(end, decimals) for end in row.ci95_mm] for row in rows]
+    columns = {
+        "axis": [*result.axes],
+        "applied": [signed(row.applied_mm, decimals) for row in rows],
+        "found": [signed(row.found_mm, decimals) for row in rows],
+        "95 % interval": [" … ".join(ends) for ends in intervals],
+        "coefficient": [_interval(row.coefficient) if row.coefficient else "" for row in rows],
+    }
+    grid = doc.Grid.of(columns, caption="Change of each joint, mm, fitted together.")
     lead = (
         "Response coefficient, all axes together: ",
-        doc.Strong(_interval(response)),
-        f". Expected: 1. (95 % interval, {found.response_dof} degrees of freedom.)",
+        doc.strong(_interval(response)),
+        f". Expected: 1. (95 % interval, {result.response_dof} degrees of freedom.)",
     )
     blocks: list[doc.Block] = [lead, grid]
-    if found.other_change is not None:
-        change = found.other_change
-        told = f"{'Something' if change.found else 'Nothing'} else changed:"
-        told += f" {1000 * change.rms_mm:.0f} µm per difference"
-        told += f"{' that no offset explains,' * change.found} where noise gives"
-        told += f" {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
+    if change := result.other_change:
+        noise = f"where noise gives {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
+        size = f"else changed: {1000 * change.rms_mm:.0f} µm per difference"
+        text = f"Nothing {size}, {noise}"
         if change.found:
-            told += " Was the stand moved, a leg or rail adjusted, or another gauge used?"
-        blocks.append(told)
+            text = f"Something {size} that no offset explains, {noise}"
+            text += " Was the stand moved, a leg or rail adjusted, or another gauge used?"
+        blocks.append(text)
     return doc.Section("How the machine responded", *blocks)
 
 
-def compared_inputs(found: Verification) -> Iterator[tuple[str, doc.Blank]]:
+def compared_inputs(result: Verification) -> Iterator[tuple[str, doc.Blank]]:
     """Where both sides come from: file and digest."""
-    for name, (given, count) in zip(("Before", "After"), _measured(found), strict=True):
-        yield name, doc.Given(f"{file_words(given.path)} ({count})")
-        yield "SHA-256", doc.Code(given.sha256)
+    for name, (given, count) in zip(("Before", "After"), _measured(result), strict=True):
+        yield name, doc.given(f"{file_words(given.path)} ({count})")
+        yield "SHA-256", doc.code(given.sha256)
 
 
-def _measured(found: Verification) -> Iterator[tuple[ComparedInput, str]]:
+def _measured(result: Verification) -> Iterator[tuple[ComparedInput, str]]:
     """Both measurements, each with how much of what it holds."""
-    for given, (source, _) in zip((found.before, found.after), found.inputs, strict=True):
+    for given, (source, _) in zip((result.before, result.after), result.inputs, strict=True):
         yield given, data_words(source, given.kind, given.readings)
