@@ -16,6 +16,7 @@ Functions take matrix and vector indices as the first axes and the batch as the 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,21 +45,8 @@ class Geometry(ReadOnly):
 
         Errors, and what `strict` means, as of `trilaterate`.
         """
-        return behind_batch(self.centres_and_tool(joints[..., None, :], strict)[1][:, 0], 1)
-
-    def centres_and_tool(self, joints: Numbers, strict: bool = True) -> tuple[Numbers, Numbers]:
-        """The same of m moments, joints (..., m, 3): b_i (3, 3, m, ...) and p (3, m, ...) [mm].
-
-        Components come first, then moments, then the batch.
-        """
-        rails = (self.points.ndim, self.directions.ndim, self.lengths.ndim + 1)
-        batch = max(joints.ndim, *rails) - 2
-        points, directions = (
-            components(values, 2, batch + 1) for values in (self.points, self.directions)
-        )
-        moved = components(joints.swapaxes(-1, -2), 2, batch)[:, None]
-        centres = points + moved * directions
-        return centres, trilaterate(centres, components(self.lengths, 1, batch + 1), strict)
+        centres = components(self.carriages(joints), 2)
+        return behind_batch(trilaterate(centres, components(self.lengths, 1), strict), 1)
 
     def joints_for(self, tool: Numbers) -> Numbers:
         """Inverse kinematics: true joint positions q (..., 3) that put the tool at p (..., 3) [mm].
@@ -147,11 +135,32 @@ class RealMachine:
         return joints
 
 
-def components(values: Numbers, axes: int, batch: int) -> Numbers:
+class Points(NamedTuple):
+    """The machine's points at m moments; components first, then moments, then the batch."""
+
+    directions: Numbers  # u_i, shape (3, 3, 1, ...)
+    centres: Numbers  # b_i, shape (3, 3, m, ...) [mm]
+    tool: Numbers  # p, shape (3, m, ...) [mm]
+
+    @classmethod
+    def of(cls, geometry: Geometry, joints: Numbers, strict: bool) -> "Points":
+        """Direct kinematics for true joint positions (..., m, 3) [mm], as `Geometry.tool_for`."""
+        rails = (geometry.points.ndim, geometry.directions.ndim, geometry.lengths.ndim + 1)
+        batch = max(joints.ndim, *rails) - 2
+        points, directions = (
+            components(values, 2, batch + 1) for values in (geometry.points, geometry.directions)
+        )
+        lengths = components(geometry.lengths, 1, batch + 1)
+        centres = points + components(joints.swapaxes(-1, -2), 2, batch)[:, None] * directions
+        return cls(directions, centres, trilaterate(centres, lengths, strict))
+
+
+def components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:
     """Move the last `axes` axes to the front, with axes of length 1 up to `batch` behind them."""
     own = values.ndim - axes
     moved = values.transpose(*range(own, values.ndim), *range(own)).copy()
-    return moved.reshape(moved.shape[:axes] + (1,) * (batch - own) + moved.shape[axes:])
+    missing = 0 if batch is None else batch - own
+    return moved.reshape(moved.shape[:axes] + (1,) * missing + moved.shape[axes:])
 
 
 def behind_batch(values: Numbers, axes: int) -> Numbers:

@@ -33,6 +33,7 @@ from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.model.kinematics import (
     Command,
     Geometry,
+    Points,
     RealMachine,
     behind_batch,
 )
@@ -544,8 +545,8 @@ class LinearDelta(Machine):
         self, real: RealMachine, parameters: Numbers, plan: ProbePlan, strict: bool
     ) -> tuple[Numbers, Numbers]:
         geometry, offsets = self.calibrated_as(real.geometry, parameters)
-        joints = real.joints(self.command(plan), offsets)
-        tool = behind_batch(geometry.centres_and_tool(joints, strict)[1], 2).swapaxes(-1, -2)
+        points = Points.of(geometry, real.joints(self.command(plan), offsets), strict)
+        tool = behind_batch(points.tool, 2).swapaxes(-1, -2)
         first, second = tool[..., : len(plan), :], tool[..., len(plan) :, :]
         readings = plan.place[:, 2] - first[..., 2]
         if plan.distance.any():

@@ -21,6 +21,7 @@ from orthoglide_cal.model.gauge import Gauge
 from orthoglide_cal.model.kinematics import (
     Command,
     Geometry,
+    Points,
     RealMachine,
     behind_batch,
 )
@@ -58,6 +59,10 @@ PLACE_STEP = 0.05
 ROUNDING = 1e-9
 POSTURES = (Posture.ISO, Posture.MAX, Posture.MIN)
 HEIGHT = 2  # single-posture gauges can stand on the xy-surface only, so they measure along z
+
+# Which of the machine's moments belong to n readings: when each was taken, and when its gauge was
+# set up, at the isotropic posture; indices, each of shape (n,).
+_Moments = tuple[Ints, Ints]
 
 
 class Orthoglide(Machine):
@@ -320,28 +325,18 @@ class Orthoglide(Machine):
     def sensed(
         self, real: RealMachine, parameters: Numbers, plan: GaugePlan, strict: bool
     ) -> tuple[Numbers, Numbers]:
-        """Where the gauges touch the legs (Table 2, eqs. 18–24, errata)."""
-        joints, moment, set_up = _joints(real, self.command(plan), plan, parameters)
+        joints, moments = _joints(real, self.command(plan), plan, parameters)
         try:
-            centres, tool = real.geometry.centres_and_tool(joints, strict)
+            points = Points.of(real.geometry, joints, strict)
         except PostureError as error:
-            failed = np.isnan(real.geometry.centres_and_tool(joints, strict=False)[1][0])
-            bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moment])
+            failed = np.isnan(Points.of(real.geometry, joints, strict=False).tool[0])
+            bad = np.flatnonzero(failed.any(axis=tuple(range(1, failed.ndim)))[moments[0]])
             named = "Isotropic posture"
             if bad.size:
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
             raise type(error)(f"{named}: {error.what}", error.remedy) from error
-        leg, direction, column = plan.leg, plan.direction, (-1, *[1] * (tool.ndim - 2))
-        gauge_at, contact = plan.gauge_at.reshape(column), plan.contact.reshape(column)
-        carriage, side = centres[leg, leg, moment], centres[leg, direction, moment]
-        # The gauge's place along the leg's axis, and the point of the leg that it now touches.
-        place = (1.0 - gauge_at) * centres[leg, leg, set_up] + gauge_at * tool[leg, set_up]
-        fraction = (place - carriage) / (tool[leg, moment] - carriage)
-        if not plan.fixed:
-            fraction = np.where(contact == Contact.FIXED, fraction, contact == Contact.TOOL)
-        heights = side + fraction * (tool[direction, moment] - side)
-        return behind_batch(heights, 1), behind_batch(fraction, 1)
+        return _touched(points, plan, moments)
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
@@ -398,13 +393,12 @@ def _command(machine: Orthoglide, plan: GaugePlan) -> Command:
 
 def _joints(
     real: RealMachine, command: Command, plan: GaugePlan, offsets: Numbers
-) -> tuple[Numbers, Ints, Ints]:
+) -> tuple[Numbers, _Moments]:
     """Where the carriages stand at each moment and, last, where they did for each set-up.
 
-    Shape (..., m + s, 3) [mm]; with them which of these belong to each reading: when it was taken,
-    and when its gauge was set up, at the isotropic posture, both (n,). A cause of the motion may
+    Shape (..., m + s, 3) [mm]; with them the moments of each reading. A cause of the motion may
     depend on time: then every reading is its own moment; otherwise readings at one posture share
-    theirs. Gauges are set up with what was entered then.
+    theirs. Gauges are set up at the isotropic posture, with what was entered then.
     """
     stood, which = plan.set_up_moments
     set_up = command.home - stood + offsets[..., None, :]
@@ -415,7 +409,26 @@ def _joints(
         joints = real.joints(command, offsets)
         moment = np.arange(len(plan))
     set_up = np.broadcast_to(set_up, (*joints.shape[:-2], *set_up.shape[-2:]))
-    return np.concatenate((joints, set_up), axis=-2), moment, joints.shape[-2] + which
+    return np.concatenate((joints, set_up), axis=-2), (moment, joints.shape[-2] + which)
+
+
+def _touched(points: Points, plan: GaugePlan, moments: _Moments) -> tuple[Numbers, Numbers]:
+    """Where the gauges touch the legs (Table 2, eqs. 18–24, errata)."""
+    moment, set_up = moments
+    leg, direction = plan.leg, plan.direction
+    column = (-1, *[1] * (points.tool.ndim - 2))
+    gauge_at, contact = plan.gauge_at.reshape(column), plan.contact.reshape(column)
+    fixed = contact == Contact.FIXED
+    carriage, side = points.centres[leg, leg, moment], points.centres[leg, direction, moment]
+    # The gauge's place along the leg's axis, and the point of the leg that it now touches.
+    place = (1.0 - gauge_at) * points.centres[leg, leg, set_up]
+    place = place + gauge_at * points.tool[leg, set_up]
+    span = points.tool[leg, moment] - carriage
+    across = points.tool[direction, moment] - side
+    fraction = (place - carriage) / span
+    if not plan.fixed:
+        fraction = np.where(fixed, fraction, contact == Contact.TOOL)
+    return behind_batch(side + fraction * across, 1), behind_batch(fraction, 1)
 
 
 # --- protocols -----------------------------------------------------------------------------
