@@ -18,7 +18,7 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.cause import PER_HOUR
-from orthoglide_cal.model.model import Model, differentiate, simulate
+from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import GaugePlan
@@ -44,7 +44,7 @@ class PlanForecast:
         set-ups and times are those that a forecast names."""
         self._model, self._plan, machine = model, plan, model.machine
         self._zero = np.zeros(len(machine.parameter_names))
-        self._base, self._jacobian = differentiate(Model(machine), self._zero, plan)
+        self._base, self._jacobian = simulate_with_jacobian(Model(machine), self._zero, plan)
         if model.accepted:
             self._base = simulate(model, self._zero, plan)
         causes = CAUSES.values()

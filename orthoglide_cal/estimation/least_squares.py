@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.estimation.gaussian import whiten, whiten_shared
-from orthoglide_cal.model.model import Model, differentiate, simulate
+from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.plan import (
     Contrasts,
     Floats,
@@ -62,7 +62,7 @@ class Problem(ReadOnly):
             point = _at_point(self.model, tuple(offsets.reshape(-1).tolist()), plan, strict)
             readings, jacobian = (np.reshape(a, (*offsets.shape[:-1], *a.shape)) for a in point)
         else:
-            readings, jacobian = differentiate(self.model, offsets, plan, strict=strict)
+            readings, jacobian = simulate_with_jacobian(self.model, offsets, plan, strict)
         return np.asarray(readings @ matrix.T), np.asarray(matrix @ jacobian)
 
     def change(self, offsets: Floats, entered: Floats) -> Floats:
@@ -124,8 +124,8 @@ class Problem(ReadOnly):
 def _at_point(
     model: Model, offsets: tuple[float, ...], plan: Plan, strict: bool
 ) -> tuple[Floats, Floats]:
-    """`differentiate` at one point: other weights of the same readings ask it again."""
-    readings, jacobian = differentiate(model, np.array(offsets), plan, strict=strict)
+    """`simulate_with_jacobian` at one point: other weights of the same readings ask it again."""
+    readings, jacobian = simulate_with_jacobian(model, np.array(offsets), plan, strict)
     return read_only(readings), read_only(jacobian)
 
 

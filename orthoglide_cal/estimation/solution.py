@@ -25,7 +25,7 @@ from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
 from orthoglide_cal.model.machine import Influence, Instrument, Suspicion
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings
-from orthoglide_cal.model.model import Model, differentiate, simulate
+from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only
 from orthoglide_cal.schema import Reason
 
@@ -274,7 +274,7 @@ def solve(
         posed = posed.weighted(posed.problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
         found = _search(posed, start=offsets)
         offsets = found.offsets_mm
-    readings, jacobian = differentiate(model, offsets, plan)
+    readings, jacobian = simulate_with_jacobian(model, offsets, plan)
     if not chosen.linear:
         residuals = found.residuals_mm
         estimator = np.asarray(np.linalg.pinv(posed.problem.matrix @ jacobian), np.float64)

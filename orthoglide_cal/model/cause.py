@@ -226,7 +226,7 @@ class Cause:
     def contact(
         self, heights: Numbers, effect: Effect, where: Numbers, plan: AnyPlan, machine: Machine
     ) -> Numbers:
-        """Gauge positions (..., n) [mm]; `where` as of `Machine.sensed`."""
+        """Gauge positions (..., n) [mm]; `where` as in `GaugeResponse`."""
         return heights
 
     def inverted(self, readings: Floats, effect: Effect, plan: AnyPlan, machine: Machine) -> Floats:

@@ -71,15 +71,15 @@ class Geometry(ReadOnly):
         At true joint positions q and the tool p at these, shapes (..., 3) [mm]. Raises
         SingularError: the three legs lie in one plane.
         """
-        # The differentiated sphere equations: (p − b_i)·(dp − u_i dq_i) = 0.
-        legs = tool[..., None, :] - self.carriages(joints)
-        normal, first = np.cross(legs[..., 1, :], legs[..., 2, :]), legs[..., 0, :]
-        sizes = np.linalg.norm(normal, axis=-1) * np.linalg.norm(first, axis=-1)
-        if np.any(np.abs((first * normal).sum(axis=-1)) <= SINGULAR * sizes):
+        matrix = tool_derivative(
+            components(self.carriages(joints), 2),
+            components(self.directions, 2),
+            components(tool, 1),
+        )
+        if not np.all(np.isfinite(matrix)):
             what = "The three legs lie in one plane: the machine is singular at this posture."
             raise SingularError(what, "Choose a posture inside the workspace.")
-        along = (legs * self.directions).sum(axis=-1)
-        return np.asarray(np.linalg.solve(legs, along[..., None] * np.eye(3)))
+        return behind_batch(matrix, 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +112,13 @@ class Command(ReadOnly):
         last = np.maximum.accumulate(np.where(moves != 0.0, moments, 0), axis=0)
         approach[self.in_time] = np.take_along_axis(moves, last, axis=0)
         return read_only(approach)
+
+
+# What n gauges or probes are pushed to, on a machine of any kind, shape (..., n) [mm]; what they
+# touch then, as the kind has it: the place along the leg, from carriage joint (0) to tool (1),
+# shape (..., n), or the tool, in radii of the bed, shape (..., n, 3); and the derivative by the
+# parameters, shape (..., n, p), None where it was not computed.
+GaugeResponse = tuple[Numbers, Numbers, Floats | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,3 +230,20 @@ def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numb
         )
     height = np.sqrt(np.where(apart, np.nan, height2) / area2)
     return np.asarray(first + in_plane - height * normal)
+
+
+def tool_derivative(centres: Numbers, directions: Numbers, tool: Numbers) -> Numbers:
+    """∂p/∂q, shape (3, 3, ...); NaN where the machine is singular.
+
+    From the differentiated sphere equations (p − b_i)·(dp − u_i dq_i) = 0.
+    """
+    legs = tool - centres
+    columns = [_cross(legs[k - 2], legs[k - 1]) for k in range(3)]
+    volume = _dot(legs[0], columns[0])
+    size2 = _dot(columns[0], columns[0]) * _dot(legs[0], legs[0])
+    flat = np.abs(volume) <= SINGULAR * np.sqrt(np.abs(size2))
+    inverse = 1.0 / np.where(flat, np.nan, volume)
+    matrix = np.empty((3, *columns[0].shape), columns[0].dtype)
+    for k in range(3):
+        np.multiply(columns[k], _dot(legs[k], directions[k]) * inverse, out=matrix[:, k, ...])
+    return matrix

@@ -32,6 +32,7 @@ from pydantic import (
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.model.kinematics import (
     Command,
+    GaugeResponse,
     Geometry,
     Points,
     RealMachine,
@@ -542,8 +543,13 @@ class LinearDelta(Machine):
             )
 
     def sensed(
-        self, real: RealMachine, parameters: Numbers, plan: ProbePlan, strict: bool
-    ) -> tuple[Numbers, Numbers]:
+        self,
+        real: RealMachine,
+        parameters: Numbers,
+        plan: ProbePlan,
+        strict: bool,
+        derivative: bool,
+    ) -> GaugeResponse:
         geometry, offsets = self.calibrated_as(real.geometry, parameters)
         points = Points.of(geometry, real.joints(self.command(plan), offsets), strict)
         tool = behind_batch(points.tool, 2).swapaxes(-1, -2)
@@ -553,7 +559,7 @@ class LinearDelta(Machine):
             # In addition to a touch a length of one, whose derivative is finite.
             apart = np.sqrt(((second - first) ** 2).sum(axis=-1) + ~plan.distance)
             readings = np.where(plan.distance, apart - plan.wanted, readings)
-        return readings, first / self.bed_radius_mm
+        return readings, first / self.bed_radius_mm, None
 
     def reading_words(self, plan: ProbePlan, index: int) -> str:
         """Such as "x 12.5, y -30 mm (touch 12)"."""

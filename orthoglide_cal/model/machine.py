@@ -20,7 +20,7 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 
 from orthoglide_cal.errors import OrthocalError, UsageError
-from orthoglide_cal.model.kinematics import Geometry, RealMachine
+from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
 from orthoglide_cal.model.readings import AXES
@@ -413,13 +413,10 @@ class Machine(Schema):
 
     @abstractmethod
     def sensed(
-        self, real: RealMachine, parameters: Numbers, plan: AnyPlan, strict: bool
-    ) -> tuple[Numbers, Numbers]:
-        """What n gauges or probes are pushed to, shape (..., n) [mm], and what they touch then.
-
-        That is the place along the leg, from carriage joint (0) to tool (1), shape (..., n); or the
-        tool, in radii of the bed, shape (..., n, 3). Arguments and errors as of `simulate`.
-        """
+        self, real: RealMachine, parameters: Numbers, plan: AnyPlan, strict: bool, derivative: bool
+    ) -> GaugeResponse:
+        """What gauges or probes are pushed to, and its derivative where that is asked for and
+        known in closed form; arguments and errors as of `simulate`."""
 
     @abstractmethod
     def reading_words(self, plan: AnyPlan, index: int) -> str:

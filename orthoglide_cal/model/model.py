@@ -78,20 +78,14 @@ STEP = 1e-30
 AT_ONCE = 1 << 16
 
 
-def simulate(model: Model, offsets: Numbers, plan: Plan, strict: bool = True) -> Numbers:
+def simulate(model: Model, offsets: Numbers, plan: Plan) -> Numbers:
     """Predicted readings, (..., n) [mm], for joint offsets Δρ, (..., 3) [mm] (Table 2, errata).
 
     The gauge zeros are at the origin of the frame. Leading axes of the parameters of the model's
     causes broadcast with those of the offsets: many machines in one call. Raises UnreachableError,
-    SingularError: a posture that this machine cannot take; NaN unless it is `strict`.
+    SingularError: a posture that this machine cannot take.
     """
-    machine = model.machine
-    readings, where = machine.sensed(model.real, np.asarray(offsets), plan, strict)
-    for effect in model.accepted:
-        readings = effect.cause.contact(readings, effect, where, plan, machine)
-    for effect in model.accepted:
-        readings = effect.cause.record(readings, effect, plan, machine)
-    return readings
+    return _simulate(model, np.asarray(offsets), plan, strict=True)[0]
 
 
 def synthetic_session(
@@ -115,32 +109,49 @@ def synthetic_session(
     return machine.synthetic(plan, predict, rng, gauge or machine.instrument)
 
 
+def simulate_with_jacobian(
+    model: Model, offsets: Floats, plan: Plan, strict: bool = True
+) -> tuple[Floats, Floats]:
+    """`simulate`, and its exact derivative by the offsets: (..., n) [mm] and (..., n, 3).
+
+    In closed form where the offsets alone move the carriages, otherwise by complex steps. Unless
+    it is `strict`, the readings of what is unreachable are NaN.
+    """
+    point = np.asarray(offsets, dtype=np.float64)
+    readings, jacobian = _simulate(model, point, plan, strict, derivative=True)
+    if jacobian is None:
+        jacobian = differentiate(model, point, plan, (), strict)[1]
+    return readings, jacobian
+
+
 def differentiate(
-    model: Model,
-    offsets: Floats,
-    plan: Plan,
-    effects: Sequence[Effect] = (),
-    strict: bool = True,
+    model: Model, offsets: Floats, plan: Plan, effects: Sequence[Effect], strict: bool = True
 ) -> tuple[Floats, Floats]:
     """Readings (..., n) [mm], and their derivatives by offsets and parameters, (..., n, q).
 
-    By complex steps: exact. At offsets Δρ (..., 3) [mm]; the parameters are those of `effects`,
-    each of theta (p,), further ones than those of the model. Errors and `strict` as of `simulate`.
+    At offsets Δρ (..., 3) [mm]; the parameters are those of `effects`, each of theta (p,), further
+    ones than those of the model. One simulation of many machines: the point, then a complex step
+    in each unknown in turn. `strict` as of `simulate_with_jacobian`.
     """
-    readings = simulate(model.extended(effects), offsets, plan, strict)
     ends = np.cumsum([offsets.shape[-1], *(effect.theta.size for effect in effects)])
-    steps = 1j * STEP * np.eye(ends[-1]).reshape(-1, *[1] * (readings.ndim - 1), ends[-1])
-    some, every = max(AT_ONCE // max(readings.size, 1), 1), []
+    many = [offsets, *(effect.theta for effect in (*effects, *model.accepted))]
+    batch = max(each.ndim for each in many) - 1
+    steps = 1j * STEP * np.eye(ends[-1] + 1, ends[-1], k=-1)
+    steps = steps.reshape(-1, *[1] * batch, ends[-1])
+    some = max(AT_ONCE * offsets.shape[-1] // max(offsets.size * len(plan), 1), 1)
+    every = []
     for at in range(0, len(steps), some):
         by_offsets, *by_effect = np.split(steps[at : at + some], ends[:-1], axis=-1)
-        stepped = model.extended(
+        stepped = [
             effect.cause.at(effect.theta + step, effect.place)
             for effect, step in zip(effects, by_effect, strict=True)
-        )
+        ]
         # Real NaN divides in silence, complex NaN does not.
         with np.errstate(invalid="warn" if strict else "ignore"):
-            every.append(simulate(stepped, offsets + by_offsets, plan, strict).imag / STEP)
-    return readings, np.moveaxis(np.concatenate(every), 0, -1)
+            moved = _simulate(model.extended(stepped), offsets + by_offsets, plan, strict)
+        every.append(moved[0])
+    readings = np.concatenate(every)
+    return readings[0].real, np.moveaxis(readings[1:].imag / STEP, 0, -1)
 
 
 def differentiate_absent(
@@ -173,3 +184,16 @@ def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floa
         columns = [(simulate(other, offsets, plan) - before)[..., None] for other in moved]
         found.append(np.concatenate([np.zeros((*before.shape, 0)), *columns], axis=-1))
     return tuple(found)
+
+
+def _simulate(
+    model: Model, parameters: Numbers, plan: Plan, strict: bool, derivative: bool = False
+) -> tuple[Numbers, Floats | None]:
+    """Readings; if it is wanted and known in closed form, their derivative by the parameters."""
+    machine = model.machine
+    readings, where, jacobian = machine.sensed(model.real, parameters, plan, strict, derivative)
+    for effect in model.accepted:
+        readings = effect.cause.contact(readings, effect, where, plan, machine)
+    for effect in model.accepted:
+        readings = effect.cause.record(readings, effect, plan, machine)
+    return readings, jacobian

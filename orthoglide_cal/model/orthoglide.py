@@ -20,10 +20,12 @@ from orthoglide_cal.errors import InputError, PostureError, UnreachableError, Us
 from orthoglide_cal.model.gauge import Gauge
 from orthoglide_cal.model.kinematics import (
     Command,
+    GaugeResponse,
     Geometry,
     Points,
     RealMachine,
     behind_batch,
+    tool_derivative,
 )
 from orthoglide_cal.model.machine import (
     Influence,
@@ -323,8 +325,13 @@ class Orthoglide(Machine):
         return _command(self, plan)
 
     def sensed(
-        self, real: RealMachine, parameters: Numbers, plan: GaugePlan, strict: bool
-    ) -> tuple[Numbers, Numbers]:
+        self,
+        real: RealMachine,
+        parameters: Numbers,
+        plan: GaugePlan,
+        strict: bool,
+        derivative: bool,
+    ) -> GaugeResponse:
         joints, moments = _joints(real, self.command(plan), plan, parameters)
         try:
             points = Points.of(real.geometry, joints, strict)
@@ -336,7 +343,7 @@ class Orthoglide(Machine):
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
             raise type(error)(f"{named}: {error.what}", error.remedy) from error
-        return _touched(points, plan, moments)
+        return _touched(points, plan, moments, derivative and real.still)
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:
         """Such as "leg x, direction y, min, cycle 2 (reading 12)"."""
@@ -412,8 +419,13 @@ def _joints(
     return np.concatenate((joints, set_up), axis=-2), (moment, joints.shape[-2] + which)
 
 
-def _touched(points: Points, plan: GaugePlan, moments: _Moments) -> tuple[Numbers, Numbers]:
-    """Where the gauges touch the legs (Table 2, eqs. 18–24, errata)."""
+def _touched(points: Points, plan: GaugePlan, moments: _Moments, derivative: bool) -> GaugeResponse:
+    """Where the gauges touch the legs (Table 2, eqs. 18–24, errata).
+
+    Its derivative is in closed form: d carriage = u_i dq_i, d tool = (∂p/∂q) dq, and d fraction =
+    (d place − d carriage − fraction·d span)/span, zero where the gauge is not fixed. In place,
+    because fresh memory for such long arrays costs more than the arithmetic.
+    """
     moment, set_up = moments
     leg, direction = plan.leg, plan.direction
     column = (-1, *[1] * (points.tool.ndim - 2))
@@ -428,7 +440,23 @@ def _touched(points: Points, plan: GaugePlan, moments: _Moments) -> tuple[Number
     fraction = (place - carriage) / span
     if not plan.fixed:
         fraction = np.where(fixed, fraction, contact == Contact.TOOL)
-    return behind_batch(side + fraction * across, 1), behind_batch(fraction, 1)
+    heights, where = behind_batch(side + fraction * across, 1), behind_batch(fraction, 1)
+    if not derivative:
+        return heights, where, None
+    tool_by_joint = tool_derivative(points.centres, points.directions, points.tool)
+    turn = fixed * across / span
+    jacobian = tool_by_joint[direction, :, moment]
+    jacobian *= fraction[:, None]
+    part = tool_by_joint[leg, :, moment]
+    part *= (turn * fraction)[:, None]
+    jacobian -= part
+    part[...] = tool_by_joint[leg, :, set_up]
+    part *= (turn * gauge_at)[:, None]
+    jacobian += part
+    own, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
+    jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * own
+    jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
+    return heights, where, behind_batch(jacobian, 2)
 
 
 # --- protocols -----------------------------------------------------------------------------

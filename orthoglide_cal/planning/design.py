@@ -22,7 +22,7 @@ from orthoglide_cal.estimation import pose_plan
 from orthoglide_cal.estimation.accuracy import unit_covariance
 from orthoglide_cal.model.machine import Machine, Suspicion
 from orthoglide_cal.model.measured import DataKind
-from orthoglide_cal.model.model import Model, differentiate
+from orthoglide_cal.model.model import Model, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import MARGIN, ROUNDING, Orthoglide, visiting
 from orthoglide_cal.model.plan import Floats, Ints, Plan
 
@@ -67,7 +67,7 @@ def design_of(machine: Orthoglide) -> tuple[tuple[float, ...], float]:
         plan.subset(np.tile(np.argsort(plan.setup, kind="stable"), len(PLACES))),
         gauge_at=np.repeat(PLACES, len(plan)),
     )
-    slopes = differentiate(Model(machine), np.zeros(3), everywhere)[1]
+    slopes = simulate_with_jacobian(Model(machine), np.zeros(3), everywhere)[1]
     jacobians = slopes.reshape(len(PLACES), plan.setups, len(postures), 3)
     least, best = 1.0 / NOTHING**0.5, None
     for place, jacobian in zip(PLACES, jacobians, strict=True):

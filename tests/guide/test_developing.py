@@ -104,12 +104,12 @@ class TiltTable(Machine):
         flat = np.stack((np.cos(ANGLES), np.sin(ANGLES), np.zeros(3)), axis=1)
         return Geometry(self.bed_radius_mm * flat, np.tile([0.0, 0.0, 1.0], (3, 1)), np.ones(3))
 
-    def sensed(self, real, parameters, plan, strict):
+    def sensed(self, real, parameters, plan, strict, derivative):
         corners, place = np.ones((3, 3)), plan.place.copy()
         corners[:, :2], place[:, 2] = real.geometry.points[:, :2], 1.0
         readings = parameters @ (place @ np.linalg.inv(corners)).T
         where = np.broadcast_to(plan.place / self.bed_radius_mm, (*readings.shape, 3))
-        return readings, where
+        return readings, where, None
 ''',
     "configs/tilt_table.yaml": """schema_version: 1
 kind: tilt_table

@@ -7,7 +7,7 @@ import pytest
 
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference
-from orthoglide_cal.model.model import Model, differentiate
+from orthoglide_cal.model.model import Model, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
 from orthoglide_cal.model.plan import zero_free
 from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series
@@ -97,7 +97,7 @@ def test_contrasts_are_least_squares_with_free_zeros(machine: Machine, kind: str
     if kind != "few":
         once = mixed_plan(machine) if kind == "mixed" else single_posture(machine)
         plan = once.subset(np.sort(rng.choice(len(once), 3 * len(once))))
-    slope = differentiate(Model(machine), OFFSETS, plan)[1]
+    slope = simulate_with_jacobian(Model(machine), OFFSETS, plan)[1]
     values = rng.normal(0.0, 1.0, len(plan))
     contrasts, zeros = zero_free(plan), plan.zeros
     rows = contrasts @ np.eye(len(plan))
