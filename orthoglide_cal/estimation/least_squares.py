@@ -184,13 +184,15 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
     jacobian = np.broadcast_to(slope, (count, *slope.shape[-2:])).copy()
     residual, damping = flat - model, np.zeros(count)
     iterations = np.zeros(count, dtype=np.intp)
-    left = problem.length(jacobian, normal_step(jacobian, residual))
+    step = normal_step(jacobian, residual)
+    left = problem.length(jacobian, step)
     for _ in range(MAX_ITERATIONS):
         which = np.flatnonzero(left > SHORT_STEP)
         if not which.size:
             break
-        careful = normal_step(jacobian[which], residual[which], damping[which])
-        trial = offsets[which] + careful
+        careful = which[damping[which] > 0.0]
+        step[careful] = normal_step(jacobian[careful], residual[careful], damping[careful])
+        trial = offsets[which] + step[which]
         model, slope = problem.predict_with_jacobian(trial, strict=False)
         after = flat[which] - model
         # A step whose gain is lost in rounding is taken; a NaN cost (posture out of reach)
@@ -204,7 +206,8 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
             after[better],
             slope[better],
         )
-        left[moved] = problem.length(slope[better], normal_step(slope[better], after[better]))
+        step[moved] = normal_step(jacobian[moved], residual[moved])
+        left[moved] = problem.length(jacobian[moved], step[moved])
         more = np.maximum(10.0 * damping[which], FIRST_DAMPING)
         less = damping[which] / 10.0
         damping[which] = np.where(better, np.where(less < FIRST_DAMPING, 0.0, less), more)
