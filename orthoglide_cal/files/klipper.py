@@ -395,11 +395,13 @@ def _reached(machine: LinearDelta, *stored: Sequence[Floats]) -> Stored | None:
     plan = touching(place, known, np.arange(len(value)), other=other)
     value = np.where(plan.distance, value - plan.wanted, place[:, 2] - value)
     trimmed = float(np.mean(value[: len(known)]))
+    # What the settings in force take for higher is reached lower down.
+    now, then = ("lower", "raises") if trimmed > 0.0 else ("higher", "lowers")
     remark = (
-        f"The settings in force put the nozzle {abs(trimmed):.3f} mm"
-        f" {'higher' if trimmed > 0.0 else 'lower'} than it was stored at. If the endstops"
-        " were changed after DELTA_CALIBRATE, as for a first layer, entering the result"
-        " removes that: set the height of the nozzle again afterwards."
+        f"For the same Z the nozzle stands {abs(trimmed):.3f} mm {now} with the settings in force"
+        " than with those of DELTA_CALIBRATE. If the endstops were changed afterwards, as for a"
+        f" first layer, entering the result removes that and {then} the nozzle by as much: set its"
+        " height again before you print."
     )
     remarks = (remark,) if abs(trimmed) > _TRIMMED_MM else ()
     return Stored(plan, value, line.astype(int), remarks=remarks)
