@@ -33,7 +33,7 @@ from orthoglide_cal.estimation.losses import (
 )
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture
-from orthoglide_cal.inference.candidates import Ids
+from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.result import Verdict
@@ -41,9 +41,9 @@ from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.plan import Floats, Groups
 
 # The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
-# than stated. If something beyond the list acts with them, an open question costs a measurement in
-# vain; if not, to look for it in the set-up costs a hold.
-MISFIT = surprising(UNLISTED / (1.0 - UNLISTED), OPEN_ANSWER, NEEDLESS_HOLD)
+# than stated. If something beyond the list stands in their place, an open question costs a
+# measurement in vain; if not, to look for it in the set-up costs a hold.
+MISFIT = surprising(UNLISTED / (ONE_CAUSE + TWO_CAUSES), OPEN_ANSWER, NEEDLESS_HOLD)
 
 # --- limits of effort -------------------------------------------------------------------------
 
