@@ -72,7 +72,7 @@ def _undecided(machine: Machine, data: Data) -> str:
     return (
         f"Something {'may be' if sound else 'is'} wrong besides the {machine.vocabulary.many}:"
         f" {either}. These data cannot distinguish them"
-        f"{' from each other or from a sound machine' if sound else ''}."
+        f"{', nor from a sound machine' if sound else ''}."
     )
 
 
