@@ -20,7 +20,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TextIO
 import typer
 from typer.core import TyperCommand
 
-from orthoglide_cal.errors import InputError, OrthocalError, UsageError, file_words, visible_lines
+from orthoglide_cal.errors import (
+    InputError,
+    OrthocalError,
+    UsageError,
+    file_words,
+    visible,
+    visible_lines,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -406,7 +413,10 @@ def working(path: str) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    status = console(stderr=True).status(f"{path} …")
+    from rich import text
+
+    # As text, not as markup: a file may be called a[/b].yaml.
+    status = console(stderr=True).status(text.Text(visible(f"{path} …")))
     timer = threading.Timer(SLOW_S, status.start)
     timer.daemon = True
     timer.start()

@@ -315,7 +315,7 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
 
 def _check_kind(settings: _Settings) -> None:
     """Raises for a machine of another kind, or a file of something else."""
-    kind = settings.options.get(("printer", "kinematics"))
+    kind = settings.options.get(("printer", "kinematics"), "").strip()
     if kind and kind.lower() != "delta":
         what = "The machine is not a linear delta."
         settings.note(("printer", "kinematics"), what, "Give a delta's file.")
@@ -483,8 +483,8 @@ def _rows(settings: _Settings, section: str, across: int, along: int) -> tuple[l
         settings.missing(section, "points")
         return [], np.empty((0, 0))
     first, column, _ = settings.place((section, "points"))
-    texts = [text.split(",") for text in points.split("\n")]
-    rows = {settings.lines[section, "points"] + k: row for k, row in enumerate(texts) if any(row)}
+    start, texts = settings.lines[section, "points"], points.split("\n")
+    rows = {start + k: text.split(",") for k, text in enumerate(texts) if text.strip()}
     heights = []
     for line, cells in rows.items():
         if across and len(cells) != across:

@@ -79,12 +79,15 @@ def _posture(text: str, info: ValidationInfo) -> str:
 
 
 def _entered(value: object, info: ValidationInfo) -> object:
+    remedy = "Write mm with blanks between them, such as 0.5 0 0."
     if not isinstance(value, str):
+        if info.context is not None:
+            raise InputError("This must be one value.", remedy)
         return value
     offsets = tuple(_length(text, info) for text in value.split())
     if len(offsets) != len(AXES):
         what = f"Three numbers are needed, for x, y and z, not {len(offsets)}."
-        raise InputError(what, "Write mm with blanks between them, such as 0.5 0 0.")
+        raise InputError(what, remedy)
     return offsets
 
 
@@ -292,7 +295,8 @@ class Rows(Generic[R]):
             cells = {name: text for name, text in plain.items() if text not in (None, "")}
             self.cells.append(cells)
             self.rows.append(None)
-            self.in_inches = [*schema.needed][-1] if schema.inches in cells else ""
+            inches = schema.inches and schema.inches in cells  # a column may have no name
+            self.in_inches = [*schema.needed][-1] if inches else ""
             try:
                 given = cells if isinstance(entry, dict) else entry
                 self.rows[index] = schema.model_validate(given, context=self)

@@ -30,6 +30,7 @@ from tests.cli.program import (
     words,
 )  # fmt: skip
 from tests.printers import CONFIG
+from tests.session.terminal import PROGRAM, Terminal
 
 COMMANDS = tuple(get_command(app).commands)  # type: ignore[attr-defined]
 FILES = {"SIX": SIX, "DOUBLE": DOUBLE, "PRINTER": CONFIG}
@@ -272,6 +273,17 @@ def test_a_file_name_is_shown_and_never_obeyed(command: str, tmp_path: Path) -> 
         assert said.strip()
         assert not set(said) & set("\x1b\x07\u202e")
     assert "⟨U+001B⟩[31mred⟨U+202E⟩.csv" in run("validate", str(path)).stdout
+
+
+def test_a_file_that_is_worked_on_is_shown_by_its_name(tmp_path: Path) -> None:
+    """The name holds what would be markup."""
+    (tmp_path / "a[").mkdir()
+    (tmp_path / "a[/b].csv").write_bytes(Path(DOUBLE).read_bytes())
+    program = f"from orthoglide_cal.cli import common; common.SLOW_S = 0.0; {PROGRAM}"
+    command = ("solve", "a[/b].csv")
+    with Terminal(tmp_path, command=command, agreed=False, program=program) as terminal:
+        assert terminal.finish() == 0, terminal.seen
+    assert "a[/b].csv …" in terminal.seen
 
 
 @pytest.mark.parametrize("how", ["option", "before the command", "environment"])

@@ -63,6 +63,11 @@ def test_what_is_optional_in_any_order(tmp_path: Path) -> None:
     assert any("colour" in remark for remark in read.remarks)
 
 
+def test_a_column_without_a_name_changes_no_unit(tmp_path: Path) -> None:
+    text = "x_mm,y_mm,reading_mm,\n3,4,0.25,why\n"
+    assert read_input(saved(tmp_path, text), MODEL).measured.value.tolist() == [0.25]
+
+
 def test_a_line_with_a_hash_is_a_comment_also_below_a_header_of_places(tmp_path: Path) -> None:
     read = read_input(saved(tmp_path, H + "# a new nozzle\n1,0,0.2\n"), MODEL).measured
     assert read.value.tolist() == [0.1, 0.2]

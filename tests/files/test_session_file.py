@@ -155,6 +155,7 @@ BAD = [
     ("leg: x", "leg: w", "readings[0].leg", "w", "not an axis"),
     ("posture: max", "posture: [a]", "readings[1].posture", None, "one value"),
     ("leg: x,", "leg: x, colour: [red],", "readings[0].colour", None, "one value"),
+    ("leg: x,", "leg: x, entered: [0.1, 0.2, 0.3],", "readings[0].entered", None, "one value"),
     ("reading_mm: -0.4", "reading_mm: 1:30", "readings[0].reading_mm", "1:30", "not a number"),
     ("reading_mm: -0.4, ", "", "readings[0].reading_mm", None, "missing"),
     ("09:00:30.250", "soon", "readings[0].timestamp", "2025-03-01Tsoon+01:00", "not a time"),
