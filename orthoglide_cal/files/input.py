@@ -154,8 +154,8 @@ def check_file(
     kind = "session" if given.is_session else measured.kind
     input = input.changed(kind=kind, readings=len(measured))
     doubts = [str(doubt) for doubt in machine.instrument.doubts(measured)]
-    if (excerpt := measured.source.excerpt) and excerpt.stale:
-        doubts.append(excerpt.stale)
+    if excerpt := measured.source.excerpt:
+        doubts += filter(None, (excerpt.stale, excerpt.unused))
     return Check(input=input, machine=machine.name, remarks=(*doubts, *measured.remarks)), given
 
 
@@ -388,15 +388,16 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     machine, remarks = probe_readings.known_printer(file, _delta(model, file.source.path))
     model = replace(model, machine=machine)
 
-    def read(name: str | None) -> Input:
-        readings = probe_readings.printer_readings(file, name, machine)
+    def read(name: str | None, unused: str = "") -> Input:
+        readings = probe_readings.printer_readings(file, name, machine, unused)
         readings = replace(readings, remarks=(*remarks, *readings.remarks))
         return Input(readings, model, conditions_in(readings))
 
-    given, others = read(stored), []
+    others, unused = [], ""
     for name in file.stored:
         if name != (stored or file.stored[0]):
-            # What cannot be used of the rest says nothing of these data.
-            with suppress(InputError):
+            try:
                 others.append(read(name))
-    return replace(given, others=tuple(others))
+            except InputError as error:
+                unused = f"The {name} in the same file was not used. {error.what} {error.remedy}"
+    return replace(read(stored, unused), others=tuple(others))

@@ -219,11 +219,13 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
     return machine.changed(tolerances=sizes), (remark,)
 
 
-def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta) -> Readings:
+def printer_readings(
+    file: PrinterFile, stored: str | None, machine: LinearDelta, unused: str = ""
+) -> Readings:
     """What a printer.cfg stores, as readings at places meant by the parameters of a machine.
 
-    `stored` is "calibration" or "mesh"; None for the first of the two that there is. Raises
-    InputError: it does not store that.
+    `stored` is "calibration" or "mesh"; None for the first of the two that there is; `unused` is
+    as of `Excerpt`. Raises InputError: it does not store that.
     """
     chosen = stored or ("mesh" if file.heights is None else "calibration")
     found = file.mesh if chosen == "mesh" else file.heights
@@ -239,7 +241,7 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     words = f"{len(found.plan) - distances} {'points of a mesh' if chosen == 'mesh' else 'heights'}"
     if distances:
         words += f" and {distances} distances"
-    excerpt = Excerpt(chosen, words, file.firmware, found.stale or file.stale)
+    excerpt = Excerpt(chosen, words, file.firmware, found.stale or file.stale, unused)
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
     return Readings(
         replace(found.plan, precision=np.where(found.plan.distance, ratio, 1.0)),

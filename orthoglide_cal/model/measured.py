@@ -60,6 +60,7 @@ class Excerpt:
     words: str  # how much of what
     firmware: str = "klipper"  # whose the file is, as an export names it
     stale: str = ""  # why it is older than the settings in force, in a sentence
+    unused: str = ""  # why the other data of the file were not used, in sentences
 
 
 @dataclass(frozen=True)

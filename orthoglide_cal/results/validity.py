@@ -85,6 +85,8 @@ def _reservations(given: Input, conditions: Validity) -> Iterator[Reason]:
     excerpt = given.measured.source.excerpt
     if excerpt and excerpt.stale:
         yield Reason.of("stale_mesh", text=excerpt.stale)
+    if excerpt and excerpt.unused:
+        yield Reason.of("unused_data", text=excerpt.unused)
     known = given.conditions.temperatures_c
     if known and max(known) - min(known) > STEP_K:
         yield Reason.of("temperature_changed", kelvin=max(known) - min(known))

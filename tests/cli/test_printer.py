@@ -537,6 +537,29 @@ def test_a_report_judges_the_data_selected_and_shows_the_others() -> None:
     assert "orthocal report printer.cfg --data mesh" in rest
 
 
+@pytest.mark.parametrize(
+    ("height", "count", "said"),
+    [
+        ("0.000000", 0, "a placeholder, not a measurement. Probe the bed, and save the mesh."),
+        ("99.000000", 1, "A height of the mesh is 99 mm off by the settings in force."),
+    ],
+)
+def test_other_data_that_are_refused_are_a_caution_on_every_screen(
+    height: str, count: int, said: str
+) -> None:
+    """All heights of the mesh are the same, or the first of each row is far off."""
+    row = re.compile(r"^#\*# \t  .*$", re.MULTILINE)
+    one = re.compile(r"-?\d+\.\d{6}")
+    text = FILES["printer.cfg"]()
+    Path("printer.cfg").write_text(row.sub(lambda line: one.sub(height, line[0], count), text))
+    for verb in ("solve", "diagnose", "report", "export", "validate"):
+        shown = words(done(verb, "printer.cfg"))
+        assert "The mesh in the same file was not used. " in shown, verb
+        assert said in shown, verb
+    assert answer("solve", "printer.cfg")["release"]["codes"] == ["unused_data"]
+    assert said in refused(3, "solve", "printer.cfg", "--data", "mesh")
+
+
 def test_other_data_that_contradict_hold_the_release() -> None:
     """The towers were moved between the calibration and the mesh; a stale mesh only warns."""
     moved = replace(OFF, endstops=np.array([1.31, -0.22, 0.17]))
