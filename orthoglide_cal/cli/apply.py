@@ -70,17 +70,18 @@ def apply(
 
     def judge(path: str) -> None:
         controller = controller_file(to) if to else None
-        entry: Application | None
         if undo:
             file = common.own_machine_file(machine)
             source = read_input(path, file.model).measured.source if path else None
             entry = take_back(file, source.sha256 if source else None, controller)
         else:
             entry = _entered(path, machine, controller, data, rule_out)
-            if entry is None:
-                common.tell(f"{NOT_NEEDED}. Nothing was changed.")
-                return
         document = application_document(entry, path)
+        if not entry.changes:
+            if json:
+                common.deliver(document, as_json=True)
+            common.tell(f"{NOT_NEEDED}. Nothing was changed.")
+            return
         if not json:
             common.deliver(document)
         target = entry.file.document.path
@@ -135,11 +136,8 @@ def _entered(
     to: "ControllerFile | None",
     data: common.Data,
     rule_out: common.RuleOut,
-) -> "Application | None":
-    """Entry of a measurement; None where nothing needs to be.
-
-    Raises UsageError, UnusableResultError.
-    """
+) -> "Application":
+    """Entry of a measurement. Raises UsageError, UnusableResultError."""
     from orthoglide_cal.files.input import machine_in_folder
     from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.report.controller import firmware_values
@@ -159,5 +157,4 @@ def _entered(
     given, answer = case.given, case.answer
     file = file or new_machine_file(given.model)
     now = datetime.now().astimezone()
-    entry = application(given, answer, file, now, to, lambda: firmware_values(case))
-    return entry if answer.release.needed else None
+    return application(given, answer, file, now, to, lambda: firmware_values(case))

@@ -35,6 +35,11 @@ class Application:
     controller: ControllerFile | None = None  # as it is; None where it is not written
     data: bytes = b""  # of the controller's file, as they will be
 
+    @property
+    def changes(self) -> bool:
+        """False where nothing needs to be entered: then nothing is recorded, either."""
+        return self.then is not self.file
+
 
 def apply(
     given: Input,
@@ -49,7 +54,7 @@ def apply(
     What was active before is what the measurement says of it, not what stands in the file.
 
     Args:
-        answer: to the input, released.
+        answer: to the input, released; one that needs nothing to be entered changes nothing.
         file: of the machine that was measured.
         controller: the controller's file, if it is to be written.
         values: gives what is to stand there, parameter → value [mm, deg], where the file does not
@@ -60,24 +65,29 @@ def apply(
             offsets were entered after it; the controller's file is of another kind of machine, or
             does not hold what it held when that was measured.
     """
-    sha256 = given.measured.source.sha256
-    known = _last_written(file, controller)
-    killed = controller and known and known.sha256_before == controller.sha256
-    if killed and file.model.machine.history[-1].data_sha256 == sha256:
-        # The program wrote the record, but not that file: as if nothing were recorded.
-        file = take_back(file, sha256, controller).then
-        known = _last_written(file, controller)
+    sha256, adds = given.measured.source.sha256, controller is None or controller.adds
     machine = file.model.machine
-    if given.recorded is not None:
-        # Causes may have been accepted since; rails and legs are what they were.
-        _check_same_machine(given.recorded, file, but=("identified",))
-    adds = controller is None or controller.adds
     if controller is not None and controller.format not in machine.controller_formats:
         kind = "a LinuxCNC" if adds else "Klipper"
         raise UsageError(
             f"{controller.target} is of {kind} machine; {machine.name} is of kind {machine.kind}.",
             "Name the file of its own controller.",
         )
+    if given.recorded is not None:
+        # Causes may have been accepted since; rails and legs are what they were.
+        _check_same_machine(given.recorded, file, but=("identified",))
+    before = given.model.orthoglide.offsets_mm if adds else None
+    entry = Entered(
+        date=at.isoformat(timespec="milliseconds"), data_sha256=sha256, before=before, after=before
+    )
+    if not answer.release.needed:
+        return Application(file, entry, False, file)
+    known = _last_written(file, controller)
+    killed = controller and known and known.sha256_before == controller.sha256
+    if killed and file.model.machine.history[-1].data_sha256 == sha256:
+        # The program wrote the record, but not that file: as if nothing were recorded.
+        file = take_back(file, sha256, controller).then
+        known = _last_written(file, controller)
     if adds:
         _check_recordable(given, file)
     written, data, decimals = None, b"", answer.decimals
@@ -95,13 +105,9 @@ def apply(
                 "Restore it, or measure again with the present values.",
             )
         written, data = controller.changed(amounts if adds else values(), decimals)
-    date = at.isoformat(timespec="milliseconds")
-    entry = Entered(date=date, data_sha256=sha256, written=written)
-    if adds:
-        before = given.model.orthoglide.offsets_mm
-        after = JointOffsets(*(p.new(decimals) for p in answer.parameters))
-        entry = entry.changed(before=before, after=after)
-    then = with_history(file, entry.after, *machine.history, entry)
+    after = JointOffsets(*(p.new(decimals) for p in answer.parameters)) if adds else None
+    entry = entry.changed(after=after, written=written)
+    then = with_history(file, entry.after, *file.model.machine.history, entry)
     return Application(file, entry, False, then, given.conditions, controller, data)
 
 

@@ -14,7 +14,7 @@ from orthoglide_cal.files.readings import GaugeIdentity
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.results import answer_to
-from tests.cli.program import SAMPLES, SIX, answer, run
+from tests.cli.program import SAMPLES, SIX, answer, lines, run
 from tests.machines import NOMINAL
 from tests.printer_files import OFF, printer_cfg
 from tests.results import cases
@@ -113,6 +113,22 @@ def test_every_command_says_the_same(
         applied = run("apply", name, "--yes", "--machine", "machine.yaml")
     assert applied.exit_code == (0 if usable else 4), applied.stderr
     assert ("Nothing was changed" in applied.stderr) is (usable and not needed)
+
+
+def test_where_nothing_is_needed_nothing_is_asked_of_the_record(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Other offsets were entered since: that would refuse a record, and there is none."""
+    monkeypatch.chdir(tmp_path)
+    calibrated(Path("s.yaml"))
+    model = read_input("s.yaml").model
+    Path("machine.yaml").write_text(machine_text(model.holding((1.0, 2.0, 3.0))))
+    applied = run("apply", "s.yaml", "--yes", "--json")
+    assert applied.exit_code == 0, applied.output
+    (told,) = lines(applied)
+    active = dict(zip("xyz", model.machine.active, strict=True))
+    assert (told["before"], told["after"], told["date"]) == (active, active, None)
+    assert "Nothing to enter" in applied.stderr
 
 
 def test_equal_quantities_are_equal_to_the_last_digit() -> None:

@@ -121,7 +121,7 @@ def application_document(application: Application, session: str) -> doc.Document
             "machine_file": application.file.document.path,
             "machine": machine.name,
             "undone": application.undone,
-            "date": entry.date,
+            "date": entry.date if application.changes else None,
             "before": before,
             "after": after,
             "data_sha256": entry.data_sha256,
