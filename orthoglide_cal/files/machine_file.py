@@ -19,14 +19,14 @@ from pydantic_core import PydanticCustomError
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
-from orthoglide_cal.files.faults import WORDS, Content, Steps, nearest
+from orthoglide_cal.files.faults import WORDS, Content, Steps, dotted, nearest
 from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes, read_document
 from orthoglide_cal.files.yaml_tree import edited, load_tree, yaml_text
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Entered, JointOffsets, Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that
+from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that, yaml_number
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
@@ -146,24 +146,6 @@ class _Around(Schema):
     ] = ()
     complete: Annotated[str, _TRUE] | None = None
 
-    @field_validator("tolerances", check_fields=False)
-    @classmethod
-    def _of_causes(cls, sizes: Mapping[str, float], info: ValidationInfo) -> Mapping[str, float]:
-        machine = cast(type[Machine], info.context)
-        faults = []
-        for id in (id for id in _causes_of(machine) if id in sizes):
-            size, usual = sizes[id], CAUSES[id].usual(machine) or 0.0
-            if size > _LARGEST_TOLERANCE * usual:
-                times = f"{_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}"
-                remedy = f"Give it in {CAUSES[id].unit or 'its unit'}."
-                faults.append(InputError(f"That is more than {times}.", remedy, column=id))
-            if 0.0 < size < _SMALLEST_TOLERANCE:
-                what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
-                faults.append(InputError(what, "Give 0 to rule it out.", column=id))
-        if faults:
-            raise InvalidFileError(faults)
-        return sizes
-
 
 @functools.cache
 def _file_schema(machine: type[Machine]) -> type[_Around]:
@@ -269,9 +251,13 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
     except ValidationError as error:
         tree.take(error, schema, path)
     sizes, causes = value.get("tolerances"), _causes_of(machine)
-    for id in sizes if isinstance(sizes, dict) else ():
+    noted = {fault.column for fault in tree.problems}
+    for id, text in sizes.items() if isinstance(sizes, dict) else ():
+        place = (*path, "tolerances", id)
         if id not in causes:
-            tree.note((*path, "tolerances", id), *_unknown_cause(id, causes), id)
+            tree.note(place, *_unknown_cause(id, causes), id)
+        elif dotted(place) not in noted and (fault := _size_fault(id, yaml_number(text), machine)):
+            tree.note(place, *fault)
     if len(tree.problems) > before:
         return None
     fields = {name: getattr(file, name) for name in machine.model_fields}
@@ -282,6 +268,18 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
 def _causes_of(machine: type[Machine]) -> list[str]:
     """Ids of the causes that a machine of this kind can have."""
     return [id for id, cause in CAUSES.items() if cause.usual(machine) is not None]
+
+
+def _size_fault(id: str, size: float, machine: type[Machine]) -> tuple[str, str] | None:
+    """What is wrong with the plausible size of a cause, and the remedy; None if nothing is."""
+    usual = CAUSES[id].usual(machine) or 0.0
+    if size > _LARGEST_TOLERANCE * usual:
+        what = f"That is more than {_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}."
+        return what, f"Give it in {CAUSES[id].unit or 'its unit'}."
+    if 0.0 < size < _SMALLEST_TOLERANCE:
+        what = f"The number must be 0, or from {_SMALLEST_TOLERANCE:g}."
+        return what, "Give 0 to rule it out."
+    return None
 
 
 def _unknown_cause(id: str, known: list[str]) -> tuple[str, str]:

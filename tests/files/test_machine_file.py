@@ -181,12 +181,13 @@ def test_a_number_that_cannot_be_is_refused_wherever_it_stands(text, wrong):
 def test_all_faults_at_once_in_the_order_of_lines():
     text = changed(
         TEXT, (L, "leg_length_mm: x"), ("range_mm: 10", "rang_mm: 10"),
-        ("axis_gap: 0.5", "axis_gap: y"), ("misread: 0.1", "mis[ad: z"),
+        ("axis_gap: 0.5", "axis_gap: y"), ("axis_squareness: 1.0", "axis_squareness: 5000"),
+        ("misread: 0.1", "mis[ad: z"),
     )  # fmt: skip
     assert places(problems(read, text)) == [
         (7, "leg_length_mm", "x"), (14, "gauge.range_mm", None), (16, "gauge.rang_mm", "10"),
-        (26, "tolerances.axis_gap", "y"), (36, "tolerances.mis[ad", "z"),
-        (36, "tolerances.mis[ad", "mis[ad"),
+        (26, "tolerances.axis_gap", "y"), (27, "tolerances.axis_squareness", "5000"),
+        (36, "tolerances.mis[ad", "z"), (36, "tolerances.mis[ad", "mis[ad"),
     ]  # fmt: skip
 
 
