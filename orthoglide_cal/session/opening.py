@@ -102,8 +102,8 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
         # A missing gauge or another machine leaves no file behind.
         if serial:
             serial.open()
-        model, recommended = _confirmed(request, Asker(keyboard, show))
-        records = _first_records(request, model, recommended, clock())
+        agreed = _confirmed(request, Asker(keyboard, show))
+        records = _first_records(request, *agreed, clock())
         journal = Journal.create(path.with_suffix(JOURNAL), *records)
     try:
         state = events.replay(journal.events)
@@ -153,11 +153,14 @@ def _check_options(request: Request) -> None:
         raise UsageError(what, "Leave out one of them: what is read follows from what was begun.")
 
 
-def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation | None]":
+def _confirmed(
+    request: Request, asker: Asker
+) -> tuple[Model, PriorReadings | None, GaugePlan, events.Following | None]:
     """The machine, with the offsets that its controller holds, once the operator has agreed to it.
 
-    With it, to the measurement that is recommended, if it is to be carried out. Nobody is asked
-    who has agreed already, or has no terminal.
+    With it, to the measurement that is recommended, if it is to be carried out: the readings that
+    it follows, its plan, and what it is. Nobody is asked who has agreed already, or has no
+    terminal.
     """
     recommended = None
     if request.following is not None:
@@ -170,6 +173,7 @@ def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation |
     protocol = request.protocol or MeasuringProtocol.DOUBLE
     steps = sequence(model.orthoglide, protocol, 1, Order.PAPER, 1)
     plan, following, change = plan_of([step.cell for step in steps]), None, ""
+    first = recommended.first if recommended else None
     while True:
         if recommended:
             plan, following, change = recommended.measured_with(model.orthoglide.offsets_mm)
@@ -182,7 +186,7 @@ def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation |
         if following:
             asker.say(following.words, Style.TITLE)
         if request.agreed or not asker.keyboard.live:
-            return model, recommended
+            return model, first, plan, following
         also = ", and shall this be measured now" if recommended else ""
         asker.say(
             f"Is it this machine, with these offsets in its controller{also}? Return: yes.  n: no."
@@ -192,7 +196,7 @@ def _confirmed(request: Request, asker: Asker) -> "tuple[Model, Recommendation |
         answer = asker.ask("Return, n, or the three offsets > ")
         text = answer.lower() if isinstance(answer, str) else ""
         if text in ("", "y", "yes"):
-            return model, recommended
+            return model, first, plan, following
         if text in ("n", "no", "q"):
             raise UsageError(
                 "Nothing was begun.",
@@ -301,10 +305,17 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
 
 
 def _first_records(
-    request: Request, model: Model, recommended: Recommendation | None, at: str
+    request: Request,
+    model: Model,
+    first: PriorReadings | None,
+    plan: GaugePlan,
+    following: events.Following | None,
+    at: str,
 ) -> list[events.Event]:
-    """The first records of a new session; what the command line leaves open is standard."""
-    first = recommended.first if recommended else None
+    """The first records of a new session; what the command line leaves open is standard.
+
+    The others are as of `_confirmed`; the plan is only for what follows earlier readings.
+    """
     environment = dict(first.conditions.environment) if first else {}
     drawn = re.fullmatch("[0-9]{1,18}", environment.get("seed", ""))
     # Of the simulated gauge that gave the first readings.
@@ -322,11 +333,9 @@ def _first_records(
     protocol, cycles = request.protocol or MeasuringProtocol.DOUBLE, request.cycles or CYCLES
     stands = 1 if protocol is MeasuringProtocol.SINGLE else request.stands or 2
     order, steps = request.order or Order.PAPER, tuple[SessionStep, ...]()
-    following = None
-    if recommended:
-        plan, following, _ = recommended.measured_with(model.orthoglide.offsets_mm)
+    if first:
         # What others are joined to keeps the machine as it was for the first of them.
-        model = recommended.first.model
+        model = first.model
         steps = steps_of(plan, model.orthoglide, order, stands)
         cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
     elif protocol is MeasuringProtocol.BEST:

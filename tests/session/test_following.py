@@ -2,8 +2,9 @@
 
 import contextlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,12 +17,14 @@ from orthoglide_cal.inference import diagnose
 from orthoglide_cal.planning import Option, ranked
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.session.events import Planned, Taken
+from orthoglide_cal.session.opening import Recommendation, Request, open_session
 from orthoglide_cal.session.readings import PriorReadings
 from tests.cli.program import done
 from tests.machines import ROOT, SAMPLES
 
 from .going_on import SIMULATED, choice, content, events_of, is_step, is_turn, is_usual, read
 from .terminal import finished
+from .virtual import Screen, Script
 
 
 def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_path: Path) -> None:
@@ -51,6 +54,27 @@ def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_pat
     assert not set(new.plan.setup[:n]) & set(new.plan.setup[n:])
     rows = content(first)["readings"]
     assert content(tmp_path / "b.yaml")["readings"][:n] == rows
+
+
+def test_what_is_agreed_to_is_what_is_recorded(
+    first: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is planned once: nothing else can be recorded than what was shown."""
+    planned: list[Any] = []
+
+    def plan(recommended: Recommendation, offsets_mm: Sequence[float]) -> Any:
+        planned.append(made := measured_with(recommended, offsets_mm))
+        return made
+
+    measured_with = Recommendation.measured_with
+    monkeypatch.setattr(Recommendation, "measured_with", plan)
+    request = Request(tmp_path / "n.yaml", agreed=True, following=str(first))
+    with contextlib.closing(open_session(request, tmp_path, Script([]), Screen())):
+        pass
+    ((_, following, _),) = planned
+    recorded = events_of(tmp_path / "n.journal")[1]
+    assert isinstance(recorded, Planned)
+    assert recorded.following == following
 
 
 def test_a_known_step_is_commanded_and_seen(first: Path, tmp_path: Path) -> None:
