@@ -231,8 +231,10 @@ def _explanations(
         exchanged = of_last(Doubt.EXCHANGED, "are the two gauges exchanged?")
         blunders.append(exchanged._replace(rows=swapped))
     for blunder in (*blunders, *evidence.whole):
-        undone = (value * blunder.factors)[:, None]
-        prediction = readings.forecast.given(undone[:-1], blunder.rows[:-1], blunder.rows[-1:])
+        undone, prediction = (value * blunder.factors)[:, None], evidence.prediction
+        # What changes only the last reading leaves the prediction of it as it is.
+        if blunder.rows is not rows or np.any(blunder.factors[:-1] != 1.0):
+            prediction = readings.forecast.given(undone[:-1], blunder.rows[:-1], blunder.rows[-1:])
         chance = prediction.tail(undone[-1:] + blunder.shift_mm).item()
         yield blunder.question, chance, prediction.std.item()
 
