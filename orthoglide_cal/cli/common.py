@@ -408,15 +408,15 @@ def console(*, stderr: bool = False) -> Console:
 
 
 @contextmanager
-def working(path: str) -> Iterator[None]:
-    """Show on standard error that a file is being worked on, from `SLOW_S` on; on a terminal."""
+def working(what: str) -> Iterator[None]:
+    """Show on standard error what is being worked on, from `SLOW_S` on; on a terminal."""
     if not sys.stderr.isatty():
         yield
         return
     from rich import text
 
     # As text, not as markup: a file may be called a[/b].yaml.
-    status = console(stderr=True).status(text.Text(visible(f"{path} …")))
+    status = console(stderr=True).status(text.Text(visible(f"{what} …")))
     timer = threading.Timer(SLOW_S, status.start)
     timer.daemon = True
     timer.start()

@@ -94,7 +94,8 @@ def released(
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.results import answer_to
 
-    answer = answer_to(given, method, details=details)
+    with common.working(given.measured.source.path):
+        answer = answer_to(given, method, details=details)
     case = Case(given, answer, machine)
     if not answer.parameters or not (answer.release.usable or force):
         remedies = [

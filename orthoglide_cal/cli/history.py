@@ -29,6 +29,7 @@ def history(
     from orthoglide_cal.files.input import printers_in, sessions_in
     from orthoglide_cal.report.documents.history import history_document
     from orthoglide_cal.results.history import compare
+    from orthoglide_cal.words import counted
 
     def judge(_: str) -> None:
         paths: list[Path] = []
@@ -36,7 +37,8 @@ def history(
             within = sessions_in(path) if path.is_dir() else [path]
             paths += within + sorted(printers_in(path))
         inputs = [common.read_input(str(path), machine, data) for path in paths]
-        comparison = compare(inputs, dates.split(",") if dates else (), limit)
+        with common.working(counted(len(paths), "file")):
+            comparison = compare(inputs, dates.split(",") if dates else (), limit)
         page = history_document(comparison, machine)
         common.deliver(
             page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite

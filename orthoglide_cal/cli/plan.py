@@ -107,10 +107,11 @@ def plan(
         steps = sequence(model.orthoglide, *session)
         write_program(posture_program(model, steps, told, length, travel), program, template)
         return
-    diagnosis = diagnose(given.measured, model) if given else None
     full = details or json or html is not None
-    found = measurement_plan(model, wanted, ranked(diagnosis) if diagnosis else (), full)
-    begun = Case(given, answer_to(given, diagnosed=diagnosis), machine) if given else None
+    with common.working(file or "A plan"):
+        diagnosis = diagnose(given.measured, model) if given else None
+        found = measurement_plan(model, wanted, ranked(diagnosis) if diagnosis else (), full)
+        begun = Case(given, answer_to(given, diagnosed=diagnosis), machine) if given else None
     document = plan_document(found, machine, begun)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
 

@@ -46,7 +46,8 @@ def report(
 
     def judge(path: str) -> int:
         given, verification = common.read_input(path, machine, data, rule_out), None
-        case = Case(given, answer_to(given, method, details=True), machine)
+        with common.working(path):
+            case = Case(given, answer_to(given, method, details=True), machine)
         no_differences = given.measured.kinds == (DataKind.READINGS,)
         if limit is not None and no_differences:
             raise UsageError("--limit applies to differences of readings only.", "Leave it out.")
@@ -57,9 +58,10 @@ def report(
                 raise UsageError(
                     "The report of a printer shows one file.", f"Compare them: {compare}"
                 )
-            verification = verify(given, later, applied, limit).changed(
-                workspace=answer_to(later, details=True).workspace
-            )
+            with common.working(f"{path}, {after}"):
+                verification = verify(given, later, applied, limit).changed(
+                    workspace=answer_to(later, details=True).workspace
+                )
         inputs, options = (verification.inputs, verification.options) if verification else ((), ())
         options = options or (() if limit is None else (limit,))
         own = [(each.source, each.given.model) for each in (case, *case.others)]

@@ -29,7 +29,8 @@ def verify(
 
     def judge(path: str) -> int:
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
-        result = verified(*inputs, applied, limit)
+        with common.working(f"{path}, {after}"):
+            result = verified(*inputs, applied, limit)
         page = verification_document(result, identify(result.inputs, *result.options))
         common.deliver(
             page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite

@@ -1,20 +1,24 @@
 """One decision: mark, verdict, release and exit code are the same in every command."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from orthoglide_cal.cli import common
 from orthoglide_cal.estimation import pose, solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.readings import GaugeIdentity
 from orthoglide_cal.inference import Verdict
+from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.results import answer_to
-from tests.cli.program import SAMPLES, SIX, answer, lines, run
+from tests.cli.program import DOUBLE, SAMPLES, SIX, answer, lines, run
 from tests.machines import NOMINAL
 from tests.printer_files import OFF, printer_cfg
 from tests.results import cases
@@ -129,6 +133,38 @@ def test_where_nothing_is_needed_nothing_is_asked_of_the_record(
     active = dict(zip("xyz", model.machine.active, strict=True))
     assert (told["before"], told["after"], told["date"]) == (active, active, None)
     assert "Nothing to enter" in applied.stderr
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "solve DOUBLE", "diagnose DOUBLE", "report DOUBLE", "export DOUBLE", "plan DOUBLE",
+        "report DOUBLE --after DOUBLE --applied 1 0 0", "verify DOUBLE DOUBLE --applied 1 0 0",
+        "history DOUBLE DOUBLE", "apply DOUBLE --yes",
+    ],
+)  # fmt: skip
+def test_what_may_take_long_is_shown_as_work(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All inference begins with the data made comparable."""
+    at_work, shown = list[str](), list[int]()
+
+    @contextmanager
+    def working(what: str) -> Iterator[None]:
+        at_work.append(what)
+        yield
+        at_work.pop()
+
+    def noting(work: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda *given, **options: shown.append(len(at_work)) or work(*given, **options)
+
+    monkeypatch.chdir(tmp_path)
+    Path("machine.yaml").write_text(machine_text(NOMINAL))
+    monkeypatch.setattr(common, "working", working)
+    monkeypatch.setattr(Whitened, "of", noting(Whitened.of))
+    assert run(*command.replace("DOUBLE", DOUBLE).split()).exit_code in (0, 4)
+    assert shown
+    assert set(shown) == {1}
 
 
 def test_equal_quantities_are_equal_to_the_last_digit() -> None:
