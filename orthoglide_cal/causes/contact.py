@@ -146,40 +146,23 @@ def _falling(share: float, above: int = 2) -> tuple[float, ...]:
     return tuple(share ** max(degree - above, 0) for degree in degrees)
 
 
-class BedShape(Cause):
-    """A smooth shape that rises and falls over the bed; tilt and height are the endstops'.
+class _Surface(Cause):
+    """A height over the bed: a sum of terms, each of one unit at the edge.
 
-    One unit of each term at the edge. A term's name is its formula: "xxy" is x²y, "z4_2" Zernike's
-    polynomial of degree 4.
-
-    A Gaussian process of fixed rank: independent terms that are the smaller the finer they are. The
-    data choose by how much, which is its length scale.
+    A term's name is its formula: "xxy" is x²y, "z4_2" Zernike's polynomial of degree 4.
     """
 
-    id = "bed_shape"
-    title = "the heights follow a smooth shape over the bed"
     stage = Stage.CONTACT
     unit = "mm"
     lasting = True
-    sizes = MappingProxyType({LinearDelta: 0.1})
-    size_reason = "glass and spring steel on a printed frame bend by a tenth towards the edge"
-    names = _TERMS
-    shares = (_falling(0.1, above=3), *map(_falling, (0.25, 0.35, 0.5, 0.7, 1.0)))
-    instrument = "a straight edge and feeler gauges on the bed"
-    no_setting = "a bed mesh follows it; make a new one"
-    advice = (
-        "A bed mesh follows it. Touches of one height do not show what makes it (the bed, leaning"
-        " towers, unequal arms, the probe): lay a straight edge on the bed, turn the plate by a"
-        " third and probe again (what turns with it is its own shape), or probe on blocks."
-    )
 
     def __init__(self) -> None:
         terms = [
             _zernike(name) if name[0] == "z" else {(name.count("x"), name.count("y")): 1.0}
             for name in self.names
         ]
-        self._powers = sorted({powers for each in terms for powers in each})
-        self._terms = np.array([[each.get(p, 0.0) for p in self._powers] for each in terms])
+        self._powers = sorted({powers for term in terms for powers in term})
+        self._terms = np.array([[term.get(p, 0.0) for p in self._powers] for term in terms])
 
     def contact(
         self, heights: Numbers, effect: Effect, where: Numbers, plan: ProbePlan, machine: Machine
@@ -195,7 +178,29 @@ class BedShape(Cause):
         return np.asarray(heights + plan.touches * shape)
 
 
-class ProbeTilt(BedShape):
+class BedShape(_Surface):
+    """A smooth shape that rises and falls over the bed; tilt and height are the endstops'.
+
+    A Gaussian process of fixed rank: independent terms that are the smaller the finer they are. The
+    data choose by how much, which is its length scale.
+    """
+
+    id = "bed_shape"
+    title = "the heights follow a smooth shape over the bed"
+    sizes = MappingProxyType({LinearDelta: 0.1})
+    size_reason = "glass and spring steel on a printed frame bend by a tenth towards the edge"
+    names = _TERMS
+    shares = (_falling(0.1, above=3), *map(_falling, (0.25, 0.35, 0.5, 0.7, 1.0)))
+    instrument = "a straight edge and feeler gauges on the bed"
+    no_setting = "a bed mesh follows it; make a new one"
+    advice = (
+        "A bed mesh follows it. Touches of one height do not show what makes it (the bed, leaning"
+        " towers, unequal arms, the probe): lay a straight edge on the bed, turn the plate by a"
+        " third and probe again (what turns with it is its own shape), or probe on blocks."
+    )
+
+
+class ProbeTilt(_Surface):
     """The effector tilts as it moves, and a probe next to the nozzle rises or falls with it."""
 
     id = "probe_tilt"
@@ -203,9 +208,7 @@ class ProbeTilt(BedShape):
     sizes = MappingProxyType({LinearDelta: 0.05})
     size_reason = "arms of a pair that differ by 0.1 mm, a probe 20 mm from the nozzle"
     names = ("xx", "xy", "yy")
-    shares = ()
     instrument = "the same touches with the nozzle itself"
-    no_setting = Cause.no_setting
     advice = (
         "Probe with the nozzle itself, or turn the probe to the other side of the effector and"
         " probe again: what changes sign is its tilt. Compare the two arms of each pair."
