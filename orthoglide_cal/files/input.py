@@ -135,8 +135,11 @@ def check_file(
 ) -> tuple[Check, Input | None]:
     """Check a file of any kind, also of a machine; arguments as of `read_input`.
 
-    With what was found, what was measured: None for a machine, or if the file is not valid. Raises
-    InputError: it cannot be read at all, so that there is nothing to check.
+    Returns:
+        What was found; and what was measured: None for a machine, or if the file is not valid.
+
+    Raises:
+        InputError: the file cannot be opened, so that there is nothing to check.
     """
     input, data = CheckedFile(path=path), read_bytes(path)
     try:
@@ -162,10 +165,9 @@ def check_file(
 def together(inputs: Sequence[Input]) -> Input:
     """One measurement of one machine, whose calibrated parameters are others on each date.
 
-    What the parameters of another date differ by beyond that is
-    unknown, and has no part in the evidence.
-
-    The latest date is the last. Raises UsageError: they are not all touches of one printer.
+    The latest date is the last, and its parameters are found. By how much those of another date
+    differ besides the settings in force is unknown, and has no part in the evidence. Raises
+    UsageError: they are not all touches of one printer.
     """
     last = inputs[-1]
     machine = last.model.machine

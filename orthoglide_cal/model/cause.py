@@ -46,6 +46,8 @@ class Estimate(NamedTuple):
 
 
 PER_HOUR = "mm/h"  # unit of rates
+# What of a cause may be worded otherwise at another kind of machine.
+_WORDED = {"title", "instrument", "advice", "no_setting"}
 
 
 class Cause:
@@ -85,8 +87,17 @@ class Cause:
     # Kind of machine → title, instrument, advice and no_setting where they are others there.
     elsewhere: Mapping[type[Machine], Mapping[str, str]] = MappingProxyType({})
 
+    def __init_subclass__(cls) -> None:
+        """Raises TypeError if `elsewhere` words anything else: nobody would ever read it."""
+        super().__init_subclass__()
+        if unknown := {key for worded in cls.elsewhere.values() for key in worded} - _WORDED:
+            raise TypeError(f"{cls.__name__}.elsewhere cannot word {', '.join(sorted(unknown))}.")
+
     def words(self, machine: Machine) -> Self:
-        """The same cause as people at this kind of machine call it."""
+        """A copy of the cause, worded as people at this kind of machine call it.
+
+        For its texts alone: what looks for the cause itself, as in a tuple, does not find a copy.
+        """
         called = copy(self)
         vars(called).update(self.elsewhere.get(type(machine), {}))
         return called

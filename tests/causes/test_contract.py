@@ -7,6 +7,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.machine import Machine
 from tests.machines import ROOT
 from tests.subjects import SUBJECTS, Subject, every_cause, every_subject
 
@@ -69,6 +70,12 @@ def test_no_cause_takes_back_what_another_cause_says(cause: Cause) -> None:
     own = {name: value for name, value in vars(type(cause)).items() if not name.startswith("_")}
     base = {name: vars(Cause)[name] for name in own.keys() & vars(Cause).keys()}
     assert [name for name, value in base.items() if own[name] is value or own[name] == value] == []
+
+
+def test_words_of_another_kind_are_of_what_is_read() -> None:
+    worded = {Machine: dict.fromkeys(("title", "names", "advise"), "")}
+    with pytest.raises(TypeError, match="cannot word advise, names"):
+        type("Wrong", (Cause,), {"elsewhere": worded})
 
 
 @every_cause
