@@ -64,7 +64,8 @@ def test_every_command_has_help(command: str) -> None:
           for command in ("--help", "--version", "solve --help")),
         *((command, "numpy scipy") for command in ("guide signs", "template machine")),
         *((command, "scipy.optimize scipy.stats matplotlib jinja2")
-          for command in ("solve DOUBLE", "report DOUBLE", "plan", "plan --machine PRINTER")),
+          for command in ("solve DOUBLE", "report DOUBLE --html -", "plan",
+                          "plan --machine PRINTER")),
     ],
 )  # fmt: skip
 def test_no_command_loads_what_it_does_not_need(command: str, heavy: str) -> None:
@@ -152,7 +153,7 @@ def test_options_are_plain_numbers(command: str) -> None:
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 @pytest.mark.parametrize(
-    "arguments", [("validate", SIX), ("validate", SIX, "--json"), ("template", "machine")]
+    "arguments", [("solve", DOUBLE), ("validate", SIX, "--json"), ("template", "machine")]
 )
 def test_a_full_disk_behind_standard_output_is_said_in_one_line(arguments: tuple[str, ...]) -> None:
     with Path("/dev/full").open("w") as full:

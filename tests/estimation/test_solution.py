@@ -9,6 +9,7 @@ from scipy.special import chdtri
 from orthoglide_cal.estimation import fit_offsets, solve
 from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.estimation.least_squares import OPTIMAL
+from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.model.measured import Measured
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.paper.tables import experiment
@@ -70,8 +71,8 @@ def test_other_data_or_another_machine_are_noticed() -> None:
 @pytest.mark.parametrize(
     ("chance", "suspicious", "words"),
     [
-        (0.0005, True, "larger than the gauge's noise"),
-        (0.003, False, "p < 0.01"),
+        (0.99 * SUSPICIOUS, True, "larger than the gauge's noise"),
+        (1.01 * SUSPICIOUS, False, "p < 0.01"),
         (0.0101, False, "p = 0.01)"),
         (0.37, False, "p = 0.37"),
     ],

@@ -1,9 +1,38 @@
-"""Evidence of data that share a local shape against dense covariances."""
+"""Evidence against dense covariances, also of data that share a local shape."""
 
 import numpy as np
 import pytest
 
 from orthoglide_cal.inference.evidence import NoiseGrid, Texture
+
+
+@pytest.mark.parametrize("shape", [(9, 4), (6, 6), (5, 11)], ids=str)
+def test_densities_are_those_of_the_dense_covariance(shape: tuple[int, int]) -> None:
+    """Fewer, as many and more columns than data, one column twice another, sizes far apart."""
+    rng, grid = np.random.default_rng(1), NoiseGrid.around(0.004)
+    columns, sizes = rng.normal(size=shape), 10.0 ** rng.uniform(-3.0, 1.0, (1, shape[1]))
+    columns[:, 1] = 2.0 * columns[:, 0]
+    vectors, residual = rng.normal(0.0, 0.01, (shape[0], 3)), rng.normal(0.0, 0.02, shape[0])
+    density = grid.density(columns, sizes)
+    (power,), (match,) = density.against(density.overlap(vectors, residual), residual)
+    (logs,) = density.log_density(vectors)
+    for g, sigma in enumerate(grid.sigma):
+        covariance = sigma**2 * np.eye(shape[0]) + (columns * sizes**2) @ columns.T
+        inverse, log_det = np.linalg.inv(covariance), np.linalg.slogdet(covariance)[1]
+        quadratic = np.einsum("kq,kl,lq->q", vectors, inverse, vectors)
+        assert power[g] == pytest.approx(quadratic, rel=1e-6)
+        assert match[g] == pytest.approx(vectors.T @ inverse @ residual, rel=1e-5)
+        expected = grid.log_weight[g] - 0.5 * (quadratic + log_det)
+        assert logs[g] == pytest.approx(expected, rel=1e-6, abs=1e-5)
+
+
+def test_the_noise_is_weighed_around_what_is_stated() -> None:
+    grid = NoiseGrid.around(0.0067)
+    assert np.exp(grid.log_weight).sum() == pytest.approx(1.0)
+    assert grid.sigma.min() < 0.6 * 0.0067
+    assert grid.sigma.max() > 1.5 * 0.0067
+    assert np.exp(grid.log_weight) @ grid.sigma == pytest.approx(0.0067, rel=0.05)
+    assert grid.stated == pytest.approx(0.0067)
 
 
 @pytest.mark.parametrize("known", [9, 4])

@@ -114,6 +114,13 @@ def test_compensation_table_is_numbers() -> None:
     assert first == pytest.approx(table.corrections_mm[0], abs=5.1e-5)
 
 
+@pytest.mark.parametrize("name", FORMATS)
+def test_the_command_to_verify_keeps_the_machine_file(released: Case, name: str) -> None:
+    case = replace(released, machine_file=Path("mine.yaml"))
+    text = FORMATS[name](*export(case))
+    assert "orthocal verify made.csv AFTER --machine mine.yaml --applied" in text
+
+
 def test_previous_offsets_keep_their_digits() -> None:
     model = changed(NOMINAL, offsets_mm=JointOffsets(0.12345, 0.0, 0.0))
     text = controller.as_linuxcnc(*export(case_of(given(session(TRUE, 3), model))))

@@ -1,6 +1,7 @@
 """What the documents hold: decisions, numbers, commands, and the same as values for programs."""
 
 import ast
+import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -177,6 +178,13 @@ def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], object]
     typed = re.findall(r"'(orthocal [a-z][^']*)'", repr((page.sheet, page.sections)))
     assert typed
     assert all(" --machine mine.yaml" in each for each in typed)
+
+
+@pytest.mark.parametrize("kind", tuple(documents()))
+def test_values_for_programs_are_plain_json(kind: str) -> None:
+    data = documents()[kind]().data()
+    shown = json.dumps(data, allow_nan=False)
+    assert json.loads(shown)["schema_version"] in (1, 2)
 
 
 def test_each_fault_is_named_with_its_place_and_remedy() -> None:
