@@ -18,7 +18,7 @@ from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.results import answer_to
-from tests.cli.program import DOUBLE, SAMPLES, SIX, answer, lines, run
+from tests.cli.program import DOUBLE, SAMPLES, SINGLE, SIX, answer, lines, run
 from tests.machines import NOMINAL
 from tests.printer_files import OFF, printer_cfg
 from tests.results import cases
@@ -62,6 +62,8 @@ FILES: dict[str, tuple[Callable[[Path], None], str, bool, str]] = {
     "axis_gap.yaml": (of(cases.named_in_machine), "bad", True, "offsets_wrong"),
     "six.csv": (lambda path: path.write_bytes(Path(SIX).read_bytes()) and None, "open", True,
                 "undecided"),
+    "single.csv": (lambda path: path.write_bytes(Path(SINGLE).read_bytes()) and None, "good", True,
+                   ""),
     "unexplained.yaml": (unexplained, "bad", True, "unexplained"),
     "steady.yaml": (lambda path: write(replace(session(TRUE, 3), value=np.full(60, 0.12)), NOMINAL,
                                        path), "bad", True, "gauge_doubt"),

@@ -27,6 +27,9 @@ EXPLAINED: list[tuple[Ids, Ids]] = [
     (("misread",), ("misread",)),
     (("gauge_slip",), ("gauge_slip",)),
     (("swapped_gauges",), ("swapped_gauges",)),
+    (("sign_flip",), ("sign_flip",)),
+    (("encoder_scale", "swapped_gauges"), ("encoder_scale", "swapped_gauges")),
+    (("axis_gap", "stand_shift"), ("axis_gap", "stand_shift")),
     (("axis_gap", "misread"), ("axis_gap", "misread")),
     (("axis_squareness", "bar_skew"), ("axis_squareness", "bar_skew")),
 ]

@@ -29,6 +29,7 @@ USUAL = {1.0: 0.80 / 0.97, 3.0: 0.17 / 0.97}
 BLUNDERS = (1.0, 6.0)
 TURNS = {-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01}
 PATTERN_SIZES, NOISIER = (5.0, 30.0), (2.0, 4.0, 8.0)
+CLERICAL = 0.1  # a fault of a whole table, in faults of one gauge
 NAMED = {"backlash": 3, "bar_skew": 6}  # parameters; the others of backlash are lags
 
 
@@ -143,6 +144,14 @@ class Evidence:
             for leg in range(3):
                 right = self.session.readings[swapped_rows(plan, leg)] - self.session.readings
                 yield Case(1.0 / 3.0, residual + matrix @ right, *none)
+            return
+        if id == "sign_flip":
+            # Of one gauge, or, rarely, of all.
+            shares = np.array([*np.ones(6), CLERICAL]) / (6.0 + CLERICAL)
+            turned = [*(plan.zero == zero for zero in range(6)), plan.zero >= 0]
+            for share, wrong in zip(shares.tolist(), turned, strict=True):
+                right = np.where(wrong, -2.0 * self.session.readings, 0.0)
+                yield Case(share, residual + matrix @ right, *none)
             return
         if id == "gauge_slip":
             follow = [row for row in later if onwards[:, row].sum() > 1]
