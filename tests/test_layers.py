@@ -24,6 +24,16 @@ MOST_ANY = 60  # mentions of `Any`
 # The kinds of machine and what reads them; their files, which alone may know which one it is.
 KINDS = {"Orthoglide", "Gauge", "GaugePlan", "LinearDelta", "Probe", "ProbePlan"}
 KIND_FILES = {f"{PACKAGE}.model.{file}" for file in ("machine", "orthoglide", "linear_delta")}
+# Who needs a class of one outside `model`, and why.
+NEEDING = {
+    "causes": "a cause states how large it plausibly is on each kind",
+    "files": "a reader makes a machine or its plan, or reads what only such a machine gives",
+    "planning": "sessions of gauges",
+    "session": "guides through readings of gauges",
+    "estimation.forecast": "sessions of gauges",
+    "report.controller": "what the firmware of a printer is told",
+    "cli.start": "an empty folder is of an Orthoglide, a printer.cfg of a linear delta",
+}
 # Questions for the kind: a class that is required, what only one kind has.
 QUESTIONS = {"require", "layouts", "of_bed", "keeps_itself"}
 MOST_QUESTIONS = 10  # lines
@@ -136,6 +146,17 @@ def test_nobody_compares_the_kind_of_machine() -> None:
         if named & {ast.unparse(part).rpartition(".")[2] for part in asked}:
             faults.append(f"{name}:{node.lineno}: {ast.unparse(node)}")
     none(fault for fault in faults if room_of(fault.partition(":")[0]) != "model")
+
+
+def test_only_who_makes_or_reads_one_knows_a_kind_of_machine() -> None:
+    faults, idle = [], {*NEEDING}
+    for name, node in nodes(ast.ImportFrom):
+        known = KINDS & {entry.name for entry in node.names}
+        if known and str(node.module).startswith(PACKAGE) and room_of(name) != "model":
+            places = {place for place in NEEDING if f"{name}.".startswith(f"{PACKAGE}.{place}.")}
+            idle -= places
+            faults += [] if places else [f"{name} needs {', '.join(sorted(known))}"]
+    none([*faults, *(f"nobody needs one in {place}" for place in sorted(idle))])
 
 
 def test_hardly_anybody_asks_for_the_kind_of_machine() -> None:
