@@ -48,7 +48,11 @@ def test_the_page_fits_a_terminal_and_names_what_shows_the_rest() -> None:
     assert run("plan", *MACHINE, "--html", "plan.html").exit_code == 0
     assert "A leg_length" in Path("plan.html").read_text(encoding="utf-8")
     assert max(map(len, shown.splitlines())) <= 80
+    # Each layout is one line of a table.
+    table = shown[shown.index("  layout ") : shown.index("  U of each parameter: a, b, c")]
+    assert {len(line.split()) for line in table.replace("→ ", "").splitlines()[:-1]} == {10}
     words = " ".join(shown.replace("│", " ").split())
+    assert "radius in mm, angle_a, angle_b in deg (95 %)" in words
     assert "No layout determines leg_length" in words
     assert "tower_radius a rule from the middle of the bed to each rail" in words
     assert "To distinguish tower_lean and bed_shape" in words

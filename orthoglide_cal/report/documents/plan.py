@@ -34,7 +34,6 @@ from orthoglide_cal.report.documents.diagnosis import between_words
 from orthoglide_cal.report.documents.solution import (
     budget_sections,
     common_unit,
-    parameter_heads,
     source_words,
 )
 from orthoglide_cal.report.figures import separation_lines
@@ -273,7 +272,8 @@ def _worthwhile(plan: MeasurementPlan) -> list[SessionForecast]:
 def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     """Numbers of cycles, or layouts: what they take, what they give.
 
-    `brief`: of layouts those that no quicker one beats, without units and explanations.
+    `brief`: of layouts those that no quicker one beats, without explanations. Units stand in the
+    caption: in the heads of a printer's six parameters they would not fit a terminal.
     """
     machine, cycles = plan.model.machine, plan.gauges is not None
     shown = _worthwhile(plan) if brief and not cycles else plan.by_cycles
@@ -286,15 +286,17 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         "readings": [str(each.readings) for each in shown],
         "min": [f"{each.minutes:.0f}" for each in shown],
     }
-    unit = common_unit(machine)
+    own = [*zip(machine.parameter_names, machine.parameter_units, strict=True)]
+    by_unit = {unit: [name for name, its in own if its == unit] for _, unit in own}
+    words = (f"{', '.join(names)} in {unit_words(unit)}" for unit, names in by_unit.items())
+    unit = common_unit(machine) or f": {', '.join(words)}"
     meaning = [f"U of each {machine.vocabulary.one}{unit} (95 %); –: not determined."]
     if cycles:
         columns["noise"] = [two_figures(max(each.noise_std_mm.values())) for each in shown]
         meaning.append("Noise: the part of scatter, of the worst one, one standard deviation.")
-    heads = machine.parameter_names if brief else parameter_heads(machine)
-    for name, head in zip(machine.parameter_names, heads, strict=True):
+    for name in machine.parameter_names:
         parameters = [each.parameters[name] for each in shown]
-        columns[head] = [two_figures(u.lessened) if u.determined else "–" for u in parameters]
+        columns[name] = [two_figures(u.lessened) if u.determined else "–" for u in parameters]
     if machine.has_cube:
         columns["tool"] = [two_figures(each.tool_mm or 0.0) for each in shown]
         meaning.append("Tool: at the worst place of the workspace, offsets entered.")
