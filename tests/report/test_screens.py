@@ -94,6 +94,7 @@ def test_samples(name: str) -> None:
     ("cause", "seed", "gauge", "outside"),
     [
         *((cause, 1, "micron", None) for cause in SINGLE),
+        (("bar_skew", "swapped_gauges"), 4, "micron", None),  # one step, and much to say of it
         *(pytest.param(cause, 2, "micron", None, marks=slow) for cause in (*SINGLE, *PAIRS)),
         *(pytest.param(cause, 3, "dial", None, marks=slow) for cause in (*SINGLE, *PAIRS)),
         *(pytest.param((), 1, "micron", outside, marks=slow) for outside in truth.OUTSIDE),

@@ -87,12 +87,14 @@ def _screen(case: Case) -> doc.Page:
         sections = [doc.Section(None, *blocks) for blocks in (*groups, *residuals)]
         last = doc.next_steps([*steps, *again], *notes, case.more("diagnose"))
         page = doc.Page("Diagnosis", notice=_notice(case), sections=(*sections, last))
-        if height(page) <= (_UNDECIDED if undecided else _DECIDED) or len(steps) <= 1:
+        if height(page) <= (_UNDECIDED if undecided else _DECIDED):
             return page
         for spare in (notes, baselines, again, residuals, steps):
-            if spare:
+            if len(spare) > (spare is steps):  # one step stays
                 spare.pop()
                 break
+        else:
+            return page
 
 
 def _notice(case: Case) -> doc.Notice:
@@ -155,7 +157,8 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
     if offsets:
         known = (each for each in answer.parameters if each.determined)
         rows = [(each.name, each.found or 0.0, each.expanded, each.unit) for each in known]
-        causes = _with_causes(case) if answer.named else ""
+        # They stand in the row above: by their names the columns would not fit.
+        causes = f" with {'them' if len(answer.causes) > 1 else 'it'}" if answer.named else ""
         lines.append((f"{case.words.many}{causes}{unit}", sizes(rows, not unit)))
     if lines:
         yield sizes_grid(lines, 3 if unit else 2)
