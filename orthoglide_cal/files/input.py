@@ -178,12 +178,19 @@ def together(inputs: Sequence[Input]) -> Input:
     )
     reads = [given.measured for given in inputs if isinstance(given.measured, Readings)]
     sources = [read.source for read in reads]
-    excerpt = sources[-1].excerpt
+    doubts = {
+        name: " ".join(
+            f"{PurePath(source.path).name}: {text}"
+            for source in sources
+            if (text := getattr(source.excerpt, name, ""))
+        )
+        for name in ("stale", "unused")
+    }
     words = f"{len(plan)} readings of {len(inputs)} dates"
     source = Source(
         sources[-1].path,
         hashlib.sha256("".join(source.sha256 for source in sources).encode()).hexdigest(),
-        Excerpt(excerpt.data if excerpt else "", words),
+        replace(sources[-1].excerpt or Excerpt("", ""), words=words, **doubts),
         tuple(source.path for source in sources[:-1]),
     )
     changed = (

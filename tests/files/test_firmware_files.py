@@ -8,7 +8,7 @@ import pytest
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.files.input import printer_settings, read_input
+from orthoglide_cal.files.input import printer_settings, read_input, together
 from orthoglide_cal.files.machine_file import default_machine, machine_text, read_machine_file
 from orthoglide_cal.model.model import Model
 from tests import firmware_files as made
@@ -227,6 +227,19 @@ def test_a_calibration_stored_behind_a_mesh_may_be_newer(own: Path) -> None:
     path = put(own, "p.cfg", turned)
     assert "the mesh is older" in remarks(path, None, default_machine, "mesh")
     assert "older" not in remarks(path)
+
+
+def test_of_several_dates_each_says_what_is_older_or_was_not_used(own: Path) -> None:
+    cfg = printer_cfg(made.UNEVEN, OFF)
+    parts = [cfg.index(f"#*# [{name}]") for name in ("delta_calibrate", "bed_mesh default")]
+    turned = cfg[: parts[0]] + cfg[parts[1] :] + cfg[parts[0] : parts[1]]
+    far = cfg.replace("#*# height0 = ", "#*# height0 = 9")
+    paths = [put(own, f"{name}.cfg", text) for name, text in (("one", turned), ("two", far))]
+    both = together([read_input(path, None, default_machine, "mesh") for path in paths])
+    excerpt = both.measured.source.excerpt
+    assert excerpt is not None
+    assert excerpt.stale.startswith("one.cfg: The calibration")
+    assert excerpt.unused.startswith("two.cfg: The calibration in the same file was not used.")
 
 
 def test_faults_have_their_line_and_their_file(own: Path) -> None:
