@@ -15,7 +15,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 
@@ -135,10 +134,14 @@ class Whitened(ReadOnly):
         """
         return rms(self.weight * self.plain(residual))
 
-    def relabelled(self, values: Floats, cause: RelabelCause, place: Place) -> Floats:
-        """Whitened values (k,) with signs or labels exchanged, or put right again, shape (k,)."""
-        index, sign = cause.relabel(self.plan, place)
-        return np.asarray(self.matrix @ (sign * (self.matrix.T @ values)[index]))
+    def relabelled(self, values: Floats, *changes: tuple[RelabelCause, Place]) -> Floats:
+        """Whitened values (k,) with signs or labels exchanged, or put right again, (changes, k)."""
+        plain = self.matrix.T @ values
+        changed = np.empty((len(plain), len(changes)))
+        for number, (cause, place) in enumerate(changes):
+            index, sign = cause.relabel(self.plan, place)
+            changed[:, number] = sign * plain[index]
+        return np.asarray((self.matrix @ changed).T)
 
     def fit_versions(self, versions: Floats) -> LeastSquaresFit:
         """Offsets fitted to versions of the data (v, k), and what they leave of these.
@@ -245,6 +248,7 @@ class Placed:
     tried: tuple[Place, ...]  # where it may act; of a relabelling only where the data can undo it
     first: int  # number of the first of them, as in `Extra`
     log_weight: Mapping[Place, float]  # ln of what the density of the data is multiplied by
+    replanned: tuple[Place, ...] = ()  # where the data cannot undo a relabelling
     # W·pattern of one unit at each place of a pattern cause [mm per unit]; None of others.
     patterns: Places | None = None
 
@@ -263,21 +267,21 @@ class Placed:
 @functools.lru_cache(maxsize=4)
 def _places(
     problem: Problem, extras: tuple[PatternCause | RelabelCause, ...]
-) -> Mapping[PatternCause | RelabelCause, tuple[Mapping[Place, float], Places | None]]:
-    """Where each extra may act, and W·pattern of all these places of a pattern cause.
+) -> tuple[Placed, ...]:
+    """Where each extra may act, whatever the data, and W·pattern of all places of a pattern cause.
 
     Each place with ln of what the density of the data there is multiplied by: its prior share; and
     where the data were put into another unit, the factor of each number beyond the offsets: those
     are not judged by their size, in no unit.
     """
     plan, machine, matrix = problem.plan, problem.model.machine, problem.matrix
-    found: dict[PatternCause | RelabelCause, tuple[Mapping[Place, float], Places | None]] = {}
+    every = []
     for cause in extras:
-        places = cause.places(plan, machine)
+        places = tuple(cause.places(plan, machine))
         if isinstance(cause, PatternCause):
             weight = dict.fromkeys(places, -math.log(max(len(places), 1)))
             columns = Places(matrix, cause.patterns(plan, places)) if places else None
-            found[cause] = weight, columns
+            every.append(Placed(cause, places, 0, weight, patterns=columns))
         else:
             total = sum(map(cause.share, places))
             spare = len(matrix) - len(machine.parameter_names)
@@ -285,8 +289,10 @@ def _places(
                 place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
                 for place in places
             }
-            found[cause] = weights, None
-    return MappingProxyType(found)
+            undone = tuple(place for place in places if cause.reversible(plan, place))
+            others = tuple(place for place in places if place not in undone)
+            every.append(Placed(cause, undone, 0, weights, others))
+    return tuple(every)
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,14 +328,16 @@ class Linearised:
         places = _places(white.problem, candidates.extras)
         # Faults of the record put right, where the data can express it, and the gauge shows
         # readings in that unit.
-        undone = {
-            (cause, place): white.relabelled(white.data, cause, place) * cause.unit_mm(place)
-            for cause, (own, _) in places.items()
+        undone = [
+            (cause, place)
+            for cause, tried in ((placed.cause, placed.tried) for placed in places)
             if isinstance(cause, RelabelCause)
-            for place in own
-            if cause.unit_mm(place) in (1.0, white.unit_mm) and cause.reversible(white.plan, place)
-        }
-        versions = np.stack([white.data, *undone.values()])
+            for place in tried
+            if cause.unit_mm(place) in (1.0, white.unit_mm)
+        ]
+        units = np.array([cause.unit_mm(place) for cause, place in undone])
+        right = white.relabelled(white.data, *undone) * units[:, None]
+        versions = np.vstack([white.data, right])
         fit = white.fit_versions(versions)
         if not fit.converged[0]:
             require_determined(white.problem)
@@ -342,13 +350,13 @@ class Linearised:
         possible = [key for key, fits in zip(undone, fit.converged[1:], strict=True) if fits]
         extras: dict[str, Placed] = {}
         version = 1
-        for cause, (weights, patterns) in places.items():
-            if isinstance(cause, PatternCause):
-                extras[cause.id] = Placed(cause, tuple(weights), 0, weights, patterns)
-            else:
-                own = tuple(place for place in weights if (cause, place) in possible)
-                extras[cause.id] = Placed(cause, own, version, weights)
-                version += len(own)
+        for placed in places:
+            cause = placed.cause
+            if isinstance(cause, RelabelCause):
+                tried = tuple(place for place in placed.tried if (cause, place) in possible)
+                placed = replace(placed, tried=tried, first=version)
+                version += len(tried)
+            extras[cause.id] = placed
         offsets, broad = fit.offsets_mm[0], candidates.broad
         absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
         ((_, columns),) = white.linearised((offsets, absent))

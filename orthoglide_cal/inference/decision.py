@@ -215,13 +215,14 @@ class Decision:
     @cached_property
     def verdict(self) -> Verdict:
         """The statement itself."""
-        belief, best = self.belief, self.best
+        belief = self.belief
         if not self.wrong:
             if self.repeats and (self.shape,) in belief.hypotheses:
                 return Verdict.NAMED
             # Evidence alone lets noise be as large as it must.
             too_large = belief.at.local and self._chance(belief.fit(())) < SUSPICIOUS
             return Verdict.UNEXPLAINED if too_large else Verdict.CONSISTENT
+        best = self.best
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.
         lost = belief.beyond * OPEN_ANSWER > belief.something * NEEDLESS_HOLD

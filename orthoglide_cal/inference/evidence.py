@@ -13,7 +13,8 @@ different size comparable.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -94,6 +95,16 @@ class NoiseGrid(ReadOnly):
         """The likeliest of them: what the gauge's maker states [mm]."""
         return float(self.sigma[np.argmax(self.log_weight)])
 
+    def wider(self, factors: Sequence[float]) -> NoiseGrid:
+        """All of them multiplied by each factor in turn, each time with all their weight."""
+        rough = self.scale_factor
+        return replace(
+            self,
+            sigma=np.outer(factors, self.sigma).reshape(-1),
+            log_weight=np.tile(self.log_weight, len(factors)),
+            scale_factor=None if rough is None else np.tile(rough, len(factors)),
+        )
+
     def density(self, columns: Floats, sizes: Floats, log_share: Floats | float = 0.0) -> Gaussian:
         """Density of residuals under the same columns (..., k, r) at several sizes.
 
@@ -135,7 +146,7 @@ class NoiseGrid(ReadOnly):
 
 def _eliminated(square: Floats, chosen: Ints, precision: float) -> tuple[Floats, Floats]:
     """VᵀS⁻¹V (g, c, c) once some unknowns are integrated out; ln of what that adds to det S."""
-    rest = np.setdiff1d(np.arange(square.shape[-1]), chosen)
+    rest = np.delete(np.arange(square.shape[-1]), chosen)
     inner = square[:, chosen[:, None], chosen] + precision * np.eye(len(chosen))
     cross = square[:, chosen[:, None], rest]
     left = square[:, rest[:, None], rest] - cross.swapaxes(-1, -2) @ np.linalg.solve(inner, cross)

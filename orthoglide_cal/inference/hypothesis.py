@@ -11,6 +11,7 @@ import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -89,12 +90,12 @@ class Hypothesis:
     # cause explains, and its size goes into the uncertainty.
     pattern: Pattern | None = None
 
-    @property
+    @cached_property
     def ids(self) -> Ids:
         """Its listed causes, sorted."""
         return ids_of(*self.base, *((self.extra.cause,) if self.extra else ()))
 
-    @property
+    @cached_property
     def log_prior(self) -> float:
         """ln prior weight."""
         if self.pattern is not None:
@@ -144,11 +145,10 @@ def score_all(at: Linearised) -> dict[Ids, Hypothesis]:
     Where a reading lacks its counterpart, an exchange cannot be undone in the data. Then the same
     data are read under another plan instead, with a linear model of its own.
     """
-    scores = _listed(at)
-    plan = at.white.plan
+    scores, plan = _listed(at), at.white.plan
     for placed in at.extras.values():
         cause = placed.cause
-        for place in (place for place in placed.log_weight if not cause.reversible(plan, place)):
+        for place in placed.replanned:
             problem = replace(at.white.problem, plan=cause.really_read(plan, place))
             try:
                 require_rank(problem)
@@ -421,9 +421,8 @@ def score_patterns(at: Linearised) -> list[Hypothesis]:
         size = float(sizes[np.argmax(own)])
         scored = Pattern(what, share, pattern, size, stated)
         found.append(Hypothesis(at, log_mean(own), pattern=scored))
-    wider = [replace(noise, sigma=factor * noise.sigma) for factor in NOISIER]
-    same = np.ones((1, common))
-    logs = np.array([log_sum(one.density(offsets, same).by_noise(residual)) for one in wider])
+    density = noise.wider(NOISIER).density(offsets, np.ones((1, common)))
+    logs = log_sum(density.by_noise(residual).reshape(len(NOISIER), -1), 1)
     instrument = at.white.machine.vocabulary.noise
     what = f"every reading scatters more than the {instrument}'s stated noise"
     noisier = stated * NOISIER[np.argmax(logs)]

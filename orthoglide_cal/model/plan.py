@@ -7,6 +7,7 @@ are; what is estimated from them is estimated from combinations that no zero ent
 import functools
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
+from copy import copy
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from types import MappingProxyType
@@ -264,8 +265,8 @@ class Contrasts(ReadOnly):
 
     @property
     def T(self) -> "Contrasts":
-        turned = replace(self, turned=not self.turned)
-        vars(turned)["_reflected"] = self._reflected  # worked out once
+        turned = copy(self)
+        vars(turned).update(turned=not self.turned, _reflected=self._reflected)  # worked out once
         return turned
 
     def __matmul__(self, values: Floats) -> Floats:

@@ -18,7 +18,7 @@ from pydantic.json_schema import SkipJsonSchema
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, ReadOnly
+from orthoglide_cal.model.plan import Floats, ReadOnly, read_only
 from orthoglide_cal.schema import Schema
 
 SAMPLES = 17  # along each edge of the cube
@@ -51,12 +51,17 @@ class Workspace(Schema):
     maps: SkipJsonSchema[WorkspaceMaps | None] = Field(None, exclude=True, repr=False)
 
 
-def _grid(model: Model, points: int) -> tuple[Floats, Floats]:
-    """Points along each edge of the reachable cube, (n,), and all of them, (n³, 3) [mm]."""
+@functools.lru_cache(maxsize=4)
+def _grid(model: Model, points: int) -> tuple[Floats, Floats, Floats]:
+    """Points along each edge of the reachable cube, (n,), and all of them, (n³, 3) [mm].
+
+    Last where the controller sends the carriages for them, (n³, 3) [mm].
+    """
     low, high = model.orthoglide.reachable_cube
     axis = np.linspace(low, high, points)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
-    return axis, np.stack((x, y, z), axis=-1).reshape(-1, 3)
+    grid = np.stack((x, y, z), axis=-1).reshape(-1, 3)
+    return read_only(axis), read_only(grid), read_only(model.machine.nominal_rails.joints_for(grid))
 
 
 def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
@@ -66,9 +71,9 @@ def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
     return np.asarray(model.real.joints(command, offsets))
 
 
-def _reached(model: Model, points: Floats, offsets: Floats) -> tuple[Floats, Floats]:
-    """Joints and tool, each (n, 3) [mm], where the controller means to drive to `points` (n, 3)."""
-    joints = _standing(model, model.machine.nominal_rails.joints_for(points), offsets)
+def _reached(model: Model, indicated: Floats, offsets: Floats) -> tuple[Floats, Floats]:
+    """Joints and tool, each (n, 3) [mm], where the carriages are sent to `indicated` (n, 3)."""
+    joints = _standing(model, indicated, offsets)
     return joints, model.real.geometry.tool_for(joints)
 
 
@@ -76,8 +81,8 @@ def _reached(model: Model, points: Floats, offsets: Floats) -> tuple[Floats, Flo
 @functools.lru_cache(maxsize=4)
 def _corrected(model: Model) -> tuple[Floats, Floats]:
     """With all offsets entered: how far the tool is off (n,) [mm], and its derivative (n, 3, 3)."""
-    points = _grid(model, SAMPLES)[1]
-    joints, tool = _reached(model, points, np.zeros(3))
+    _, points, indicated = _grid(model, SAMPLES)
+    joints, tool = _reached(model, indicated, np.zeros(3))
     left = np.linalg.norm(tool - points, axis=-1)
     return left, model.real.geometry.tool_derivative(joints, tool)
 
@@ -103,8 +108,8 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
 
     Raises PostureError: a corner of the cube that the machine cannot reach.
     """
-    axis, points = _grid(model, SAMPLES)
-    before = np.linalg.norm(_reached(model, points, offsets)[1] - points, axis=-1)
+    axis, points, indicated = _grid(model, SAMPLES)
+    before = np.linalg.norm(_reached(model, indicated, offsets)[1] - points, axis=-1)
     left, after = error_after(model, covariance, k)
     shape = (SAMPLES,) * 3
     levels = [0, SAMPLES // 2, SAMPLES - 1]
@@ -155,7 +160,7 @@ def compensation(model: Model, points: int) -> Compensation:
     if not chosen:
         what = "The machine file holds no accepted cause that a table could compensate."
         raise UsageError(what, "Accept one first, with diagnose and its option --accept.")
-    _, grid = _grid(model, points)
+    _, grid, nominal = _grid(model, points)
     known = Model(model.machine, chosen)
     # Indicated joints that really put the tool there. Causes of the motion are nearly the identity,
     # so that a fixed-point iteration converges.
@@ -169,5 +174,5 @@ def compensation(model: Model, points: int) -> Compensation:
         causes=tuple(effect.cause.id for effect in chosen),
         left_out=tuple(e.cause.id for e in model.accepted if not e.cause.compensable),
         points_mm=grid,
-        corrections_mm=needed - model.machine.nominal_rails.joints_for(grid),
+        corrections_mm=needed - nominal,
     )

@@ -392,14 +392,14 @@ def _residuals(
     in_time = np.arange(len(measured))
     if not isinstance(measured, Differences):
         in_time = measured.plan.in_time
-    order = (np.argsort(in_time, kind="stable") + 1).tolist()
+    order, weight = (np.argsort(in_time, kind="stable") + 1).tolist(), measured.weight.tolist()
     for k, (value, modelled, explained) in enumerate(values):
         if isinstance(measured, Differences):
             which = measured.which[k]
             leg, direction = (AXES[axis] for axis in which.series)
             own: dict[str, object] = {"leg": leg, "direction": direction, "posture": which.name}
         else:
-            own = {"cycle": int(measured.cycle[k]), "weight": float(measured.weight[k])}
+            own = {"cycle": int(measured.cycle[k]), "weight": weight[k]}
             own |= {"posture": measured.posture[k] or None, **measured.plan.entry(k)}
         left = {"measured_mm": value, "modelled_mm": modelled, "with_causes_mm": explained}
         yield schema.Residual.model_validate({**own, "order": order[k], **left})

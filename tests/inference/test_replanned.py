@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES, RelabelCause
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference import data, diagnose
 from orthoglide_cal.inference.candidates import Candidates
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.decision import decide
@@ -78,6 +78,7 @@ def test_where_nothing_is_missing_it_is_as_undoing_it_in_the_data(
     assert score.replanned is None
     (undone,) = fit_explanations([score])
     monkeypatch.setattr(type(SWAP), "reversible", lambda *_: False)
+    data._places.cache_clear()
     other = score_all(Linearised.of(white, candidates))[("swapped_gauges",)]
     (under,) = fit_explanations([other])
     assert other.replanned is not None
