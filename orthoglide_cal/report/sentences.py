@@ -173,8 +173,19 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "not_recorded": "Not recorded: {missing:names}.",
     "of_session": _of_session,
     "other_gauges": "Other gauges were used: {before:names} before, {after:names} after.",
+    "guard_band": "Pass if |deviation| + U is within the limit for every difference; fail if"
+    " |deviation| - U is beyond it for any; otherwise undecided (guard band U on both sides, as in"
+    " ISO 14253-1).",
     "temperatures_differ": "The temperature differed: {before_c:tenths} °C before, {after_c:tenths}"
     " °C after.",
+    # What to do about the history of a machine.
+    "one_more_session": "Measure once more: one further session decides between them.",
+    "home_repeatedly": "Home three times and measure one cycle after each: that decides between"
+    " them.",
+    "find_step": "Look for a collision, a loose carriage or an exchanged part.",
+    "find_drift": "Look for wear or warming up; calibrate again before the drift matters.",
+    "find_scatter": "Check home switches and couplings: no calibration is better than homing.",
+    "nothing_to_do": "Nothing to do: measure again at the next service, or after a collision.",
     # About the data.
     "remark": "{text}",
     "doubtful_readings": "{what} {remedy}",

@@ -41,11 +41,11 @@ from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.result import CauseParameter
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
 from orthoglide_cal.model.cause import Cause
-from orthoglide_cal.model.machine import Bed, Origin
+from orthoglide_cal.model.machine import Bed, Machine, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.validity import STEP_K
-from orthoglide_cal.schema import Schema
+from orthoglide_cal.schema import Reason, Schema, Sentence
 from orthoglide_cal.words import listed, signed
 
 PLAIN = 0.2  # readings that noise leaves so often are not searched for causes
@@ -56,13 +56,11 @@ U95, ONE_SIDED = half_width(math.inf), half_width(math.inf, 0.9)
 Sizes = tuple[CauseParameter, ...]
 _Shape = tuple[Floats, Floats, Bed]  # touched places (n, 2), what is left (n,)
 
-AGAIN = "Measure once more: one further session decides between them."
-HOMINGS = "Home three times and measure one cycle after each: that decides between them."
-ADVICE = {
-    Trend.CHANGED: "Look for a collision, a loose carriage or an exchanged part.",
-    Trend.DRIFTING: "Look for wear or warming up; calibrate again before the drift matters.",
-    Trend.SCATTERING: "Check home switches and couplings: no calibration is better than homing.",
-    Trend.UNCHANGED: "Nothing to do: measure again at the next service, or after a collision.",
+_ADVICE = {
+    Trend.CHANGED: Reason.of("find_step"),
+    Trend.DRIFTING: Reason.of("find_drift"),
+    Trend.SCATTERING: Reason.of("find_scatter"),
+    Trend.UNCHANGED: Reason.of("nothing_to_do"),
 }
 
 
@@ -118,7 +116,8 @@ class History(Schema):
     also: tuple[Trend, ...] = ()
     limit: Reached | None = None
     notes: tuple[str, ...] = ()
-    next: str
+    next: Sentence
+    newest: Machine = Field(exclude=True, repr=False, description="machine of the last session")
     shapes: tuple[_Shape, ...] = Field((), exclude=True, repr=False)  # of a bed: first, last
 
     @field_serializer("drift")
@@ -396,7 +395,8 @@ def compare(
     homing = fit.homing[scattering]
     scatter = sized(0.0 * homing, np.diag(homing**2), scattering.tolist())
     now, last = sized(*fit.state(-1)), moments[-1] if dated else None
-    decides = HOMINGS if Trend.SCATTERING in (verdict, *rivals) else AGAIN
+    homing_decides = Trend.SCATTERING in (verdict, *rivals)
+    decides = Reason.of("home_repeatedly" if homing_decides else "one_more_session")
     return History(
         machine=machine.name,
         kind=machine.kind,
@@ -417,7 +417,8 @@ def compare(
         also=also,
         limit=None if limit_mm is None else _reached(limit_mm, now, drift, scatter, last),
         notes=(*notes, *_circumstances(sessions, diagnosed)),
-        next=decides if rivals else ADVICE[verdict],
+        next=decides if rivals else _ADVICE[verdict],
+        newest=machine,
         shapes=tuple(
             _shape(diagnosed[k]) for k in (0, -1) if diagnosed[k].white.plan.touches.any()
         ),

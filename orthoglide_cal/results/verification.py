@@ -44,12 +44,8 @@ from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.answer import InputFile, Spread
 from orthoglide_cal.results.making import remainder, spread
 from orthoglide_cal.results.validity import Validity, compare_reservations, validity
-from orthoglide_cal.schema import Schema, Sentence
+from orthoglide_cal.schema import Reason, Schema, Sentence
 
-RULE = (
-    "Pass if |deviation| + U is within the limit for every difference; fail if |deviation| - U is"
-    " beyond it for any; otherwise undecided (guard band U on both sides, as in ISO 14253-1)."
-)
 # No controller takes finer offsets [mm]; firmwares print parameters to this many of their units.
 SMALLEST_MM, AS_FOUND = 1e-6, 1e-3
 # Entries of the machine file in which two sessions of one machine agree.
@@ -61,7 +57,7 @@ A_PROMISE = 0.95
 
 
 class Outcome(StrEnum):
-    """Conformity with a limit, by `RULE`."""
+    """Conformity with a limit, with a guard band U on both sides (ISO 14253-1)."""
 
     PASS = "pass"
     FAIL = "fail"
@@ -143,7 +139,7 @@ class Conformity(Schema):
     largest_difference: str
     expanded_mm: float
     coverage_factor: float
-    rule: str = RULE
+    rule: Sentence = Reason.of("guard_band")
 
 
 class Verification(Schema):

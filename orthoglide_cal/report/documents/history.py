@@ -14,6 +14,7 @@ from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.figures import below, line, thread, words
+from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import height
 from orthoglide_cal.results.history import History
 from orthoglide_cal.words import (
@@ -41,9 +42,10 @@ _STORIES = {
 def history_document(history: History, machine_file: Path | None = None) -> doc.Document:
     """The document; with the machine file as the user gave it."""
     see = command("solve", history.sessions[-1].path, machine=machine_file)
-    steps = doc.Instruction(history.next), doc.Instruction("See the last session", see)
+    says = partial(sentence, machine=history.newest)
+    steps = doc.Instruction(says(history.next)), doc.Instruction("See the last session", see)
     page, screen = partial(_page, history, steps), partial(_screen, history, steps)
-    return doc.Document(partial(history.model_dump, mode="json"), page, screen)
+    return doc.Document(partial(history.model_dump, mode="json", context=says), page, screen)
 
 
 def _screen(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:

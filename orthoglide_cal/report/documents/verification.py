@@ -283,7 +283,7 @@ def _outcome(result: Verification) -> doc.Section:
 def rule_blocks(result: Verification) -> tuple[doc.Block, ...]:
     """By which rule a limit is judged; nothing where none was given."""
     rule = result.decision
-    return (doc.small(f"Decision rule: {rule.rule}"),) if rule else ()
+    return (doc.small(f"Decision rule: {_says(result)(rule.rule)}"),) if rule else ()
 
 
 def _differences(result: Verification, *, full: bool = False) -> doc.Grid:
