@@ -55,7 +55,7 @@ def test_one_screen_says_what_happened(story, count, says, changed):
     assert run(*typed.split()).exit_code in (0, 4)
 
 
-@pytest.mark.parametrize(("story", "count"), [("drift", 10), ("steps", 12), ("scatter", 25)])
+@pytest.mark.parametrize(("story", "count"), [("drift", 10), ("steps", 12), ("scatter", 18)])
 def test_a_screen_is_full_before_a_session_is_left_out(story, count):
     written(story, count)
     lines = done("history", ".").splitlines()
