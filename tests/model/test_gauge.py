@@ -73,18 +73,18 @@ def test_healthy_sessions_are_never_doubted(
 @both_gauges
 @pytest.mark.parametrize("size", [2, 3, 4])
 def test_the_chance_is_an_upper_bound_and_a_close_one(gauge: truth.Gauge, size: int) -> None:
-    """Against 400,000 draws of six cells at the worst and at any place between two divisions."""
+    """Against 200,000 draws of six cells at the worst and at any place between two divisions."""
     own, rng = model_of(truth.PROTOTYPE, gauge).machine.gauge, np.random.default_rng(size)
     for place in (0.0, None):
-        where = rng.uniform(-0.5, 0.5, (400_000, 6, 1)) if place is None else place
-        noise = rng.normal(0.0, gauge.noise / gauge.resolution, (400_000, 6, size))
+        where = rng.uniform(-0.5, 0.5, (200_000, 6, 1)) if place is None else place
+        noise = rng.normal(0.0, gauge.noise / gauge.resolution, (200_000, 6, size))
         shown = np.rint(noise + where) * gauge.resolution
         squares = ((shown - shown.mean(axis=2, keepdims=True)) ** 2).sum(axis=(1, 2))
         for share in (1e-3, 1e-2, 0.1):
             limit = float(np.quantile(squares, share))
             true = float(np.mean(squares <= limit + 1e-12))
             bound = chance_of_less_scatter(limit, Counter({size: 6}), own)
-            assert true * (1.0 - 4.0 / np.sqrt(400_000 * true)) < bound < 12.0 * true
+            assert true * (1.0 - 4.0 / np.sqrt(200_000 * true)) < bound < 12.0 * true
 
 
 @both_gauges

@@ -105,7 +105,7 @@ def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
     """Chance of failure about 1e-6 (five standard deviations of a variance)."""
     plan, rng = double_posture(PROTOTYPE), np.random.default_rng(3)
     signal = simulate(NOMINAL, OFFSETS, plan)
-    made = (PROTOTYPE.synthetic(plan, lambda _: signal, rng, PROTOTYPE.gauge) for _ in range(4000))
+    made = (PROTOTYPE.synthetic(plan, lambda _: signal, rng, PROTOTYPE.gauge) for _ in range(1000))
     values = np.array([each.value for each in made])
     steps = values / PROTOTYPE.gauge.resolution_mm
     assert np.abs(steps - np.rint(steps)).max() < 1e-9
