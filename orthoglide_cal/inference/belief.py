@@ -21,7 +21,8 @@ from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
 from orthoglide_cal.inference.fit import Fit, fit_explanations
-from orthoglide_cal.inference.hypothesis import Hypothesis, score_all, score_patterns
+from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
+from orthoglide_cal.inference.patterns import combined, score_patterns, weight_of
 from orthoglide_cal.model.plan import Floats
 
 Key = TypeVar("Key", bound=Hashable)
@@ -60,7 +61,7 @@ class Belief:
 
     at: Linearised  # the data, and what every candidate would do to them
     hypotheses: Mapping[Ids, Hypothesis]  # sets of listed causes; () is that nothing is wrong
-    patterns: Mapping[str, Hypothesis]  # those beyond the list, by their words
+    patterns: Mapping[str, Hypothesis]  # those beyond the list, by their labels
     fits: Mapping[Ids, Fit] = field(default_factory=dict)  # those that the probabilities rest on
     # Fits of other hypotheses, made when first asked for; they change no probability.
     _further: dict[Ids, Fit] = field(default_factory=dict)
@@ -73,8 +74,10 @@ class Belief:
             NotConvergedError: no offsets fit these data.
         """
         at = Linearised.of(white, Candidates.of(white.problem.model, ordered=white.raw))
-        patterns = {scored.pattern.words: scored for scored in score_patterns(at) if scored.pattern}
-        return cls(at, score_all(at), patterns)
+        hypotheses = score_all(at)
+        (nothing,) = fit_explanations([hypotheses[()]])
+        patterns = {scored.label: scored for scored in score_patterns(at, nothing)}
+        return cls(at, hypotheses, patterns, {(): nothing})
 
     def scaled(self, factor: float) -> Belief:
         """The same data and patterns with the plausible sizes of all causes multiplied."""
@@ -86,6 +89,20 @@ class Belief:
         missing = [ids for ids in dict.fromkeys(sets) if ids not in self.fits]
         fits = fit_explanations([self.hypotheses[ids] for ids in missing])
         return replace(self, fits={**self.fits, **dict(zip(missing, fits, strict=True))})
+
+    def with_pairs(self, most: int) -> Belief:
+        """The belief with a second pattern, or a listed cause, in addition to the best pattern.
+
+        Each only where evidence and prior grow by it; of single causes the `most` likely ones.
+        """
+        singles = [ids for ids in self.listed if len(ids) == 1][:most]
+        known = [self.hypotheses[ids] for ids in singles]
+        pairs = combined(max(self.patterns.values(), key=weight_of), self.fit(()))
+        for hypothesis, fit in zip(known, self.fit_all(singles), strict=True):
+            pairs += combined(hypothesis, fit)
+        least = max(map(weight_of, self.patterns.values()))
+        more = {pair.label: pair for pair in pairs if weight_of(pair) > least}
+        return replace(self, patterns={**self.patterns, **more})
 
     def fit(self, ids: Ids) -> Fit:
         """The nonlinear fit of a set of causes."""
@@ -110,7 +127,7 @@ class Belief:
     def _probabilities(self) -> Mapping[Ids | str, float]:
         """Probability of each set of listed causes and each pattern, the most probable first."""
         patterns = self.patterns.items()
-        beyond = {words: scored.log_evidence + scored.log_prior for words, scored in patterns}
+        beyond = {label: weight_of(scored) for label, scored in patterns}
         return probabilities({**self.log_weight, **beyond})
 
     @cached_property
@@ -120,7 +137,7 @@ class Belief:
 
     @cached_property
     def unlisted(self) -> Mapping[str, float]:
-        """Probability of each pattern beyond the list, by its words."""
+        """Probability of each pattern beyond the list, by its label."""
         return {key: p for key, p in self._probabilities.items() if isinstance(key, str)}
 
     @cached_property

@@ -1,0 +1,492 @@
+"""What no listed cause makes: patterns of the readings, each a *how* at a *where*.
+
+A how is one function of the course of a session and of the rows that the where selects; it gives
+columns of unit size [mm] in one or several shapes (a moment, a time constant), which are averaged
+over. Pattern and causes are weighed by one evidence: with C the columns, of size s, and S what
+acts without them,
+
+    ln p = ln p0 − ½ ln det(1 + s² G) + ½ mᵀ (1/s² + G)⁻¹ m,   G = Cᵀ S⁻¹ C,  m = Cᵀ S⁻¹ r
+
+S is taken as large as the noise: for each σ of the grid the S of the stated one, times its square.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import erf
+
+from orthoglide_cal.estimation.gaussian import TINY, condition, log_sum, shrinking
+from orthoglide_cal.estimation.losses import UNLISTED
+from orthoglide_cal.inference.data import Linearised, Whitened
+from orthoglide_cal.inference.evidence import NoiseGrid, Places
+from orthoglide_cal.inference.fit import Fit
+from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, Shape, several_wrong
+from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, Plan, Where
+
+# Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.
+SIZES = np.array((5.0, 30.0))
+NOISIER = np.geomspace(1.0, 16.0, 7)
+# Time constants, as shares of the longest set-up; degrees of a smooth course; moments of a step.
+SETTLING = np.geomspace(0.08, 0.8, 5)
+DEGREES = 5
+MOMENTS = 64
+# So many columns at most; cells beyond that number are no pattern.
+MOST_COLUMNS = 64
+# What moves no reading by a standard deviation at its largest size is not tried, nor a column that
+# a listed cause makes: the cosine between them.
+ALIKE = 0.99
+# No more shapes count, and none below this share.
+SHAPES, SHARE = 12, 0.01
+ABSENT = -1e9  # ln of the share of a shape that does not show
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What readings may follow, each of shape (n,)."""
+
+    plan: Plan
+    ordered: bool  # their order in time is known
+    turned: Floats  # expected sign of the movement of a reading's own plunger before it
+    kelvin: Floats  # the recorded temperature, less the first; zeros where none was
+
+    @classmethod
+    def of(cls, at: Linearised) -> Course:
+        """Of readings, where the offsets alone fit them best."""
+        white, turned = at.white, np.zeros(len(at.white.plan))
+        plan = white.plan
+        if white.raw:
+            rows, first = plan.sequence
+            moved = np.diff(white.plain(at.versions[0] - at.residuals[0])[rows], prepend=0.0)
+            noise = white.machine.instrument.noise_mm
+            turned[rows] = np.where(first, 0.0, erf(0.5 * moved / noise))
+        return cls(plan, white.raw, turned, turned * 0.0 if white.kelvin is None else white.kelvin)
+
+    def by_gauge(self, values: Floats, parameters: Floats | None = None) -> Made:
+        """Values (n,), or (n, v, b), in columns of their own for each set-up of a gauge."""
+        shared = self.plan.shared
+        _, first = np.unique(shared, return_index=True)
+        member = (shared[:, None] == shared[first])[:, None, :, None]
+        wide = values.reshape(len(shared), 1 if parameters is None else len(parameters), 1, -1)
+        columns = (member * wide).reshape(*wide.shape[:2], -1)
+        return Made(columns, np.repeat(first, wide.shape[-1]), parameters)
+
+    @cached_property
+    def since(self) -> Floats:
+        """Time since each reading's set-up began, shape (n,) [h]."""
+        began = np.full(int(self.plan.shared.max(initial=0)) + 1, np.inf)
+        np.minimum.at(began, self.plan.shared, self.plan.hours)
+        return np.asarray(self.plan.hours - began[self.plan.shared])
+
+    @cached_property
+    def along(self) -> Floats:
+        """Time from −1 to 1 over the readings of each set-up; zeros where it takes none, (n,)."""
+        length = np.zeros(int(self.plan.shared.max(initial=0)) + 1)
+        np.maximum.at(length, self.plan.shared, self.since)
+        whole = length[self.plan.shared]
+        return np.where(whole, 2.0 * self.since / np.where(whole, whole, 1.0) - 1.0, 0.0)
+
+
+class Made(NamedTuple):
+    """Columns of a how at every where: of each where those whose readings it selects."""
+
+    columns: Floats  # of unit size, in v shapes, shape (n, v, q) [mm]
+    reading: Ints  # one that each column is of, shape (q,)
+    parameters: Floats | None = None  # of each shape, (v,): its moment, time constant, or span
+
+
+def _repeats(course: Course) -> Made:
+    """The same in each cycle."""
+    columns = course.plan.returning
+    return Made(columns[:, None], np.abs(columns).argmax(axis=0))
+
+
+def _drifts(course: Course) -> Made:
+    """Smooth in time: a polynomial over the readings of each gauge, higher terms smaller."""
+    terms = np.polynomial.legendre.legvander(course.along, DEGREES)[:, 1:]
+    return course.by_gauge(np.any(course.along) * terms / np.arange(1, DEGREES + 1))
+
+
+def _settles(course: Course) -> Made:
+    """From each set-up on, to rest."""
+    constants = SETTLING * course.since.max(initial=0.0)
+    fallen = np.exp(-course.since[:, None] / np.maximum(constants, TINY))
+    return course.by_gauge(fallen * ~course.plan.touches[:, None], constants)
+
+
+def _steps(course: Course) -> Made:
+    """At one moment."""
+    hours = course.plan.hours
+    moments = np.unique(hours)[1:]
+    moments = moments[:: -(-len(moments) // MOMENTS) or 1]
+    return course.by_gauge((hours[:, None] >= moments).astype(np.float64), moments)
+
+
+def _hysteresis(course: Course) -> Made:
+    """By the direction in which the plunger moved last: half of it behind."""
+    return course.by_gauge(-0.5 * course.turned * ~course.plan.touches)
+
+
+def _temperature(course: Course) -> Made:
+    """As the recorded temperature."""
+    span = float(np.ptp(course.kelvin))
+    return course.by_gauge(course.kelvin / (span or 1.0))
+
+
+def _scatters(course: Course) -> None:
+    """More noise: no columns, but a larger variance of the selected readings."""
+
+
+HOWS: Mapping[str, Callable[[Course], Made | None]] = MappingProxyType(
+    {
+        "repeats": _repeats,
+        "drifts": _drifts,
+        "settles": _settles,
+        "steps": _steps,
+        "scatters": _scatters,
+        "hysteresis": _hysteresis,
+        "temperature": _temperature,
+    }
+)
+# What needs no order in time.
+UNORDERED = ("repeats", "scatters")
+
+
+class Tried(NamedTuple):
+    """A how at some wheres, as far as it shows there, and shows nothing else."""
+
+    how: str
+    columns: Floats  # in v shapes, shape (n, v, q)
+    parameters: Floats | None
+    wheres: Sequence[Where]
+    chosen: Bools  # which columns of which shape belong to each where, shape (w, v, q)
+    log_prior: float  # ln prior weight at each where
+
+
+def tried(at: Linearised) -> list[Tried]:
+    """Every how at every where."""
+    course = Course.of(at)
+    wheres = list(course.plan.wheres(course.ordered))
+    known = [placed.patterns for placed in at.extras.values() if placed.patterns is not None]
+    hows = [how for how in HOWS if course.ordered or how in UNORDERED]
+    every = []
+    for how in hows:
+        made = HOWS[how](course)
+        share = math.log(UNLISTED / len(hows) / len(wheres))
+        if made is None:
+            rows = np.stack([rows for _, rows in wheres], axis=1)
+            several = rows.sum(axis=0) > 2
+            own = np.eye(len(wheres), dtype=np.bool_)[several, None]
+            names = [where for (where, _), kept in zip(wheres, several, strict=True) if kept]
+            columns = rows[:, None].astype(np.float64)
+            every.append(Tried(how, columns, None, names, own, share))
+            continue
+        if not 0 < made.columns.shape[2] <= MOST_COLUMNS:
+            continue
+        # A posture takes a part of each column, any other where some columns whole.
+        parts = {"posture": [], "": []}
+        for where, rows in wheres:
+            parts["posture" if "posture" in where else ""].append((where, rows))
+        whole = parts[""], made.columns
+        split = [([one], made.columns * one[1][:, None, None]) for one in parts["posture"]]
+        for some, columns in (whole, *split):
+            shown = at.white.matrix @ columns.reshape(len(columns), -1)
+            visible = (shown**2).sum(axis=0) * SIZES[-1] ** 2 > 1.0
+            chosen = np.array([rows[made.reading] | ("posture" in w) for w, rows in some])
+            chosen = chosen[:, None] & visible.reshape(columns.shape[1:])
+            alone = np.flatnonzero(np.any(chosen & (chosen.sum(axis=2) == 1)[:, :, None], axis=0))
+            if alone.size and "posture" not in some[0][0]:
+                listed = np.zeros(visible.size, dtype=np.bool_)
+                listed[alone] = _alike(shown[:, alone], known)
+                listed = listed.reshape(columns.shape[1:])
+                chosen &= (chosen.sum(axis=2) > 1)[:, :, None] | ~listed
+            # What shows the same as a narrower where is no other pattern.
+            code = chosen @ (1 << np.arange(chosen.shape[2]))
+            for number in range(len(code)):
+                chosen[number, np.any(code[:number] == code[number], axis=0)] = False
+            kept = chosen.any(axis=(1, 2))
+            names = [where for (where, _), one in zip(some, kept, strict=True) if one]
+            every.append(Tried(how, columns, made.parameters, names, chosen[kept], share))
+    return [one for one in every if one.wheres]
+
+
+def _alike(shown: Floats, known: Sequence[Places]) -> Bools:
+    """Which columns (k, q) a listed cause makes at one of its places, shape (q,)."""
+    power = (shown**2).sum(axis=0)[:, None]
+    pairs = (places.products(shown) ** 2 > ALIKE**2 * power * places.power for places in known)
+    return np.any([pair.any(axis=1) for pair in pairs], axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What acts before a pattern is added: a fit of listed causes, and patterns found already."""
+
+    at: Linearised
+    fit: Fit
+    white: Whitened  # of the data that the fit is of
+    noise: NoiseGrid
+
+    @classmethod
+    def of(cls, at: Linearised, fit: Fit) -> Ground:
+        return cls(at, fit, at.white, at.noise)
+
+    @cached_property
+    def _local(self) -> Bools:
+        """Which unknowns are a local shape, (q,): part of the noise here."""
+        widths = [influence.columns.shape[1] for influence in self.fit.uncertain]
+        local = np.repeat([influence.local for influence in self.fit.uncertain], widths)
+        return np.append(np.zeros(len(self.fit.sizes) - len(local)), local).astype(np.bool_)
+
+    @cached_property
+    def _columns(self) -> Floats:
+        return (self.fit.columns * self.fit.sizes)[:, ~self._local]
+
+    @cached_property
+    def _residual(self) -> Floats:
+        return np.asarray(self.fit.linear - self.fit.columns @ self.fit.centre)
+
+    def log_density(self, noise: NoiseGrid) -> Floats:
+        """ln p of the data at each σ, with its weight, shape (g,)."""
+        columns = self._columns
+        density = noise.density(columns, np.ones((1, columns.shape[1])))
+        return np.asarray(density.by_noise(self._residual)[0])
+
+    @cached_property
+    def by_noise(self) -> Floats:
+        """The same of noise as stated."""
+        return self.log_density(self.noise)
+
+    @cached_property
+    def _axes(self) -> tuple[Floats, Floats]:
+        return shrinking(self._textured(self._columns))
+
+    def _textured(self, values: Floats) -> Floats:
+        sigma, texture = self.noise.stated, self.white.texture
+        if texture is None:
+            return np.asarray(values / sigma)
+        general, factors = texture.whitened(sigma)
+        along = texture.axes.T @ values
+        values = values - texture.axes @ ((1.0 - factors) * along.T).T
+        return np.asarray(general * values / sigma)
+
+    def whitened(self, values: Floats) -> Floats:
+        """Values (k,) or (k, q) in units of what acts without a pattern, at the stated noise."""
+        axes, factors = self._axes
+        values = self._textured(values)
+        return np.asarray(values - axes @ ((1.0 - factors) * (axes.T @ values).T).T)
+
+    def gains(self, one: Tried, sizes: Floats) -> Floats:
+        """Gain of ln p at each where by each shape at each size [mm] and σ, (w, v, s, g)."""
+        n, v, q = one.columns.shape
+        own = self.whitened(self.white.matrix @ one.columns.reshape(n, -1)).reshape(-1, v, q)
+        own = own.swapaxes(0, 1)
+        turned = own.swapaxes(-1, -2)
+        power, match = turned @ own, turned @ self.whitened(self._residual)
+        which = np.flatnonzero(one.chosen.any(axis=2))
+        chosen = one.chosen.reshape(-1, q)[which]
+        power = power[which % v] * chosen[:, :, None] * chosen[:, None]
+        power, axes = np.linalg.eigh(power)
+        match = (axes.swapaxes(-1, -2) @ (match[which % v] * chosen)[..., None])[..., 0]
+        noise2 = ((self.noise.sigma / self.noise.stated) ** 2)[:, None]
+        power, match2 = power[:, None, None], match[:, None, None] ** 2
+        size2 = (sizes**2)[:, None, None] / noise2
+        widened = 1.0 + np.maximum(power, 0.0) * size2
+        log = match2 * size2 / (noise2 * widened) - np.log(widened)
+        gains = np.full((one.chosen.shape[0] * v, len(sizes), len(noise2)), ABSENT)
+        gains[which] = 0.5 * log.sum(axis=-1)
+        return gains.reshape(-1, v, *gains.shape[1:])
+
+    def gains_of_noise(self, one: Tried, factors: Floats) -> Floats:
+        """The same of readings with more noise, so many times the stated one, (w, 1, s, g)."""
+        rows = one.columns[:, 0] @ one.chosen[:, 0].T > 0.0
+        everywhere = rows.all(axis=0)
+        gains = np.full((rows.shape[1], len(factors), len(self.noise.sigma)), ABSENT)
+        wider = (
+            replace(self.noise, sigma=math.hypot(1.0, f) * self.noise.sigma) for f in factors
+        )
+        gains[everywhere] = [self.log_density(noise) - self.by_noise for noise in wider]
+        contrasts, some = self.white.matrix, rows[:, ~everywhere].astype(np.float64)
+        if self.white.texture is not None or not isinstance(contrasts, Contrasts):
+            return gains[:, None]
+        values = contrasts.T @ np.column_stack((self._columns, self._residual))
+        values = np.hstack((contrasts.zeros, values / self.noise.stated))
+        zeros, end = contrasts.zeros.shape[1], values.shape[1] - 1
+        whole = values.T @ values
+        whole[np.arange(zeros, end), np.arange(zeros, end)] += 1.0
+        own = values.T @ (some.T[:, :, None] * values)
+        share = (factors**2 / (1.0 + factors**2))[:, None, None]
+        square = np.concatenate((whole[None], (whole - share * own[:, None]).reshape(-1, *whole.shape)))
+        inner, cross = square[:, :end, :end], square[:, :end, end:]
+        log_det = np.linalg.slogdet(inner)[1]
+        left = square[:, end, end] - (cross * np.linalg.solve(inner, cross)).sum(axis=(1, 2))
+        log_det[1:] += np.outer(some.sum(axis=0), np.log1p(factors**2)).reshape(-1)
+        noise2 = (self.noise.sigma / self.noise.stated) ** 2
+        gain = (left[0] - left[1:])[:, None] / noise2 + (log_det[0] - log_det[1:])[:, None]
+        gains[~everywhere] = 0.5 * gain.reshape(-1, len(factors), len(noise2))
+        return gains[:, None]
+
+    def extended(self, pattern: Pattern, number: int = 0) -> tuple[Ground, slice]:
+        """With one of a pattern's likeliest shapes; and which of the unknowns are its own."""
+        fit, white, noise = self.fit, self.white, self.noise
+        _, shape, size = pattern.shapes[number]
+        columns, linear, sizes = fit.columns, self._residual, fit.sizes
+        own = slice(self._start, self._start)
+        if pattern.how == "scatters":
+            weight = 1.0 / np.hypot(1.0, size / noise.stated * shape.columns[:, 0])
+            if np.ptp(weight):
+                contrasts = white.matrix
+                assert isinstance(contrasts, Contrasts)
+                zeros, _ = np.linalg.qr(weight[:, None] * contrasts.zeros)
+                after = Contrasts(zeros, contrasts.precision * weight)
+                columns, linear = (after @ (contrasts.T @ each) for each in (columns, linear))
+                fit = replace(
+                    fit,
+                    uncertain=tuple(
+                        replace(one, columns=after @ (contrasts.T @ one.columns))
+                        for one in fit.uncertain
+                    ),
+                )
+                plan = replace(white.plan, precision=after.precision)
+                problem = replace(white.problem, plan=plan, matrix=after)
+                data = after @ (contrasts.T @ white.data)
+                white = replace(white, problem=problem, data=data)
+            else:
+                noise = replace(noise, sigma=noise.sigma / weight[0])
+        else:
+            more = white.matrix @ shape.columns
+            own = slice(self._start, self._start + more.shape[1])
+            columns = np.insert(columns, [self._start], more, axis=1)
+            sizes = np.insert(sizes, self._start, np.full(more.shape[1], size))
+        before = self._solved[: fit.offsets.size]
+        centre = np.insert(fit.centre, self._start, np.zeros(own.stop - own.start))
+        draft = replace(
+            fit, columns=columns, linear=linear + columns @ centre, sizes=sizes, centre=centre
+        )
+        ground = Ground(self.at, draft, white, noise)
+        solved = ground._solved
+        sigma = float(np.sqrt(ground._noise2))
+        _, covariance = condition(columns, linear, sizes, sigma)
+        residual = linear - columns @ solved
+        local = ground._local
+        stretched = ground._stated * (solved / sizes)[ground._start :]
+        kept = replace(
+            draft,
+            offsets=fit.offsets + solved[: fit.offsets.size] - before,
+            covariance=covariance,
+            residual=residual,
+            local=columns[:, local] @ solved[local],
+            sigma=sigma,
+            square=float(residual @ residual + stretched @ stretched),
+        )
+        return replace(ground, fit=kept), own
+
+    @property
+    def _start(self) -> int:
+        """Where the unknowns of a pattern begin: before what is uncertain of the data."""
+        widths = (influence.columns.shape[1] for influence in self.fit.uncertain)
+        return len(self.fit.sizes) - sum(widths)
+
+    @property
+    def _rest(self) -> float:
+        return self.fit.scale_factor**2 * sum(one.rest for one in self.fit.uncertain)
+
+    @property
+    def _stated(self) -> float:
+        return math.hypot(self.noise.stated, math.sqrt(self._rest))
+
+    @property
+    def _noise2(self) -> float:
+        """Variance of one reading [mm²]."""
+        log = self.by_noise - log_sum(self.by_noise)
+        return float(np.exp(log) @ self.noise.sigma**2) + self._rest
+
+    @cached_property
+    def _solved(self) -> Floats:
+        """The unknowns, from their centre."""
+        return condition(self.fit.columns, self._residual, self.fit.sizes, self._stated)[0]
+
+    def scores(self, every: Sequence[Tried]) -> list[Hypothesis]:
+        """Every pattern in addition to all this; log evidence and prior without those of this."""
+        stated, scored = self.noise.stated, []
+        noise = self.by_noise - log_sum(self.by_noise)
+        for one in every:
+            sizes = SIZES * stated
+            if one.how == "scatters":
+                sizes = NOISIER * stated
+                gains = self.gains_of_noise(one, NOISIER)
+            else:
+                gains = self.gains(one, sizes)
+            by_shape = log_sum(gains + noise, 3)
+            for where, logs, chosen in zip(one.wheres, by_shape, one.chosen, strict=True):
+                total = float(log_sum(logs))
+                # Shapes that do not show here are none.
+                number = np.count_nonzero(chosen.any(axis=1)) * len(sizes)
+                share = np.exp(logs - total)
+                best = np.argsort(-share, axis=None)[:SHAPES]
+                likeliest = tuple(
+                    (
+                        float(share[v, s]),
+                        Shape(
+                            one.columns[:, v][:, chosen[v]],
+                            None if one.parameters is None else float(one.parameters[v]),
+                        ),
+                        float(sizes[s]),
+                    )
+                    for v, s in zip(*np.unravel_index(best, share.shape), strict=True)
+                    if share[v, s] >= min(SHARE, share.max())
+                )
+                pattern = Pattern(one.how, where, one.log_prior, likeliest)
+                log = self.fit.log_evidence + total - math.log(number)
+                scored.append(Hypothesis(self.at, log, patterns=(pattern,)))
+        return scored
+
+
+def score_patterns(at: Linearised, fit: Fit) -> list[Hypothesis]:
+    """Every pattern in addition to the offsets, of which `fit` is."""
+    scored = Ground.of(at, fit).scores(tried(at))
+    return [*scored, *several_wrong(at)]
+
+
+def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Ground, slice]]:
+    """Fits with a hypothesis' patterns, at each likely shape of the last of them.
+
+    Of each its share, and which unknowns are that pattern's.
+    """
+    ground = Ground.of(hypothesis.at, fit)
+    *before, last = hypothesis.patterns
+    for pattern in before:
+        ground, _ = ground.extended(pattern)
+    total = sum(share for share, _, _ in last.shapes)
+    return [
+        (share / total, *ground.extended(last, number))
+        for number, (share, _, _) in enumerate(last.shapes)
+    ]
+
+
+def weight_of(hypothesis: Hypothesis) -> float:
+    """ln of prior times evidence."""
+    return hypothesis.log_evidence + hypothesis.log_prior
+
+
+def combined(hypothesis: Hypothesis, fit: Fit) -> list[Hypothesis]:
+    """A hypothesis, of whose listed causes `fit` is, with every pattern in addition."""
+    ground, at, patterns = Ground.of(hypothesis.at, fit), hypothesis.at, hypothesis.patterns
+    for pattern in patterns:
+        ground, _ = ground.extended(pattern)
+    gained = (hypothesis.log_evidence if patterns else fit.log_evidence) - fit.log_evidence
+    known = {pattern.label for pattern in patterns}
+    return [
+        replace(
+            hypothesis,
+            log_evidence=scored.log_evidence + gained,
+            patterns=(*patterns, *scored.patterns),
+        )
+        for scored in ground.scores(tried(at))
+        if known.isdisjoint(one.label for one in scored.patterns)
+    ]
