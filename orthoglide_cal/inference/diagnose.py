@@ -18,11 +18,14 @@ from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.inference.data import Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, Decision, decide, decide_by
 from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
+from orthoglide_cal.inference.patterns import HOWS
+from orthoglide_cal.inference.described import described
 from orthoglide_cal.inference.result import (
     CauseParameter,
     Diagnosis,
     Explanation,
     FoundCause,
+    FoundPattern,
     LackOfFit,
     Otherwise,
     Parameter,
@@ -145,6 +148,7 @@ def diagnose(
             sensitivity=MappingProxyType(changes),
             explanations=_explanations(found),
             unshown=unshown,
+            patterns=tuple(_patterns(found, measured)),
             beyond_tolerance=tuple(
                 TimesStated(id=id, times=times) for id, times in found.beyond_tolerance
             ),
@@ -320,6 +324,31 @@ def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause
     ]
     alone = {cause.id: -found.belief.hypotheses[(cause.id,)].log_evidence for cause in named}
     return tuple(sorted(named, key=lambda each: (each.id in machine.companions, alone[each.id])))
+
+
+def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
+    """What stands beyond the list, those that act together first.
+
+    Raises nothing: a size that only one cycle shows has no held-out errors.
+    """
+    if found.verdict is not Verdict.UNEXPLAINED:
+        return
+    white, machine = found.belief.at.white, found.belief.at.white.machine
+    best = {pattern.label for pattern in found.beyond_list[0][1].patterns}
+    total: dict[str, float] = {}
+    for probability, hypothesis in found.beyond_list:
+        for pattern in hypothesis.patterns:
+            total[pattern.label] = total.get(pattern.label, 0.0) + probability
+    seen = set()
+    for _, hypothesis in found.beyond_list:
+        for pattern in hypothesis.patterns:
+            if pattern.label in seen or pattern.how not in HOWS:
+                continue
+            seen.add(pattern.label)
+            others = tuple(one for one in hypothesis.patterns if one is not pattern)
+            alone = replace(hypothesis, patterns=(*others, pattern))
+            base = found.belief.fit(hypothesis.ids)
+            yield described(alone, base, measured, total[pattern.label], pattern.label in best)
 
 
 def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOfFit:

@@ -11,6 +11,7 @@ import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +26,7 @@ from orthoglide_cal.inference.data import OFFSETS_MM, Extra, Linearised, Placed
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.cause import Cause, Place
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import AT_ONCE, Floats, Ints, Plan, Where
+from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)
@@ -36,6 +37,8 @@ LOG_ALL = math.log(ALL)
 LOST = 100.0
 # Of readings that are wrong by themselves no more are looked for.
 MOST_WRONG = 8
+# No more shapes of a pattern count, and none below this share.
+SHAPES, SHARE = 12, 0.01
 
 Bases = Sequence[tuple[Cause, ...]]
 # Causes to fix, and readings to take again.
@@ -59,8 +62,24 @@ class Pattern:
     how: str
     where: Where
     log_prior: float  # ln prior weight
-    # The likeliest shapes: share, shape, and plausible size [mm].
-    shapes: tuple[tuple[float, Shape, float], ...]
+    columns: Floats  # in v shapes, (n, v, q)
+    chosen: Bools  # which of them show here, (v, q)
+    parameters: Floats | None  # of each shape, (v,)
+    sizes: Floats  # that were tried, (s,) [mm]
+    log_shape: Floats  # log evidence of each shape and size, up to a constant, (v, s)
+
+    @cached_property
+    def shapes(self) -> list[tuple[float, Shape, float]]:
+        """The likeliest shapes: share, shape, and plausible size [mm]."""
+        share = np.exp(self.log_shape - log_sum(self.log_shape))
+        best = np.argsort(-share, axis=None, kind="stable")[:SHAPES]
+        return [
+            (float(share[v, s]), Shape(self.columns[:, v, self.chosen[v]], own), float(size))
+            for v, s in zip(*np.unravel_index(best, share.shape), strict=True)
+            for own in [None if self.parameters is None else float(self.parameters[v])]
+            for size in [self.sizes[s]]
+            if share[v, s] >= min(SHARE, share.max())
+        ]
 
     @property
     def label(self) -> str:
@@ -435,6 +454,9 @@ def several_wrong(at: Linearised) -> Iterator[Hypothesis]:
     count = int(np.argmax(found)) + 1 if found else 0
     if count > 1:
         where = "; ".join(cause.label(placed.tried[n], plan, machine) for n in wrong[:count])
-        chosen = Shape(np.hstack(added[: count + 1]))
-        several = Pattern("misread", {"reading": where}, math.log(UNLISTED), ((1.0, chosen, 1.0),))
+        chosen = np.hstack(added[: count + 1])[:, None]
+        shown, one = np.full(chosen.shape[1:], True), np.ones(1)
+        several = Pattern(
+            "misread", {"reading": where}, math.log(UNLISTED), chosen, shown, None, one, one[None]
+        )
         yield Hypothesis(at, found[count - 1], patterns=(several,))

@@ -42,8 +42,6 @@ MOST_COLUMNS = 64
 # What moves no reading by a standard deviation at its largest size is not tried, nor a column that
 # a listed cause makes: the cosine between them.
 ALIKE = 0.99
-# No more shapes count, and none below this share.
-SHAPES, SHARE = 12, 0.01
 ABSENT = -1e9  # ln of the share of a shape that does not show
 
 
@@ -136,7 +134,7 @@ def _hysteresis(course: Course) -> Made:
 def _temperature(course: Course) -> Made:
     """As the recorded temperature."""
     span = float(np.ptp(course.kelvin))
-    return course.by_gauge(course.kelvin / (span or 1.0))
+    return course.by_gauge(course.kelvin / (span or 1.0), np.array([span]))
 
 
 def _scatters(course: Course) -> None:
@@ -173,6 +171,7 @@ def tried(at: Linearised) -> list[Tried]:
     """Every how at every where."""
     course = Course.of(at)
     wheres = list(course.plan.wheres(course.ordered))
+    rows = np.stack([rows for _, rows in wheres], axis=1)
     known = [placed.patterns for placed in at.extras.values() if placed.patterns is not None]
     hows = [how for how in HOWS if course.ordered or how in UNORDERED]
     every = []
@@ -180,7 +179,6 @@ def tried(at: Linearised) -> list[Tried]:
         made = HOWS[how](course)
         share = math.log(UNLISTED / len(hows) / len(wheres))
         if made is None:
-            rows = np.stack([rows for _, rows in wheres], axis=1)
             several = rows.sum(axis=0) > 2
             own = np.eye(len(wheres), dtype=np.bool_)[several, None]
             names = [where for (where, _), kept in zip(wheres, several, strict=True) if kept]
@@ -189,30 +187,22 @@ def tried(at: Linearised) -> list[Tried]:
             continue
         if not 0 < made.columns.shape[2] <= MOST_COLUMNS:
             continue
-        # A posture takes a part of each column, any other where some columns whole.
-        parts = {"posture": [], "": []}
-        for where, rows in wheres:
-            parts["posture" if "posture" in where else ""].append((where, rows))
-        whole = parts[""], made.columns
-        split = [([one], made.columns * one[1][:, None, None]) for one in parts["posture"]]
-        for some, columns in (whole, *split):
-            shown = at.white.matrix @ columns.reshape(len(columns), -1)
-            visible = (shown**2).sum(axis=0) * SIZES[-1] ** 2 > 1.0
-            chosen = np.array([rows[made.reading] | ("posture" in w) for w, rows in some])
-            chosen = chosen[:, None] & visible.reshape(columns.shape[1:])
-            alone = np.flatnonzero(np.any(chosen & (chosen.sum(axis=2) == 1)[:, :, None], axis=0))
-            if alone.size and "posture" not in some[0][0]:
-                listed = np.zeros(visible.size, dtype=np.bool_)
-                listed[alone] = _alike(shown[:, alone], known)
-                listed = listed.reshape(columns.shape[1:])
-                chosen &= (chosen.sum(axis=2) > 1)[:, :, None] | ~listed
-            # What shows the same as a narrower where is no other pattern.
-            code = chosen @ (1 << np.arange(chosen.shape[2]))
-            for number in range(len(code)):
-                chosen[number, np.any(code[:number] == code[number], axis=0)] = False
-            kept = chosen.any(axis=(1, 2))
-            names = [where for (where, _), one in zip(some, kept, strict=True) if one]
-            every.append(Tried(how, columns, made.parameters, names, chosen[kept], share))
+        # Of each where those columns of which it holds all readings.
+        beyond = (~rows).T @ (made.columns != 0.0).reshape(len(rows), -1)
+        shown = at.white.matrix @ made.columns.reshape(len(rows), -1)
+        visible = (shown**2).sum(axis=0) * SIZES[-1] ** 2 > 1.0
+        chosen = (visible & ~beyond).reshape(-1, *made.columns.shape[1:])
+        alone = np.flatnonzero(np.any(chosen & (chosen.sum(axis=2) == 1)[:, :, None], axis=0))
+        listed = np.zeros(visible.size, dtype=np.bool_)
+        listed[alone] = _alike(shown[:, alone], known)
+        chosen &= (chosen.sum(axis=2) > 1)[:, :, None] | ~listed.reshape(chosen.shape[1:])
+        # What shows the same as a narrower where is no other pattern.
+        code = chosen @ (1 << np.arange(chosen.shape[2]))
+        for number in range(len(code)):
+            chosen[number, np.any(code[:number] == code[number], axis=0)] = False
+        kept = chosen.any(axis=(1, 2))
+        names = [where for (where, _), shows in zip(wheres, kept, strict=True) if shows]
+        every.append(Tried(how, made.columns, made.parameters, names, chosen[kept], share))
     return [one for one in every if one.wheres]
 
 
@@ -282,7 +272,7 @@ class Ground:
         return np.asarray(values - axes @ ((1.0 - factors) * (axes.T @ values).T).T)
 
     def gains(self, one: Tried, sizes: Floats) -> Floats:
-        """Gain of ln p at each where by each shape at each size [mm] and σ, (w, v, s, g)."""
+        """Gain of ln p at each where by each shape at each size [σ] and σ, (w, v, s, g)."""
         n, v, q = one.columns.shape
         own = self.whitened(self.white.matrix @ one.columns.reshape(n, -1)).reshape(-1, v, q)
         own = own.swapaxes(0, 1)
@@ -295,7 +285,7 @@ class Ground:
         match = (axes.swapaxes(-1, -2) @ (match[which % v] * chosen)[..., None])[..., 0]
         noise2 = ((self.noise.sigma / self.noise.stated) ** 2)[:, None]
         power, match2 = power[:, None, None], match[:, None, None] ** 2
-        size2 = (sizes**2)[:, None, None] / noise2
+        size2 = ((sizes * self.noise.stated) ** 2)[:, None, None] / noise2
         widened = 1.0 + np.maximum(power, 0.0) * size2
         log = match2 * size2 / (noise2 * widened) - np.log(widened)
         gains = np.full((one.chosen.shape[0] * v, len(sizes), len(noise2)), ABSENT)
@@ -386,6 +376,10 @@ class Ground:
         )
         return replace(ground, fit=kept), own
 
+    def amplitudes(self, own: slice) -> tuple[Floats, Floats]:
+        """Some of the unknowns, (q,), and their covariance, (q, q)."""
+        return self._solved[own], self.fit.covariance[own, own]
+
     @property
     def _start(self) -> int:
         """Where the unknowns of a pattern begin: before what is uncertain of the data."""
@@ -413,36 +407,21 @@ class Ground:
 
     def scores(self, every: Sequence[Tried]) -> list[Hypothesis]:
         """Every pattern in addition to all this; log evidence and prior without those of this."""
-        stated, scored = self.noise.stated, []
+        scored = []
         noise = self.by_noise - log_sum(self.by_noise)
         for one in every:
-            sizes = SIZES * stated
-            if one.how == "scatters":
-                sizes = NOISIER * stated
-                gains = self.gains_of_noise(one, NOISIER)
-            else:
-                gains = self.gains(one, sizes)
+            scatters = one.how == "scatters"
+            sizes = NOISIER if scatters else SIZES
+            gains = self.gains_of_noise(one, sizes) if scatters else self.gains(one, sizes)
             by_shape = log_sum(gains + noise, 3)
-            for where, logs, chosen in zip(one.wheres, by_shape, one.chosen, strict=True):
-                total = float(log_sum(logs))
-                # Shapes that do not show here are none.
-                number = np.count_nonzero(chosen.any(axis=1)) * len(sizes)
-                share = np.exp(logs - total)
-                best = np.argsort(-share, axis=None)[:SHAPES]
-                likeliest = tuple(
-                    (
-                        float(share[v, s]),
-                        Shape(
-                            one.columns[:, v][:, chosen[v]],
-                            None if one.parameters is None else float(one.parameters[v]),
-                        ),
-                        float(sizes[s]),
-                    )
-                    for v, s in zip(*np.unravel_index(best, share.shape), strict=True)
-                    if share[v, s] >= min(SHARE, share.max())
-                )
-                pattern = Pattern(one.how, where, one.log_prior, likeliest)
-                log = self.fit.log_evidence + total - math.log(number)
+            # Shapes that do not show at a where are none.
+            number = np.log(len(sizes) * np.count_nonzero(one.chosen.any(axis=2), axis=1))
+            logs = self.fit.log_evidence + log_sum(by_shape, (1, 2)) - number
+            for k, (where, log) in enumerate(zip(one.wheres, logs.tolist(), strict=True)):
+                pattern = Pattern(
+                    one.how, where, one.log_prior, one.columns, one.chosen[k], one.parameters,
+                    sizes * self.noise.stated, by_shape[k],
+                )  # fmt: skip
                 scored.append(Hypothesis(self.at, log, patterns=(pattern,)))
         return scored
 

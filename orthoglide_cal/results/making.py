@@ -68,7 +68,7 @@ NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
 _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
-    *("rivals", "unshown", "beyond_tolerance", "assumed_sizes"),
+    *("rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
 )
 
 
