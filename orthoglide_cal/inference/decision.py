@@ -37,7 +37,7 @@ from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.patterns import Ground, fits_of
+from orthoglide_cal.inference.patterns import HOWS, RETURNING, Ground, fits_of
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.plan import Floats
@@ -430,6 +430,19 @@ class Decision:
             for probability, hypothesis in self.beyond_list
             for share, ground, own in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
         )
+
+    @property
+    def enterable(self) -> float:
+        """Probability of patterns that falsify no offsets, whose uncertainty they are part of.
+
+        None where more than noise is left; patterns of a posture do, and so does what a listed
+        cause makes.
+        """
+        unlisted, patterns = self.belief.unlisted, self.belief.patterns
+        hows = (([*patterns[label].ids, *(one.how for one in patterns[label].patterns)], p)
+                for label, p in unlisted.items())  # fmt: skip
+        harmless = set(HOWS) - set(RETURNING)
+        return sum(p for names, p in hows if harmless.issuperset(names)) * self.described
 
     @property
     def described(self) -> bool:

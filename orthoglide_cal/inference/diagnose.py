@@ -149,6 +149,7 @@ def diagnose(
             explanations=_explanations(found),
             unshown=unshown,
             patterns=tuple(_patterns(found, measured)),
+            enterable=found.enterable if found.verdict is Verdict.UNEXPLAINED else 0.0,
             beyond_tolerance=tuple(
                 TimesStated(id=id, times=times) for id, times in found.beyond_tolerance
             ),
@@ -420,11 +421,8 @@ def _notes(found: Decision, measured: Measured) -> Iterator[Reason]:
     if found.not_excluded:
         yield Reason.of("not_excluded", ids=found.not_excluded)
     if found.verdict is Verdict.UNEXPLAINED:
-        pattern = max(unlisted, key=unlisted.__getitem__)
-        yield Reason.of("pattern", pattern=pattern)
-        yield Reason.of("pattern_in_u")
         best = found.best
-        if len(best) > 1 and listed[best] >= DISMISSED * unlisted[pattern]:
+        if len(best) > 1 and listed[best] >= DISMISSED * max(unlisted.values()):
             yield Reason.of("two_would_follow", ids=best)
     if found.verdict is Verdict.AMBIGUOUS:
         for ids in found.rivals:

@@ -154,8 +154,9 @@ HOWS: Mapping[str, Callable[[Course], Made | None]] = MappingProxyType(
         "temperature": _temperature,
     }
 )
-# What needs no order in time.
+# What needs no order in time; and what returns with its posture, whenever that is read again.
 UNORDERED = ("repeats", "scatters")
+RETURNING = ("repeats", "hysteresis")
 
 
 class Tried(NamedTuple):

@@ -265,6 +265,7 @@ class Diagnosis(ReadOnly):
     unshown: tuple[UnshownFault, ...] = ()
     # Beyond the list, best first; empty unless the verdict is that something is.
     patterns: tuple[FoundPattern, ...] = ()
+    enterable: float = 0.0  # probability of patterns that falsify no offsets
     # Causes that would explain what is unexplained, far beyond their size.
     beyond_tolerance: tuple[TimesStated, ...] = ()
     notes: tuple[Reason, ...] = ()
