@@ -22,7 +22,13 @@ from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
 from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
-from orthoglide_cal.inference.patterns import combined, score_patterns, weight_of
+from orthoglide_cal.inference.patterns import (
+    combined,
+    course_of,
+    score_patterns,
+    tried,
+    weight_of,
+)
 from orthoglide_cal.model.plan import Floats
 
 Key = TypeVar("Key", bound=Hashable)
@@ -90,19 +96,22 @@ class Belief:
         fits = fit_explanations([self.hypotheses[ids] for ids in missing])
         return replace(self, fits={**self.fits, **dict(zip(missing, fits, strict=True))})
 
-    def with_pairs(self, most: int) -> Belief:
-        """The belief with a second pattern, or a listed cause, in addition to the best pattern.
+    def closely(self, most: int) -> Belief:
+        """The belief with patterns looked at closely, the best one also with a second one.
 
-        Each only where evidence and prior grow by it; of single causes the `most` likely ones.
+        And the `most` likely single causes with a pattern; each only where prior times evidence
+        grows.
         """
+        at, nothing = self.at, self.fit(())
+        patterns = {one.label: one for one in score_patterns(at, nothing, fine=True)}
+        every = tried(at, course_of(at, nothing, fine=True))
         singles = [ids for ids in self.listed if len(ids) == 1][:most]
-        known = [self.hypotheses[ids] for ids in singles]
-        pairs = combined(max(self.patterns.values(), key=weight_of), self.fit(()))
-        for hypothesis, fit in zip(known, self.fit_all(singles), strict=True):
-            pairs += combined(hypothesis, fit)
-        least = max(map(weight_of, self.patterns.values()))
+        pairs = combined(max(patterns.values(), key=weight_of), nothing, every)
+        for ids, fit in zip(singles, self.fit_all(singles), strict=True):
+            pairs += combined(self.hypotheses[ids], fit, every)
+        least = max(map(weight_of, patterns.values()))
         more = {pair.label: pair for pair in pairs if weight_of(pair) > least}
-        return replace(self, patterns={**self.patterns, **more})
+        return replace(self, patterns={**patterns, **more})
 
     def fit(self, ids: Ids) -> Fit:
         """The nonlinear fit of a set of causes."""

@@ -491,5 +491,5 @@ def decide_by(linear: Belief) -> Decision:
         decision = Decision(decision.belief.refined(wanted))
     decision = Decision(decision.belief.refined([decision.best]))
     if decision.verdict is Verdict.UNEXPLAINED or len(decision.accepted) > 1:
-        decision = Decision(decision.belief.with_pairs(FITS))
+        decision = Decision(decision.belief.closely(FITS))
     return decision

@@ -15,7 +15,7 @@ from orthoglide_cal.model.plan import Bools, Floats
 
 MINUTES = 60.0  # in an hour
 # Pattern → name of the parameter of its shapes.
-_SHAPE_NAMES = {"settles": "time_constant", "steps": "moment"}
+_SHAPE_NAMES = {"drifts": "period", "settles": "time_constant", "steps": "moment"}
 
 _Fits = Sequence[tuple[float, Ground, slice]]
 
@@ -48,7 +48,10 @@ def described(
         known = _mean_and_std(np.array([share for share, _, _ in fits]), MINUTES * shapes)
         columns = {"name": _SHAPE_NAMES[pattern.how], "unit": "min"}
         parameters.append(PatternParameter(**columns, value=known[0], std=known[1]))
-        start = known[0] if pattern.how == "steps" else MINUTES * float(white.plan.hours[rows].min())
+        start = {
+            "steps": known[0],
+            "settles": MINUTES * float(white.plan.hours[rows].min()),
+        }.get(pattern.how)
     heldout = _heldout(rows, before, after, measured)
     return FoundPattern(
         how=pattern.how,
@@ -84,7 +87,7 @@ def _gauges(
     known = [ground.amplitudes(own) for _, ground, own in fits]
     effect = columns[0] @ known[0][0]
     for gauge in dict.fromkeys(plan.shared[rows].tolist()):
-        own = np.flatnonzero(rows & (plan.shared == gauge))
+        own = np.flatnonzero(plan.shared == gauge)
         ends = own[effect[own].argmin()], own[effect[own].argmax()]
         first, last = sorted(ends, key=plan.order.__getitem__)
         apart = [shape[last] - shape[first] for shape in columns]

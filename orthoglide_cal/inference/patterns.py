@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import erf
 
-from orthoglide_cal.estimation.gaussian import TINY, condition, log_sum, shrinking
+from orthoglide_cal.estimation.gaussian import condition, log_sum, shrinking
 from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid, Places
@@ -33,10 +33,12 @@ from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, Plan, Wher
 # Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.
 SIZES = np.array((5.0, 30.0))
 NOISIER = np.geomspace(1.0, 16.0, 7)
-# Time constants, as shares of the longest set-up; degrees of a smooth course; moments of a step.
-SETTLING = np.geomspace(0.08, 0.8, 5)
-DEGREES = 5
+# Time constants and periods, as shares of the longest set-up: from, to, and how many; of data that
+# are not sound so many. Moments of a step.
+SETTLING, DRIFTING, COARSE, FINE = (0.08, 0.8), (0.5, 4.0), 5, 40
 MOMENTS = 64
+# Rounds in which the movements of plungers are found that lag.
+ROUNDS = 3
 # So many columns at most; cells beyond that number are no pattern.
 MOST_COLUMNS = 64
 # What moves no reading by a standard deviation at its largest size is not tried, nor a column that
@@ -53,18 +55,24 @@ class Course:
     ordered: bool  # their order in time is known
     turned: Floats  # expected sign of the movement of a reading's own plunger before it
     kelvin: Floats  # the recorded temperature, less the first; zeros where none was
+    fine: bool = False  # shapes are tried closely
 
     @classmethod
-    def of(cls, at: Linearised) -> Course:
-        """Of readings, where the offsets alone fit them best."""
-        white, turned = at.white, np.zeros(len(at.white.plan))
-        plan = white.plan
+    def of(cls, white: Whitened, predicted: Floats, fine: bool) -> Course:
+        """Of readings of which a model predicts this, whitened, shape (k,) [mm]."""
+        plan, turned = white.plan, np.zeros(len(white.plan))
         if white.raw:
             rows, first = plan.sequence
-            moved = np.diff(white.plain(at.versions[0] - at.residuals[0])[rows], prepend=0.0)
+            moved = np.diff(white.plain(predicted)[rows], prepend=0.0)
             noise = white.machine.instrument.noise_mm
             turned[rows] = np.where(first, 0.0, erf(0.5 * moved / noise))
-        return cls(plan, white.raw, turned, turned * 0.0 if white.kelvin is None else white.kelvin)
+        kelvin = np.zeros(len(plan)) if white.kelvin is None else white.kelvin
+        return cls(plan, white.raw, turned, kelvin, fine)
+
+    def durations(self, least: float, most: float) -> Floats:
+        """Times between shares of the longest set-up, shape (v,) [h]."""
+        count = FINE if self.fine else COARSE
+        return np.geomspace(least, most, count) * (self.since.max(initial=0.0) or 1.0)
 
     def by_gauge(self, values: Floats, parameters: Floats | None = None) -> Made:
         """Values (n,), or (n, v, b), in columns of their own for each set-up of a gauge."""
@@ -82,14 +90,6 @@ class Course:
         np.minimum.at(began, self.plan.shared, self.plan.hours)
         return np.asarray(self.plan.hours - began[self.plan.shared])
 
-    @cached_property
-    def along(self) -> Floats:
-        """Time from −1 to 1 over the readings of each set-up; zeros where it takes none, (n,)."""
-        length = np.zeros(int(self.plan.shared.max(initial=0)) + 1)
-        np.maximum.at(length, self.plan.shared, self.since)
-        whole = length[self.plan.shared]
-        return np.where(whole, 2.0 * self.since / np.where(whole, whole, 1.0) - 1.0, 0.0)
-
 
 class Made(NamedTuple):
     """Columns of a how at every where: of each where those whose readings it selects."""
@@ -106,15 +106,17 @@ def _repeats(course: Course) -> Made:
 
 
 def _drifts(course: Course) -> Made:
-    """Smooth in time: a polynomial over the readings of each gauge, higher terms smaller."""
-    terms = np.polynomial.legendre.legvander(course.along, DEGREES)[:, 1:]
-    return course.by_gauge(np.any(course.along) * terms / np.arange(1, DEGREES + 1))
+    """Smooth in time: a sine of each gauge, of a period that they share."""
+    periods = course.durations(*DRIFTING)
+    turn = 2.0 * np.pi * course.since[:, None] / periods
+    terms = np.stack((np.sin(turn), np.cos(turn)), axis=2)
+    return course.by_gauge(np.any(course.since) * terms, periods)
 
 
 def _settles(course: Course) -> Made:
     """From each set-up on, to rest."""
-    constants = SETTLING * course.since.max(initial=0.0)
-    fallen = np.exp(-course.since[:, None] / np.maximum(constants, TINY))
+    constants = course.durations(*SETTLING)
+    fallen = np.any(course.since) * np.exp(-course.since[:, None] / constants)
     return course.by_gauge(fallen * ~course.plan.touches[:, None], constants)
 
 
@@ -167,9 +169,8 @@ class Tried(NamedTuple):
     log_prior: float  # ln prior weight at each where
 
 
-def tried(at: Linearised) -> list[Tried]:
+def tried(at: Linearised, course: Course) -> list[Tried]:
     """Every how at every where."""
-    course = Course.of(at)
     wheres = list(course.plan.wheres(course.ordered))
     rows = np.stack([rows for _, rows in wheres], axis=1)
     known = [placed.patterns for placed in at.extras.values() if placed.patterns is not None]
@@ -426,9 +427,27 @@ class Ground:
         return scored
 
 
-def score_patterns(at: Linearised, fit: Fit) -> list[Hypothesis]:
+def course_of(at: Linearised, fit: Fit, *, fine: bool) -> Course:
+    """What readings may follow; plungers that lag are followed in rounds if looked at closely.
+
+    `fit` is of the offsets alone.
+    """
+    predicted = at.versions[0] - at.residuals[0]
+    course = Course.of(at.white, predicted, fine)
+    for _ in range(ROUNDS * (fine and bool(course.turned.any()))):
+        lagging = [one for one in tried(at, course) if one.how == "hysteresis"]
+        scores = Ground.of(at, fit).scores(lagging)
+        if not scores:
+            break
+        ground, _ = Ground.of(at, fit).extended(scores[-1].patterns[0])
+        moved = at.jacobian @ (ground.fit.offsets - at.offsets[0])
+        course = Course.of(at.white, predicted + moved, fine)
+    return course
+
+
+def score_patterns(at: Linearised, fit: Fit, *, fine: bool = False) -> list[Hypothesis]:
     """Every pattern in addition to the offsets, of which `fit` is."""
-    scored = Ground.of(at, fit).scores(tried(at))
+    scored = Ground.of(at, fit).scores(tried(at, course_of(at, fit, fine=fine)))
     return [*scored, *several_wrong(at)]
 
 
@@ -453,9 +472,9 @@ def weight_of(hypothesis: Hypothesis) -> float:
     return hypothesis.log_evidence + hypothesis.log_prior
 
 
-def combined(hypothesis: Hypothesis, fit: Fit) -> list[Hypothesis]:
+def combined(hypothesis: Hypothesis, fit: Fit, every: Sequence[Tried]) -> list[Hypothesis]:
     """A hypothesis, of whose listed causes `fit` is, with every pattern in addition."""
-    ground, at, patterns = Ground.of(hypothesis.at, fit), hypothesis.at, hypothesis.patterns
+    ground, patterns = Ground.of(hypothesis.at, fit), hypothesis.patterns
     for pattern in patterns:
         ground, _ = ground.extended(pattern)
     gained = (hypothesis.log_evidence if patterns else fit.log_evidence) - fit.log_evidence
@@ -466,6 +485,6 @@ def combined(hypothesis: Hypothesis, fit: Fit) -> list[Hypothesis]:
             log_evidence=scored.log_evidence + gained,
             patterns=(*patterns, *scored.patterns),
         )
-        for scored in ground.scores(tried(at))
+        for scored in ground.scores(every)
         if known.isdisjoint(one.label for one in scored.patterns)
     ]
