@@ -255,6 +255,17 @@ class Ground:
         return self.log_density(self.noise)
 
     @cached_property
+    def _least_by_noise(self) -> Floats:
+        """The same as `gains` has it, with S by σ², where that is less.
+
+        Below the stated σ a bad fit is far less likely with it: what a pattern gains there is real.
+        """
+        ratio2 = (self.noise.sigma / self.noise.stated) ** 2
+        left, stated = self.whitened(self._residual), int(np.argmax(self.noise.log_weight))
+        log = self.noise.log_weight - 0.5 * (left @ left / ratio2 + left.size * np.log(ratio2))
+        return np.minimum(self.by_noise, log - log[stated] + self.by_noise[stated])
+
+    @cached_property
     def _axes(self) -> tuple[Floats, Floats]:
         return shrinking(self._textured(self._columns))
 
@@ -410,7 +421,7 @@ class Ground:
     def scores(self, every: Sequence[Tried]) -> list[Hypothesis]:
         """Every pattern in addition to all this; log evidence and prior without those of this."""
         scored = []
-        noise = self.by_noise - log_sum(self.by_noise)
+        noise = self._least_by_noise - log_sum(self.by_noise)
         for one in every:
             scatters = one.how == "scatters"
             sizes = NOISIER if scatters else SIZES

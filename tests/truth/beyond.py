@@ -77,16 +77,16 @@ class Seen(NamedTuple):
 
     plan: Plan
     moved: Floats
-    """Sign of each plunger's last movement, 0 before its first, shape (N,)."""
+    """Each plunger's last movement, 0 before its first, shape (N,), [mm]."""
     warm: Floats  # what the thermometer shows, shape (N,), [deg C]
 
 
 def movements(plan: Plan, surface: Floats) -> Floats:
-    """Sign of the last movement of each reading's plunger, 0 before its first, shape (N,)."""
+    """The last movement of each reading's plunger, 0 before its first, shape (N,), [mm]."""
     moved = np.zeros(plan.count)
     for zero in np.unique(plan.zero):
         rows = np.flatnonzero(plan.zero == zero)
-        moved[rows[1:]] = np.sign(np.diff(surface[rows]))
+        moved[rows[1:]] = np.diff(surface[rows])
     return moved
 
 
@@ -108,7 +108,7 @@ def columns(how: str, where: Where, seen: Seen, shape: float = 0.0) -> Floats:
             "drifts": (np.sin(turn), np.cos(turn)),
             "settles": (np.exp(-since / (shape or 1)),),
             "steps": (plan.minutes >= shape,),
-            "hysteresis": (-0.5 * seen.moved,),
+            "hysteresis": (-0.5 * np.sign(seen.moved),),
             "temperature": (seen.warm - seen.warm[0],),
         }[how]
         gauges = np.eye(len(SETUPS))[plan.setup]
@@ -154,7 +154,7 @@ def _sizes(how: str, count: int, rng: np.random.Generator) -> Floats:
     if how == "repeats":
         return rng.uniform(5.0, 20.0) * rng.normal(size=count)
     sizes = rng.uniform(8.0, 40.0) * rng.uniform(0.5, 1.0, size=count)
-    # A plunger always lags.
+    # A plunger lags, and never leads.
     return sizes if how == "hysteresis" else sizes * rng.choice([-1.0, 1.0], size=count)
 
 
@@ -185,6 +185,10 @@ def draw_beyond(
     sizes = _sizes(how, pattern.shape[1], rng)
     if how == "temperature":
         sizes /= np.ptp(warm)
+    if how == "hysteresis":
+        # A plunger lags by less than it moves.
+        moves = np.ma.masked_equal(np.abs(pattern * seen.moved[:, None]), 0.0).min(axis=0)
+        sizes = np.minimum(sizes, 1.6 * moves.filled(0.0) / gauge.sigma)
     contact = frozen(gauge.sigma * pattern @ sizes)
     disturbed = replace(
         twin, outside=f"{how} {kind}", disturbance=Disturbance.of(plan, contact=contact),
