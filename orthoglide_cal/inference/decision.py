@@ -37,7 +37,7 @@ from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.patterns import HOWS, RETURNING, Ground, fits_of
+from orthoglide_cal.inference.patterns import PASSING, Ground, fits_of
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.plan import Floats
@@ -433,16 +433,15 @@ class Decision:
 
     @property
     def enterable(self) -> float:
-        """Probability of patterns that falsify no offsets, whose uncertainty they are part of.
+        """Probability that what is beyond the list falsifies no offsets; 0 if more than noise stays.
 
-        None where more than noise is left; patterns of a posture do, and so does what a listed
-        cause makes.
+        It does not where it passes, and acts without a listed cause: U allows for it.
         """
         unlisted, patterns = self.belief.unlisted, self.belief.patterns
-        hows = (([*patterns[label].ids, *(one.how for one in patterns[label].patterns)], p)
-                for label, p in unlisted.items())  # fmt: skip
-        harmless = set(HOWS) - set(RETURNING)
-        return sum(p for names, p in hows if harmless.issuperset(names)) * self.described
+        hows = {label: {one.how for one in each.patterns} for label, each in patterns.items()}
+        passing = (p for label, p in unlisted.items()
+                   if hows[label] <= PASSING and not patterns[label].ids)  # fmt: skip
+        return sum(passing) * self.described
 
     @property
     def described(self) -> bool:

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from orthoglide_cal.estimation.accuracy import half_width, rms
-from orthoglide_cal.inference.fit import Fit, leave_out, left_out
+from orthoglide_cal.inference.belief import Belief
+from orthoglide_cal.inference.fit import leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern
 from orthoglide_cal.inference.patterns import Ground, fits_of
 from orthoglide_cal.inference.result import FoundPattern, PatternParameter
@@ -21,9 +22,10 @@ _Fits = Sequence[tuple[float, Ground, slice]]
 
 
 def described(
-    hypothesis: Hypothesis, base: Fit, measured: Measured, probability: float, accepted: bool
+    hypothesis: Hypothesis, belief: Belief, measured: Measured, probability: float, accepted: bool
 ) -> FoundPattern:
-    """The last pattern of a hypothesis in numbers; `base` is the fit of its listed causes."""
+    """The last pattern of a hypothesis in numbers."""
+    base = belief.fit(hypothesis.ids)
     pattern, white = hypothesis.patterns[-1], hypothesis.at.white
     fits, before = fits_of(hypothesis, base), Ground.of(hypothesis.at, base)
     for other in hypothesis.patterns[:-1]:
@@ -52,6 +54,7 @@ def described(
             "steps": known[0],
             "settles": MINUTES * float(white.plan.hours[rows].min()),
         }.get(pattern.how)
+    left = before if pattern.how == "scatters" else after
     heldout = _heldout(rows, before, after, measured)
     return FoundPattern(
         how=pattern.how,
@@ -62,10 +65,9 @@ def described(
         parameters=parameters,
         probability=probability,
         accepted=accepted,
-        rms_before_mm=before.white.rms(before.fit.left),
-        rms_after_mm=(after if pattern.how != "scatters" else before).white.rms(
-            (after if pattern.how != "scatters" else before).fit.left
-        ),
+        rms_before_mm=white.rms(belief.fit(()).left),
+        # More noise takes nothing away.
+        rms_after_mm=white.rms(left.fit.left) if left.white is white else None,
         heldout_before_mm=heldout and heldout[0],
         heldout_after_mm=heldout and heldout[1],
         heldout_ratio=heldout and heldout[1] / heldout[0],

@@ -37,6 +37,7 @@ LOG_ALL = math.log(ALL)
 LOST = 100.0
 # Of readings that are wrong by themselves no more are looked for.
 MOST_WRONG = 8
+WRONG = "misread"  # the how of these
 # No more shapes of a pattern count, and none below this share.
 SHAPES, SHARE = 12, 0.01
 
@@ -457,6 +458,6 @@ def several_wrong(at: Linearised) -> Iterator[Hypothesis]:
         chosen = np.hstack(added[: count + 1])[:, None]
         shown, one = np.full(chosen.shape[1:], True), np.ones(1)
         several = Pattern(
-            "misread", {"reading": where}, math.log(UNLISTED), chosen, shown, None, one, one[None]
+            WRONG, {"reading": where}, math.log(UNLISTED), chosen, shown, None, one, one[None]
         )
         yield Hypothesis(at, found[count - 1], patterns=(several,))

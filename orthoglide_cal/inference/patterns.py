@@ -16,6 +16,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -139,24 +140,19 @@ def _temperature(course: Course) -> Made:
     return course.by_gauge(course.kelvin / (span or 1.0), np.array([span]))
 
 
-def _scatters(course: Course) -> None:
-    """More noise: no columns, but a larger variance of the selected readings."""
-
-
-HOWS: Mapping[str, Callable[[Course], Made | None]] = MappingProxyType(
+HOWS: Mapping[str, Callable[[Course], Made]] = MappingProxyType(
     {
         "repeats": _repeats,
         "drifts": _drifts,
         "settles": _settles,
         "steps": _steps,
-        "scatters": _scatters,
         "hysteresis": _hysteresis,
         "temperature": _temperature,
     }
 )
-# What needs no order in time; and what returns with its posture, whenever that is read again.
-UNORDERED = ("repeats", "scatters")
-RETURNING = ("repeats", "hysteresis")
+UNORDERED = ("repeats",)  # needs no order in time
+# What does not return with its posture, whenever that is read again.
+PASSING = frozenset(("drifts", "settles", "steps", "scatters", "temperature"))
 
 
 class Tried(NamedTuple):
@@ -167,52 +163,63 @@ class Tried(NamedTuple):
     parameters: Floats | None
     wheres: Sequence[Where]
     chosen: Bools  # which columns of which shape belong to each where, shape (w, v, q)
+    sizes: Floats  # at which it is tried, in standard deviations of a reading, (s,)
     log_prior: float  # ln prior weight at each where
+
+    @property
+    def where_shown(self) -> Tried:
+        """The same without wheres at which nothing shows."""
+        kept = self.chosen.any(axis=(1, 2))
+        names = [where for where, shows in zip(self.wheres, kept, strict=True) if shows]
+        return self._replace(wheres=names, chosen=self.chosen[kept])
 
 
 def tried(at: Linearised, course: Course) -> list[Tried]:
     """Every how at every where."""
-    wheres = list(course.plan.wheres(course.ordered))
-    rows = np.stack([rows for _, rows in wheres], axis=1)
-    known = [placed.patterns for placed in at.extras.values() if placed.patterns is not None]
+    wheres, rows = zip(*course.plan.wheres(course.ordered), strict=True)
+    selected = np.stack(rows)
     hows = [how for how in HOWS if course.ordered or how in UNORDERED]
+    share = math.log(UNLISTED / (len(hows) + 1) / len(wheres))
+    made = {how: HOWS[how](course) for how in hows}
+    made = {how: one for how, one in made.items() if 0 < one.columns.shape[2] <= MOST_COLUMNS}
+    flat = {how: one.columns.reshape(len(course.plan), -1) for how, one in made.items()}
+    ends = np.cumsum([0, *(columns.shape[1] for columns in flat.values())])
+    shown = at.white.matrix @ np.hstack([*flat.values(), selected[:0].T])
+    # Of each where those columns of which it holds all readings.
+    chosen = ((shown**2).sum(axis=0) * SIZES[-1] ** 2 > 1.0) & ~np.hstack(
+        [~selected @ (columns != 0.0) for columns in flat.values()]
+    )
+    by_how = [
+        chosen[:, start:end].reshape(len(wheres), *one.columns.shape[1:])
+        for (start, end), one in zip(pairwise(ends.tolist()), made.values(), strict=True)
+    ]
+    alone = np.concatenate(
+        [np.any(each & (each.sum(axis=2) == 1)[:, :, None], axis=0).reshape(-1) for each in by_how]
+    )
+    alone[alone] = _is_listed(at, shown[:, alone])
     every = []
-    for how in hows:
-        made = HOWS[how](course)
-        share = math.log(UNLISTED / len(hows) / len(wheres))
-        if made is None:
-            several = rows.sum(axis=0) > 2
-            own = np.eye(len(wheres), dtype=np.bool_)[several, None]
-            names = [where for (where, _), kept in zip(wheres, several, strict=True) if kept]
-            columns = rows[:, None].astype(np.float64)
-            every.append(Tried(how, columns, None, names, own, share))
-            continue
-        if not 0 < made.columns.shape[2] <= MOST_COLUMNS:
-            continue
-        # Of each where those columns of which it holds all readings.
-        beyond = (~rows).T @ (made.columns != 0.0).reshape(len(rows), -1)
-        shown = at.white.matrix @ made.columns.reshape(len(rows), -1)
-        visible = (shown**2).sum(axis=0) * SIZES[-1] ** 2 > 1.0
-        chosen = (visible & ~beyond).reshape(-1, *made.columns.shape[1:])
-        alone = np.flatnonzero(np.any(chosen & (chosen.sum(axis=2) == 1)[:, :, None], axis=0))
-        listed = np.zeros(visible.size, dtype=np.bool_)
-        listed[alone] = _alike(shown[:, alone], known)
-        chosen &= (chosen.sum(axis=2) > 1)[:, :, None] | ~listed.reshape(chosen.shape[1:])
+    for (how, one), own, start in zip(made.items(), by_how, ends, strict=False):
+        listed = alone[start : start + own[0].size].reshape(own.shape[1:])
+        own = own & ((own.sum(axis=2) > 1)[:, :, None] | ~listed)
         # What shows the same as a narrower where is no other pattern.
-        code = chosen @ (1 << np.arange(chosen.shape[2]))
+        code = own @ (1 << np.arange(own.shape[2]))
         for number in range(len(code)):
-            chosen[number, np.any(code[:number] == code[number], axis=0)] = False
-        kept = chosen.any(axis=(1, 2))
-        names = [where for (where, _), shows in zip(wheres, kept, strict=True) if shows]
-        every.append(Tried(how, made.columns, made.parameters, names, chosen[kept], share))
-    return [one for one in every if one.wheres]
+            own[number, np.any(code[:number] == code[number], axis=0)] = False
+        every.append(Tried(how, one.columns, one.parameters, wheres, own, SIZES, share))
+    # More noise is no column: the readings that have it.
+    several, columns = selected.sum(axis=1) > 2, selected.T[:, None].astype(np.float64)
+    own = np.diag(several)[:, None]
+    noisier = NOISIER[:: 1 if course.fine else 2]
+    every.append(Tried("scatters", columns, None, wheres, own, noisier, share))
+    return [one.where_shown for one in every]
 
 
-def _alike(shown: Floats, known: Sequence[Places]) -> Bools:
+def _is_listed(at: Linearised, shown: Floats) -> Bools:
     """Which columns (k, q) a listed cause makes at one of its places, shape (q,)."""
-    power = (shown**2).sum(axis=0)[:, None]
-    pairs = (places.products(shown) ** 2 > ALIKE**2 * power * places.power for places in known)
-    return np.any([pair.any(axis=1) for pair in pairs], axis=0)
+    power, made = (shown**2).sum(axis=0)[:, None], np.zeros(shown.shape[1], dtype=np.bool_)
+    for places in (placed.patterns for placed in at.extras.values() if placed.patterns is not None):
+        made |= np.any(places.products(shown) ** 2 > ALIKE**2 * power * places.power, axis=1)
+    return made
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,9 +291,9 @@ class Ground:
         values = self._textured(values)
         return np.asarray(values - axes @ ((1.0 - factors) * (axes.T @ values).T).T)
 
-    def gains(self, one: Tried, sizes: Floats) -> Floats:
-        """Gain of ln p at each where by each shape at each size [σ] and σ, (w, v, s, g)."""
-        n, v, q = one.columns.shape
+    def gains(self, one: Tried) -> Floats:
+        """Gain of ln p at each where by each shape at each size and σ, (w, v, s, g)."""
+        (n, v, q), sizes = one.columns.shape, one.sizes
         own = self.whitened(self.white.matrix @ one.columns.reshape(n, -1)).reshape(-1, v, q)
         own = own.swapaxes(0, 1)
         turned = own.swapaxes(-1, -2)
@@ -305,8 +312,9 @@ class Ground:
         gains[which] = 0.5 * log.sum(axis=-1)
         return gains.reshape(-1, v, *gains.shape[1:])
 
-    def gains_of_noise(self, one: Tried, factors: Floats) -> Floats:
-        """The same of readings with more noise, so many times the stated one, (w, 1, s, g)."""
+    def gains_of_noise(self, one: Tried) -> Floats:
+        """The same of readings with more noise, (w, 1, s, g)."""
+        factors = one.sizes
         rows = one.columns[:, 0] @ one.chosen[:, 0].T > 0.0
         everywhere = rows.all(axis=0)
         gains = np.full((rows.shape[1], len(factors), len(self.noise.sigma)), ABSENT)
@@ -423,9 +431,10 @@ class Ground:
         scored = []
         noise = self._least_by_noise - log_sum(self.by_noise)
         for one in every:
-            scatters = one.how == "scatters"
-            sizes = NOISIER if scatters else SIZES
-            gains = self.gains_of_noise(one, sizes) if scatters else self.gains(one, sizes)
+            if not one.wheres:
+                continue
+            sizes = one.sizes
+            gains = self.gains_of_noise(one) if one.how == "scatters" else self.gains(one)
             by_shape = log_sum(gains + noise, 3)
             # Shapes that do not show at a where are none.
             number = np.log(len(sizes) * np.count_nonzero(one.chosen.any(axis=2), axis=1))

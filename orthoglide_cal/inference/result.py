@@ -190,8 +190,10 @@ class FoundPattern(Schema):
     parameters: tuple[PatternParameter, ...]
     probability: float
     accepted: bool = Field(description="part of the likeliest explanation")
-    rms_before_mm: float = Field(description="left by the offsets, with the causes beside it")
-    rms_after_mm: float = Field(description="and with the pattern")
+    rms_before_mm: float = Field(description="left by the offsets alone")
+    rms_after_mm: float | None = Field(
+        description="with all that acts in its explanation; null in addition to more noise"
+    )
     heldout_before_mm: float | None = Field(
         description="error of predicting its readings, a cycle left out at a time, without it"
     )
