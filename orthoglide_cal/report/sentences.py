@@ -199,7 +199,7 @@ def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
     subject = where_words(pattern) if machine.vocabulary.measure else "the touches"
     numbers = [f"{with_uncertainty(pattern.size_mm, pattern.expanded_mm).lstrip('+')} mm"]
     numbers += [
-        f"{short(each.value, 2)} {each.unit}"
+        f"{two_figures(abs(each.value))} {each.unit}"
         for each in pattern.parameters
         if each.name == "time_constant" or (each.unit == "mm/K" and len(pattern.parameters) == 1)
     ]

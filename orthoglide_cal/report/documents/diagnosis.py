@@ -125,6 +125,10 @@ def _notice(case: Case) -> doc.Notice:
         wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
         alone = f"the {case.words.many} alone would be wrong by up to {wrong}"
         lines[:2] = [f"Do not enter anything yet: {alone}."]
+    elif "beyond_list" in release.codes:
+        caution = next(each for each in release.cautions if each.code == "beyond_list")
+        words = f"The {case.words.many} may be entered, with a reservation: the reason is not known."
+        lines = [words, *(text for text in notice.lines if text != case.says(caution))]
     elif reason == "undecided":
         u = two_figures(max(each.expanded for each in answer.parameters))
         why = f": until that is decided they may be wrong by {u} {answer.parameters[0].unit}"
@@ -185,7 +189,7 @@ def _rms_grid(case: Case) -> doc.Grid:
     answer, lack = case.answer, case.answer.lack_of_fit
     left: dict[str, tuple[float, ...]] = {}
     for first in answer.causes[:1]:
-        left["fitted"] = first.rms_before_mm, first.rms_after_mm
+        left["fitted"] = first.rms_before_mm, *filter(None, [first.rms_after_mm])
         left[f"predicting {_omitted(case)}"] = first.heldout_before_mm, first.heldout_after_mm
     for first in _beyond(answer)[:1]:
         left["fitted"] = first.rms_before_mm, first.rms_after_mm
