@@ -191,7 +191,8 @@ def _warming(readings: Readings) -> Floats | None:
     known = rows[np.isfinite(warm[rows])]
     if known.size < 2:
         return None
-    return np.interp(readings.plan.order, readings.plan.order[known], warm[known] - warm[known[0]])
+    course = warm[known] - warm[known[0]]
+    return np.asarray(np.interp(readings.plan.order, readings.plan.order[known], course))
 
 
 @functools.lru_cache(maxsize=8)

@@ -83,7 +83,11 @@ def _gauges(
     """
     shares = np.array([share for share, _, _ in fits])
     if pattern.how == "scatters":
-        yield "noise", *_mean_and_std(shares, np.array([size for _, _, size in pattern.shapes])), 1.0
+        yield (
+            "noise",
+            *_mean_and_std(shares, np.array([size for _, _, size in pattern.shapes])),
+            1.0,
+        )
         return
     plan, columns = fits[0][1].at.white.plan, [shape.columns for _, shape, _ in pattern.shapes]
     known = [ground.amplitudes(own) for _, ground, own in fits]

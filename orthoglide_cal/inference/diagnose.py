@@ -17,9 +17,9 @@ from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, re
 from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.inference.data import Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, Decision, decide, decide_by
-from orthoglide_cal.inference.hypothesis import WRONG
-from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
 from orthoglide_cal.inference.described import described
+from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
+from orthoglide_cal.inference.hypothesis import WRONG
 from orthoglide_cal.inference.result import (
     CauseParameter,
     Diagnosis,
@@ -345,7 +345,9 @@ def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
             seen.add(pattern.label)
             others = tuple(one for one in hypothesis.patterns if one is not pattern)
             alone = replace(hypothesis, patterns=(*others, pattern))
-            yield described(alone, found.belief, measured, total[pattern.label], pattern.label in best)
+            yield described(
+                alone, found.belief, measured, total[pattern.label], pattern.label in best
+            )
 
 
 def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOfFit:
@@ -417,6 +419,9 @@ def _notes(found: Decision, measured: Measured) -> Iterator[Reason]:
     if found.not_excluded:
         yield Reason.of("not_excluded", ids=found.not_excluded)
     if found.verdict is Verdict.UNEXPLAINED:
+        for pattern in found.beyond_list[0][1].patterns:
+            if pattern.how == WRONG:
+                yield Reason.of("several_wrong", where=pattern.where["reading"])
         best = found.best
         if len(best) > 1 and listed[best] >= DISMISSED * max(unlisted.values()):
             yield Reason.of("two_would_follow", ids=best)

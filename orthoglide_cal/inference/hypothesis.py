@@ -437,7 +437,12 @@ def several_wrong(at: Linearised) -> Iterator[Hypothesis]:
     cause, patterns = placed.cause, placed.patterns
     assert isinstance(cause, PatternCause)
     size = cause.prior_std(machine)[0] * np.array(BLUNDER_SCALES)
-    columns, wrong, found, price = offsets_and_seen(at, at.jacobian), list[int](), list[float](), 0.0
+    columns, wrong, found, price = (
+        offsets_and_seen(at, at.jacobian),
+        list[int](),
+        list[float](),
+        0.0,
+    )
     added = [np.zeros((len(plan), 0))]
     for _ in range(min(MOST_WRONG, len(placed.tried) // 4)):
         density = at.noise.density(columns, np.ones((1, columns.shape[1])))

@@ -26,9 +26,9 @@ from scipy.special import erf
 from orthoglide_cal.estimation.gaussian import condition, log_sum, shrinking
 from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
-from orthoglide_cal.inference.evidence import NoiseGrid, Places
+from orthoglide_cal.inference.evidence import NoiseGrid
 from orthoglide_cal.inference.fit import Fit
-from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, Shape, several_wrong
+from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, several_wrong
 from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, Plan, Where
 
 # Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.
@@ -42,9 +42,9 @@ MOMENTS = 64
 ROUNDS = 3
 # So many columns at most; cells beyond that number are no pattern.
 MOST_COLUMNS = 64
-# What moves no reading by a standard deviation at its largest size is not tried, nor a column that
-# a listed cause makes: the cosine between them.
-ALIKE = 0.99
+# Cosine from which columns of one gauge can follow what a listed cause does there, and ln of the
+# weight of these: all but one in a hundred of such effects have that cause.
+ALIKE, LISTED, ROUNDING = 0.97, math.log(0.01), 1e-9
 ABSENT = -1e9  # ln of the share of a shape that does not show
 
 
@@ -110,8 +110,8 @@ def _drifts(course: Course) -> Made:
     """Smooth in time: a sine of each gauge, of a period that they share."""
     periods = course.durations(*DRIFTING)
     turn = 2.0 * np.pi * course.since[:, None] / periods
-    terms = np.stack((np.sin(turn), np.cos(turn)), axis=2)
-    return course.by_gauge(np.any(course.since) * terms, periods)
+    terms = np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(course.since)
+    return course.by_gauge(terms, periods)
 
 
 def _settles(course: Course) -> Made:
@@ -165,19 +165,24 @@ class Tried(NamedTuple):
     chosen: Bools  # which columns of which shape belong to each where, shape (w, v, q)
     sizes: Floats  # at which it is tried, in standard deviations of a reading, (s,)
     log_prior: float  # ln prior weight at each where
+    log_share: Floats  # and of each shape there, (w, v)
 
     @property
     def where_shown(self) -> Tried:
         """The same without wheres at which nothing shows."""
         kept = self.chosen.any(axis=(1, 2))
         names = [where for where, shows in zip(self.wheres, kept, strict=True) if shows]
-        return self._replace(wheres=names, chosen=self.chosen[kept])
+        share = self.log_share[kept]
+        return self._replace(wheres=names, chosen=self.chosen[kept], log_share=share)
 
 
 def tried(at: Linearised, course: Course) -> list[Tried]:
     """Every how at every where."""
-    wheres, rows = zip(*course.plan.wheres(course.ordered), strict=True)
-    selected = np.stack(rows)
+    selections = list(course.plan.wheres(course.ordered))
+    wheres, selected = (
+        [where for where, _ in selections],
+        np.stack([rows for _, rows in selections]),
+    )
     hows = [how for how in HOWS if course.ordered or how in UNORDERED]
     share = math.log(UNLISTED / (len(hows) + 1) / len(wheres))
     made = {how: HOWS[how](course) for how in hows}
@@ -193,33 +198,42 @@ def tried(at: Linearised, course: Course) -> list[Tried]:
         chosen[:, start:end].reshape(len(wheres), *one.columns.shape[1:])
         for (start, end), one in zip(pairwise(ends.tolist()), made.values(), strict=True)
     ]
-    alone = np.concatenate(
-        [np.any(each & (each.sum(axis=2) == 1)[:, :, None], axis=0).reshape(-1) for each in by_how]
-    )
-    alone[alone] = _is_listed(at, shown[:, alone])
+    gauges = course.plan.shared
     every = []
     for (how, one), own, start in zip(made.items(), by_how, ends, strict=False):
-        listed = alone[start : start + own[0].size].reshape(own.shape[1:])
-        own = own & ((own.sum(axis=2) > 1)[:, :, None] | ~listed)
         # What shows the same as a narrower where is no other pattern.
         code = own @ (1 << np.arange(own.shape[2]))
         for number in range(len(code)):
             own[number, np.any(code[:number] == code[number], axis=0)] = False
-        every.append(Tried(how, one.columns, one.parameters, wheres, own, SIZES, share))
+        values = shown[:, start : start + own[0].size].reshape(-1, *own.shape[1:])
+        log_share = np.zeros(own.shape[:2])
+        for where in np.flatnonzero(own.any(axis=(1, 2))):
+            columns = own[where].any(axis=0)
+            if len(np.unique(gauges[one.reading[columns]])) == 1:
+                tries = np.flatnonzero(own[where].any(axis=1))
+                listed = _is_listed(at, values[:, tries][:, :, columns].swapaxes(0, 1))
+                log_share[where, tries] = LISTED * listed
+        every.append(Tried(how, one.columns, one.parameters, wheres, own, SIZES, share, log_share))
     # More noise is no column: the readings that have it.
     several, columns = selected.sum(axis=1) > 2, selected.T[:, None].astype(np.float64)
     own = np.diag(several)[:, None]
     noisier = NOISIER[:: 1 if course.fine else 2]
-    every.append(Tried("scatters", columns, None, wheres, own, noisier, share))
+    nothing = np.zeros(own.shape[:2])
+    every.append(Tried("scatters", columns, None, wheres, own, noisier, share, nothing))
     return [one.where_shown for one in every]
 
 
 def _is_listed(at: Linearised, shown: Floats) -> Bools:
-    """Which columns (k, q) a listed cause makes at one of its places, shape (q,)."""
-    power, made = (shown**2).sum(axis=0)[:, None], np.zeros(shown.shape[1], dtype=np.bool_)
+    """Which columns (v, k, q) can follow what a listed cause does at one of its places, (v,)."""
+    axes, size, _ = np.linalg.svd(shown, full_matrices=False)
+    axes = axes * (size > ROUNDING * size[:, :1])[:, None]
+    flat, made = axes.swapaxes(0, 1).reshape(shown.shape[1], -1), np.zeros(len(shown), np.bool_)
     for places in (placed.patterns for placed in at.extras.values() if placed.patterns is not None):
-        made |= np.any(places.products(shown) ** 2 > ALIKE**2 * power * places.power, axis=1)
-    return made
+        match = (places.products(flat) ** 2).reshape(len(shown), -1, len(places)).sum(axis=1)
+        made |= np.any(match > ALIKE**2 * places.power, axis=1)
+    broad = np.hstack([shown[0, :, :0], *at.jacobians.values()])
+    match = ((axes.swapaxes(-1, -2) @ broad) ** 2).sum(axis=1)
+    return np.asarray(made | np.any(match > ALIKE**2 * (broad**2).sum(axis=0), axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,9 +332,7 @@ class Ground:
         rows = one.columns[:, 0] @ one.chosen[:, 0].T > 0.0
         everywhere = rows.all(axis=0)
         gains = np.full((rows.shape[1], len(factors), len(self.noise.sigma)), ABSENT)
-        wider = (
-            replace(self.noise, sigma=math.hypot(1.0, f) * self.noise.sigma) for f in factors
-        )
+        wider = (replace(self.noise, sigma=math.hypot(1.0, f) * self.noise.sigma) for f in factors)
         gains[everywhere] = [self.log_density(noise) - self.by_noise for noise in wider]
         contrasts, some = self.white.matrix, rows[:, ~everywhere].astype(np.float64)
         if self.white.texture is not None or not isinstance(contrasts, Contrasts):
@@ -332,7 +344,9 @@ class Ground:
         whole[np.arange(zeros, end), np.arange(zeros, end)] += 1.0
         own = values.T @ (some.T[:, :, None] * values)
         share = (factors**2 / (1.0 + factors**2))[:, None, None]
-        square = np.concatenate((whole[None], (whole - share * own[:, None]).reshape(-1, *whole.shape)))
+        square = np.concatenate(
+            (whole[None], (whole - share * own[:, None]).reshape(-1, *whole.shape))
+        )
         inner, cross = square[:, :end, :end], square[:, :end, end:]
         log_det = np.linalg.slogdet(inner)[1]
         left = square[:, end, end] - (cross * np.linalg.solve(inner, cross)).sum(axis=(1, 2))
@@ -435,7 +449,7 @@ class Ground:
                 continue
             sizes = one.sizes
             gains = self.gains_of_noise(one) if one.how == "scatters" else self.gains(one)
-            by_shape = log_sum(gains + noise, 3)
+            by_shape = log_sum(gains + noise, 3) + one.log_share[..., None]
             # Shapes that do not show at a where are none.
             number = np.log(len(sizes) * np.count_nonzero(one.chosen.any(axis=2), axis=1))
             logs = self.fit.log_evidence + log_sum(by_shape, (1, 2)) - number

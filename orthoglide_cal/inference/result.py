@@ -177,9 +177,7 @@ class FoundCause(Schema):
 class FoundPattern(Schema):
     """Something in the readings that no listed cause makes: how they deviate, and where."""
 
-    how: Literal[
-        "repeats", "drifts", "settles", "steps", "scatters", "hysteresis", "temperature"
-    ]
+    how: Literal["repeats", "drifts", "settles", "steps", "scatters", "hysteresis", "temperature"]
     where: Where = Field(description="leg, direction, posture, as far as they apply")
     from_minutes: float | None = Field(description="when it steps, or begins to settle")
     size_mm: float = Field(

@@ -212,8 +212,9 @@ class GaugePlan(Plan):
         for names in (("leg", "direction"), ("leg",), ("direction",), ("posture",)) * ordered:
             kinds, own = np.unique([columns[n] for n in names], axis=1, return_inverse=True)
             for number, kind in enumerate(kinds.T.tolist()):
-                texts = [f"{v:g}" if n == "posture" else AXES[int(v)] for n, v in zip(names, kind)]
-                yield dict(zip(names, texts, strict=True)), own.reshape(-1) == number
+                pairs = zip(names, kind, strict=True)
+                where = {n: f"{v:g}" if n == "posture" else AXES[int(v)] for n, v in pairs}
+                yield where, own.reshape(-1) == number
         yield from super().wheres(ordered)
 
     @cached_property

@@ -17,7 +17,6 @@ from orthoglide_cal.words import (
     counted,
     percent,
     plain,
-    short,
     two_figures,
     unit_words,
     with_uncertainty,
@@ -250,8 +249,10 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     # What to know although it may be entered.
     "within_u": "With {ids:and} the {words.many} change by at most {change:.3f} {unit}, which is"
     " within U.",
-    "beyond_list": lambda machine, data: "The reason is not known: "
-    f"{'; '.join(pattern_words(machine, one) for one in data['patterns'])}.",
+    "beyond_list": lambda machine, data: (
+        "The reason is not known: "
+        f"{'; '.join(pattern_words(machine, one) for one in data['patterns'])}."
+    ),
     "local_shape": "The bed's local shape is about {factor:.1f} times as large as is stated or"
     " usual, and U does not cover all of that. State it as texture_mm of the probe.",
     "remains": "Offsets do not remove {ids:causes}: {left_mm:two} mm r.m.s. will remain.",
@@ -285,6 +286,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     " ({floor_mm:.2g} mm); the intervals use the resolution.",
     # Notes of a diagnosis.
     "not_excluded": "Not excluded, too small to show: {ids:names}.",
+    "several_wrong": "Several readings are wrong, each by itself: {where}.",
     "two_would_follow": "{ids:with} would also fit it, but two causes fit nearly any"
     " pattern. To check them, repeat with {words.further}.",
     "perhaps_also": "These readings cannot show whether {ids:and} is also present.",

@@ -9,7 +9,6 @@ from orthoglide_cal.inference.evidence import Places
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import (
     Contrasts,
-    Floats,
     Patterns,
     zero_free,
 )

@@ -127,7 +127,9 @@ def _notice(case: Case) -> doc.Notice:
         lines[:2] = [f"Do not enter anything yet: {alone}."]
     elif "beyond_list" in release.codes:
         caution = next(each for each in release.cautions if each.code == "beyond_list")
-        words = f"The {case.words.many} may be entered, with a reservation: the reason is not known."
+        words = (
+            f"The {case.words.many} may be entered, with a reservation: the reason is not known."
+        )
         lines = [words, *(text for text in notice.lines if text != case.says(caution))]
     elif reason == "undecided":
         u = two_figures(max(each.expanded for each in answer.parameters))
@@ -191,10 +193,10 @@ def _rms_grid(case: Case) -> doc.Grid:
     for first in answer.causes[:1]:
         left["fitted"] = first.rms_before_mm, *filter(None, [first.rms_after_mm])
         left[f"predicting {_omitted(case)}"] = first.heldout_before_mm, first.heldout_after_mm
-    for first in _beyond(answer)[:1]:
-        left["fitted"] = first.rms_before_mm, first.rms_after_mm
-        if first.heldout_before_mm is not None and first.heldout_after_mm is not None:
-            left["cycles left out, there"] = first.heldout_before_mm, first.heldout_after_mm
+    for best in _beyond(answer)[:1]:
+        left["fitted"] = best.rms_before_mm, best.rms_after_mm or best.rms_before_mm
+        if best.heldout_before_mm is not None and best.heldout_after_mm is not None:
+            left["cycles left out, there"] = best.heldout_before_mm, best.heldout_after_mm
     if lack is not None:
         left.setdefault("fitted", (lack.left_mm,))
         left[f"{case.words.noise}'s noise{case.words.also} would leave"] = (lack.expected_mm,)
