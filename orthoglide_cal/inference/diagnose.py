@@ -17,9 +17,9 @@ from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, re
 from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.inference.data import Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, Decision, decide, decide_by
-from orthoglide_cal.inference.hypothesis import WRONG
-from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
 from orthoglide_cal.inference.described import described
+from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
+from orthoglide_cal.inference.patterns import HOWS
 from orthoglide_cal.inference.result import (
     CauseParameter,
     Diagnosis,
@@ -340,12 +340,14 @@ def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
     seen = set()
     for _, hypothesis in found.beyond_list:
         for pattern in hypothesis.patterns:
-            if pattern.label in seen or pattern.how == WRONG:
+            if pattern.label in seen or pattern.how not in HOWS:
                 continue
             seen.add(pattern.label)
             others = tuple(one for one in hypothesis.patterns if one is not pattern)
             alone = replace(hypothesis, patterns=(*others, pattern))
-            yield described(alone, found.belief, measured, total[pattern.label], pattern.label in best)
+            yield described(
+                alone, found.belief, measured, total[pattern.label], pattern.label in best
+            )
 
 
 def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOfFit:

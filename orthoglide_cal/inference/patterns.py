@@ -23,12 +23,18 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import erf
 
+from orthoglide_cal.causes import PatternCause
 from orthoglide_cal.estimation.gaussian import condition, log_sum, shrinking
 from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
-from orthoglide_cal.inference.evidence import NoiseGrid, Places
+from orthoglide_cal.inference.evidence import NoiseGrid
 from orthoglide_cal.inference.fit import Fit
-from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, Shape, several_wrong
+from orthoglide_cal.inference.hypothesis import (
+    BLUNDER_SCALES,
+    Hypothesis,
+    Pattern,
+    several_wrong,
+)
 from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, Plan, Where
 
 # Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.
@@ -318,9 +324,7 @@ class Ground:
         rows = one.columns[:, 0] @ one.chosen[:, 0].T > 0.0
         everywhere = rows.all(axis=0)
         gains = np.full((rows.shape[1], len(factors), len(self.noise.sigma)), ABSENT)
-        wider = (
-            replace(self.noise, sigma=math.hypot(1.0, f) * self.noise.sigma) for f in factors
-        )
+        wider = (replace(self.noise, sigma=math.hypot(1.0, f) * self.noise.sigma) for f in factors)
         gains[everywhere] = [self.log_density(noise) - self.by_noise for noise in wider]
         contrasts, some = self.white.matrix, rows[:, ~everywhere].astype(np.float64)
         if self.white.texture is not None or not isinstance(contrasts, Contrasts):
@@ -332,7 +336,9 @@ class Ground:
         whole[np.arange(zeros, end), np.arange(zeros, end)] += 1.0
         own = values.T @ (some.T[:, :, None] * values)
         share = (factors**2 / (1.0 + factors**2))[:, None, None]
-        square = np.concatenate((whole[None], (whole - share * own[:, None]).reshape(-1, *whole.shape)))
+        square = np.concatenate(
+            (whole[None], (whole - share * own[:, None]).reshape(-1, *whole.shape))
+        )
         inner, cross = square[:, :end, :end], square[:, :end, end:]
         log_det = np.linalg.slogdet(inner)[1]
         left = square[:, end, end] - (cross * np.linalg.solve(inner, cross)).sum(axis=(1, 2))
@@ -446,6 +452,24 @@ class Ground:
                 )  # fmt: skip
                 scored.append(Hypothesis(self.at, log, patterns=(pattern,)))
         return scored
+
+
+def placed_causes(at: Linearised) -> list[Tried]:
+    """Listed causes with a place, as patterns whose shapes are the places, at usual sizes and more.
+
+    Fitted alone such a cause would stand where a pattern acts.
+    """
+    every = []
+    for id, placed in at.extras.items():
+        cause, places = placed.cause, placed.patterns
+        if places is None or not isinstance(cause, PatternCause) or cause.counts:
+            continue
+        unit = cause.prior_std(at.white.machine)[0] / at.noise.stated
+        columns = unit * places.patterns.columns(slice(None))[:, :, None]
+        shown, sizes = np.full((1, *columns.shape[1:]), True), np.array(BLUNDER_SCALES)
+        log_prior = at.candidates.log_prior[(id,)]
+        every.append(Tried(id, columns, None, [{}], shown, sizes, log_prior))
+    return every
 
 
 def course_of(at: Linearised, fit: Fit, *, fine: bool) -> Course:
