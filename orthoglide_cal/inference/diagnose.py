@@ -19,7 +19,6 @@ from orthoglide_cal.inference.data import Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, Decision, decide, decide_by
 from orthoglide_cal.inference.described import described
 from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
-from orthoglide_cal.inference.patterns import HOWS
 from orthoglide_cal.inference.result import (
     CauseParameter,
     Diagnosis,
@@ -340,7 +339,7 @@ def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
     seen = set()
     for _, hypothesis in found.beyond_list:
         for pattern in hypothesis.patterns:
-            if pattern.label in seen or pattern.how not in HOWS:
+            if pattern.label in seen or pattern.how in CAUSES:
                 continue
             seen.add(pattern.label)
             others = tuple(one for one in hypothesis.patterns if one is not pattern)
