@@ -239,7 +239,20 @@ class Ground:
 
     @classmethod
     def of(cls, at: Linearised, fit: Fit) -> Ground:
-        return cls(at, fit, at.white, at.noise)
+        """With a cause of usual size: fitted alone, it may be as large as what a pattern does."""
+        ground = cls(at, fit, at.white, at.noise)
+        sizes, centre = fit.sizes.copy(), fit.centre.copy()
+        for effect, slot in zip(fit.effects, fit.slots, strict=True):
+            if effect.cause in at.candidates.broad:
+                # Of what is positive the first numbers are narrower, and not about zero.
+                ratio = at.sizes((effect.cause,))[-1] / sizes[slot][-1]
+                sizes[slot] *= ratio
+                centre[slot] *= ratio
+        if np.array_equal(sizes, fit.sizes):
+            return ground
+        usual = replace(ground, fit=replace(fit, sizes=sizes, centre=centre))
+        log = float(log_sum(usual.by_noise)) + math.log(at.scales[min(at.scales)])
+        return replace(usual, fit=replace(usual.fit, log_evidence=log))
 
     @cached_property
     def _local(self) -> Bools:
