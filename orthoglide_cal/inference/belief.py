@@ -25,6 +25,7 @@ from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
 from orthoglide_cal.inference.patterns import (
     combined,
     course_of,
+    placed_causes,
     score_patterns,
     tried,
     weight_of,
@@ -32,6 +33,8 @@ from orthoglide_cal.inference.patterns import (
 from orthoglide_cal.model.plan import Floats
 
 Key = TypeVar("Key", bound=Hashable)
+# So many likely patterns are combined with causes that have a place.
+LIKELY = 5
 
 
 def probabilities(log_weight: Mapping[Key, float]) -> dict[Key, float]:
@@ -96,22 +99,31 @@ class Belief:
         fits = fit_explanations([self.hypotheses[ids] for ids in missing])
         return replace(self, fits={**self.fits, **dict(zip(missing, fits, strict=True))})
 
-    def closely(self, most: int) -> Belief:
-        """The belief with patterns looked at closely, the best one also with a second one.
+    def closely(self) -> Belief:
+        """The belief with patterns looked at closely, also in addition to each other.
 
-        And the `most` likely single causes with a pattern; each only where prior times evidence
-        grows.
+        The best one with a second one, only if prior times evidence grows; each single cause with a
+        pattern; the likely ones and the best of each kind with causes that have a place, which fitted
+        alone would stand where the pattern acts.
         """
         at, nothing = self.at, self.fit(())
         patterns = {one.label: one for one in score_patterns(at, nothing, fine=True)}
         every = tried(at, course_of(at, nothing, fine=True))
-        singles = [ids for ids in self.listed if len(ids) == 1][:most]
-        pairs = combined(max(patterns.values(), key=weight_of), nothing, every)
+        ordered = sorted(patterns.values(), key=weight_of)
+        likely = {one.patterns[0].how: one for one in ordered} | {
+            one.label: one for one in ordered[-LIKELY:-1]
+        }
+        least = weight_of(ordered[-1])
+        pairs = [pair for pair in combined(ordered[-1], nothing, every) if weight_of(pair) > least]
+        singles = [ids for ids in self.listed if len(ids) == 1]
         for ids, fit in zip(singles, self.fit_all(singles), strict=True):
             pairs += combined(self.hypotheses[ids], fit, every)
-        least = max(map(weight_of, patterns.values()))
-        more = {pair.label: pair for pair in pairs if weight_of(pair) > least}
-        return replace(self, patterns={**patterns, **more})
+        placed = placed_causes(at)
+        for hypothesis in likely.values():
+            pairs += combined(hypothesis, nothing, placed)
+        for pair in sorted(pairs, key=weight_of):
+            patterns[pair.label] = pair
+        return replace(self, patterns=patterns)
 
     def fit(self, ids: Ids) -> Fit:
         """The nonlinear fit of a set of causes."""

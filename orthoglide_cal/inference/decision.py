@@ -503,5 +503,5 @@ def decide_by(linear: Belief) -> Decision:
         decision = Decision(decision.belief.refined(wanted))
     decision = Decision(decision.belief.refined([decision.best]))
     if decision.verdict is Verdict.UNEXPLAINED or len(decision.accepted) > 1:
-        decision = Decision(decision.belief.closely(FITS))
+        decision = Decision(decision.belief.closely())
     return decision

@@ -340,7 +340,7 @@ def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
     seen = set()
     for _, hypothesis in found.beyond_list:
         for pattern in hypothesis.patterns:
-            if pattern.label in seen or pattern.how == WRONG:
+            if pattern.label in seen or pattern.how in CAUSES:
                 continue
             seen.add(pattern.label)
             others = tuple(one for one in hypothesis.patterns if one is not pattern)

@@ -23,12 +23,18 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import erf
 
+from orthoglide_cal.causes import PatternCause
 from orthoglide_cal.estimation.gaussian import condition, log_sum, shrinking
 from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid
 from orthoglide_cal.inference.fit import Fit
-from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, several_wrong
+from orthoglide_cal.inference.hypothesis import (
+    BLUNDER_SCALES,
+    Hypothesis,
+    Pattern,
+    several_wrong,
+)
 from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, Plan, Where
 
 # Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.
@@ -247,7 +253,20 @@ class Ground:
 
     @classmethod
     def of(cls, at: Linearised, fit: Fit) -> Ground:
-        return cls(at, fit, at.white, at.noise)
+        """With a cause of usual size: fitted alone, it may be as large as what a pattern does."""
+        ground = cls(at, fit, at.white, at.noise)
+        sizes, centre = fit.sizes.copy(), fit.centre.copy()
+        for effect, slot in zip(fit.effects, fit.slots, strict=True):
+            if effect.cause in at.candidates.broad:
+                # Of what is positive the first numbers are narrower, and not about zero.
+                ratio = at.sizes((effect.cause,))[-1] / sizes[slot][-1]
+                sizes[slot] *= ratio
+                centre[slot] *= ratio
+        if np.array_equal(sizes, fit.sizes):
+            return ground
+        usual = replace(ground, fit=replace(fit, sizes=sizes, centre=centre))
+        log = float(log_sum(usual.by_noise)) + math.log(at.scales[min(at.scales)])
+        return replace(usual, fit=replace(usual.fit, log_evidence=log))
 
     @cached_property
     def _local(self) -> Bools:
@@ -460,6 +479,24 @@ class Ground:
                 )  # fmt: skip
                 scored.append(Hypothesis(self.at, log, patterns=(pattern,)))
         return scored
+
+
+def placed_causes(at: Linearised) -> list[Tried]:
+    """Listed causes with a place, as patterns whose shapes are the places, at usual sizes and more.
+
+    Fitted alone such a cause would stand where a pattern acts.
+    """
+    every = []
+    for id, placed in at.extras.items():
+        cause, places = placed.cause, placed.patterns
+        if places is None or not isinstance(cause, PatternCause) or cause.counts:
+            continue
+        unit = cause.prior_std(at.white.machine)[0] / at.noise.stated
+        columns = unit * places.patterns.columns(slice(None))[:, :, None]
+        shown, sizes = np.full((1, *columns.shape[1:]), True), np.array(BLUNDER_SCALES)
+        log_prior = at.candidates.log_prior[(id,)]
+        every.append(Tried(id, columns, None, [{}], shown, sizes, log_prior))
+    return every
 
 
 def course_of(at: Linearised, fit: Fit, *, fine: bool) -> Course:
