@@ -266,7 +266,8 @@ class Ground:
             return ground
         usual = replace(ground, fit=replace(fit, sizes=sizes, centre=centre))
         log = float(log_sum(usual.by_noise)) + math.log(at.scales[min(at.scales)])
-        return replace(usual, fit=replace(usual.fit, log_evidence=log))
+        offsets = fit.offsets + (usual._solved - ground._solved)[: fit.offsets.size]
+        return replace(usual, fit=replace(usual.fit, log_evidence=log, offsets=offsets))
 
     @cached_property
     def _local(self) -> Bools:
@@ -495,7 +496,8 @@ def placed_causes(at: Linearised) -> list[Tried]:
         columns = unit * places.patterns.columns(slice(None))[:, :, None]
         shown, sizes = np.full((1, *columns.shape[1:]), True), np.array(BLUNDER_SCALES)
         log_prior = at.candidates.log_prior[(id,)]
-        every.append(Tried(id, columns, None, [{}], shown, sizes, log_prior))
+        share = np.zeros(shown.shape[:2])
+        every.append(Tried(id, columns, None, [{}], shown, sizes, log_prior, share))
     return every
 
 
