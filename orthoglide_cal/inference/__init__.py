@@ -7,6 +7,7 @@ from orthoglide_cal.inference.result import (
     Diagnosis,
     Explanation,
     FoundCause,
+    FoundPattern,
     LackOfFit,
     NextMeasurement,
     Otherwise,

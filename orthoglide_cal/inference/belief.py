@@ -21,10 +21,20 @@ from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
 from orthoglide_cal.inference.fit import Fit, fit_explanations
-from orthoglide_cal.inference.hypothesis import Hypothesis, score_all, score_patterns
+from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
+from orthoglide_cal.inference.patterns import (
+    combined,
+    course_of,
+    placed_causes,
+    score_patterns,
+    tried,
+    weight_of,
+)
 from orthoglide_cal.model.plan import Floats
 
 Key = TypeVar("Key", bound=Hashable)
+# So many likely patterns are combined with causes that have a place.
+LIKELY = 5
 
 
 def probabilities(log_weight: Mapping[Key, float]) -> dict[Key, float]:
@@ -60,7 +70,7 @@ class Belief:
 
     at: Linearised  # the data, and what every candidate would do to them
     hypotheses: Mapping[Ids, Hypothesis]  # sets of listed causes; () is that nothing is wrong
-    patterns: Mapping[str, Hypothesis]  # those beyond the list, by their words
+    patterns: Mapping[str, Hypothesis]  # those beyond the list, by their labels
     fits: Mapping[Ids, Fit] = field(default_factory=dict)  # those that the probabilities rest on
     # Fits of other hypotheses, made when first asked for; they change no probability.
     _further: dict[Ids, Fit] = field(default_factory=dict)
@@ -73,8 +83,10 @@ class Belief:
             NotConvergedError: no offsets fit these data.
         """
         at = Linearised.of(white, Candidates.of(white.problem.model, ordered=white.raw))
-        patterns = {scored.pattern.words: scored for scored in score_patterns(at) if scored.pattern}
-        return cls(at, score_all(at), patterns)
+        hypotheses = score_all(at)
+        (nothing,) = fit_explanations([hypotheses[()]])
+        patterns = {scored.label: scored for scored in score_patterns(at, nothing)}
+        return cls(at, hypotheses, patterns, {(): nothing})
 
     def scaled(self, factor: float) -> Belief:
         """The same data and patterns with the plausible sizes of all causes multiplied."""
@@ -86,6 +98,32 @@ class Belief:
         missing = [ids for ids in dict.fromkeys(sets) if ids not in self.fits]
         fits = fit_explanations([self.hypotheses[ids] for ids in missing])
         return replace(self, fits={**self.fits, **dict(zip(missing, fits, strict=True))})
+
+    def closely(self) -> Belief:
+        """The belief with patterns looked at closely, also in addition to each other.
+
+        The best one with a second one, only if prior times evidence grows; each single cause with a
+        pattern; the likely ones and the best of each kind with causes that have a place, which fitted
+        alone would stand where the pattern acts.
+        """
+        at, nothing = self.at, self.fit(())
+        patterns = {one.label: one for one in score_patterns(at, nothing, fine=True)}
+        every = tried(at, course_of(at, nothing, fine=True))
+        ordered = sorted(patterns.values(), key=weight_of)
+        likely = {one.patterns[0].how: one for one in ordered} | {
+            one.label: one for one in ordered[-LIKELY:-1]
+        }
+        least = weight_of(ordered[-1])
+        pairs = [pair for pair in combined(ordered[-1], nothing, every) if weight_of(pair) > least]
+        singles = [ids for ids in self.listed if len(ids) == 1]
+        for ids, fit in zip(singles, self.fit_all(singles), strict=True):
+            pairs += combined(self.hypotheses[ids], fit, every)
+        placed = placed_causes(at)
+        for hypothesis in likely.values():
+            pairs += combined(hypothesis, nothing, placed)
+        for pair in sorted(pairs, key=weight_of):
+            patterns[pair.label] = pair
+        return replace(self, patterns=patterns)
 
     def fit(self, ids: Ids) -> Fit:
         """The nonlinear fit of a set of causes."""
@@ -110,7 +148,7 @@ class Belief:
     def _probabilities(self) -> Mapping[Ids | str, float]:
         """Probability of each set of listed causes and each pattern, the most probable first."""
         patterns = self.patterns.items()
-        beyond = {words: scored.log_evidence + scored.log_prior for words, scored in patterns}
+        beyond = {label: weight_of(scored) for label, scored in patterns}
         return probabilities({**self.log_weight, **beyond})
 
     @cached_property
@@ -120,7 +158,7 @@ class Belief:
 
     @cached_property
     def unlisted(self) -> Mapping[str, float]:
-        """Probability of each pattern beyond the list, by its words."""
+        """Probability of each pattern beyond the list, by its label."""
         return {key: p for key, p in self._probabilities.items() if isinstance(key, str)}
 
     @cached_property

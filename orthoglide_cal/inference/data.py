@@ -65,6 +65,8 @@ class Whitened(ReadOnly):
     # The only other unit that the readings may be in [mm]; None without one.
     unit_mm: float | None = None
     texture: Texture | None = None  # a local shape of what is touched; None without one
+    # Recorded temperature of each reading, less the first, (n,) [K]; None where it was not.
+    kelvin: Floats | None = None
 
     @classmethod
     def of(cls, measured: Measured, model: Model) -> Whitened:
@@ -77,7 +79,8 @@ class Whitened(ReadOnly):
             white = _of_readings(measured.plan, model, measured.timed)
             require_rank(white.problem)
             unit = model.machine.instrument.mistaken_unit(measured)
-            return replace(white, data=white.matrix @ measured.value, unit_mm=unit)
+            data = white.matrix @ measured.value
+            return replace(white, data=data, unit_mm=unit, kelvin=_warming(measured))
         posed = pose(measured, model, measured.kind)
         require_rank(posed.problem)
         plan, matrix = posed.problem.plan, posed.problem.matrix @ np.eye(len(posed.problem.plan))
@@ -183,6 +186,16 @@ class Whitened(ReadOnly):
             for point, effects in points
         )
         return [(self.matrix @ readings, self.matrix @ jacobian) for readings, jacobian in at]
+
+
+def _warming(readings: Readings) -> Floats | None:
+    """Temperature of each reading less the first, (n,) [K]; None if fewer than two have one."""
+    rows, warm = readings.plan.in_time, readings.temperature
+    known = rows[np.isfinite(warm[rows])]
+    if known.size < 2:
+        return None
+    course = warm[known] - warm[known[0]]
+    return np.asarray(np.interp(readings.plan.order, readings.plan.order[known], course))
 
 
 @functools.lru_cache(maxsize=8)

@@ -36,9 +36,11 @@ from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture
 from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.fit import Fit, fit_explanations
+from orthoglide_cal.inference.hypothesis import Hypothesis
+from orthoglide_cal.inference.patterns import PASSING, Ground, fits_of
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.cause import Stage
-from orthoglide_cal.model.plan import Floats, Groups
+from orthoglide_cal.model.plan import Floats
 
 # The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
 # than stated. If something beyond the list stands in their place, an open question costs a
@@ -336,7 +338,7 @@ class Decision:
     def left_open(self) -> tuple[tuple[float, Fit], ...]:
         """The explanations that the data leave open, the accepted one first, and their shares."""
         if self.verdict is Verdict.UNEXPLAINED:
-            return ((1.0, self.fit),)
+            return tuple((share, ground.fit) for share, _, ground, _ in self.patterned)
         sets = [self.accepted, *self.same_answer(self.accepted)]
         if self.verdict is Verdict.AMBIGUOUS:
             sets += self.rivals
@@ -406,33 +408,57 @@ class Decision:
         Averaged over the explanations that the data leave open, weighted by probability, so
         that the choice among them is part of the uncertainty.
         """
-        if self.verdict is Verdict.UNEXPLAINED:
-            # What noise cannot have left must not be laid on stands and scales.
-            return self.belief.at.offsets[0], self._unexplained_covariance()
         shares, fits = zip(*self.left_open, strict=True)
         values, spreads = zip(*((fit.offsets, fit.offsets_covariance) for fit in fits), strict=True)
-        return mixture(shares, values, spreads)
+        mean, covariance = mixture(shares, values, spreads)
+        if self.verdict is Verdict.UNEXPLAINED and not self.described:
+            covariance = covariance + self._returning(fits[0])
+        return mean, covariance
 
-    def _unexplained_covariance(self) -> Floats:
-        """Of the offsets-only fit, widened by the likeliest unlisted pattern, (3, 3) [mm²]."""
-        patterns = self.belief.patterns.values()
-        pattern = max(patterns, key=lambda scored: scored.log_evidence).pattern
-        assert pattern is not None
-        fit, white = self.belief.fit(()), self.belief.at.white
-        width = fit.offsets.size
-        estimator = np.asarray(np.linalg.pinv(fit.columns[:, :width]), np.float64)
-        unit, moved = estimator @ estimator.T, estimator @ white.matrix
-        likeliest = pattern.sigma**2 * unit + pattern.spread(moved)
-        # Whatever it is may also return with its posture, where repeats cannot average it out:
-        # as large in each cell as what is left in the readings.
+    @cached_property
+    def beyond_list(self) -> tuple[tuple[float, Hypothesis], ...]:
+        """Patterns that remain of those beyond the list, best first, and their probabilities."""
+        unlisted, patterns = self.belief.unlisted, self.belief.patterns
+        least = DISMISSED * max(unlisted.values(), default=0.0)
+        return tuple((p, patterns[label]) for label, p in unlisted.items() if p >= least)
+
+    @cached_property
+    def patterned(self) -> tuple[tuple[float, Hypothesis, Ground, slice], ...]:
+        """Fits with these patterns and their shares, as of `fits_of`, the likeliest first."""
+        total = sum(probability for probability, _ in self.beyond_list)
+        return tuple(
+            (probability * share / total, hypothesis, ground, own)
+            for probability, hypothesis in self.beyond_list
+            for share, ground, own in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
+        )
+
+    @property
+    def enterable(self) -> float:
+        """Probability that what is beyond the list falsifies no offsets; 0 if more than noise stays.
+
+        It does not where it passes, and acts without a listed cause: U allows for it.
+        """
+        unlisted, patterns = self.belief.unlisted, self.belief.patterns
+        hows = {label: {one.how for one in each.patterns} for label, each in patterns.items()}
+        passing = (p for label, p in unlisted.items()
+                   if hows[label] <= PASSING and not patterns[label].ids)  # fmt: skip
+        return sum(passing) * self.described
+
+    @property
+    def described(self) -> bool:
+        """True if the likeliest pattern leaves no more than noise."""
+        return self._chance_beyond(self.patterned[0][2].fit) >= MISFIT
+
+    def _returning(self, fit: Fit) -> Floats:
+        """Covariance of the offsets by what may return with its posture, (3, 3) [mm²].
+
+        Repeats cannot average it out: in each cell as large as what is left in the readings.
+        """
+        white, width = self.belief.at.white, fit.offsets.size
+        estimator = fit.offsets_covariance @ fit.columns[:, :width].T / fit.sigma**2
         left = float(fit.residual @ fit.residual) / max(len(white) - width, 1)
-        cells = Groups(white.plan.cells).products(moved.T)
-        spreads = [likeliest, left * (unit + cells.T @ cells)]
-        # Correlated like the larger of the two, and for each offset as wide as the wider.
-        larger = max(spreads, key=np.trace)
-        widest = np.max([np.diag(spread) for spread in spreads], axis=0)
-        widened = np.sqrt(widest / np.diag(larger))
-        return np.asarray(larger * np.outer(widened, widened))
+        cells = estimator @ (white.matrix @ white.plan.returning)
+        return np.asarray(left * cells @ cells.T)
 
 
 def decide(white: Whitened) -> Decision:
@@ -476,4 +502,7 @@ def decide_by(linear: Belief) -> Decision:
         if decision.belief.fits.keys() >= set(wanted):
             break
         decision = Decision(decision.belief.refined(wanted))
-    return Decision(decision.belief.refined([decision.best]))
+    decision = Decision(decision.belief.refined([decision.best]))
+    if decision.verdict is Verdict.UNEXPLAINED or len(decision.accepted) > 1:
+        decision = Decision(decision.belief.closely())
+    return decision

@@ -17,12 +17,15 @@ from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, re
 from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.inference.data import Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, Decision, decide, decide_by
+from orthoglide_cal.inference.described import described
 from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
+from orthoglide_cal.inference.hypothesis import WRONG
 from orthoglide_cal.inference.result import (
     CauseParameter,
     Diagnosis,
     Explanation,
     FoundCause,
+    FoundPattern,
     LackOfFit,
     Otherwise,
     Parameter,
@@ -145,6 +148,8 @@ def diagnose(
             sensitivity=MappingProxyType(changes),
             explanations=_explanations(found),
             unshown=unshown,
+            patterns=tuple(_patterns(found, measured)),
+            enterable=found.enterable if found.verdict is Verdict.UNEXPLAINED else 0.0,
             beyond_tolerance=tuple(
                 TimesStated(id=id, times=times) for id, times in found.beyond_tolerance
             ),
@@ -322,6 +327,29 @@ def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause
     return tuple(sorted(named, key=lambda each: (each.id in machine.companions, alone[each.id])))
 
 
+def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
+    """What stands beyond the list, those that act together first."""
+    if found.verdict is not Verdict.UNEXPLAINED:
+        return
+    white, machine = found.belief.at.white, found.belief.at.white.machine
+    best = {pattern.label for pattern in found.beyond_list[0][1].patterns}
+    total: dict[str, float] = {}
+    for probability, hypothesis in found.beyond_list:
+        for pattern in hypothesis.patterns:
+            total[pattern.label] = total.get(pattern.label, 0.0) + probability
+    seen = set()
+    for _, hypothesis in found.beyond_list:
+        for pattern in hypothesis.patterns:
+            if pattern.label in seen or pattern.how in CAUSES:
+                continue
+            seen.add(pattern.label)
+            others = tuple(one for one in hypothesis.patterns if one is not pattern)
+            alone = replace(hypothesis, patterns=(*others, pattern))
+            yield described(
+                alone, found.belief, measured, total[pattern.label], pattern.label in best
+            )
+
+
 def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOfFit:
     white, nothing = found.belief.at.white, found.alone
     noise, dof = white.machine.instrument.noise_mm, len(white) - nothing.offsets.size
@@ -391,11 +419,11 @@ def _notes(found: Decision, measured: Measured) -> Iterator[Reason]:
     if found.not_excluded:
         yield Reason.of("not_excluded", ids=found.not_excluded)
     if found.verdict is Verdict.UNEXPLAINED:
-        pattern = max(unlisted, key=unlisted.__getitem__)
-        yield Reason.of("pattern", pattern=pattern)
-        yield Reason.of("pattern_in_u")
+        for pattern in found.beyond_list[0][1].patterns:
+            if pattern.how == WRONG:
+                yield Reason.of("several_wrong", where=pattern.where["reading"])
         best = found.best
-        if len(best) > 1 and listed[best] >= DISMISSED * unlisted[pattern]:
+        if len(best) > 1 and listed[best] >= DISMISSED * max(unlisted.values()):
             yield Reason.of("two_would_follow", ids=best)
     if found.verdict is Verdict.AMBIGUOUS:
         for ids in found.rivals:

@@ -28,7 +28,6 @@ from orthoglide_cal.model.plan import (
     Patterns,
     ReadOnly,
     Reduction,
-    Structure,
     read_only,
 )
 
@@ -113,44 +112,6 @@ class NoiseGrid(ReadOnly):
         """
         kind = Gaussian if self.texture is None else Patchy
         return kind(columns, sizes, self, log_share)
-
-    def structured(
-        self,
-        structure: Structure,
-        contrasts: Contrasts,
-        columns: Floats,
-        residual: Floats,
-        sizes: Floats,
-    ) -> Floats:
-        """ln p of a residual (k,) that also holds a pattern of one of some sizes (s,), (s, g).
-
-        Of readings with the zeros in them, whose share of the density is taken out again:
-
-            |W Σ Wᵀ| = |Σ| |Z̃ᵀ Σ⁻¹ Z̃|,   Z̃ an orthonormal basis of the zeros
-
-        Args:
-            structure: the pattern, of equally precise readings.
-            contrasts: W.
-            columns: what always acts, of unit size, shape (k, r).
-        """
-        ours = contrasts.T @ np.column_stack((columns, residual))
-        noise2 = np.tile(self.sigma**2, len(sizes))
-        size2 = np.repeat(sizes**2, len(self.sigma))
-        square, log_det = structure.weigh(np.hstack((ours, contrasts.zeros)), noise2, size2)
-        width = columns.shape[1]
-        square, of_zeros = _eliminated(square, np.arange(width + 1, square.shape[-1]), 0.0)
-        square, of_columns = _eliminated(square, np.arange(width), 1.0)
-        log = -0.5 * (square[:, 0, 0] + log_det + of_zeros + of_columns)
-        return np.asarray(log.reshape(len(sizes), -1) + self.log_weight)
-
-
-def _eliminated(square: Floats, chosen: Ints, precision: float) -> tuple[Floats, Floats]:
-    """VᵀS⁻¹V (g, c, c) once some unknowns are integrated out; ln of what that adds to det S."""
-    rest = np.delete(np.arange(square.shape[-1]), chosen)
-    inner = square[:, chosen[:, None], chosen] + precision * np.eye(len(chosen))
-    cross = square[:, chosen[:, None], rest]
-    left = square[:, rest[:, None], rest] - cross.swapaxes(-1, -2) @ np.linalg.solve(inner, cross)
-    return left, np.linalg.slogdet(inner)[1]
 
 
 @dataclass(frozen=True, eq=False)

@@ -440,6 +440,17 @@ def leave_out_cells(white: Whitened, fit: Fit, judged: Fit) -> HeldOut:
     A single reading that the accepted explanation, `judged`, calls wrong cannot be predicted by any
     model; it is not scored.
     """
+    entries, errors, square = leave_out(white, fit, left_out(white, judged.wrong_reading))
+    return HeldOut(rms(errors), math.sqrt(square / entries.size))
+
+
+def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, Floats, float]:
+    """Predict blocks of readings, or of differences, each from all others by a fit.
+
+    Returns:
+        Which they are, (m,), the errors, weighed as in `Whitened.rms`, (m,), and the sum of their
+        squares in units of what the fit states for them.
+    """
     # S⁻¹ = (I − A Aᵀ)/σ²
     axes, factors = shrinking(fit.columns * (fit.sizes / fit.sigma))
     axes = axes * np.sqrt(1.0 - factors**2)
@@ -452,20 +463,19 @@ def leave_out_cells(white: Whitened, fit: Fit, judged: Fit) -> HeldOut:
     taken = (entries.T @ axes) / weight[:, None]
     if isinstance(entries, Contrasts):
         taken = np.hstack((entries.zeros, taken))
-    errors, square = [], 0.0
-    for blocks in left_out(white, judged.wrong_reading):
-        mine, values = taken[blocks], weighted[blocks][..., None]
+    errors, square, every = [], 0.0, list(blocks)
+    for some in every:
+        mine, values = taken[some], weighted[some][..., None]
         turned, (size, rank) = mine.swapaxes(-1, -2), mine.shape[1:]
         if size > rank:
             inner = np.linalg.solve(np.eye(rank) - turned @ mine, turned @ values)
             error = np.asarray(values + mine @ inner)
         else:
-            own = np.eye(size) if isinstance(entries, Contrasts) else _gram(entries, blocks)
+            own = np.eye(size) if isinstance(entries, Contrasts) else _gram(entries, some)
             error = np.asarray(np.linalg.solve(own - mine @ turned, values))
         errors.append(error.reshape(-1))
         square += float((error * values).sum()) / fit.sigma**2
-    every = np.concatenate(errors)
-    return HeldOut(rms(every), math.sqrt(square / every.size))
+    return np.concatenate([some.reshape(-1) for some in every]), np.concatenate(errors), square
 
 
 def _gram(entries: Floats, blocks: Ints) -> Floats:
@@ -473,11 +483,15 @@ def _gram(entries: Floats, blocks: Ints) -> Floats:
     return np.asarray((entries.T @ entries)[blocks[:, :, None], blocks[:, None, :]])
 
 
-def left_out(white: Whitened, wrong: int | None) -> list[Ints]:
-    """Entries to leave out together; blocks of one size in one array, shape (blocks, size)."""
-    cells, kept = np.arange(len(white)), np.full(len(white), True)
+def left_out(white: Whitened, wrong: int | None, cells: Ints | None = None) -> list[Ints]:
+    """Entries to leave out together; blocks of one size in one array, shape (blocks, size).
+
+    Those of one cell of the plan, or of `cells`, (n,).
+    """
+    kept = np.full(len(white.in_file), True)
+    if cells is None:
+        cells = white.plan.cells if white.raw else np.arange(len(white))
     if white.raw:
-        cells = white.plan.cells
         if white.plan.setups:
             # A set-up that leaves with its cell takes its zero along: nothing can predict it.
             shared = white.plan.shared

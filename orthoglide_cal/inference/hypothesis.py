@@ -26,47 +26,66 @@ from orthoglide_cal.inference.data import OFFSETS_MM, Extra, Linearised, Placed
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.cause import Cause, Place
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import AT_ONCE, Contrasts, Floats, Ints, Plan, Structure
+from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)
 # Share of the cases in which all parameters of a cause act.
 ALL = 0.5
 LOG_ALL = math.log(ALL)
-# Sizes at which each unlisted pattern is tried, in standard deviations of one reading.
-SIZES = (5.0, 30.0)
-NOISIER = (2.0, 4.0, 8.0)
 # A log density this far below another one adds nothing to their sum.
 LOST = 100.0
 # Of readings that are wrong by themselves no more are looked for.
 MOST_WRONG = 8
+WRONG = "misread"  # the how of these
+# No more shapes of a pattern count, and none below this share.
+SHAPES, SHARE = 12, 0.01
 
 Bases = Sequence[tuple[Cause, ...]]
 # Causes to fix, and readings to take again.
 Remedy = tuple[Ids, tuple[int, ...]]
 
 
+class Shape(NamedTuple):
+    """What a pattern may add to readings: columns of unit size, shape (n, q) [mm].
+
+    Of more noise, the readings that have it.
+    """
+
+    columns: Floats
+    parameter: float | None = None  # the moment, or time constant [h], or span [K] that it is of
+
+
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Something in the readings that no listed cause makes, too general for any one of them."""
+    """Something in the readings that no listed cause makes."""
 
-    words: str
+    how: str
+    where: Where
     log_prior: float  # ln prior weight
-    # What it adds to readings at its likeliest size, columns (n, q) [mm]; None for nothing.
-    columns: Floats | Structure | None
-    size: float
-    sigma: float  # standard deviation of one reading at its likeliest size [mm]
+    columns: Floats  # in v shapes, (n, v, q)
+    chosen: Bools  # which of them show here, (v, q)
+    parameters: Floats | None  # of each shape, (v,)
+    sizes: Floats  # that were tried, (s,) [mm]
+    log_shape: Floats  # log evidence of each shape and size, up to a constant, (v, s)
 
-    def spread(self, estimator: Floats) -> Floats:
-        """M S Mᵀ of what an estimator M (p, n) makes of readings that hold it, without noise."""
-        if self.columns is None:
-            return np.zeros((len(estimator), len(estimator)))
-        moved = (
-            self.columns.products(estimator.T)
-            if isinstance(self.columns, Structure)
-            else self.columns.T @ estimator.T
-        )
-        return np.asarray(self.size**2 * moved.T @ moved)
+    @cached_property
+    def shapes(self) -> list[tuple[float, Shape, float]]:
+        """The likeliest shapes: share, shape, and plausible size [mm]."""
+        share = np.exp(self.log_shape - log_sum(self.log_shape))
+        best = np.argsort(-share, axis=None, kind="stable")[:SHAPES]
+        return [
+            (float(share[v, s]), Shape(self.columns[:, v, self.chosen[v]], own), float(size))
+            for v, s in zip(*np.unravel_index(best, share.shape), strict=True)
+            for own in [None if self.parameters is None else float(self.parameters[v])]
+            for size in [self.sizes[s]]
+            if share[v, s] >= min(SHARE, share.max())
+        ]
+
+    @property
+    def label(self) -> str:
+        """How and where, in a word each."""
+        return " ".join((self.how, *(f"{name} {value}" for name, value in self.where.items())))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +107,7 @@ class Hypothesis:
     by_noise: Floats | None = None
     # On equal terms with the causes: where one wins, the data hold something real that no listed
     # cause explains, and its size goes into the uncertainty.
-    pattern: Pattern | None = None
+    patterns: tuple[Pattern, ...] = ()
 
     @cached_property
     def ids(self) -> Ids:
@@ -98,9 +117,13 @@ class Hypothesis:
     @cached_property
     def log_prior(self) -> float:
         """ln prior weight."""
-        if self.pattern is not None:
-            return self.pattern.log_prior
-        return self.at.candidates.log_prior[self.ids]
+        listed = self.at.candidates.log_prior[self.ids] if self.ids or not self.patterns else 0.0
+        return listed + sum(pattern.log_prior for pattern in self.patterns)
+
+    @property
+    def label(self) -> str:
+        """Its patterns in words, with the ids beside them."""
+        return ", ".join((*(pattern.label for pattern in self.patterns), *self.ids))
 
     def at_places(self, least: float, most: int) -> list[tuple[float, Hypothesis]]:
         """The same with its extra at each of the likeliest places, with their shares.
@@ -400,38 +423,7 @@ def of_any_size(power: Floats, match: Floats, variance: Floats) -> Floats:
     return log
 
 
-def score_patterns(at: Linearised) -> list[Hypothesis]:
-    """Every pattern, in addition to the offsets."""
-    noise, residual, stated = at.noise, at.residuals[0], at.noise.stated
-    offsets = offsets_and_seen(at, at.jacobian)
-    matrix, sizes = at.white.matrix, stated * np.array(SIZES)
-    patterns = list(at.white.plan.patterns(at.white.raw))
-    share, common, found = math.log(UNLISTED / (len(patterns) + 1)), offsets.shape[1], []
-    for what, pattern in patterns:
-        if isinstance(pattern, Structure) and isinstance(matrix, Contrasts):
-            log = noise.structured(pattern, matrix, offsets, residual, sizes)
-        else:
-            if isinstance(pattern, Structure):
-                pattern = pattern.products(np.eye(len(at.white.plan))).T
-            columns = np.hstack([offsets, matrix @ pattern])
-            every = np.ones((len(SIZES), columns.shape[1]))
-            every[:, common:] = sizes[:, None]
-            log = noise.density(columns, every).by_noise(residual)
-        own = log_sum(log, 1)
-        size = float(sizes[np.argmax(own)])
-        scored = Pattern(what, share, pattern, size, stated)
-        found.append(Hypothesis(at, log_mean(own), pattern=scored))
-    density = noise.wider(NOISIER).density(offsets, np.ones((1, common)))
-    logs = log_sum(density.by_noise(residual).reshape(len(NOISIER), -1), 1)
-    instrument = at.white.machine.vocabulary.noise
-    what = f"every reading scatters more than the {instrument}'s stated noise"
-    noisier = stated * NOISIER[np.argmax(logs)]
-    scored = Pattern(what, share, None, 0.0, noisier)
-    found.append(Hypothesis(at, log_mean(logs), pattern=scored))
-    return [*found, *_several_wrong(at, offsets, share)]
-
-
-def _several_wrong(at: Linearised, offsets: Floats, share: float) -> Iterator[Hypothesis]:
+def several_wrong(at: Linearised) -> Iterator[Hypothesis]:
     """More than one wrong reading, each by itself: the likeliest is added again and again.
 
     Looked for with a local shape, which would absorb what each of them adds: without one the
@@ -444,7 +436,12 @@ def _several_wrong(at: Linearised, offsets: Floats, share: float) -> Iterator[Hy
     cause, patterns = placed.cause, placed.patterns
     assert isinstance(cause, PatternCause)
     size = cause.prior_std(machine)[0] * np.array(BLUNDER_SCALES)
-    columns, wrong, found, price = offsets, list[int](), list[float](), 0.0
+    columns, wrong, found, price = (
+        offsets_and_seen(at, at.jacobian),
+        list[int](),
+        list[float](),
+        0.0,
+    )
     added = [np.zeros((len(plan), 0))]
     for _ in range(min(MOST_WRONG, len(placed.tried) // 4)):
         density = at.noise.density(columns, np.ones((1, columns.shape[1])))
@@ -462,7 +459,9 @@ def _several_wrong(at: Linearised, offsets: Floats, share: float) -> Iterator[Hy
     count = int(np.argmax(found)) + 1 if found else 0
     if count > 1:
         where = "; ".join(cause.label(placed.tried[n], plan, machine) for n in wrong[:count])
-        what = f"several readings are wrong, each by itself: {where}"
-        chosen = np.hstack(added[: count + 1])
-        several = Pattern(what, share, chosen, 1.0, at.noise.stated)
-        yield Hypothesis(at, found[count - 1], pattern=several)
+        chosen = np.hstack(added[: count + 1])[:, None]
+        shown, one = np.full(chosen.shape[1:], True), np.ones(1)
+        several = Pattern(
+            WRONG, {"reading": where}, math.log(UNLISTED), chosen, shown, None, one, one[None]
+        )
+        yield Hypothesis(at, found[count - 1], patterns=(several,))

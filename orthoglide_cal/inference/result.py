@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field
@@ -20,7 +20,7 @@ from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import Differences, Measured
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, ReadOnly
+from orthoglide_cal.model.plan import Floats, ReadOnly, Where
 from orthoglide_cal.schema import Minutes, Reason, Schema
 
 # Probability from which it is told that nothing may be wrong at all.
@@ -144,6 +144,15 @@ class CauseParameter(Schema):
     expanded: float = Field(description="U, of a normal distribution")
 
 
+class PatternParameter(Schema):
+    """A number that describes a pattern; of a gauge y_x: along y on leg x."""
+
+    name: str
+    unit: str
+    value: float
+    std: float
+
+
 class FoundCause(Schema):
     """A cause that was found; several act together."""
 
@@ -163,6 +172,31 @@ class FoundCause(Schema):
     remedy: str
     recommended: bool = Field(description="to be accepted as part of the machine")
     in_machine: bool = Field(description="false: it lies in the measurement")
+
+
+class FoundPattern(Schema):
+    """Something in the readings that no listed cause makes: how they deviate, and where."""
+
+    how: Literal["repeats", "drifts", "settles", "steps", "scatters", "hysteresis", "temperature"]
+    where: Where = Field(description="leg, direction, posture, as far as they apply")
+    from_minutes: float | None = Field(description="when it steps, or begins to settle")
+    size_mm: float = Field(
+        description="largest peak-to-peak effect on the readings of one gauge; of scatters the"
+        " standard deviation of the additional noise"
+    )
+    expanded_mm: float = Field(description="U of that size, of a normal distribution")
+    parameters: tuple[PatternParameter, ...]
+    probability: float
+    accepted: bool = Field(description="part of the likeliest explanation")
+    rms_before_mm: float = Field(description="left by the offsets alone")
+    rms_after_mm: float | None = Field(
+        description="with all that acts in its explanation; null in addition to more noise"
+    )
+    heldout_before_mm: float | None = Field(
+        description="error of predicting its readings, a cycle left out at a time, without it"
+    )
+    heldout_after_mm: float | None = Field(description="and with it")
+    heldout_ratio: float | None = Field(description="the latter by the former; null: one cycle")
 
 
 class UnshownFault(Schema):
@@ -229,6 +263,9 @@ class Diagnosis(ReadOnly):
     explanations: tuple[Explanation, ...]
     # Faults of the record that would not show besides the named causes.
     unshown: tuple[UnshownFault, ...] = ()
+    # Beyond the list, best first; empty unless the verdict is that something is.
+    patterns: tuple[FoundPattern, ...] = ()
+    enterable: float = 0.0  # probability of patterns that falsify no offsets
     # Causes that would explain what is unexplained, far beyond their size.
     beyond_tolerance: tuple[TimesStated, ...] = ()
     notes: tuple[Reason, ...] = ()

@@ -58,7 +58,6 @@ from orthoglide_cal.model.plan import (
     Floats,
     Ints,
     Numbers,
-    Patterns,
     Plan,
     alike,
     joined,
@@ -93,7 +92,6 @@ GRAIN_MM = 20.0  # over this distance the local shape of a bed is forgotten: glu
 # The local shape under more touches is described by that at so many places at most.
 MOST_TOUCHES, KNOTS = 600, 200
 FINER = (7, 8)  # degrees of shapes that are finer than `bed_shape`
-MOMENTS = 24  # at which readings that wander take a step
 
 Height = Annotated[Number, Field(ge=-1e4, le=1e4)]
 
@@ -262,8 +260,9 @@ class ProbePlan(Plan):
         surface, distance = float(self.surface[index]), bool(self.distance[index])
         return {**place, "surface_mm": surface, "distance": distance}
 
-    def patterns(self, ordered: bool) -> Iterator[tuple[str, Floats]]:
-        """Shapes of the bed that are finer than a cause has; with time: what wanders."""
+    @property
+    def returning(self) -> Floats:
+        """Shapes of the bed that are finer than a cause has."""
         touch = self.touches
         reach = float(np.abs(self.place[:, :2]).max(initial=1.0))
         x, y = self.place[:, 0] / reach, self.place[:, 1] / reach
@@ -272,17 +271,7 @@ class ProbePlan(Plan):
             for degrees in (range(FINER[0]), FINER)
         )
         # What a smooth surface follows is its own.
-        fine -= coarse @ np.linalg.lstsq(coarse, fine)[0]
-        yield "a bed that is bent in a finer way than a smooth surface", fine
-        if ordered and touch.any():
-            moments = self.in_time[touch[self.in_time]]
-            steps = moments[:: max(len(moments) // MOMENTS, 1)]
-            onward = Patterns.at(self, steps, np.full(len(steps), True))
-            wander = onward.columns(slice(None)) / np.sqrt(len(steps))
-            # A steady drift is a cause's own.
-            steady = touch[:, None] * np.stack((np.ones(len(self)), self.hours), axis=1)
-            wander -= steady @ np.linalg.lstsq(steady, wander)[0]
-            yield "readings that wander with time", wander
+        return np.asarray(fine - coarse @ np.linalg.lstsq(coarse, fine)[0])
 
 
 class LinearDelta(Machine):

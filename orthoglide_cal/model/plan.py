@@ -24,6 +24,8 @@ Numbers = NDArray[Any]
 PlanT = TypeVar("PlanT", bound="Plan")
 # A plan of the kind of machine whose methods take it; these name its class, the base cannot.
 AnyPlan = Any
+# Where a pattern acts: leg, direction, posture, as far as these matter; empty for everywhere.
+Where = Mapping[str, str]
 
 
 def read_only(values: ArrayLike, dtype: DTypeLike = np.float64) -> Numbers:
@@ -197,12 +199,17 @@ class Plan(ABC):
         """The plan of some of its readings (indices or mask)."""
         return type(self)(**{item.name: getattr(self, item.name)[chosen] for item in fields(self)})
 
+    @property
     @abstractmethod
-    def patterns(self, ordered: bool) -> Iterator[tuple[str, "Floats | Structure"]]:
-        """What readings may hold that no cause describes: in words, columns of unit size (n, q).
+    def returning(self) -> Floats:
+        """What no cause describes may return with its place: columns of unit size (n, q)."""
 
-        With what changes in time only where that order is known: `ordered`.
+    def wheres(self, ordered: bool) -> Iterator[tuple[Where, Bools]]:
+        """Readings at which a pattern may act, (n,), narrow ones before those that hold them.
+
+        Where the order in time is not known, `ordered`, only all of them.
         """
+        yield {}, np.full(len(self), True)
 
 
 def joined(*plans: PlanT) -> PlanT:
@@ -391,109 +398,3 @@ def later_sums(plan: Plan, values: Floats) -> Floats:
     sums = np.empty_like(to_end)
     sums[..., rows, :] = to_end - beyond[..., np.cumsum(first) - 1, :]
     return sums
-
-
-@dataclass(frozen=True, eq=False)
-class Groups(ReadOnly):
-    """The same deviation in all readings of a group; each group has its own.
-
-    Σ = σ² I + a² P Pᵀ of n readings, P the pattern, a its size.
-    """
-
-    group: Ints  # number of each reading's group; −1 for none, shape (n,)
-
-    @cached_property
-    def _count(self) -> Ints:
-        return read_only(np.bincount(self.group[self.group >= 0]), np.intp)
-
-    def products(self, values: Floats) -> Floats:
-        """Pᵀ v of columns (n, c), shape (q, c)."""
-        sums = np.zeros((self._count.size, values.shape[1]))
-        member = self.group >= 0
-        np.add.at(sums, self.group[member], values[member])
-        return sums
-
-    def weigh(self, values: Floats, noise2: Floats, size2: Floats) -> tuple[Floats, Floats]:
-        """Vᵀ Σ⁻¹ V of columns (n, c), shape (g, c, c), and ln det Σ, (g,); of each σ² and a²."""
-        sums, number = self.products(values), np.unique(self._count)
-        inner = np.stack([part.T @ part for part in (sums[self._count == m] for m in number)])
-        groups = np.bincount(self._count)[number]
-        widened = noise2[:, None] + size2[:, None] * number
-        share = size2[:, None] / (noise2[:, None] * widened)
-        square = values.T @ values / noise2[:, None, None] - np.tensordot(share, inner, axes=1)
-        log_det = np.log(widened / noise2[:, None]) @ groups + len(values) * np.log(noise2)
-        return square, log_det
-
-
-@dataclass(frozen=True, eq=False)
-class Wander(ReadOnly):
-    """A step at each reading, which stays in all later ones that share what it shares.
-
-    As `Groups`. D takes from each reading the one before it: D P is the unit matrix, and D Σ Dᵀ
-    tridiagonal.
-    """
-
-    plan: Plan
-
-    @cached_property
-    def _share(self) -> float:
-        """Square of a step: the longest sequence wanders by unit size."""
-        return 1.0 / float(np.bincount(self.plan.shared).max())
-
-    def products(self, values: Floats) -> Floats:
-        return np.asarray(np.sqrt(self._share) * later_sums(self.plan, values))
-
-    def weigh(self, values: Floats, noise2: Floats, size2: Floats) -> tuple[Floats, Floats]:
-        rows, first = self.plan.sequence
-        steps = values[rows]
-        steps[1:] -= np.where(first[1:, None], 0.0, values[rows[:-1]])
-        some = max(AT_ONCE // steps.size, 1)
-        parts = [
-            _eliminated(
-                noise2[at : at + some, None] * np.where(first, 1.0, 2.0)
-                + self._share * size2[at : at + some, None],
-                -noise2[at : at + some, None] * ~first[1:],
-                steps[None],
-            )
-            for at in range(0, len(noise2), some)
-        ]
-        square, log_det = (np.concatenate(part) for part in zip(*parts, strict=True))
-        return square, log_det
-
-
-# A pattern of so many columns that they are not written out.
-Structure = Groups | Wander
-
-
-def _eliminated(diagonal: Floats, beside: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Vᵀ T⁻¹ V (g, c, c) and ln det T (g,) of tridiagonal matrices, by cyclic reduction.
-
-    Every second unknown is eliminated, until none is left.
-
-    Args:
-        diagonal, beside: of T, shape (g, n) and (g, n − 1).
-        values: V, shape (1 or g, n, c).
-    """
-    c = values.shape[-1]
-    square, log_det = np.zeros((len(diagonal), c, c)), np.zeros(len(diagonal))
-    while diagonal.shape[1]:
-        pivot, own = diagonal[:, 1::2], values[:, 1::2]
-        if diagonal.shape[1] == 1:
-            pivot, own = diagonal, values
-        scaled = own / pivot[..., None]
-        square += np.swapaxes(own, -1, -2) @ scaled
-        log_det += np.log(pivot).sum(axis=1)
-        if diagonal.shape[1] == 1:
-            break
-        left, right = beside[:, 0::2], beside[:, 1::2]
-        m, r = left.shape[1], right.shape[1]
-        diagonal, values = (
-            diagonal[:, 0::2].copy(),
-            np.repeat(values[:, 0::2], len(diagonal) // len(values), axis=0),
-        )
-        diagonal[:, :m] -= left**2 / pivot
-        diagonal[:, 1 : r + 1] -= right**2 / pivot[:, :r]
-        values[:, :m] -= left[..., None] * scaled
-        values[:, 1 : r + 1] -= right[..., None] * scaled[:, :r]
-        beside = -left[:, :r] * right / pivot[:, :r]
-    return square, log_det

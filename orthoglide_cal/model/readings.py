@@ -13,11 +13,9 @@ import numpy as np
 from orthoglide_cal.model.plan import (
     Bools,
     Floats,
-    Groups,
     Ints,
     Plan,
-    Structure,
-    Wander,
+    Where,
     alike,
     read_only,
 )
@@ -203,16 +201,21 @@ class GaugePlan(Plan):
         moved = np.flatnonzero(np.diff(self.displacement[rows]))
         return rows[moved[-1] :] if moved.size else rows[-1:]
 
-    def patterns(self, ordered: bool) -> Iterator[tuple[str, Structure]]:
-        """What returns with its posture; with time: what wanders; more scatter on one leg."""
-        yield "the same deviation whenever a posture returns", Groups(self.cells)
-        if not ordered:
-            return
-        yield "readings that wander with time", Wander(self)
-        for leg in np.unique(self.leg):
-            own = self.leg == leg
-            alone = np.where(own, np.cumsum(own) - 1, -1)
-            yield f"more scatter on leg {AXES[leg]}", Groups(alone)
+    @property
+    def returning(self) -> Floats:
+        """Each cell by itself."""
+        return np.asarray(self.cells[:, None] == np.unique(self.cells), np.float64)
+
+    def wheres(self, ordered: bool) -> Iterator[tuple[Where, Bools]]:
+        """A gauge, a leg, a direction, a posture."""
+        columns = {"leg": self.leg, "direction": self.direction, "posture": self.displacement}
+        for names in (("leg", "direction"), ("leg",), ("direction",), ("posture",)) * ordered:
+            kinds, own = np.unique([columns[n] for n in names], axis=1, return_inverse=True)
+            for number, kind in enumerate(kinds.T.tolist()):
+                pairs = zip(names, kind, strict=True)
+                where = {n: f"{v:g}" if n == "posture" else AXES[int(v)] for n, v in pairs}
+                yield where, own.reshape(-1) == number
+        yield from super().wheres(ordered)
 
     @cached_property
     def series(self) -> tuple[Series, ...]:

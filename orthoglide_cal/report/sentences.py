@@ -4,16 +4,27 @@ A sentence is a format string over the data of its reason, the `words` of the ma
 the `cause` that the reason names by its id. Where its grammar depends on the data it is a function.
 """
 
+import math
 import string
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.inference import FoundPattern
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.schema import Reason
-from orthoglide_cal.words import counted, percent, plain, two_figures, unit_words
+from orthoglide_cal.words import (
+    counted,
+    percent,
+    plain,
+    two_figures,
+    unit_words,
+    with_uncertainty,
+)
 
 Data = Mapping[str, Any]
+# After so many time constants what settles has come to rest: 2 % are left.
+RESTING = 4.0
 
 
 # In addition to Python's formats.
@@ -120,6 +131,95 @@ def _advice(machine: Machine, data: Data) -> str:
     return CAUSES[data["id"]].words(machine).advice.format(where=data["where"])
 
 
+# How readings deviate → what they do, of one gauge and of several; the effect's short name; remedy.
+_HOWS: Mapping[str, tuple[str, str, str, str]] = {
+    "repeats": (
+        "deviates in the same way in each cycle",
+        "deviate in the same way in each cycle",
+        "deviation",
+        "Look for what returns with the posture at {where}: wear, a bent bar, a cable that pulls.",
+    ),
+    "drifts": (
+        "drifts smoothly in time",
+        "drift smoothly in time",
+        "drift",
+        "Let machine and stands of {where} come to rest: clamp them, close doors, warm up. Then"
+        " measure there again.",
+    ),
+    "settles": (
+        "creeps after set-up and comes to rest",
+        "creep after set-up and come to rest",
+        "creep",
+        "Let {where} rest for {rest:.0f} minutes before the first reading; measure there again.",
+    ),
+    "steps": (
+        "steps at one moment",
+        "step at one moment",
+        "step",
+        "Find what was knocked at {moment:.1f} min, between two readings of {where}; measure there"
+        " again.",
+    ),
+    "scatters": (
+        "scatters more than its noise",
+        "scatter more than their noise",
+        "scatter",
+        "Check clamp, vibration and plunger of {where}; measure there again.",
+    ),
+    "hysteresis": (
+        "lags behind the movement of its plunger",
+        "lag behind the movement of their plungers",
+        "lag",
+        "Clean the plunger of {where}, or exchange the gauge; measure there again.",
+    ),
+    "temperature": (
+        "follows the recorded temperature",
+        "follow the recorded temperature",
+        "temperature",
+        "Warm up until the temperature of {where} is steady and record it with each reading;"
+        " measure there again.",
+    ),
+}
+
+
+def where_words(pattern: FoundPattern) -> str:
+    """The gauges, or readings, that deviate."""
+    where = pattern.where
+    if "posture" in where:
+        return f"the readings at {where['posture']}"
+    place = f" of leg {where['leg']}" if "leg" in where else ""
+    place += f" along {where['direction']}" if "direction" in where else ""
+    one = len(where) > 1
+    return f"{'' if place else 'all '}{'the ' * bool(place)}gauge{'' if one else 's'}{place}"
+
+
+def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
+    """What deviates, how, and by how much."""
+    one, several, _, _ = _HOWS[pattern.how]
+    subject = where_words(pattern) if machine.vocabulary.measure else "the touches"
+    numbers = [f"{with_uncertainty(pattern.size_mm, pattern.expanded_mm).lstrip('+')} mm"]
+    numbers += [
+        f"{two_figures(abs(each.value))} {each.unit}"
+        for each in pattern.parameters
+        if each.name == "time_constant" or (each.unit == "mm/K" and len(pattern.parameters) == 1)
+    ]
+    if pattern.how == "steps" and pattern.from_minutes is not None:
+        numbers.append(f"at {plain(pattern.from_minutes, 1)} min")
+    return f"{subject} {one if len(pattern.where) == 2 else several} ({', '.join(numbers)})"
+
+
+def pattern_name(pattern: FoundPattern) -> str:
+    """The effect in one noun."""
+    return _HOWS[pattern.how][2]
+
+
+def pattern_remedy(pattern: FoundPattern) -> str:
+    """What to do about it."""
+    known = {each.name: each.value for each in pattern.parameters}
+    rest = math.ceil(RESTING * known.get("time_constant", 0.0))
+    text = _HOWS[pattern.how][3]
+    return text.format(where=where_words(pattern), rest=rest, moment=pattern.from_minutes or 0.0)
+
+
 def _retake(_: Machine, data: Data) -> str:
     kept = data["kept"]
     few = len(kept) <= 3  # to say why
@@ -149,6 +249,10 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     # What to know although it may be entered.
     "within_u": "With {ids:and} the {words.many} change by at most {change:.3f} {unit}, which is"
     " within U.",
+    "beyond_list": lambda machine, data: (
+        "The reason is not known: "
+        f"{'; '.join(pattern_words(machine, one) for one in data['patterns'])}."
+    ),
     "local_shape": "The bed's local shape is about {factor:.1f} times as large as is stated or"
     " usual, and U does not cover all of that. State it as texture_mm of the probe.",
     "remains": "Offsets do not remove {ids:causes}: {left_mm:two} mm r.m.s. will remain.",
@@ -193,8 +297,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     " ({floor_mm:.2g} mm); the intervals use the resolution.",
     # Notes of a diagnosis.
     "not_excluded": "Not excluded, too small to show: {ids:names}.",
-    "pattern": "No listed cause explains the residuals. Their pattern: {pattern}.",
-    "pattern_in_u": "Its size is part of the uncertainty of the {words.many}.",
+    "several_wrong": "Several readings are wrong, each by itself: {where}.",
     "two_would_follow": "{ids:with} would also fit it, but two causes fit nearly any"
     " pattern. To check them, repeat with {words.further}.",
     "perhaps_also": "These readings cannot show whether {ids:and} is also present.",
@@ -219,6 +322,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "more_readings": "{words.more}",
     "again": "{words.again}",
     "advice": _advice,
+    "beyond_remedy": lambda _, data: pattern_remedy(data["pattern"]),
     "accept": "{cause.advice} Or accept {id} as part of the machine:",
     "look": "Check whether {cause.title}{where:place}. What shows it: {cause.instrument}. If all"
     " is in order, say so:",

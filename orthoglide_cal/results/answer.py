@@ -17,6 +17,7 @@ from orthoglide_cal.inference import (
     Baselines,
     Explanation,
     FoundCause,
+    FoundPattern,
     LackOfFit,
     NextMeasurement,
     Otherwise,
@@ -233,6 +234,7 @@ class Answer(Schema):
     converged: bool = False
     residuals: tuple[Residual, ...] = ()
     causes: tuple[FoundCause, ...] = Field((), description="best first")
+    patterns: tuple[FoundPattern, ...] = Field((), description="beyond the list, best first")
     shims: tuple[Shim, ...] = Field((), description="that close the gaps of axis_gap")
     baselines: Baselines | None = None
     ambiguous_with: Ids = ()

@@ -153,7 +153,9 @@ class _DiagnosedSession:
             solve(given.measured, white.problem.model)  # refuses what is out of all proportion
             decision = decide(white)
             if decision.verdict is Verdict.UNEXPLAINED:
-                self.unexplained = decision.offsets[1]
+                values, spread = decision.offsets
+                moved = values - self.alone.offsets
+                self.unexplained = spread + np.outer(moved, moved)
             else:
                 self.belief = decision.belief
         # Set of lasting causes → probabilities of the explanations with it.

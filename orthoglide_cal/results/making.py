@@ -37,7 +37,12 @@ from orthoglide_cal.estimation.accuracy import (
     rms,
 )
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
-from orthoglide_cal.estimation.losses import DISMISSED
+from orthoglide_cal.estimation.losses import (
+    DISMISSED,
+    FALSE_RELEASE,
+    NEEDLESS_HOLD,
+    is_likely,
+)
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
     Diagnosis,
@@ -68,7 +73,7 @@ NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
 _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
-    *("rivals", "unshown", "beyond_tolerance", "assumed_sizes"),
+    *("rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
 )
 
 
@@ -507,11 +512,16 @@ def release(
     elif failures:
         # What the check found is the explanation.
         judged = Release()
+    elif not is_likely(diagnosis.enterable, FALSE_RELEASE, NEEDLESS_HOLD):
+        known = [one for one in diagnosis.patterns if one.accepted]
+        judged = Release(cautions=(Reason.of("beyond_list", patterns=known),))
     else:
         lack, beyond = diagnosis.lack_of_fit, bool(diagnosis.beyond_tolerance)
         sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
         reason = Reason.of("unexplained", beyond=beyond, **sizes)
-        judged = Release(reasons=(reason,), remedies=(Remedy(sentence=Reason.of("again")),))
+        known = [one for one in diagnosis.patterns if one.accepted]
+        advice = [Reason.of("beyond_remedy", pattern=one) for one in known] or [Reason.of("again")]
+        judged = Release(reasons=(reason,), remedies=tuple(Remedy(sentence=a) for a in advice))
     if not failures:
         more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
         return judged.changed(cautions=(*judged.cautions, *more))

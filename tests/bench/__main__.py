@@ -7,6 +7,7 @@ from pathlib import Path
 
 from tests.truth import GAUGES, MACHINES
 
+from .beyond import draw_hidden, failures_beyond, report_beyond, run_beyond
 from .cases import FULL, FULL_PRINTERS, draw_gauges, draw_printers
 from .report import failures, full_report
 from .run import run_bench
@@ -25,6 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
     ):
         parser.add_argument(f"--{name}", type=int, help=about)
     parser.add_argument("--holdouts", type=int, default=2, help="second sessions per cause, group")
+    parser.add_argument("--beyond", type=int, help="sessions beyond the list, and nothing else")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--machine", choices=MACHINES, action="append")
     parser.add_argument("--gauge", choices=GAUGES, action="append")
@@ -35,6 +37,10 @@ def main(arguments: list[str] | None = None) -> int:
     counts = replace(usual, **{name: value for name, value in asked.items() if value is not None})
     machines = [MACHINES[name] for name in given.machine or MACHINES]
     gauges = [GAUGES[name] for name in given.gauge or GAUGES]
+    if given.beyond:
+        described = run_beyond(draw_hidden(machines, gauges, given.beyond, given.seed), given.keep)
+        print(report_beyond(described))
+        return int(bool(failures_beyond(described)))
     drawn = (
         draw_printers(counts, given.seed)
         if given.printers

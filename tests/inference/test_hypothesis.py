@@ -62,11 +62,14 @@ def test_widths_of_lost_motion_are_not_negative() -> None:
 
 
 def test_evidence_of_what_is_not_listed() -> None:
-    """What returns with the posture, wanders with time, or scatters more: to 5 % of the odds."""
+    """What returns with the posture, or scatters more: to 20 % of the odds.
+
+    What is uncertain of every session is taken as large as the noise, which costs that much.
+    """
     other, found = drawn(())
-    for word, cases in other.patterns().items():
-        (pattern,) = [one for words, one in found.patterns.items() if word in words]
-        assert pattern.log_evidence == pytest.approx(other.integrated(cases), abs=0.05), word
+    for label, cases in other.patterns().items():
+        log = found.patterns[label].log_evidence
+        assert log == pytest.approx(other.integrated(cases), abs=0.2), label
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,7 @@ from orthoglide_cal.inference.evidence import Places
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import (
     Contrasts,
-    Floats,
-    Groups,
     Patterns,
-    Structure,
-    Wander,
     zero_free,
 )
 from tests.machines import PROTOTYPE
@@ -67,26 +63,3 @@ def test_columns_of_many_places_are_those_written_out() -> None:
         assert places.column(2) == pytest.approx(matrix @ wanted[:, 2], abs=1e-12)
         data = RNG.normal(size=(len(matrix), 2))
         assert places.products(data) == pytest.approx(data.T @ matrix @ wanted, abs=1e-12)
-
-
-LEG = PLAN.leg == 1
-ROOTS = {
-    "cells": (Groups(PLAN.cells), np.equal.outer(PLAN.cells, np.unique(PLAN.cells))),
-    "leg": (Groups(np.where(LEG, np.cumsum(LEG) - 1, -1)), np.eye(N)[:, LEG]),
-    "wander": (Wander(PLAN), STEPS / np.sqrt(np.bincount(PLAN.setup).max())),
-}
-
-
-@pytest.mark.parametrize("name", ROOTS)
-def test_structures_are_the_covariance_written_out(name: str) -> None:
-    structure: Structure
-    root: Floats
-    structure, root = ROOTS[name]
-    assert structure.products(VALUES) == pytest.approx(root.T @ VALUES, abs=1e-12)
-    noise2, size2 = np.array([1e-4, 1e-4, 0.3]), np.array([1e-3, 2.0, 1e-3])
-    square, log_det = structure.weigh(VALUES, noise2, size2)
-    for g in range(3):
-        covariance = noise2[g] * np.eye(N) + size2[g] * root @ root.T
-        wanted = VALUES.T @ np.linalg.solve(covariance, VALUES)
-        assert square[g] == pytest.approx(wanted, rel=1e-9)
-        assert log_det[g] == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-12)

@@ -28,7 +28,7 @@ ALONE = {1.0: 0.80, 3.0: 0.17, 30.0: 0.03}
 USUAL = {1.0: 0.80 / 0.97, 3.0: 0.17 / 0.97}
 BLUNDERS = (1.0, 6.0)
 TURNS = {-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01}
-PATTERN_SIZES, NOISIER = (5.0, 30.0), (2.0, 4.0, 8.0)
+PATTERN_SIZES, NOISIER = (5.0, 30.0), np.geomspace(1.0, 16.0, 4)
 CLERICAL = 0.1  # a fault of a whole table, in faults of one gauge
 NAMED = {"backlash": 3, "bar_skew": 6}  # parameters; the others of backlash are lags
 
@@ -170,48 +170,23 @@ class Evidence:
             yield Case(share, residual, (matrix @ pattern)[:, None], np.array([size]))
 
     def patterns(self) -> dict[str, list[Case]]:
-        """Patterns that no listed cause explains."""
+        """Some patterns that no listed cause makes, by their labels."""
         plan, sigma = self.session.plan, self.session.gauge.sigma
         residual = self._without_zeros(self.session.readings, [])
         cells = np.unique(np.stack((plan.setup, plan.displacement)), axis=1, return_inverse=True)[1]
-        rows = np.arange(plan.count)
-        walk = np.equal.outer(plan.zero, plan.zero) & np.greater_equal.outer(rows, rows)
+        on_x = np.eye(plan.count)[:, plan.leg == 0]
         roots = {
-            "posture": np.equal.outer(cells, np.unique(cells)) * 1.0,
-            "time": walk / np.sqrt(walk.sum(axis=0).max()),
-            **{f"leg {'xyz'[leg]}": np.eye(plan.count)[:, plan.leg == leg] for leg in range(3)},
+            "repeats": (np.equal.outer(cells, np.unique(cells)) * 1.0, PATTERN_SIZES),
+            "scatters leg x": (on_x, NOISIER),
         }
-        half, third = 1.0 / len(PATTERN_SIZES), 1.0 / len(NOISIER)
-        found = {
+        return {
             name: [
-                Case(half, residual, self._contrasts @ root, np.full(root.shape[1], size * sigma))
-                for size in PATTERN_SIZES
+                Case(1.0 / len(sizes), residual, columns, np.full(columns.shape[1], size * sigma))
+                for size in sizes
             ]
-            for name, root in roots.items()
+            for name, (root, sizes) in roots.items()
+            for columns in [self._contrasts @ root]
         }
-        none = Case(third, residual, np.zeros((len(residual), 0)), np.zeros(0))
-        return found | {"every": [replace(none, noise=factor) for factor in NOISIER]}
-
-    def unexplained_std(self) -> Floats:
-        """Standard deviation of offsets through what no listed cause explains, shape (3,) [mm].
-
-        By the likeliest pattern at its likeliest size, or by as much as is left at each posture,
-        in the mean of its repeats as in each of them: the larger.
-        """
-        patterns = self.patterns()
-        likeliest = max(patterns.values(), key=self.integrated)
-        case = max(likeliest, key=lambda case: self.integrated([case]))
-        columns, sigma = self.always, self.session.gauge.sigma
-        estimator = OFFSET_MM * np.linalg.pinv(columns[:, :3])
-        # Stands, legs and scale take what is as large as they may be.
-        inverse = np.linalg.inv(columns.T @ columns + sigma**2 * np.eye(columns.shape[1]))
-        residual = case.residual - columns @ (inverse @ (columns.T @ case.residual))
-        pattern = np.hstack([case.noise * sigma * np.eye(len(residual)), case.columns])
-        left = residual @ residual / (len(residual) - 3)
-        cells = patterns["posture"][0].jacobian
-        returning = np.sqrt(left) * np.hstack([np.eye(len(residual)), cells])
-        spreads = [((estimator @ root) ** 2).sum(axis=1) for root in (pattern, returning)]
-        return np.sqrt(np.max(spreads, axis=0))
 
     def integrated(self, cases: list[Case]) -> float:
         """Log evidence in closed form, but for σ: Gauss–Hermite; no constant -k/2 ln 2π."""

@@ -68,6 +68,7 @@ class Session:
     clean: Floats
     """The record without noise, rounding and what the setting does to it, shape (N,), [mm]."""
     readings: Floats  # the record, shape (N,), [mm]
+    warm: Floats | None = None  # what a thermometer showed at each reading, shape (N,), [deg C]
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -295,12 +296,14 @@ def readings_csv(session: Session) -> str:
     """One reading per row, in the order of time; no word of the truth."""
     plan, places = session.plan, session.gauge.decimals
     header, rows = "seq,cycle,minutes,leg,direction,posture,reading_mm", []
+    header += ",temperature_c" * (session.warm is not None)
     sittings = plan.part.any() or plan.entered.any() or plan.turned.any()
     sittings = sittings or np.any(plan.gauge_at != 0.5)
     for n in range(plan.count):
         axes = f"{AXIS_NAMES[plan.leg[n]]},{AXIS_NAMES[plan.direction[n]]}"
         row = f"{n + 1},{plan.cycle[n]},{plan.minutes[n]:.2f},{axes},{plan.posture[n]}"
         row += f",{session.readings[n]:.{places}f}"
+        row += "" if session.warm is None else f",{session.warm[n]:.1f}"
         if sittings:
             entered = " ".join(f"{offset:.6f}" for offset in plan.entered[n])
             bar = "turned" if plan.turned[n] else ""

@@ -10,7 +10,7 @@ from functools import partial
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.inference import NextMeasurement, Verdict, nothing_wrong
-from orthoglide_cal.inference.result import Explanation
+from orthoglide_cal.inference.result import Explanation, FoundPattern
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.measured import weighing
 from orthoglide_cal.report import document as doc
@@ -29,6 +29,7 @@ from orthoglide_cal.report.documents.solution import (
     sizes,
     sizes_grid,
 )
+from orthoglide_cal.report.sentences import pattern_name, pattern_remedy, pattern_words
 from orthoglide_cal.report.terminal import height
 from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (
@@ -124,6 +125,12 @@ def _notice(case: Case) -> doc.Notice:
         wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
         alone = f"the {case.words.many} alone would be wrong by up to {wrong}"
         lines[:2] = [f"Do not enter anything yet: {alone}."]
+    elif "beyond_list" in release.codes:
+        caution = next(each for each in release.cautions if each.code == "beyond_list")
+        words = (
+            f"The {case.words.many} may be entered, with a reservation: the reason is not known."
+        )
+        lines = [words, *(text for text in notice.lines if text != case.says(caution))]
     elif reason == "undecided":
         u = two_figures(max(each.expanded for each in answer.parameters))
         why = f": until that is decided they may be wrong by {u} {answer.parameters[0].unit}"
@@ -158,7 +165,8 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
         known = (each for each in answer.parameters if each.determined)
         rows = [(each.name, each.found or 0.0, each.expanded, each.unit) for each in known]
         # They stand in the row above: by their names the columns would not fit.
-        causes = f" with {'them' if len(answer.causes) > 1 else 'it'}" if answer.named else ""
+        together = len(answer.causes) + len(_beyond(answer))
+        causes = f" with {'them' if together > 1 else 'it'}" * bool(answer.named or answer.patterns)
         lines.append((f"{case.words.many}{causes}{unit}", sizes(rows, not unit)))
     if lines:
         yield sizes_grid(lines, 3 if unit else 2)
@@ -173,17 +181,28 @@ def _omitted(case: Case) -> str:
     return "later readings" if case.answer.holdout else "omitted readings"
 
 
+def _beyond(answer: Answer) -> list[FoundPattern]:
+    """The patterns of the likeliest explanation beyond the list."""
+    return [each for each in answer.patterns if each.accepted]
+
+
 def _rms_grid(case: Case) -> doc.Grid:
     """Residuals without and with the causes, of readings fitted and not."""
     answer, lack = case.answer, case.answer.lack_of_fit
     left: dict[str, tuple[float, ...]] = {}
     for first in answer.causes[:1]:
-        left["fitted"] = first.rms_before_mm, first.rms_after_mm
+        left["fitted"] = first.rms_before_mm, *filter(None, [first.rms_after_mm])
         left[f"predicting {_omitted(case)}"] = first.heldout_before_mm, first.heldout_after_mm
+    for best in _beyond(answer)[:1]:
+        left["fitted"] = best.rms_before_mm, best.rms_after_mm or best.rms_before_mm
+        if best.heldout_before_mm is not None and best.heldout_after_mm is not None:
+            left["cycles left out, there"] = best.heldout_before_mm, best.heldout_after_mm
     if lack is not None:
         left.setdefault("fitted", (lack.left_mm,))
         left[f"{case.words.noise}'s noise{case.words.also} would leave"] = (lack.expected_mm,)
     head = ["r.m.s., mm", f"{case.words.many} only", *filter(None, [_with_causes(case).strip()])]
+    if known := _beyond(answer):
+        head.append(f"with the {pattern_name(known[0])}")
     rows = [(name, *(plain(mm, 4) for mm in pair), "")[: len(head)] for name, pair in left.items()]
     return doc.Grid(head, rows)
 
@@ -250,6 +269,9 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             yield doc.Instruction(
                 "Or accept the shape as part of the machine, whatever its cause", typed
             )
+    elif known := _beyond(answer):
+        for pattern in known:
+            yield doc.Instruction(pattern_remedy(pattern), case.further(None))
     elif not release.usable:
         yield from case.remedies()
         if answer.next_measurement is not None and any(each.matters for each in answer.unshown):
@@ -274,7 +296,7 @@ def _page(case: Case) -> doc.Page:
     if answer.verdict is Verdict.AMBIGUOUS:
         blocks.append("U includes the undecided causes.")
     elif answer.verdict is Verdict.UNEXPLAINED:
-        blocks.append("U includes the unexplained part.")
+        blocks.append("U includes what is not on the list.")
     blocks += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
     return doc.Page(
         kind="Diagnosis",
@@ -300,6 +322,9 @@ def headline(case: Case) -> str:
             return "Undecided: these data do not show what is wrong, or whether anything is."
         return "Undecided: these data leave open what is wrong."
     if answer.verdict is not Verdict.CONSISTENT:
+        if known := _beyond(answer):
+            text = "; ".join(pattern_words(case.machine, each) for each in known)
+            return f"Not on the list: {text}."
         far = [f"{each.id} at {each.times:.0f} times its size" for each in answer.beyond_tolerance]
         only = f"only {' or '.join(far)} would explain what these readings show"
         return f"Unexplained: {only if far else 'no listed cause explains these readings'}."

@@ -1,0 +1,135 @@
+"""A pattern beyond the list in numbers: size, parameters, and what it gains in omitted cycles."""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from orthoglide_cal.estimation.accuracy import half_width, rms
+from orthoglide_cal.inference.belief import Belief
+from orthoglide_cal.inference.fit import leave_out, left_out
+from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern
+from orthoglide_cal.inference.patterns import Ground, fits_of
+from orthoglide_cal.inference.result import FoundPattern, PatternParameter
+from orthoglide_cal.model.measured import Measured, Readings
+from orthoglide_cal.model.plan import Bools, Floats
+
+MINUTES = 60.0  # in an hour
+# Pattern → name of the parameter of its shapes.
+_SHAPE_NAMES = {"drifts": "period", "settles": "time_constant", "steps": "moment"}
+
+_Fits = Sequence[tuple[float, Ground, slice]]
+
+
+def described(
+    hypothesis: Hypothesis, belief: Belief, measured: Measured, probability: float, accepted: bool
+) -> FoundPattern:
+    """The last pattern of a hypothesis in numbers."""
+    base = belief.fit(hypothesis.ids)
+    pattern, white = hypothesis.patterns[-1], hypothesis.at.white
+    fits, before = fits_of(hypothesis, base), Ground.of(hypothesis.at, base)
+    for other in hypothesis.patterns[:-1]:
+        before, _ = before.extended(other)
+    after = fits[0][1]
+    wheres = white.plan.wheres(white.raw)
+    rows = next(rows for where, rows in wheres if where == pattern.where)
+    where = dict(pattern.where)
+    if "posture" in where and isinstance(measured, Readings):
+        where["posture"] = measured.posture[int(np.argmax(rows))]
+    gauges = list(_gauges(pattern, fits, rows))
+    _, size, std, _ = max(gauges, key=lambda one: abs(one[1]))
+    kelvin, unit = pattern.how == "temperature", "mm/K" if pattern.how == "temperature" else "mm"
+    parameters = [
+        PatternParameter(name=name, unit=unit, value=value / by, std=spread / abs(by))
+        for name, value, spread, span in gauges
+        for by in [span if kelvin else 1.0]
+    ]
+    start = None
+    if pattern.how in _SHAPE_NAMES:
+        shapes = np.array([shape.parameter or 0.0 for _, shape, _ in pattern.shapes])
+        known = _mean_and_std(np.array([share for share, _, _ in fits]), MINUTES * shapes)
+        columns = {"name": _SHAPE_NAMES[pattern.how], "unit": "min"}
+        parameters.append(PatternParameter(**columns, value=known[0], std=known[1]))
+        start = {
+            "steps": known[0],
+            "settles": MINUTES * float(white.plan.hours[rows].min()),
+        }.get(pattern.how)
+    left = before if pattern.how == "scatters" else after
+    heldout = _heldout(rows, before, after, measured)
+    return FoundPattern(
+        how=pattern.how,
+        where=where,
+        from_minutes=start,
+        size_mm=abs(size),
+        expanded_mm=half_width(np.inf) * std,
+        parameters=parameters,
+        probability=probability,
+        accepted=accepted,
+        rms_before_mm=white.rms(belief.fit(()).left),
+        # More noise takes nothing away.
+        rms_after_mm=white.rms(left.fit.left) if left.white is white else None,
+        heldout_before_mm=heldout and heldout[0],
+        heldout_after_mm=heldout and heldout[1],
+        heldout_ratio=heldout and heldout[1] / heldout[0],
+    )
+
+
+def _gauges(
+    pattern: Pattern, fits: _Fits, rows: Bools
+) -> Iterator[tuple[str, float, float, float]]:
+    """What it does to each gauge: name, peak to peak, its standard deviation [mm], and span [K].
+
+    Positive where the later of the two readings is the larger. More noise is one for all.
+    """
+    shares = np.array([share for share, _, _ in fits])
+    if pattern.how == "scatters":
+        yield (
+            "noise",
+            *_mean_and_std(shares, np.array([size for _, _, size in pattern.shapes])),
+            1.0,
+        )
+        return
+    plan, columns = fits[0][1].at.white.plan, [shape.columns for _, shape, _ in pattern.shapes]
+    known = [ground.amplitudes(own) for _, ground, own in fits]
+    effect = columns[0] @ known[0][0]
+    for gauge in dict.fromkeys(plan.shared[rows].tolist()):
+        own = np.flatnonzero(plan.shared == gauge)
+        ends = own[effect[own].argmin()], own[effect[own].argmax()]
+        first, last = sorted(ends, key=plan.order.__getitem__)
+        apart = [shape[last] - shape[first] for shape in columns]
+        values = np.array([one @ mean for one, (mean, _) in zip(apart, known, strict=True)])
+        variances = [one @ spread @ one for one, (_, spread) in zip(apart, known, strict=True)]
+        if not np.any(apart[0]):
+            continue
+        entry, span = plan.entry(int(first)), float(apart[0].sum())
+        name = f"{entry['direction']}_{entry['leg']}" if "leg" in entry else "readings"
+        by = 1.0 if pattern.parameters is None else float(pattern.parameters[0])
+        yield name, *_mean_and_std(shares, values, np.array(variances)), by * span
+
+
+def _mean_and_std(
+    shares: Floats, values: Floats, variances: Floats | float = 0.0
+) -> tuple[float, float]:
+    """Of a mixture, shares (m,) that sum to 1."""
+    mean = float(shares @ values)
+    return mean, math.sqrt(float(shares @ ((values - mean) ** 2 + variances)))
+
+
+def _heldout(
+    rows: Bools, before: Ground, after: Ground, measured: Measured
+) -> tuple[float, float] | None:
+    """Errors of predicting some readings, one cycle left out at a time, r.m.s. [mm].
+
+    Without and with the pattern; None where no reading has another cycle.
+    """
+    if not isinstance(measured, Readings):
+        return None
+    blocks = left_out(before.white, None, measured.cycle)
+    if len(np.unique(measured.cycle)) < 2 or not blocks:
+        return None
+    errors = []
+    for ground in (before, after):
+        which, error, _ = leave_out(ground.white, ground.fit, blocks)
+        chosen = rows[which]
+        errors.append(rms((error / ground.white.plan.precision[which])[chosen]))
+    return (errors[0], errors[1]) if np.isfinite(errors[0]) else None

@@ -1,0 +1,564 @@
+"""What no listed cause makes: patterns of the readings, each a *how* at a *where*.
+
+A how is one function of the course of a session and of the rows that the where selects; it gives
+columns of unit size [mm] in one or several shapes (a moment, a time constant), which are averaged
+over. Pattern and causes are weighed by one evidence: with C the columns, of size s, and S what
+acts without them,
+
+    ln p = ln p0 − ½ ln det(1 + s² G) + ½ mᵀ (1/s² + G)⁻¹ m,   G = Cᵀ S⁻¹ C,  m = Cᵀ S⁻¹ r
+
+S is taken as large as the noise: for each σ of the grid the S of the stated one, times its square.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import erf
+
+from orthoglide_cal.causes import PatternCause
+from orthoglide_cal.estimation.gaussian import condition, log_sum, shrinking
+from orthoglide_cal.estimation.losses import UNLISTED
+from orthoglide_cal.inference.data import Linearised, Whitened
+from orthoglide_cal.inference.evidence import NoiseGrid
+from orthoglide_cal.inference.fit import Fit
+from orthoglide_cal.inference.hypothesis import (
+    BLUNDER_SCALES,
+    Hypothesis,
+    Pattern,
+    several_wrong,
+)
+from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, Plan, Where
+
+# Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.
+SIZES = np.array((5.0, 30.0))
+NOISIER = np.geomspace(1.0, 16.0, 7)
+# Time constants and periods, as shares of the longest set-up: from, to, and how many; of data that
+# are not sound so many. Moments of a step.
+SETTLING, DRIFTING, COARSE, FINE = (0.08, 0.8), (0.5, 4.0), 5, 40
+MOMENTS = 64
+# Rounds in which the movements of plungers are found that lag.
+ROUNDS = 3
+# So many columns at most; cells beyond that number are no pattern.
+MOST_COLUMNS = 64
+# Cosine from which columns of one gauge can follow what a listed cause does there, and ln of the
+# weight of these: all but one in a hundred of such effects have that cause.
+ALIKE, LISTED, ROUNDING = 0.97, math.log(0.01), 1e-9
+ABSENT = -1e9  # ln of the share of a shape that does not show
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """What readings may follow, each of shape (n,)."""
+
+    plan: Plan
+    ordered: bool  # their order in time is known
+    turned: Floats  # expected sign of the movement of a reading's own plunger before it
+    kelvin: Floats  # the recorded temperature, less the first; zeros where none was
+    fine: bool = False  # shapes are tried closely
+
+    @classmethod
+    def of(cls, white: Whitened, predicted: Floats, fine: bool) -> Course:
+        """Of readings of which a model predicts this, whitened, shape (k,) [mm]."""
+        plan, turned = white.plan, np.zeros(len(white.plan))
+        if white.raw:
+            rows, first = plan.sequence
+            moved = np.diff(white.plain(predicted)[rows], prepend=0.0)
+            noise = white.machine.instrument.noise_mm
+            turned[rows] = np.where(first, 0.0, erf(0.5 * moved / noise))
+        kelvin = np.zeros(len(plan)) if white.kelvin is None else white.kelvin
+        return cls(plan, white.raw, turned, kelvin, fine)
+
+    def durations(self, least: float, most: float) -> Floats:
+        """Times between shares of the longest set-up, shape (v,) [h]."""
+        count = FINE if self.fine else COARSE
+        return np.geomspace(least, most, count) * (self.since.max(initial=0.0) or 1.0)
+
+    def by_gauge(self, values: Floats, parameters: Floats | None = None) -> Made:
+        """Values (n,), or (n, v, b), in columns of their own for each set-up of a gauge."""
+        shared = self.plan.shared
+        _, first = np.unique(shared, return_index=True)
+        member = (shared[:, None] == shared[first])[:, None, :, None]
+        wide = values.reshape(len(shared), 1 if parameters is None else len(parameters), 1, -1)
+        columns = (member * wide).reshape(*wide.shape[:2], -1)
+        return Made(columns, np.repeat(first, wide.shape[-1]), parameters)
+
+    @cached_property
+    def since(self) -> Floats:
+        """Time since each reading's set-up began, shape (n,) [h]."""
+        began = np.full(int(self.plan.shared.max(initial=0)) + 1, np.inf)
+        np.minimum.at(began, self.plan.shared, self.plan.hours)
+        return np.asarray(self.plan.hours - began[self.plan.shared])
+
+
+class Made(NamedTuple):
+    """Columns of a how at every where: of each where those whose readings it selects."""
+
+    columns: Floats  # of unit size, in v shapes, shape (n, v, q) [mm]
+    reading: Ints  # one that each column is of, shape (q,)
+    parameters: Floats | None = None  # of each shape, (v,): its moment, time constant, or span
+
+
+def _repeats(course: Course) -> Made:
+    """The same in each cycle."""
+    columns = course.plan.returning
+    return Made(columns[:, None], np.abs(columns).argmax(axis=0))
+
+
+def _drifts(course: Course) -> Made:
+    """Smooth in time: a sine of each gauge, of a period that they share."""
+    periods = course.durations(*DRIFTING)
+    turn = 2.0 * np.pi * course.since[:, None] / periods
+    terms = np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(course.since)
+    return course.by_gauge(terms, periods)
+
+
+def _settles(course: Course) -> Made:
+    """From each set-up on, to rest."""
+    constants = course.durations(*SETTLING)
+    fallen = np.any(course.since) * np.exp(-course.since[:, None] / constants)
+    return course.by_gauge(fallen * ~course.plan.touches[:, None], constants)
+
+
+def _steps(course: Course) -> Made:
+    """At one moment."""
+    hours = course.plan.hours
+    moments = np.unique(hours)[1:]
+    moments = moments[:: -(-len(moments) // MOMENTS) or 1]
+    return course.by_gauge((hours[:, None] >= moments).astype(np.float64), moments)
+
+
+def _hysteresis(course: Course) -> Made:
+    """By the direction in which the plunger moved last: half of it behind."""
+    return course.by_gauge(-0.5 * course.turned * ~course.plan.touches)
+
+
+def _temperature(course: Course) -> Made:
+    """As the recorded temperature."""
+    span = float(np.ptp(course.kelvin))
+    return course.by_gauge(course.kelvin / (span or 1.0), np.array([span]))
+
+
+HOWS: Mapping[str, Callable[[Course], Made]] = MappingProxyType(
+    {
+        "repeats": _repeats,
+        "drifts": _drifts,
+        "settles": _settles,
+        "steps": _steps,
+        "hysteresis": _hysteresis,
+        "temperature": _temperature,
+    }
+)
+UNORDERED = ("repeats",)  # needs no order in time
+# What does not return with its posture, whenever that is read again.
+PASSING = frozenset(("drifts", "settles", "steps", "scatters", "temperature"))
+
+
+class Tried(NamedTuple):
+    """A how at some wheres, as far as it shows there, and shows nothing else."""
+
+    how: str
+    columns: Floats  # in v shapes, shape (n, v, q)
+    parameters: Floats | None
+    wheres: Sequence[Where]
+    chosen: Bools  # which columns of which shape belong to each where, shape (w, v, q)
+    sizes: Floats  # at which it is tried, in standard deviations of a reading, (s,)
+    log_prior: float  # ln prior weight at each where
+    log_share: Floats  # and of each shape there, (w, v)
+
+    @property
+    def where_shown(self) -> Tried:
+        """The same without wheres at which nothing shows."""
+        kept = self.chosen.any(axis=(1, 2))
+        names = [where for where, shows in zip(self.wheres, kept, strict=True) if shows]
+        share = self.log_share[kept]
+        return self._replace(wheres=names, chosen=self.chosen[kept], log_share=share)
+
+
+def tried(at: Linearised, course: Course) -> list[Tried]:
+    """Every how at every where."""
+    selections = list(course.plan.wheres(course.ordered))
+    wheres, selected = (
+        [where for where, _ in selections],
+        np.stack([rows for _, rows in selections]),
+    )
+    hows = [how for how in HOWS if course.ordered or how in UNORDERED]
+    share = math.log(UNLISTED / (len(hows) + 1) / len(wheres))
+    made = {how: HOWS[how](course) for how in hows}
+    made = {how: one for how, one in made.items() if 0 < one.columns.shape[2] <= MOST_COLUMNS}
+    flat = {how: one.columns.reshape(len(course.plan), -1) for how, one in made.items()}
+    ends = np.cumsum([0, *(columns.shape[1] for columns in flat.values())])
+    shown = at.white.matrix @ np.hstack([*flat.values(), selected[:0].T])
+    # Of each where those columns of which it holds all readings.
+    chosen = ((shown**2).sum(axis=0) * SIZES[-1] ** 2 > 1.0) & ~np.hstack(
+        [~selected @ (columns != 0.0) for columns in flat.values()]
+    )
+    by_how = [
+        chosen[:, start:end].reshape(len(wheres), *one.columns.shape[1:])
+        for (start, end), one in zip(pairwise(ends.tolist()), made.values(), strict=True)
+    ]
+    gauges = course.plan.shared
+    every = []
+    for (how, one), own, start in zip(made.items(), by_how, ends, strict=False):
+        # What shows the same as a narrower where is no other pattern.
+        code = own @ (1 << np.arange(own.shape[2]))
+        for number in range(len(code)):
+            own[number, np.any(code[:number] == code[number], axis=0)] = False
+        values = shown[:, start : start + own[0].size].reshape(-1, *own.shape[1:])
+        log_share = np.zeros(own.shape[:2])
+        for where in np.flatnonzero(own.any(axis=(1, 2))):
+            columns = own[where].any(axis=0)
+            if len(np.unique(gauges[one.reading[columns]])) == 1:
+                tries = np.flatnonzero(own[where].any(axis=1))
+                listed = _is_listed(at, values[:, tries][:, :, columns].swapaxes(0, 1))
+                log_share[where, tries] = LISTED * listed
+        every.append(Tried(how, one.columns, one.parameters, wheres, own, SIZES, share, log_share))
+    # More noise is no column: the readings that have it.
+    several, columns = selected.sum(axis=1) > 2, selected.T[:, None].astype(np.float64)
+    own = np.diag(several)[:, None]
+    noisier = NOISIER[:: 1 if course.fine else 2]
+    nothing = np.zeros(own.shape[:2])
+    every.append(Tried("scatters", columns, None, wheres, own, noisier, share, nothing))
+    return [one.where_shown for one in every]
+
+
+def _is_listed(at: Linearised, shown: Floats) -> Bools:
+    """Which columns (v, k, q) can follow what a listed cause does at one of its places, (v,)."""
+    axes, size, _ = np.linalg.svd(shown, full_matrices=False)
+    axes = axes * (size > ROUNDING * size[:, :1])[:, None]
+    flat, made = axes.swapaxes(0, 1).reshape(shown.shape[1], -1), np.zeros(len(shown), np.bool_)
+    for places in (placed.patterns for placed in at.extras.values() if placed.patterns is not None):
+        match = (places.products(flat) ** 2).reshape(len(shown), -1, len(places)).sum(axis=1)
+        made |= np.any(match > ALIKE**2 * places.power, axis=1)
+    broad = np.hstack([shown[0, :, :0], *at.jacobians.values()])
+    match = ((axes.swapaxes(-1, -2) @ broad) ** 2).sum(axis=1)
+    return np.asarray(made | np.any(match > ALIKE**2 * (broad**2).sum(axis=0), axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What acts before a pattern is added: a fit of listed causes, and patterns found already."""
+
+    at: Linearised
+    fit: Fit
+    white: Whitened  # of the data that the fit is of
+    noise: NoiseGrid
+
+    @classmethod
+    def of(cls, at: Linearised, fit: Fit) -> Ground:
+        """With a cause of usual size: fitted alone, it may be as large as what a pattern does."""
+        ground = cls(at, fit, at.white, at.noise)
+        sizes, centre = fit.sizes.copy(), fit.centre.copy()
+        for effect, slot in zip(fit.effects, fit.slots, strict=True):
+            if effect.cause in at.candidates.broad:
+                # Of what is positive the first numbers are narrower, and not about zero.
+                ratio = at.sizes((effect.cause,))[-1] / sizes[slot][-1]
+                sizes[slot] *= ratio
+                centre[slot] *= ratio
+        if np.array_equal(sizes, fit.sizes):
+            return ground
+        usual = replace(ground, fit=replace(fit, sizes=sizes, centre=centre))
+        log = float(log_sum(usual.by_noise)) + math.log(at.scales[min(at.scales)])
+        offsets = fit.offsets + (usual._solved - ground._solved)[: fit.offsets.size]
+        return replace(usual, fit=replace(usual.fit, log_evidence=log, offsets=offsets))
+
+    @cached_property
+    def _local(self) -> Bools:
+        """Which unknowns are a local shape, (q,): part of the noise here."""
+        widths = [influence.columns.shape[1] for influence in self.fit.uncertain]
+        local = np.repeat([influence.local for influence in self.fit.uncertain], widths)
+        return np.append(np.zeros(len(self.fit.sizes) - len(local)), local).astype(np.bool_)
+
+    @cached_property
+    def _columns(self) -> Floats:
+        return (self.fit.columns * self.fit.sizes)[:, ~self._local]
+
+    @cached_property
+    def _residual(self) -> Floats:
+        return np.asarray(self.fit.linear - self.fit.columns @ self.fit.centre)
+
+    def log_density(self, noise: NoiseGrid) -> Floats:
+        """ln p of the data at each σ, with its weight, shape (g,)."""
+        columns = self._columns
+        density = noise.density(columns, np.ones((1, columns.shape[1])))
+        return np.asarray(density.by_noise(self._residual)[0])
+
+    @cached_property
+    def by_noise(self) -> Floats:
+        """The same of noise as stated."""
+        return self.log_density(self.noise)
+
+    @cached_property
+    def _least_by_noise(self) -> Floats:
+        """The same as `gains` has it, with S by σ², where that is less.
+
+        Below the stated σ a bad fit is far less likely with it: what a pattern gains there is real.
+        """
+        ratio2 = (self.noise.sigma / self.noise.stated) ** 2
+        left, stated = self.whitened(self._residual), int(np.argmax(self.noise.log_weight))
+        log = self.noise.log_weight - 0.5 * (left @ left / ratio2 + left.size * np.log(ratio2))
+        return np.minimum(self.by_noise, log - log[stated] + self.by_noise[stated])
+
+    @cached_property
+    def _axes(self) -> tuple[Floats, Floats]:
+        return shrinking(self._textured(self._columns))
+
+    def _textured(self, values: Floats) -> Floats:
+        sigma, texture = self.noise.stated, self.white.texture
+        if texture is None:
+            return np.asarray(values / sigma)
+        general, factors = texture.whitened(sigma)
+        along = texture.axes.T @ values
+        values = values - texture.axes @ ((1.0 - factors) * along.T).T
+        return np.asarray(general * values / sigma)
+
+    def whitened(self, values: Floats) -> Floats:
+        """Values (k,) or (k, q) in units of what acts without a pattern, at the stated noise."""
+        axes, factors = self._axes
+        values = self._textured(values)
+        return np.asarray(values - axes @ ((1.0 - factors) * (axes.T @ values).T).T)
+
+    def gains(self, one: Tried) -> Floats:
+        """Gain of ln p at each where by each shape at each size and σ, (w, v, s, g)."""
+        (n, v, q), sizes = one.columns.shape, one.sizes
+        own = self.whitened(self.white.matrix @ one.columns.reshape(n, -1)).reshape(-1, v, q)
+        own = own.swapaxes(0, 1)
+        turned = own.swapaxes(-1, -2)
+        power, match = turned @ own, turned @ self.whitened(self._residual)
+        which = np.flatnonzero(one.chosen.any(axis=2))
+        chosen = one.chosen.reshape(-1, q)[which]
+        power = power[which % v] * chosen[:, :, None] * chosen[:, None]
+        power, axes = np.linalg.eigh(power)
+        match = (axes.swapaxes(-1, -2) @ (match[which % v] * chosen)[..., None])[..., 0]
+        noise2 = ((self.noise.sigma / self.noise.stated) ** 2)[:, None]
+        power, match2 = power[:, None, None], match[:, None, None] ** 2
+        size2 = ((sizes * self.noise.stated) ** 2)[:, None, None] / noise2
+        widened = 1.0 + np.maximum(power, 0.0) * size2
+        log = match2 * size2 / (noise2 * widened) - np.log(widened)
+        gains = np.full((one.chosen.shape[0] * v, len(sizes), len(noise2)), ABSENT)
+        gains[which] = 0.5 * log.sum(axis=-1)
+        return gains.reshape(-1, v, *gains.shape[1:])
+
+    def gains_of_noise(self, one: Tried) -> Floats:
+        """The same of readings with more noise, (w, 1, s, g)."""
+        factors = one.sizes
+        rows = one.columns[:, 0] @ one.chosen[:, 0].T > 0.0
+        everywhere = rows.all(axis=0)
+        gains = np.full((rows.shape[1], len(factors), len(self.noise.sigma)), ABSENT)
+        wider = (replace(self.noise, sigma=math.hypot(1.0, f) * self.noise.sigma) for f in factors)
+        gains[everywhere] = [self.log_density(noise) - self.by_noise for noise in wider]
+        contrasts, some = self.white.matrix, rows[:, ~everywhere].astype(np.float64)
+        if self.white.texture is not None or not isinstance(contrasts, Contrasts):
+            return gains[:, None]
+        values = contrasts.T @ np.column_stack((self._columns, self._residual))
+        values = np.hstack((contrasts.zeros, values / self.noise.stated))
+        zeros, end = contrasts.zeros.shape[1], values.shape[1] - 1
+        whole = values.T @ values
+        whole[np.arange(zeros, end), np.arange(zeros, end)] += 1.0
+        own = values.T @ (some.T[:, :, None] * values)
+        share = (factors**2 / (1.0 + factors**2))[:, None, None]
+        square = np.concatenate(
+            (whole[None], (whole - share * own[:, None]).reshape(-1, *whole.shape))
+        )
+        inner, cross = square[:, :end, :end], square[:, :end, end:]
+        log_det = np.linalg.slogdet(inner)[1]
+        left = square[:, end, end] - (cross * np.linalg.solve(inner, cross)).sum(axis=(1, 2))
+        log_det[1:] += np.outer(some.sum(axis=0), np.log1p(factors**2)).reshape(-1)
+        noise2 = (self.noise.sigma / self.noise.stated) ** 2
+        gain = (left[0] - left[1:])[:, None] / noise2 + (log_det[0] - log_det[1:])[:, None]
+        gains[~everywhere] = 0.5 * gain.reshape(-1, len(factors), len(noise2))
+        return gains[:, None]
+
+    def extended(self, pattern: Pattern, number: int = 0) -> tuple[Ground, slice]:
+        """With one of a pattern's likeliest shapes; and which of the unknowns are its own."""
+        fit, white, noise = self.fit, self.white, self.noise
+        _, shape, size = pattern.shapes[number]
+        columns, linear, sizes = fit.columns, self._residual, fit.sizes
+        own = slice(self._start, self._start)
+        if pattern.how == "scatters":
+            weight = 1.0 / np.hypot(1.0, size / noise.stated * shape.columns[:, 0])
+            if np.ptp(weight):
+                contrasts = white.matrix
+                assert isinstance(contrasts, Contrasts)
+                zeros, _ = np.linalg.qr(weight[:, None] * contrasts.zeros)
+                after = Contrasts(zeros, contrasts.precision * weight)
+                columns, linear = (after @ (contrasts.T @ each) for each in (columns, linear))
+                fit = replace(
+                    fit,
+                    uncertain=tuple(
+                        replace(one, columns=after @ (contrasts.T @ one.columns))
+                        for one in fit.uncertain
+                    ),
+                )
+                plan = replace(white.plan, precision=after.precision)
+                problem = replace(white.problem, plan=plan, matrix=after)
+                data = after @ (contrasts.T @ white.data)
+                white = replace(white, problem=problem, data=data)
+            else:
+                noise = replace(noise, sigma=noise.sigma / weight[0])
+        else:
+            more = white.matrix @ shape.columns
+            own = slice(self._start, self._start + more.shape[1])
+            columns = np.insert(columns, [self._start], more, axis=1)
+            sizes = np.insert(sizes, self._start, np.full(more.shape[1], size))
+        before = self._solved[: fit.offsets.size]
+        centre = np.insert(fit.centre, self._start, np.zeros(own.stop - own.start))
+        draft = replace(
+            fit, columns=columns, linear=linear + columns @ centre, sizes=sizes, centre=centre
+        )
+        ground = Ground(self.at, draft, white, noise)
+        solved = ground._solved
+        sigma = float(np.sqrt(ground._noise2))
+        _, covariance = condition(columns, linear, sizes, sigma)
+        residual = linear - columns @ solved
+        local = ground._local
+        stretched = ground._stated * (solved / sizes)[ground._start :]
+        kept = replace(
+            draft,
+            offsets=fit.offsets + solved[: fit.offsets.size] - before,
+            covariance=covariance,
+            residual=residual,
+            local=columns[:, local] @ solved[local],
+            sigma=sigma,
+            square=float(residual @ residual + stretched @ stretched),
+        )
+        return replace(ground, fit=kept), own
+
+    def amplitudes(self, own: slice) -> tuple[Floats, Floats]:
+        """Some of the unknowns, (q,), and their covariance, (q, q)."""
+        return self._solved[own], self.fit.covariance[own, own]
+
+    @property
+    def _start(self) -> int:
+        """Where the unknowns of a pattern begin: before what is uncertain of the data."""
+        widths = (influence.columns.shape[1] for influence in self.fit.uncertain)
+        return len(self.fit.sizes) - sum(widths)
+
+    @property
+    def _rest(self) -> float:
+        return self.fit.scale_factor**2 * sum(one.rest for one in self.fit.uncertain)
+
+    @property
+    def _stated(self) -> float:
+        return math.hypot(self.noise.stated, math.sqrt(self._rest))
+
+    @property
+    def _noise2(self) -> float:
+        """Variance of one reading [mm²]."""
+        log = self.by_noise - log_sum(self.by_noise)
+        return float(np.exp(log) @ self.noise.sigma**2) + self._rest
+
+    @cached_property
+    def _solved(self) -> Floats:
+        """The unknowns, from their centre."""
+        return condition(self.fit.columns, self._residual, self.fit.sizes, self._stated)[0]
+
+    def scores(self, every: Sequence[Tried]) -> list[Hypothesis]:
+        """Every pattern in addition to all this; log evidence and prior without those of this."""
+        scored = []
+        noise = self._least_by_noise - log_sum(self.by_noise)
+        for one in every:
+            if not one.wheres:
+                continue
+            sizes = one.sizes
+            gains = self.gains_of_noise(one) if one.how == "scatters" else self.gains(one)
+            by_shape = log_sum(gains + noise, 3) + one.log_share[..., None]
+            # Shapes that do not show at a where are none.
+            number = np.log(len(sizes) * np.count_nonzero(one.chosen.any(axis=2), axis=1))
+            logs = self.fit.log_evidence + log_sum(by_shape, (1, 2)) - number
+            for k, (where, log) in enumerate(zip(one.wheres, logs.tolist(), strict=True)):
+                pattern = Pattern(
+                    one.how, where, one.log_prior, one.columns, one.chosen[k], one.parameters,
+                    sizes * self.noise.stated, by_shape[k],
+                )  # fmt: skip
+                scored.append(Hypothesis(self.at, log, patterns=(pattern,)))
+        return scored
+
+
+def placed_causes(at: Linearised) -> list[Tried]:
+    """Listed causes with a place, as patterns whose shapes are the places, at usual sizes and more.
+
+    Fitted alone such a cause would stand where a pattern acts.
+    """
+    every = []
+    for id, placed in at.extras.items():
+        cause, places = placed.cause, placed.patterns
+        if places is None or not isinstance(cause, PatternCause) or cause.counts:
+            continue
+        unit = cause.prior_std(at.white.machine)[0] / at.noise.stated
+        columns = unit * places.patterns.columns(slice(None))[:, :, None]
+        shown, sizes = np.full((1, *columns.shape[1:]), True), np.array(BLUNDER_SCALES)
+        log_prior = at.candidates.log_prior[(id,)]
+        share = np.zeros(shown.shape[:2])
+        every.append(Tried(id, columns, None, [{}], shown, sizes, log_prior, share))
+    return every
+
+
+def course_of(at: Linearised, fit: Fit, *, fine: bool) -> Course:
+    """What readings may follow; plungers that lag are followed in rounds if looked at closely.
+
+    `fit` is of the offsets alone.
+    """
+    predicted = at.versions[0] - at.residuals[0]
+    course = Course.of(at.white, predicted, fine)
+    for _ in range(ROUNDS * (fine and bool(course.turned.any()))):
+        lagging = [one for one in tried(at, course) if one.how == "hysteresis"]
+        scores = Ground.of(at, fit).scores(lagging)
+        if not scores:
+            break
+        ground, _ = Ground.of(at, fit).extended(scores[-1].patterns[0])
+        moved = at.jacobian @ (ground.fit.offsets - at.offsets[0])
+        course = Course.of(at.white, predicted + moved, fine)
+    return course
+
+
+def score_patterns(at: Linearised, fit: Fit, *, fine: bool = False) -> list[Hypothesis]:
+    """Every pattern in addition to the offsets, of which `fit` is."""
+    scored = Ground.of(at, fit).scores(tried(at, course_of(at, fit, fine=fine)))
+    return [*scored, *several_wrong(at)]
+
+
+def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Ground, slice]]:
+    """Fits with a hypothesis' patterns, at each likely shape of the last of them.
+
+    Of each its share, and which unknowns are that pattern's.
+    """
+    ground = Ground.of(hypothesis.at, fit)
+    *before, last = hypothesis.patterns
+    for pattern in before:
+        ground, _ = ground.extended(pattern)
+    total = sum(share for share, _, _ in last.shapes)
+    return [
+        (share / total, *ground.extended(last, number))
+        for number, (share, _, _) in enumerate(last.shapes)
+    ]
+
+
+def weight_of(hypothesis: Hypothesis) -> float:
+    """ln of prior times evidence."""
+    return hypothesis.log_evidence + hypothesis.log_prior
+
+
+def combined(hypothesis: Hypothesis, fit: Fit, every: Sequence[Tried]) -> list[Hypothesis]:
+    """A hypothesis, of whose listed causes `fit` is, with every pattern in addition."""
+    ground, patterns = Ground.of(hypothesis.at, fit), hypothesis.patterns
+    for pattern in patterns:
+        ground, _ = ground.extended(pattern)
+    gained = (hypothesis.log_evidence if patterns else fit.log_evidence) - fit.log_evidence
+    known = {pattern.label for pattern in patterns}
+    return [
+        replace(
+            hypothesis,
+            log_evidence=scored.log_evidence + gained,
+            patterns=(*patterns, *scored.patterns),
+        )
+        for scored in ground.scores(every)
+        if known.isdisjoint(one.label for one in scored.patterns)
+    ]

@@ -1,0 +1,109 @@
+"""Effects beyond the list are as their names say, and their distances are those of densities."""
+
+import csv
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from . import DIAL, MICRON, PROTOTYPE, readings_csv
+from .beyond import HOWS, PLACES, Beyond, Gaussian, Where, distinguish, draw_beyond
+from .forward import Disturbance
+from .plan import Floats
+
+
+def _added(hidden: Beyond) -> Floats:
+    """What the effect adds to the record, shape (N,), [mm]."""
+    return np.asarray(hidden.session.clean - hidden.twin.clean)
+
+
+@pytest.mark.parametrize("how", HOWS)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_an_effect_is_what_it_says_in_its_place_and_nothing_elsewhere(how: str, seed: int) -> None:
+    hidden = draw_beyond(seed, PROTOTYPE, MICRON, how, "leg")
+    added, plan = _added(hidden), hidden.session.plan
+    assert not added[plan.leg != hidden.where.leg].any()
+    posture = np.array(plan.posture)
+    for gauge in np.unique(plan.setup[plan.leg == hidden.where.leg]):
+        rows = np.flatnonzero(plan.setup == gauge)
+        values, minutes = added[rows], plan.minutes[rows]
+        assert np.abs(values).max() > 2.0 * MICRON.sigma
+        if how == "settles":
+            expected = values[0] * np.exp(-(minutes - minutes[0]) / hidden.shape)
+        elif how == "steps":
+            expected = np.where(minutes < hidden.shape, 0.0, values[-1])
+            assert not values[0]
+        elif how == "repeats":
+            expected = [values[posture[rows] == name][0] for name in posture[rows]]
+        elif how == "hysteresis":
+            moved = np.diff(hidden.twin.clean[rows])
+            expected = [0.0, *np.where(moved > 0.0, -1.0, 1.0) * np.abs(values[1])]
+        elif how == "temperature":
+            assert hidden.session.warm is not None
+            change = hidden.session.warm - hidden.session.warm[0]
+            expected = change[rows] * (values[-1] / change[rows][-1])
+        elif how == "drifts":
+            turn = 2.0 * np.pi * minutes / hidden.shape
+            waves = np.column_stack((np.sin(turn), np.cos(turn)))
+            expected = waves @ np.linalg.lstsq(waves, values, rcond=None)[0]
+        else:  # scatters: no two readings are alike
+            expected = values
+            assert np.unique(values).size == values.size
+        assert values == pytest.approx(expected, abs=1e-9)
+
+
+def test_places_are_readings_and_have_the_answers_names() -> None:
+    plan = draw_beyond(3, PROTOTYPE, DIAL, "repeats", "everything").session.plan
+    counts = {kind: {int(p.rows(plan).sum()) for p in places} for kind, places in PLACES.items()}
+    assert counts == {
+        "everything": {60}, "leg": {20}, "direction": {20}, "gauge": {10}, "posture": {18, 24}
+    }  # fmt: skip
+    assert Where(1, 2).names == {"leg": "y", "direction": "z"}
+    assert (Where(posture="max").names, Where().names) == ({"posture": "max"}, {})
+    assert all(place.kind == kind for kind, places in PLACES.items() for place in places)
+
+
+def test_what_the_thermometer_shows_stands_in_the_file() -> None:
+    hidden = draw_beyond(4, PROTOTYPE, DIAL, "temperature", "gauge", beside=True)
+    (rows, healthy) = (
+        list(csv.DictReader(io.StringIO(readings_csv(one))))
+        for one in (hidden.session, hidden.twin)
+    )
+    warm = [float(row["temperature_c"]) for row in rows]
+    assert warm == pytest.approx(hidden.seen.warm)
+    assert [float(row["temperature_c"]) for row in healthy] == warm
+    assert len(hidden.session.causes) == 1
+    recorded = [draw_beyond(n, PROTOTYPE, DIAL, "steps", "leg").session.warm for n in range(20)]
+    assert 2 < sum(warm is None for warm in recorded) < 18
+
+
+def test_costs_are_those_of_normal_densities() -> None:
+    """Differences of expected log densities, with zeros and offsets of 10 m instead of free."""
+    rng = np.random.default_rng(5)
+    free, noise, first, second = (rng.normal(size=(20, count)) for count in (3, 2, 1, 4))
+    record = rng.normal(scale=5.0, size=20)
+    near = Gaussian(free, noise, first)
+    pair = near.costs(record, np.stack((second, 0.0 * second)))
+    wide = 1e8 * free @ free.T + np.eye(20) + noise @ noise.T
+    direct = []
+    for added in (np.hstack((first, second)), first):
+        covariance = wide + added @ added.T
+        expected = wide - 1e8 * free @ free.T + np.outer(record, record)
+        cost = np.trace(np.linalg.solve(covariance, expected))
+        direct.append(cost + np.linalg.slogdet(covariance)[1])
+    assert pair[0] - pair[1] == pytest.approx(direct[0] - direct[1], abs=1e-4)
+    alone = near.with_columns(second).costs(record, np.zeros((1, 20, 0)))
+    assert alone[0] == pytest.approx(pair[0], rel=1e-9)
+
+
+def test_a_clear_effect_stands_out_and_a_hundredth_of_it_does_not() -> None:
+    step = draw_beyond(10, PROTOTYPE, MICRON, "steps", "leg")
+    far = distinguish(step)
+    # One stand at a time is in use.
+    assert far.same == {("steps", step.where), ("steps", Where())}
+    assert far.clear
+    small = Disturbance.of(step.session.plan, contact=0.01 * _added(step))
+    clean = step.twin.clean + small.contact
+    faint = replace(step, session=replace(step.session, disturbance=small, clean=clean))
+    assert not distinguish(faint).clear
