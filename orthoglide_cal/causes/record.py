@@ -42,6 +42,7 @@ class Misread(PatternCause):
     sizes = MappingProxyType({Orthoglide: 0.1, LinearDelta: 0.1})
     size_reason = "a slip of one numbered division"
     hides_reading = True
+    any_size = True
     instrument = "every reading taken twice"
     advice = "Take this reading again: {where}. If that cannot be done, leave it out."
 

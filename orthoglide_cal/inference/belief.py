@@ -72,7 +72,9 @@ class Belief:
         Raises:
             NotConvergedError: no offsets fit these data.
         """
-        at = Linearised.of(white, Candidates.of(white.problem.model, ordered=white.raw))
+        plan = white.plan
+        spots = len(np.unique(plan.repeats[plan.touches]))
+        at = Linearised.of(white, Candidates.of(white.problem.model, white.raw, spots))
         patterns = {scored.pattern.words: scored for scored in score_patterns(at) if scored.pattern}
         return cls(at, score_all(at), patterns)
 

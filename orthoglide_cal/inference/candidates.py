@@ -24,6 +24,8 @@ ONE_CAUSE = 0.38
 TWO_CAUSES = ONE_CAUSE**2 / 2.0  # independent of each other
 NOTHING = 1.0 - ONE_CAUSE - TWO_CAUSES - UNLISTED
 
+MANY = 1000  # places of a bed: enough for every term of a shape
+
 
 def ids_of(*causes: Cause) -> Ids:
     """Ids of a set of causes, sorted."""
@@ -42,19 +44,20 @@ class Candidates:
 
     @classmethod
     @functools.lru_cache(maxsize=8)
-    def of(cls, model: Model, ordered: bool) -> Candidates:
+    def of(cls, model: Model, ordered: bool, spots: int = MANY) -> Candidates:
         """Causes that are possible on the machine, and sets of one or two of them.
 
         Two act together only if at least one lies in the contact or the record, or is a companion
         of all on that kind of machine; two others of the machine at once are left to "unlisted".
 
         Not those that the model knows already or rules out; `ordered` if the time order of the
-        readings is known.
+        readings is known, `spots` the number of places of a bed that were touched.
         """
-        known, tried = {effect.cause.id for effect in model.accepted}, CAUSES.values()
+        known = {effect.cause.id for effect in model.accepted}
         usable = [
             cause
-            for cause in tried
+            for cause in (cause.within(spots) for cause in CAUSES.values())
+            if cause is not None
             if cause.possible(model.machine) and (ordered or not cause.timed)
             if cause.id not in known and cause.id not in model.ruled_out
             # What such readings hold of themselves.

@@ -35,10 +35,11 @@ from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture
 from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
 from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.fit import Fit, fit_explanations
+from orthoglide_cal.inference.fit import LARGEST, Fit, fit_explanations
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.plan import Floats, Groups
+from orthoglide_cal.schema import Reason
 
 # The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
 # than stated. If something beyond the list stands in their place, an open question costs a
@@ -97,6 +98,8 @@ class Decision:
     belief: Belief
     # Maps of several dates of a bed agree: what the parameters leave is no noise, but a shape.
     repeats: bool = False
+    # What the named causes did not see contradicts them; None where nothing does.
+    refuted: Reason | None = None
 
     # --- which answers are left open ---
 
@@ -216,6 +219,8 @@ class Decision:
     def verdict(self) -> Verdict:
         """The statement itself."""
         belief, best = self.belief, self.best
+        if self.refuted is not None:
+            return Verdict.UNEXPLAINED
         if not self.wrong:
             if self.repeats and (self.shape,) in belief.hypotheses:
                 return Verdict.NAMED
@@ -379,7 +384,7 @@ class Decision:
             except PostureError:  # no machine of any size is like that
                 continue
             times = fit.effects[0].times(at.white.machine)
-            if times > BEYOND and self._chance_beyond(fit) >= MISFIT:
+            if BEYOND < times and round(times) <= LARGEST and self._chance_beyond(fit) >= MISFIT:
                 explaining.append((float(fit.residual @ fit.residual), cause.id, times))
         return tuple((id, times) for _, id, times in sorted(explaining))
 

@@ -16,8 +16,14 @@ from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
 from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.inference.data import Whitened, unit_of
-from orthoglide_cal.inference.decision import BEYOND, Decision, decide, decide_by
-from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
+from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
+from orthoglide_cal.inference.fit import (
+    HeldOut,
+    chance_of_worse,
+    leave_out_cells,
+    moved_origin,
+    predict_later,
+)
 from orthoglide_cal.inference.result import (
     CauseParameter,
     Diagnosis,
@@ -99,6 +105,14 @@ def diagnose(
                 else leave_out_cells(white, fit, accepted)
                 for fit in (nothing, found.carried)
             )
+            # Whoever adjusted the machine may have removed what acted before.
+            if later is not None and found.verdict is Verdict.NAMED and not entered.any():
+                fits = found.carried, nothing
+                if chance_of_worse(later, *fits, entered, free, model.machine) < MISFIT:
+                    errors = {"without_mm": before.rms_mm, "with_mm": after.rms_mm}
+                    refuted = Reason.of("refuted_later", ids=found.accepted, **errors)
+                    found = replace(found, refuted=refuted)
+                    accepted = found.fit
             # Without the cause the errors are in the unit that was written down, too.
             unit = 1.0 if later is not None else unit_of(accepted.effects)
             before = replace(before, rms_mm=before.rms_mm * unit)
@@ -125,6 +139,7 @@ def diagnose(
             measured=measured,
             model=model,
             verdict=found.verdict,
+            refuted=found.refuted,
             lack_of_fit=_lack_of_fit(found, measured, nominal),
             causes=causes,
             baselines=beside,
@@ -200,14 +215,24 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
             raise UnusableResultError(
                 f"These data contradict {id}.", f"They name {', '.join(accepted)}."
             )
-        (effect,) = (effect for effect in found.belief.fit(best).effects if effect.cause is cause)
+        (effect,) = (effect for effect in found.belief.fit(best).effects if effect.cause.id == id)
         return model.extended([effect.accepted(on.isoformat(), measured.source.sha256)])
 
 
 def _decided(white: Whitened) -> Decision:
-    """Decide what the data say; maps of several dates that repeat are no noise."""
+    """Decide what the data say; maps of several dates that repeat are no noise.
+
+    A name has to predict what is left out of its fit.
+    """
     again = repeats(white)
-    return replace(decide(white), repeats=again is not None and again > REPEATS)
+    found = replace(decide(white), repeats=again is not None and again > REPEATS)
+    if found.verdict is not Verdict.NAMED:
+        return found
+    held = leave_out_cells(white, found.fit, found.fit)
+    if held.chance >= MISFIT:
+        return found
+    sizes = {"error_mm": held.rms_mm, "stated_mm": held.rms_mm / held.ratio}
+    return replace(found, refuted=Reason.of("refuted_left_out", ids=found.accepted, **sizes))
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import chdtrc, log_ndtr
+from scipy.special import chdtrc, log_ndtr, ndtr
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.errors import PostureError
@@ -56,6 +56,8 @@ FAR_MM, ROUNDS = 0.1, 6
 # Causes that move the readings by so many times the noise tilt what the gauges touch so much that
 # it matters where a stand is.
 STEEP = 100.0
+# What needs a cause of more than so many times its plausible size is no explanation.
+LARGEST = 30
 # So many touches for each calibrated parameter say how rough a bed is.
 ENOUGH = 2
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
@@ -398,6 +400,8 @@ class _Search:
             else:
                 effects.append(cause.at(np.array([count] if count else [], np.float64), place))
             slots = (*slots, slot)
+        if any(round(effect.times(at.white.machine)) > LARGEST for effect in effects):
+            log_evidence = -math.inf
         if score.replanned is not None:
             log_evidence += score.log_evidence - score.replanned.log_evidence
         residual = linear - columns @ found
@@ -432,6 +436,7 @@ class HeldOut:
 
     rms_mm: float  # root mean square error, each weighed as in `Whitened.rms`
     ratio: float  # errors divided by what the model itself states for them, root mean square
+    chance: float = 1.0  # of a larger ratio if the model is right; 1 of what was not asked
 
 
 def leave_out_cells(white: Whitened, fit: Fit, judged: Fit) -> HeldOut:
@@ -439,6 +444,10 @@ def leave_out_cells(white: Whitened, fit: Fit, judged: Fit) -> HeldOut:
 
     A single reading that the accepted explanation, `judged`, calls wrong cannot be predicted by any
     model; it is not scored.
+
+    Errors of different cells depend on each other: the square of n of them has the mean n and the
+    variance 2 tr M², M = D^(−1/2) K D^(−1/2) with the blocks D of K, and is about χ² (Welch and
+    Satterthwaite). Of the few differences of a table nothing is asked.
     """
     # S⁻¹ = (I − A Aᵀ)/σ²
     axes, factors = shrinking(fit.columns * (fit.sizes / fit.sigma))
@@ -452,20 +461,29 @@ def leave_out_cells(white: Whitened, fit: Fit, judged: Fit) -> HeldOut:
     taken = (entries.T @ axes) / weight[:, None]
     if isinstance(entries, Contrasts):
         taken = np.hstack((entries.zeros, taken))
-    errors, square = [], 0.0
+    errors, square, alone, together = [], 0.0, 0.0, 0.0
     for blocks in left_out(white, judged.wrong_reading):
         mine, values = taken[blocks], weighted[blocks][..., None]
         turned, (size, rank) = mine.swapaxes(-1, -2), mine.shape[1:]
+        both = np.concatenate((values, mine), axis=-1)
         if size > rank:
-            inner = np.linalg.solve(np.eye(rank) - turned @ mine, turned @ values)
-            error = np.asarray(values + mine @ inner)
+            inner = np.linalg.solve(np.eye(rank) - turned @ mine, turned @ both)
+            solved = both + mine @ inner
         else:
             own = np.eye(size) if isinstance(entries, Contrasts) else _gram(entries, blocks)
-            error = np.asarray(np.linalg.solve(own - mine @ turned, values))
+            solved = np.linalg.solve(own - mine @ turned, both)
+        error, spread = solved[..., :1], solved[..., 1:]
         errors.append(error.reshape(-1))
         square += float((error * values).sum()) / fit.sigma**2
+        within = turned @ spread if size > rank else spread @ turned
+        alone += float((within * within.swapaxes(-1, -2)).sum())
+        together = together + np.tensordot(mine, spread, ((0, 1), (0, 1)))
     every = np.concatenate(errors)
-    return HeldOut(rms(every), math.sqrt(square / every.size))
+    n, chance = every.size, 1.0
+    if isinstance(entries, Contrasts):
+        dof = n**2 / (n + float(np.sum(together**2)) - alone)
+        chance = float(chdtrc(dof, square * dof / n))
+    return HeldOut(rms(every), math.sqrt(square / n), chance)
 
 
 def _gram(entries: Floats, blocks: Ints) -> Floats:
@@ -508,13 +526,31 @@ def predict_later(
             data; nothing else is. All of them where the machine was calibrated again.
         before: the machine of the first data; None for the same as later.
     """
-    error, jacobian, scaled_error, by_parameter = _errors(later, fit, applied, free, before)
+    error, jacobian, scaled_error, by_parameter, _ = _errors(later, fit, applied, free, before)
     if free:
         # What a fit to these errors leaves, of as many as it leaves free.
         error = unexplained(jacobian[:, :free], error)
         scaled_error = unexplained(by_parameter[:, :free], scaled_error)
         scaled_error = scaled_error * np.sqrt(error.size / max(error.size - free, 1))
     return HeldOut(rms(error if later.root is None else later.root @ error), rms(scaled_error))
+
+
+def chance_of_worse(
+    later: Whitened, fit: Fit, alone: Fit, applied: Floats, free: int, before: Machine
+) -> float:
+    """Chance that a fit predicts later data that much worse than one without its causes.
+
+    If it is right. The later data hold b times what it adds to their prediction, of which it says
+    1 ± its statement, and the fit `alone` 0: it is worse where b < 1/2, else the chance is 1.
+    Other arguments as of `predict_later`.
+    """
+    error, _, _, by_parameter, shared = _errors(later, fit, applied, free, before)
+    added = _errors(later, alone, applied, free, before)[0] - error
+    pair = whiten_shared(shared, error / fit.sigma, added / fit.sigma)
+    left, adds = unexplained(by_parameter[:, :free], np.column_stack(pair)).T
+    size = float(np.linalg.norm(adds))
+    excess = float(left @ adds)  # (b − 1) size²
+    return float(ndtr(excess / size)) if excess < -0.5 * size**2 < 0.0 else 1.0
 
 
 def moved_origin(later: Whitened, fit: Fit, applied: Floats) -> Floats | None:
@@ -526,7 +562,7 @@ def moved_origin(later: Whitened, fit: Fit, applied: Floats) -> Floats | None:
         Shape (h,) [mm]; None where nothing says that they do.
     """
     homed = later.machine.homed
-    _, _, error, by_parameter = _errors(later, fit, applied, 0, None)
+    _, _, error, by_parameter, _ = _errors(later, fit, applied, 0, None)
     by_origin = by_parameter[:, :homed]
     left = unexplained(by_origin, error)
     if not homed or chdtrc(homed, float(error @ error - left @ left)) > MOVED:
@@ -536,9 +572,10 @@ def moved_origin(later: Whitened, fit: Fit, applied: Floats) -> Floats | None:
 
 def _errors(
     later: Whitened, fit: Fit, applied: Floats, free: int, before: Machine | None
-) -> tuple[Floats, Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Errors (k,) of predicting later data and their derivatives by the parameters, (k, 3) [mm];
-    both again in units of what is stated for them. Arguments as of `predict_later`.
+    both again in units of what is stated for them, and what of it is shared, columns in units of
+    the noise, (k, u). Arguments as of `predict_later`.
     """
     lasting = [effect for effect in fit.effects if effect.cause.lasting]
     then = [effect.transferred(before or later.machine, later.machine) for effect in lasting]
@@ -552,8 +589,8 @@ def _errors(
     error = later.data - predicted
     jacobian = jacobian[:, : offsets.size]
     scaled = error / fit.sigma, jacobian / fit.sigma
-    scaled_error, by_parameter = whiten_shared(columns @ root_of(joint) / fit.sigma, *scaled)
-    return error, jacobian, scaled_error, by_parameter
+    shared = columns @ root_of(joint) / fit.sigma
+    return error, jacobian, *whiten_shared(shared, *scaled), shared
 
 
 def known_then(

@@ -229,6 +229,8 @@ class Diagnosis(ReadOnly):
     explanations: tuple[Explanation, ...]
     # Faults of the record that would not show besides the named causes.
     unshown: tuple[UnshownFault, ...] = ()
+    # What refuted the causes that explain the data best; None where nothing did.
+    refuted: Reason | None = None
     # Causes that would explain what is unexplained, far beyond their size.
     beyond_tolerance: tuple[TimesStated, ...] = ()
     notes: tuple[Reason, ...] = ()

@@ -144,6 +144,10 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "offsets_wrong": _offsets_wrong,
     "unexplained": "No listed cause of usual size explains these data: they leave {left_mm:.3f} mm"
     " r.m.s., where the {words.noise}'s noise{words.also} would leave {expected_mm:.3f} mm.",
+    "refuted_left_out": "{ids:with} fits, but does not predict: readings left out differ by"
+    " {error_mm:µm} r.m.s., where it states {stated_mm:µm}.",
+    "refuted_later": "{ids:with} fits, but later readings refute it: they differ by {with_mm:µm}"
+    " r.m.s. from what it predicts, without it by {without_mm:µm}.",
     "other_data_contradict": "The {data} in the same file contradicts these values beyond U:"
     " {apart:moves}.",
     # What to know although it may be entered.

@@ -68,7 +68,7 @@ NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
 _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
-    *("rivals", "unshown", "beyond_tolerance", "assumed_sizes"),
+    *("refuted", "rivals", "unshown", "beyond_tolerance", "assumed_sizes"),
 )
 
 
@@ -510,7 +510,7 @@ def release(
     else:
         lack, beyond = diagnosis.lack_of_fit, bool(diagnosis.beyond_tolerance)
         sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
-        reason = Reason.of("unexplained", beyond=beyond, **sizes)
+        reason = diagnosis.refuted or Reason.of("unexplained", beyond=beyond, **sizes)
         judged = Release(reasons=(reason,), remedies=(Remedy(sentence=Reason.of("again")),))
     if not failures:
         more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()

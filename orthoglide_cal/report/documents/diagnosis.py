@@ -299,6 +299,8 @@ def headline(case: Case) -> str:
         if any(nothing > each.probability for each in answer.causes[:1]):
             return "Undecided: these data do not show what is wrong, or whether anything is."
         return "Undecided: these data leave open what is wrong."
+    if answer.refuted is not None:
+        return f"Unexplained: {case.says(answer.refuted)}"
     if answer.verdict is not Verdict.CONSISTENT:
         far = [f"{each.id} at {each.times:.0f} times its size" for each in answer.beyond_tolerance]
         only = f"only {' or '.join(far)} would explain what these readings show"
