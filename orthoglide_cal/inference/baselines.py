@@ -113,7 +113,7 @@ def _patches(white: Whitened, columns: Floats, left: Floats) -> Iterator[Floats]
     """Errors of predicting each patch of touches from all others."""
     touches = white.plan.touches
     number = np.cumsum(touches) - 1
-    for patches in left_out(white, None):
+    for patches in left_out(white):
         for patch in patches:
             own = number[patch[touches[patch]]]
             rest = np.setdiff1d(np.arange(len(left)), own)

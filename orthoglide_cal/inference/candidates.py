@@ -1,6 +1,6 @@
 """The causes that compete on one data set, and how plausible each set of them is beforehand.
 
-Tried are "nothing is wrong", one cause, and two causes. A base is a set of causes with many
+Tried are "nothing is wrong", one cause, and two causes, these also with wrong readings. A base is a set of causes with many
 parameters acting everywhere (none, one of the machine or the bars, or both); an extra is one cause
 at one of many places, or one that relabels readings.
 """
@@ -22,7 +22,6 @@ Ids = tuple[str, ...]  # of causes that act together, sorted; () is "nothing is 
 # Prior weight of the kinds of explanation; the last but one is shared by the unlisted patterns.
 ONE_CAUSE = 0.38
 TWO_CAUSES = ONE_CAUSE**2 / 2.0  # independent of each other
-NOTHING = 1.0 - ONE_CAUSE - TWO_CAUSES - UNLISTED
 
 MANY = 1000  # places of a bed: enough for every term of a shape
 
@@ -73,9 +72,16 @@ class Candidates:
         pairs = tuple((a, b) for a in broad if a.in_machine for b in contact)
         pairs += tuple((a, b) for a in broad if a.in_machine and a not in beside for b in beside)
         both = [*pairs, *((cause, extra) for cause in broad for extra in extras)]
-        log_prior: dict[Ids, float] = {(): math.log(NOTHING)}
+        log_prior: dict[Ids, float] = {}
         for share, sets in ((ONE_CAUSE, [(cause,) for cause in usable]), (TWO_CAUSES, both)):
             weight = {ids_of(*causes): math.prod(c.weight for c in causes) for causes in sets}
             total = sum(weight.values())
             log_prior |= {ids: math.log(share * w / total) for ids, w in weight.items()}
+        # A slip happens whatever else is wrong.
+        for slip in (cause for cause in extras if cause.hides_reading):
+            log_prior |= {
+                ids_of(*pair, slip): log_prior[ids_of(*pair)] + log_prior[slip.id,]
+                for pair in pairs
+            }
+        log_prior[()] = math.log(1.0 - UNLISTED - sum(map(math.exp, log_prior.values())))
         return cls(broad, pairs, extras, log_prior)

@@ -42,6 +42,7 @@ from orthoglide_cal.inference.hypothesis import (
     all_or_one,
     density_of,
     offsets_and_seen,
+    others_wrong,
     pattern_densities,
 )
 from orthoglide_cal.model.cause import Effect
@@ -122,12 +123,9 @@ class Fit(ReadOnly):
         return self.residual + self.local
 
     @property
-    def wrong_reading(self) -> int | None:
-        """Index of the one reading that it calls wrong by an unknown amount, if any."""
-        for effect in self.effects:
-            if effect.cause.hides_reading:
-                return effect.place[0]
-        return None
+    def wrong_readings(self) -> tuple[int, ...]:
+        """Indices of the readings that it calls wrong by an unknown amount."""
+        return sum((effect.place for effect in self.effects if effect.cause.hides_reading), ())
 
     @property
     def unknowns(self) -> float:
@@ -218,11 +216,14 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
         if isinstance(extra.cause, RelabelCause):
             found[each] = found[each] + placed.log_weight[extra.place]
             continue
-        density = density_of(at, [each.own], [each.base], at.usual, [each.seen])
-        residual, by_noise = each.linear + each.added, found[each][None]
+        others, price = others_wrong(at, extra)
+        seen = [np.hstack((each.seen, others))]
+        density = density_of(at, [each.own], [each.base], at.usual, seen)
+        residual = each.linear + each.added
+        by_noise = density.by_noise(residual) if extra.others else found[each][None]
         blocks = pattern_densities(at, placed, density, residual, by_noise)
         by_block = [log_sum(log[0] + placed.weights[where], (-2, -1)) for where, log in blocks]
-        found[each] = log_sum(np.stack(by_block), 0)
+        found[each] = log_sum(np.stack(by_block), 0) + price
     logs |= {
         search: float(log_sum(found[search])) + LOG_ALL * bool(search.base) for search in moved
     }
@@ -245,10 +246,11 @@ class _Search:
             if isinstance(cause, RelabelCause):
                 self.version = number
             elif extra.count is None:
-                self.free = at.pattern(extra)[:, None]
+                self.free = at.pattern(extra)
                 free_size = cause.prior_std(machine) * max(BLUNDER_SCALES)
             else:
-                self.added = at.pattern(extra) * (extra.count * cause.millimetres(machine))
+                size = extra.count * cause.millimetres(machine)
+                self.added = size * at.pattern(extra)[:, 0]
         self.at, self.score, self.own = at, score, at.columns(self.base)
         self.by_noise = score.by_noise  # as long as it stays where it was scored
         # A cause of this explanation is not counted as uncertain again.
@@ -442,8 +444,8 @@ class HeldOut:
 def leave_out_cells(white: Whitened, fit: Fit, judged: Fit) -> HeldOut:
     """Predict each (leg, direction, posture) cell, or each difference, from all others by a fit.
 
-    A single reading that the accepted explanation, `judged`, calls wrong cannot be predicted by any
-    model; it is not scored.
+    Readings that the accepted explanation, `judged`, calls wrong, each by itself, cannot be
+    predicted by any model; they are not scored.
 
     Errors of different cells depend on each other: the square of n of them has the mean n and the
     variance 2 tr M², M = D^(−1/2) K D^(−1/2) with the blocks D of K, and is about χ² (Welch and
@@ -462,7 +464,7 @@ def leave_out_cells(white: Whitened, fit: Fit, judged: Fit) -> HeldOut:
     if isinstance(entries, Contrasts):
         taken = np.hstack((entries.zeros, taken))
     errors, square, alone, together = [], 0.0, 0.0, 0.0
-    for blocks in left_out(white, judged.wrong_reading):
+    for blocks in left_out(white, judged.wrong_readings):
         mine, values = taken[blocks], weighted[blocks][..., None]
         turned, (size, rank) = mine.swapaxes(-1, -2), mine.shape[1:]
         both = np.concatenate((values, mine), axis=-1)
@@ -491,7 +493,7 @@ def _gram(entries: Floats, blocks: Ints) -> Floats:
     return np.asarray((entries.T @ entries)[blocks[:, :, None], blocks[:, None, :]])
 
 
-def left_out(white: Whitened, wrong: int | None) -> list[Ints]:
+def left_out(white: Whitened, wrong: Sequence[int] = ()) -> list[Ints]:
     """Entries to leave out together; blocks of one size in one array, shape (blocks, size)."""
     cells, kept = np.arange(len(white)), np.full(len(white), True)
     if white.raw:
@@ -502,8 +504,7 @@ def left_out(white: Whitened, wrong: int | None) -> list[Ints]:
             _, first = np.unique(shared, return_index=True)
             several = np.bincount(shared[cells != cells[first][shared]], minlength=first.size) > 0
             kept = several[shared]
-        if wrong is not None:
-            kept[wrong] = False
+        kept[list(wrong)] = False
     by_size: dict[int, list[Ints]] = {}
     for cell in np.unique(cells[kept]):
         block = np.flatnonzero(kept & (cells == cell))
