@@ -22,7 +22,7 @@ class PatternCause(Cause):
     Of one parameter; of several readings that are wrong, each by itself, of one for each.
     """
 
-    names = ("size",)
+    names: tuple[str, ...] = ("size",)
 
     def to_read_again(self, plan: AnyPlan, place: Place) -> tuple[int, ...]:
         return tuple(self.spoiled(place, plan).tolist()) if self.stage is Stage.RECORD else ()

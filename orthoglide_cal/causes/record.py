@@ -55,6 +55,7 @@ class Misread(PatternCause):
         """Errors of so many readings, each by itself; their places are one."""
         each = copy(self)
         each.names = tuple(f"size_{number}" for number in range(1, count + 1))
+        each.advice = "Take these readings again: {where}. If that cannot be done, leave them out."
         return each
 
     def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:

@@ -1,8 +1,8 @@
 """The causes that compete on one data set, and how plausible each set of them is beforehand.
 
-Tried are "nothing is wrong", one cause, and two causes, these also with wrong readings. A base is a set of causes with many
-parameters acting everywhere (none, one of the machine or the bars, or both); an extra is one cause
-at one of many places, or one that relabels readings.
+Tried are "nothing is wrong", one cause, and two causes, these also with wrong readings. A base is a
+set of causes with many parameters acting everywhere (none, one of the machine or the bars, or
+both); an extra is one cause at one of many places, or one that relabels readings.
 """
 
 from __future__ import annotations

@@ -230,7 +230,8 @@ class Decision:
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.
         lost = belief.beyond * OPEN_ANSWER > belief.something * NEEDLESS_HOLD
-        if lost or self._chance_beyond(belief.fit(best)) < MISFIT:
+        fit = belief.fit(best)
+        if lost or math.isinf(fit.log_evidence) or self._chance_beyond(fit) < MISFIT:
             return Verdict.UNEXPLAINED
         # To name what is beyond the list costs a wrong name for each cause, and false offsets.
         risk = len(best) * (WRONG_NAME + FALSE_RELEASE) * belief.beyond
@@ -384,7 +385,7 @@ class Decision:
             except PostureError:  # no machine of any size is like that
                 continue
             times = fit.effects[0].times(at.white.machine)
-            if BEYOND < times and round(times) <= LARGEST and self._chance_beyond(fit) >= MISFIT:
+            if times > BEYOND and round(times) <= LARGEST and self._chance_beyond(fit) >= MISFIT:
                 explaining.append((float(fit.residual @ fit.residual), cause.id, times))
         return tuple((id, times) for _, id, times in sorted(explaining))
 

@@ -12,6 +12,7 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import half_width, rms, scatter_of_repeats
+from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
 from orthoglide_cal.inference.candidates import Ids
@@ -116,7 +117,6 @@ def diagnose(
             # Without the cause the errors are in the unit that was written down, too.
             unit = 1.0 if later is not None else unit_of(accepted.effects)
             before = replace(before, rms_mm=before.rms_mm * unit)
-            causes = _named(found, before, after)
             if touched:
                 quartic, earlier = baselines(white, later, entered, free)
                 beside = Baselines(
@@ -126,6 +126,8 @@ def diagnose(
                     earlier_map_mm=earlier,
                     repeats=again,
                 )
+            better = beside is not None and beside.better is not None
+            causes = _named(found, before, after, better)
         changes: dict[str, Otherwise] = {}
         if sensitivity and found.verdict is not Verdict.CONSISTENT:
             for name, factor in (("halved", 0.5), ("doubled", 2.0)):
@@ -295,15 +297,19 @@ def _unshown(found: Decision, offsets: Floats, u: Floats) -> tuple[UnshownFault,
     )
 
 
-def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause, ...]:
+def _named(
+    found: Decision, before: HeldOut, after: HeldOut, better: bool
+) -> tuple[FoundCause, ...]:
     """The accepted causes; the one without which the data are hardest to explain comes first.
 
-    What can act together with any other comes after it.
+    What can act together with any other comes after it. `better`: what needs no cause predicts
+    better, and no shape is recommended.
     """
     white, machine = found.belief.at.white, found.belief.at.white.machine
     accepted, listed = found.fit, found.belief.listed
     ids, rivals = set(found.accepted), found.rivals if found.wrong else ()
     falls = after.rms_mm < LOWER * before.rms_mm
+    by_parameters = accepted.columns[:, : accepted.offsets.size]
 
     def sure(id: str) -> bool:
         """No explanation without this cause needs a fault of the measurement in its place."""
@@ -321,10 +327,8 @@ def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause
             id=effect.cause.id,
             probability=listed[found.accepted],
             where=where,
-            parameters=tuple(
-                CauseParameter(name=name, **each._asdict(), expanded=half_width(np.inf) * each.std)
-                for name, each in parameters.items()
-            ),
+            parameters=tuple(_parameters(white, effect)),
+            adds_mm=white.rms(unexplained(by_parameters, accepted.columns[:, slot] @ sizes)),
             rms_before_mm=white.rms(found.belief.at.residuals[0]) * unit_of(accepted.effects),
             rms_after_mm=white.rms(accepted.left),
             heldout_before_mm=before.rms_mm,
@@ -335,16 +339,28 @@ def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause
             remedy=effect.cause.words(machine).advice.format(where=where),
             recommended=(effect.cause.compensable or effect.cause.id in machine.recommended)
             and falls
-            and sure(effect.cause.id),
+            and sure(effect.cause.id)
+            and not (better and effect.cause.id == found.shape),
             in_machine=effect.cause.in_machine,
         )
-        for effect in accepted.effects
+        for effect, slot in zip(accepted.effects, accepted.slots, strict=True)
         for where in (effect.cause.label(effect.place, white.plan, machine),)
-        for parameters in (white.problem.model.called(effect),)
+        for sizes in (effect.theta[: slot.stop - slot.start],)
         for times in (effect.times(machine),)
     ]
     alone = {cause.id: -found.belief.hypotheses[(cause.id,)].log_evidence for cause in named}
     return tuple(sorted(named, key=lambda each: (each.id in machine.companions, alone[each.id])))
+
+
+def _parameters(white: Whitened, effect: Effect) -> Iterator[CauseParameter]:
+    """Parameters of a cause; of several wrong readings each is called by its reading."""
+    model, cause, place = white.problem.model, effect.cause, effect.place
+    several = cause.hides_reading and len(place) > 1
+    for number, (name, each) in enumerate(model.called(effect).items()):
+        if several:
+            name = cause.label((place[number],), white.plan, model.machine)
+        u = half_width(np.inf) * each.std
+        yield CauseParameter(name=name, **each._asdict(), expanded=u)
 
 
 def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOfFit:

@@ -216,8 +216,8 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
         if isinstance(extra.cause, RelabelCause):
             found[each] = found[each] + placed.log_weight[extra.place]
             continue
-        others, price = others_wrong(at, extra)
-        seen = [np.hstack((each.seen, others))]
+        wrong, price = others_wrong(at, extra)
+        seen = [np.hstack((each.seen, wrong))]
         density = density_of(at, [each.own], [each.base], at.usual, seen)
         residual = each.linear + each.added
         by_noise = density.by_noise(residual) if extra.others else found[each][None]
@@ -463,23 +463,23 @@ def leave_out_cells(white: Whitened, fit: Fit, judged: Fit) -> HeldOut:
     taken = (entries.T @ axes) / weight[:, None]
     if isinstance(entries, Contrasts):
         taken = np.hstack((entries.zeros, taken))
-    errors, square, alone, together = [], 0.0, 0.0, 0.0
+    errors, square, alone, together = [], 0.0, 0.0, np.zeros((taken.shape[1],) * 2)
     for blocks in left_out(white, judged.wrong_readings):
         mine, values = taken[blocks], weighted[blocks][..., None]
         turned, (size, rank) = mine.swapaxes(-1, -2), mine.shape[1:]
         both = np.concatenate((values, mine), axis=-1)
         if size > rank:
             inner = np.linalg.solve(np.eye(rank) - turned @ mine, turned @ both)
-            solved = both + mine @ inner
+            solved = np.asarray(both + mine @ inner)
         else:
             own = np.eye(size) if isinstance(entries, Contrasts) else _gram(entries, blocks)
-            solved = np.linalg.solve(own - mine @ turned, both)
+            solved = np.asarray(np.linalg.solve(own - mine @ turned, both))
         error, spread = solved[..., :1], solved[..., 1:]
         errors.append(error.reshape(-1))
         square += float((error * values).sum()) / fit.sigma**2
         within = turned @ spread if size > rank else spread @ turned
         alone += float((within * within.swapaxes(-1, -2)).sum())
-        together = together + np.tensordot(mine, spread, ((0, 1), (0, 1)))
+        together += np.tensordot(mine, spread, ((0, 1), (0, 1)))
     every = np.concatenate(errors)
     n, chance = every.size, 1.0
     if isinstance(entries, Contrasts):
@@ -591,7 +591,8 @@ def _errors(
     jacobian = jacobian[:, : offsets.size]
     scaled = error / fit.sigma, jacobian / fit.sigma
     shared = columns @ root_of(joint) / fit.sigma
-    return error, jacobian, *whiten_shared(shared, *scaled), shared
+    scaled_error, by_parameter = whiten_shared(shared, *scaled)
+    return error, jacobian, scaled_error, by_parameter, shared
 
 
 def known_then(

@@ -197,7 +197,7 @@ def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
 
     Which reading is looked for with those that are wrong already; the last may be at any place.
     """
-    base, machine, residual = score.base, at.white.machine, at.residuals[0]
+    base, residual = score.base, at.residuals[0]
     extra = score.extra
     assert extra is not None
     placed = at.extras[extra.cause.id]

@@ -151,6 +151,7 @@ class FoundCause(Schema):
     probability: float
     where: str = Field(description="empty: the whole machine")
     parameters: tuple[CauseParameter, ...]
+    adds_mm: float = Field(description="r.m.s. of its part that the machine's parameters leave")
     rms_before_mm: float
     rms_after_mm: float
     heldout_before_mm: float = Field(description="error on readings not fitted, without it")

@@ -116,10 +116,6 @@ def _origin_moved(_: Machine, data: Data) -> str:
     )
 
 
-def _advice(machine: Machine, data: Data) -> str:
-    return CAUSES[data["id"]].words(machine).advice.format(where=data["where"])
-
-
 def _retake(_: Machine, data: Data) -> str:
     kept = data["kept"]
     few = len(kept) <= 3  # to say why
@@ -211,7 +207,6 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "recheck": "{words.recheck}",
     "more_readings": "{words.more}",
     "again": "{words.again}",
-    "advice": _advice,
     "accept": "{cause.advice} Or accept {id} as part of the machine:",
     "look": "Check whether {cause.title}{where:place}. What shows it: {cause.instrument}. If all"
     " is in order, say so:",

@@ -574,7 +574,7 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
 
 
 def _advice(cause: FoundCause) -> Reason:
-    return Reason.of("advice", id=cause.id, where=cause.where)
+    return Reason.of("do", what=cause.remedy)
 
 
 def _to_check(ids: Sequence[str], faults: Sequence[UnshownFault]) -> Release:
