@@ -148,7 +148,7 @@ def test_a_plan(machine: str) -> None:
 
 
 def test_what_was_questioned_and_kept_is_retaken_first() -> None:
-    case = of_orthoglide(("backlash",), 13, "micron", None)
+    case = of_orthoglide(("backlash",), 21, "micron", None)
     assert case.answer.verdict is Verdict.AMBIGUOUS
     again = Remedy(
         sentence=Reason.of("do", what="Retake: r 14"), verb="measure", options="--resume"
