@@ -41,6 +41,8 @@ LOST = 100.0
 # Of wrong readings, each by itself, no more are looked for than a tenth of all, and than so many:
 # each costs a pass over the readings.
 SHARE_WRONG, MOST_WRONG = 10, 40
+# They are looked for with so many of the likeliest sets; the same are then wrong with all others.
+SEARCHED = 3
 # A further reading is wrong as a second cause acts, independently of the first.
 LOG_FURTHER = math.log(TWO_CAUSES / ONE_CAUSE)
 
@@ -188,41 +190,51 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis]) -> dict[Ids, Hypoth
         for some in _together(at, pairs):
             both = density_of(at, [at.columns(pair) for pair in pairs[some]], pairs[some], at.usual)
             likelier += _at_best_place(at, pairs[some], placed, both).values()
-        found |= {score.ids: _several_wrong(at, score) for score in likelier}
+        likelier.sort(key=lambda score: -score.log_evidence - score.log_prior)
+        best = [_several_wrong(at, score) for score in likelier[:SEARCHED]]
+        extra = max(best, key=lambda score: score.log_evidence + score.log_prior).extra
+        others = extra.others if extra else ()
+        rest = [(score, _further(at, score, others)) for score in likelier[SEARCHED:]]
+        best += [max(pair, key=lambda score: score.log_evidence) for pair in rest]
+        found |= {score.ids: score for score in best}
     return found
 
 
 def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
-    """The score with as many wrong readings as make it likeliest: one more, again and again.
+    """The score with as many wrong readings as make it likeliest: one more, again and again."""
+    most = min(len(at.white.plan) // SHARE_WRONG, MOST_WRONG)
+    while score.extra is not None and len(score.extra.others) + 1 < most:
+        further = _further(at, score, (*score.extra.others, score.extra.number))
+        if further.log_evidence <= score.log_evidence:
+            break
+        score = further
+    return score
 
-    Which reading is looked for with those that are wrong already; the last may be at any place.
-    """
-    base, residual = score.base, at.residuals[0]
-    extra = score.extra
+
+def _further(at: Linearised, score: Hypothesis, others: tuple[int, ...]) -> Hypothesis:
+    """The score with these readings wrong, and one more, which may be any."""
+    base, extra, residual = score.base, score.extra, at.residuals[0]
     assert extra is not None
     placed = at.extras[extra.cause.id]
     cause = placed.cause
     assert isinstance(cause, Misread)
-    for count in range(2, min(len(placed.tried) // SHARE_WRONG, MOST_WRONG) + 1):
-        extra = replace(extra, others=(*extra.others, extra.number))
-        others, price = others_wrong(at, extra)
-        seen = [np.hstack((at.seen, others))]
-        density = density_of(at, [at.columns(base)], [base], at.usual, seen)
-        by_noise = density.by_noise(residual)
-        by_place = np.full((len(at.usual), len(placed.tried)), -math.inf)
-        for where, log in pattern_densities(at, placed, density, residual, by_noise):
-            by_place[:, where] = log_sum(log[0], (1, 2)) + placed.weights[where]
-        by_place[:, list(extra.others)] = -math.inf
-        log_evidence = float(log_sum(by_place)) + price + (LOG_ALL if base else 0.0)
-        if log_evidence <= score.log_evidence:
-            break
-        scale, number = np.unravel_index(int(by_place.argmax()), by_place.shape)
-        place = tuple(placed.tried[n][0] for n in (*extra.others, int(number)))
-        extra = replace(extra, cause=cause.several(count), place=place, number=int(number))
-        score = replace(
-            score, log_evidence=log_evidence, scale=[*at.usual][scale], extra=extra, by_place=None
-        )
-    return score
+    extra = replace(extra, others=others)
+    wrong, price = others_wrong(at, extra)
+    seen = [np.hstack((at.seen, wrong))]
+    density = density_of(at, [at.columns(base)], [base], at.usual, seen)
+    by_noise = density.by_noise(residual)
+    by_place = np.full((len(at.usual), len(placed.tried)), -math.inf)
+    for where, log in pattern_densities(at, placed, density, residual, by_noise):
+        by_place[:, where] = log_sum(log[0], (1, 2)) + placed.weights[where]
+    by_place[:, list(others)] = -math.inf
+    log_evidence = float(log_sum(by_place)) + price + (LOG_ALL if base else 0.0)
+    scale, number = (int(k) for k in np.unravel_index(by_place.argmax(), by_place.shape))
+    place = tuple(placed.tried[n][0] for n in (*others, number))
+    if others:
+        cause = cause.several(len(place))
+    extra = replace(extra, cause=cause, place=place, number=number)
+    size = [*at.usual][scale]
+    return replace(score, log_evidence=log_evidence, scale=size, extra=extra, by_place=None)
 
 
 def others_wrong(at: Linearised, extra: Extra) -> tuple[Floats, float]:
