@@ -17,9 +17,12 @@ from orthoglide_cal.model.readings import AXES, GaugePlan, Series, part_words
 
 
 class PatternCause(Cause):
-    """A cause of one parameter that adds a known pattern of readings, at one of many places."""
+    """A cause that adds a known pattern of readings, at one of many places.
 
-    names = ("size",)
+    Of one parameter; of several readings that are wrong, each by itself, of one for each.
+    """
+
+    names: tuple[str, ...] = ("size",)
 
     def to_read_again(self, plan: AnyPlan, place: Place) -> tuple[int, ...]:
         return tuple(self.spoiled(place, plan).tolist()) if self.stage is Stage.RECORD else ()
@@ -41,11 +44,11 @@ class PatternCause(Cause):
         return Patterns.at(plan, [place[0] for place in places], list(map(self.onward, places)))
 
     def spoiled(self, place: Place, plan: AnyPlan) -> Ints:
-        return np.flatnonzero(self._pattern(place, plan))
+        return np.flatnonzero(self._pattern(place, plan).any(axis=1))
 
     def _pattern(self, place: Place, plan: AnyPlan) -> Floats:
-        """Readings added by one internal unit at one place, shape (n,)."""
-        return self.patterns(plan, (place,)).columns(slice(None))[:, 0]
+        """Readings added by one internal unit of each parameter, shape (n, p)."""
+        return self.patterns(plan, (place,)).columns(slice(None))
 
     def contact(
         self, heights: Numbers, effect: Effect, where: Numbers, plan: AnyPlan, machine: Machine
@@ -64,7 +67,7 @@ class PatternCause(Cause):
 
     def _added(self, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
         pattern = self._pattern(effect.place, plan)
-        return np.asarray(self.millimetres(machine) * (effect.theta * pattern))
+        return np.asarray(self.millimetres(machine) * (effect.theta @ pattern.T))
 
 
 class RelabelCause(Cause):

@@ -1,7 +1,9 @@
 """What can be wrong with what gauges and probes touch, with their stands, and with a bed."""
 
 import math
+from copy import copy
 from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 
@@ -91,6 +93,7 @@ class StandShift(PatternCause):
     size_reason = "a light knock against the stand"
     names = ("step",)
     timed = True
+    any_size = True
     instrument = "a last reading at the first posture, before a stand is moved"
     advice = (
         "The stand was knocked: {where}. Clamp it again and repeat this leg from its first"
@@ -142,8 +145,15 @@ _TERMS = (
 
 def _falling(share: float, above: int = 2) -> tuple[float, ...]:
     """Plausible size of each term, in those of low degrees: less by a share per degree above."""
-    degrees = (int(name[1]) if name[0] == "z" else len(name) for name in _TERMS)
-    return tuple(share ** max(degree - above, 0) for degree in degrees)
+    return tuple(share ** max(_degree(name) - above, 0) for name in _TERMS)
+
+
+def _degree(name: str) -> int:
+    return int(name[1]) if name[0] == "z" else len(name)
+
+
+# Places that each term of a shape asks for: of fewer it follows what nothing else would show.
+PLACES_PER_TERM = 3
 
 
 class _Surface(Cause):
@@ -163,6 +173,18 @@ class _Surface(Cause):
         ]
         self._powers = sorted({powers for term in terms for powers in term})
         self._terms = np.array([[term.get(p, 0.0) for p in self._powers] for term in terms])
+
+    def within(self, spots: int) -> Self | None:
+        """With its terms of whole degrees: which they are depends on no axis of the bed."""
+        degrees = [_degree(name) for name in self.names]
+        most = spots // PLACES_PER_TERM
+        kept = [each for each in degrees if sum(other <= each for other in degrees) <= most]
+        if not 0 < len(kept) < len(degrees):
+            return self if kept else None
+        first = copy(self)
+        first.names = self.names[: len(kept)]
+        first.shares = tuple(share[: len(kept)] for share in self.shares)
+        return first
 
     def contact(
         self, heights: Numbers, effect: Effect, where: Numbers, plan: ProbePlan, machine: Machine

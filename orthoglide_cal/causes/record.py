@@ -1,6 +1,8 @@
 """What can be wrong with what was written down."""
 
+from copy import copy
 from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from orthoglide_cal.model.gauge import UNITS
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.model.plan import Bools, Floats, Plan
+from orthoglide_cal.model.plan import AnyPlan, Bools, Floats, Plan
 from orthoglide_cal.model.readings import GaugePlan, Series
 
 # A fault of a whole table is this likely compared to that of one gauge: it shows at once, mostly.
@@ -42,11 +44,25 @@ class Misread(PatternCause):
     sizes = MappingProxyType({Orthoglide: 0.1, LinearDelta: 0.1})
     size_reason = "a slip of one numbered division"
     hides_reading = True
+    any_size = True
     instrument = "every reading taken twice"
     advice = "Take this reading again: {where}. If that cannot be done, leave it out."
 
     def places(self, plan: Plan, machine: Machine) -> tuple[Place, ...]:
         return tuple((i,) for i in range(len(plan)))
+
+    def several(self, count: int) -> Self:
+        """Errors of so many readings, each by itself; their places are one."""
+        each = copy(self)
+        each.names = tuple(f"size_{number}" for number in range(1, count + 1))
+        each.advice = "Take these readings again: {where}. If that cannot be done, leave them out."
+        return each
+
+    def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
+        return "; ".join(machine.reading_words(plan, reading) for reading in place)
+
+    def _pattern(self, place: Place, plan: AnyPlan) -> Floats:
+        return self.patterns(plan, tuple((reading,) for reading in place)).columns(slice(None))
 
 
 class GaugeSlip(PatternCause):

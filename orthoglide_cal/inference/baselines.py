@@ -4,11 +4,13 @@ Both need no cause: the surface is fitted together with the calibrated parameter
 these leave. An extension that predicts other readings no better has shown nothing.
 """
 
+import math
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from orthoglide_cal.estimation import fit_offsets
 from orthoglide_cal.estimation.accuracy import rms
@@ -34,6 +36,15 @@ class Baselines(Schema):
     quartic_mm: float | None = Field(None, description="with a carried quartic surface")
     earlier_map_mm: float | None = Field(None, description="with the map of the first date")
     repeats: float | None = Field(None, description="correlation of the maps of several dates")
+
+    @computed_field(description="what predicts better than extension and parameters, if anything")
+    @property
+    def better(self) -> Literal["quartic", "earlier_map"] | None:
+        best: Literal["quartic", "earlier_map"] | None = None
+        least = min(self.parameters_mm, self.extension_mm)
+        if self.quartic_mm is not None and self.quartic_mm < least:
+            best, least = "quartic", self.quartic_mm
+        return "earlier_map" if (self.earlier_map_mm or math.inf) < least else best
 
 
 def baselines(
@@ -113,7 +124,7 @@ def _patches(white: Whitened, columns: Floats, left: Floats) -> Iterator[Floats]
     """Errors of predicting each patch of touches from all others."""
     touches = white.plan.touches
     number = np.cumsum(touches) - 1
-    for patches in left_out(white, None):
+    for patches in left_out(white):
         for patch in patches:
             own = number[patch[touches[patch]]]
             rest = np.setdiff1d(np.arange(len(left)), own)

@@ -82,7 +82,9 @@ class Belief:
         Raises:
             NotConvergedError: no offsets fit these data.
         """
-        at = Linearised.of(white, Candidates.of(white.problem.model, ordered=white.raw))
+        plan = white.plan
+        spots = len(np.unique(plan.repeats[plan.touches]))
+        at = Linearised.of(white, Candidates.of(white.problem.model, white.raw, spots))
         hypotheses = score_all(at)
         (nothing,) = fit_explanations([hypotheses[()]])
         patterns = {scored.label: scored for scored in score_patterns(at, nothing)}
@@ -103,8 +105,8 @@ class Belief:
         """The belief with patterns looked at closely, also in addition to each other.
 
         The best one with a second one, only if prior times evidence grows; each single cause with a
-        pattern; the likely ones and the best of each kind with causes that have a place, which fitted
-        alone would stand where the pattern acts.
+        pattern; the likely ones and the best of each kind with causes that have a place, which
+        fitted alone would stand where the pattern acts.
         """
         at, nothing = self.at, self.fit(())
         patterns = {one.label: one for one in score_patterns(at, nothing, fine=True)}

@@ -1,8 +1,8 @@
 """The causes that compete on one data set, and how plausible each set of them is beforehand.
 
-Tried are "nothing is wrong", one cause, and two causes. A base is a set of causes with many
-parameters acting everywhere (none, one of the machine or the bars, or both); an extra is one cause
-at one of many places, or one that relabels readings.
+Tried are "nothing is wrong", one cause, and two causes, these also with wrong readings. A base is a
+set of causes with many parameters acting everywhere (none, one of the machine or the bars, or
+both); an extra is one cause at one of many places, or one that relabels readings.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ Ids = tuple[str, ...]  # of causes that act together, sorted; () is "nothing is 
 # Prior weight of the kinds of explanation; the last but one is shared by the unlisted patterns.
 ONE_CAUSE = 0.38
 TWO_CAUSES = ONE_CAUSE**2 / 2.0  # independent of each other
-NOTHING = 1.0 - ONE_CAUSE - TWO_CAUSES - UNLISTED
+
+MANY = 1000  # places of a bed: enough for every term of a shape
 
 
 def ids_of(*causes: Cause) -> Ids:
@@ -42,19 +43,20 @@ class Candidates:
 
     @classmethod
     @functools.lru_cache(maxsize=8)
-    def of(cls, model: Model, ordered: bool) -> Candidates:
+    def of(cls, model: Model, ordered: bool, spots: int = MANY) -> Candidates:
         """Causes that are possible on the machine, and sets of one or two of them.
 
         Two act together only if at least one lies in the contact or the record, or is a companion
         of all on that kind of machine; two others of the machine at once are left to "unlisted".
 
         Not those that the model knows already or rules out; `ordered` if the time order of the
-        readings is known.
+        readings is known, `spots` the number of places of a bed that were touched.
         """
-        known, tried = {effect.cause.id for effect in model.accepted}, CAUSES.values()
+        known = {effect.cause.id for effect in model.accepted}
         usable = [
             cause
-            for cause in tried
+            for cause in (cause.within(spots) for cause in CAUSES.values())
+            if cause is not None
             if cause.possible(model.machine) and (ordered or not cause.timed)
             if cause.id not in known and cause.id not in model.ruled_out
             # What such readings hold of themselves.
@@ -70,9 +72,16 @@ class Candidates:
         pairs = tuple((a, b) for a in broad if a.in_machine for b in contact)
         pairs += tuple((a, b) for a in broad if a.in_machine and a not in beside for b in beside)
         both = [*pairs, *((cause, extra) for cause in broad for extra in extras)]
-        log_prior: dict[Ids, float] = {(): math.log(NOTHING)}
+        log_prior: dict[Ids, float] = {}
         for share, sets in ((ONE_CAUSE, [(cause,) for cause in usable]), (TWO_CAUSES, both)):
             weight = {ids_of(*causes): math.prod(c.weight for c in causes) for causes in sets}
             total = sum(weight.values())
             log_prior |= {ids: math.log(share * w / total) for ids, w in weight.items()}
+        # A slip happens whatever else is wrong.
+        for slip in (cause for cause in extras if cause.hides_reading):
+            log_prior |= {
+                ids_of(*pair, slip): log_prior[ids_of(*pair)] + log_prior[slip.id,]
+                for pair in pairs
+            }
+        log_prior[()] = math.log(1.0 - UNLISTED - sum(map(math.exp, log_prior.values())))
         return cls(broad, pairs, extras, log_prior)

@@ -251,6 +251,7 @@ class Extra:
     place: Place
     number: int  # of its place in `Placed.tried`, or of the version of the data to be fitted
     count: int | None = None  # its size where that is a whole number; None for a size of any value
+    others: tuple[int, ...] = ()  # of several places, each by itself, those before it
 
 
 @dataclass(frozen=True)
@@ -398,9 +399,12 @@ class Linearised:
         )
 
     def pattern(self, extra: Extra) -> Floats:
-        """Column of one unit of a pattern cause at its place adds to the data, shape (k,) [mm]."""
+        """What one unit of each parameter of a pattern cause adds to the data, (k, p) [mm]."""
         patterns = self.extras[extra.cause.id].patterns
-        return np.zeros(len(self.white)) if patterns is None else patterns.column(extra.number)
+        if patterns is None:
+            return np.zeros((len(self.white), 1))
+        numbers = *extra.others, extra.number
+        return np.stack([patterns.column(number) for number in numbers], axis=1)
 
     @property
     def local(self) -> bool:

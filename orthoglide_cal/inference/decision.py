@@ -35,12 +35,13 @@ from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture
 from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
 from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.fit import Fit, fit_explanations
+from orthoglide_cal.inference.fit import LARGEST, Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import PASSING, Ground, fits_of
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.schema import Reason
 
 # The fit of the best listed causes must leave no more than noise, which the evidence lets be larger
 # than stated. If something beyond the list stands in their place, an open question costs a
@@ -99,6 +100,8 @@ class Decision:
     belief: Belief
     # Maps of several dates of a bed agree: what the parameters leave is no noise, but a shape.
     repeats: bool = False
+    # What the named causes did not see contradicts them; None where nothing does.
+    refuted: Reason | None = None
 
     # --- which answers are left open ---
 
@@ -218,6 +221,8 @@ class Decision:
     def verdict(self) -> Verdict:
         """The statement itself."""
         belief = self.belief
+        if self.refuted is not None:
+            return Verdict.UNEXPLAINED
         if not self.wrong:
             if self.repeats and (self.shape,) in belief.hypotheses:
                 return Verdict.NAMED
@@ -228,7 +233,8 @@ class Decision:
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
         # look for it in the set-up costs a hold.
         lost = belief.beyond * OPEN_ANSWER > belief.something * NEEDLESS_HOLD
-        if lost or self._chance_beyond(belief.fit(best)) < MISFIT:
+        fit = belief.fit(best)
+        if lost or math.isinf(fit.log_evidence) or self._chance_beyond(fit) < MISFIT:
             return Verdict.UNEXPLAINED
         # To name what is beyond the list costs a wrong name for each cause, and false offsets.
         risk = len(best) * (WRONG_NAME + FALSE_RELEASE) * belief.beyond
@@ -382,7 +388,7 @@ class Decision:
             except PostureError:  # no machine of any size is like that
                 continue
             times = fit.effects[0].times(at.white.machine)
-            if times > BEYOND and self._chance_beyond(fit) >= MISFIT:
+            if times > BEYOND and round(times) <= LARGEST and self._chance_beyond(fit) >= MISFIT:
                 explaining.append((float(fit.residual @ fit.residual), cause.id, times))
         return tuple((id, times) for _, id, times in sorted(explaining))
 
@@ -434,9 +440,10 @@ class Decision:
 
     @property
     def enterable(self) -> float:
-        """Probability that what is beyond the list falsifies no offsets; 0 if more than noise stays.
+        """Probability that what is beyond the list falsifies no offsets.
 
-        It does not where it passes, and acts without a listed cause: U allows for it.
+        It does not where it passes, acts without a listed cause, and only noise stays: U allows for
+        it.
         """
         unlisted, patterns = self.belief.unlisted, self.belief.patterns
         hows = {label: {one.how for one in each.patterns} for label, each in patterns.items()}
@@ -446,8 +453,8 @@ class Decision:
 
     @property
     def described(self) -> bool:
-        """True if the likeliest pattern leaves no more than noise."""
-        return self._chance_beyond(self.patterned[0][2].fit) >= MISFIT
+        """True if the likeliest pattern leaves no more than noise, and nothing else was refuted."""
+        return self.refuted is None and self._chance_beyond(self.patterned[0][2].fit) >= MISFIT
 
     def _returning(self, fit: Fit) -> Floats:
         """Covariance of the offsets by what may return with its posture, (3, 3) [mm²].

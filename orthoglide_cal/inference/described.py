@@ -124,7 +124,7 @@ def _heldout(
     """
     if not isinstance(measured, Readings):
         return None
-    blocks = left_out(before.white, None, measured.cycle)
+    blocks = left_out(before.white, (), measured.cycle)
     if len(np.unique(measured.cycle)) < 2 or not blocks:
         return None
     errors = []

@@ -12,14 +12,20 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import half_width, rms, scatter_of_repeats
+from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
 from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.inference.data import Whitened, unit_of
-from orthoglide_cal.inference.decision import BEYOND, Decision, decide, decide_by
+from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
 from orthoglide_cal.inference.described import described
-from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
-from orthoglide_cal.inference.hypothesis import WRONG
+from orthoglide_cal.inference.fit import (
+    HeldOut,
+    chance_of_worse,
+    leave_out_cells,
+    moved_origin,
+    predict_later,
+)
 from orthoglide_cal.inference.result import (
     CauseParameter,
     Diagnosis,
@@ -102,10 +108,17 @@ def diagnose(
                 else leave_out_cells(white, fit, accepted)
                 for fit in (nothing, found.carried)
             )
+            # Whoever adjusted the machine may have removed what acted before.
+            if later is not None and found.verdict is Verdict.NAMED and not entered.any():
+                fits = found.carried, nothing
+                if chance_of_worse(later, *fits, entered, free, model.machine) < MISFIT:
+                    errors = {"without_mm": before.rms_mm, "with_mm": after.rms_mm}
+                    refuted = Reason.of("refuted_later", ids=found.accepted, **errors)
+                    found = replace(found, refuted=refuted)
+                    accepted = found.fit
             # Without the cause the errors are in the unit that was written down, too.
             unit = 1.0 if later is not None else unit_of(accepted.effects)
             before = replace(before, rms_mm=before.rms_mm * unit)
-            causes = _named(found, before, after)
             if touched:
                 quartic, earlier = baselines(white, later, entered, free)
                 beside = Baselines(
@@ -115,6 +128,8 @@ def diagnose(
                     earlier_map_mm=earlier,
                     repeats=again,
                 )
+            better = beside is not None and beside.better is not None
+            causes = _named(found, before, after, better)
         changes: dict[str, Otherwise] = {}
         if sensitivity and found.verdict is not Verdict.CONSISTENT:
             for name, factor in (("halved", 0.5), ("doubled", 2.0)):
@@ -128,6 +143,7 @@ def diagnose(
             measured=measured,
             model=model,
             verdict=found.verdict,
+            refuted=found.refuted,
             lack_of_fit=_lack_of_fit(found, measured, nominal),
             causes=causes,
             baselines=beside,
@@ -205,14 +221,24 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
             raise UnusableResultError(
                 f"These data contradict {id}.", f"They name {', '.join(accepted)}."
             )
-        (effect,) = (effect for effect in found.belief.fit(best).effects if effect.cause is cause)
+        (effect,) = (effect for effect in found.belief.fit(best).effects if effect.cause.id == id)
         return model.extended([effect.accepted(on.isoformat(), measured.source.sha256)])
 
 
 def _decided(white: Whitened) -> Decision:
-    """Decide what the data say; maps of several dates that repeat are no noise."""
+    """Decide what the data say; maps of several dates that repeat are no noise.
+
+    A name has to predict what is left out of its fit.
+    """
     again = repeats(white)
-    return replace(decide(white), repeats=again is not None and again > REPEATS)
+    found = replace(decide(white), repeats=again is not None and again > REPEATS)
+    if found.verdict is not Verdict.NAMED:
+        return found
+    held = leave_out_cells(white, found.fit, found.fit)
+    if held.chance >= MISFIT:
+        return found
+    sizes = {"error_mm": held.rms_mm, "stated_mm": held.rms_mm / held.ratio}
+    return replace(found, refuted=Reason.of("refuted_left_out", ids=found.accepted, **sizes))
 
 
 @contextmanager
@@ -275,15 +301,19 @@ def _unshown(found: Decision, offsets: Floats, u: Floats) -> tuple[UnshownFault,
     )
 
 
-def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause, ...]:
+def _named(
+    found: Decision, before: HeldOut, after: HeldOut, better: bool
+) -> tuple[FoundCause, ...]:
     """The accepted causes; the one without which the data are hardest to explain comes first.
 
-    What can act together with any other comes after it.
+    What can act together with any other comes after it. `better`: what needs no cause predicts
+    better, and no shape is recommended.
     """
     white, machine = found.belief.at.white, found.belief.at.white.machine
     accepted, listed = found.fit, found.belief.listed
     ids, rivals = set(found.accepted), found.rivals if found.wrong else ()
     falls = after.rms_mm < LOWER * before.rms_mm
+    by_parameters = accepted.columns[:, : accepted.offsets.size]
 
     def sure(id: str) -> bool:
         """No explanation without this cause needs a fault of the measurement in its place."""
@@ -301,10 +331,8 @@ def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause
             id=effect.cause.id,
             probability=listed[found.accepted],
             where=where,
-            parameters=tuple(
-                CauseParameter(name=name, **each._asdict(), expanded=half_width(np.inf) * each.std)
-                for name, each in parameters.items()
-            ),
+            parameters=tuple(_parameters(white, effect)),
+            adds_mm=white.rms(unexplained(by_parameters, accepted.columns[:, slot] @ sizes)),
             rms_before_mm=white.rms(found.belief.at.residuals[0]) * unit_of(accepted.effects),
             rms_after_mm=white.rms(accepted.left),
             heldout_before_mm=before.rms_mm,
@@ -315,12 +343,13 @@ def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause
             remedy=effect.cause.words(machine).advice.format(where=where),
             recommended=(effect.cause.compensable or effect.cause.id in machine.recommended)
             and falls
-            and sure(effect.cause.id),
+            and sure(effect.cause.id)
+            and not (better and effect.cause.id == found.shape),
             in_machine=effect.cause.in_machine,
         )
-        for effect in accepted.effects
+        for effect, slot in zip(accepted.effects, accepted.slots, strict=True)
         for where in (effect.cause.label(effect.place, white.plan, machine),)
-        for parameters in (white.problem.model.called(effect),)
+        for sizes in (effect.theta[: slot.stop - slot.start],)
         for times in (effect.times(machine),)
     ]
     alone = {cause.id: -found.belief.hypotheses[(cause.id,)].log_evidence for cause in named}
@@ -329,9 +358,8 @@ def _named(found: Decision, before: HeldOut, after: HeldOut) -> tuple[FoundCause
 
 def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
     """What stands beyond the list, those that act together first."""
-    if found.verdict is not Verdict.UNEXPLAINED:
+    if found.verdict is not Verdict.UNEXPLAINED or found.refuted is not None:
         return
-    white, machine = found.belief.at.white, found.belief.at.white.machine
     best = {pattern.label for pattern in found.beyond_list[0][1].patterns}
     total: dict[str, float] = {}
     for probability, hypothesis in found.beyond_list:
@@ -348,6 +376,17 @@ def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
             yield described(
                 alone, found.belief, measured, total[pattern.label], pattern.label in best
             )
+
+
+def _parameters(white: Whitened, effect: Effect) -> Iterator[CauseParameter]:
+    """Parameters of a cause; of several wrong readings each is called by its reading."""
+    model, cause, place = white.problem.model, effect.cause, effect.place
+    several = cause.hides_reading and len(place) > 1
+    for number, (name, each) in enumerate(model.called(effect).items()):
+        if several:
+            name = cause.label((place[number],), white.plan, model.machine)
+        u = half_width(np.inf) * each.std
+        yield CauseParameter(name=name, **each._asdict(), expanded=u)
 
 
 def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOfFit:
@@ -419,9 +458,6 @@ def _notes(found: Decision, measured: Measured) -> Iterator[Reason]:
     if found.not_excluded:
         yield Reason.of("not_excluded", ids=found.not_excluded)
     if found.verdict is Verdict.UNEXPLAINED:
-        for pattern in found.beyond_list[0][1].patterns:
-            if pattern.how == WRONG:
-                yield Reason.of("several_wrong", where=pattern.where["reading"])
         best = found.best
         if len(best) > 1 and listed[best] >= DISMISSED * max(unlisted.values()):
             yield Reason.of("two_would_follow", ids=best)

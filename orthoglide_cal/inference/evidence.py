@@ -13,8 +13,7 @@ different size comparable.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -93,16 +92,6 @@ class NoiseGrid(ReadOnly):
     def stated(self) -> float:
         """The likeliest of them: what the gauge's maker states [mm]."""
         return float(self.sigma[np.argmax(self.log_weight)])
-
-    def wider(self, factors: Sequence[float]) -> NoiseGrid:
-        """All of them multiplied by each factor in turn, each time with all their weight."""
-        rough = self.scale_factor
-        return replace(
-            self,
-            sigma=np.outer(factors, self.sigma).reshape(-1),
-            log_weight=np.tile(self.log_weight, len(factors)),
-            scale_factor=None if rough is None else np.tile(rough, len(factors)),
-        )
 
     def density(self, columns: Floats, sizes: Floats, log_share: Floats | float = 0.0) -> Gaussian:
         """Density of residuals under the same columns (..., k, r) at several sizes.

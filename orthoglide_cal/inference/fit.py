@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import chdtrc, log_ndtr
+from scipy.special import chdtrc, log_ndtr, ndtr
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.errors import PostureError
@@ -42,6 +42,7 @@ from orthoglide_cal.inference.hypothesis import (
     all_or_one,
     density_of,
     offsets_and_seen,
+    others_wrong,
     pattern_densities,
 )
 from orthoglide_cal.model.cause import Effect
@@ -56,6 +57,8 @@ FAR_MM, ROUNDS = 0.1, 6
 # Causes that move the readings by so many times the noise tilt what the gauges touch so much that
 # it matters where a stand is.
 STEEP = 100.0
+# What needs a cause of more than so many times its plausible size is no explanation.
+LARGEST = 30
 # So many touches for each calibrated parameter say how rough a bed is.
 ENOUGH = 2
 # The origin of the endstops has moved where nothing but chance gives as much this seldom.
@@ -120,12 +123,9 @@ class Fit(ReadOnly):
         return self.residual + self.local
 
     @property
-    def wrong_reading(self) -> int | None:
-        """Index of the one reading that it calls wrong by an unknown amount, if any."""
-        for effect in self.effects:
-            if effect.cause.hides_reading:
-                return effect.place[0]
-        return None
+    def wrong_readings(self) -> tuple[int, ...]:
+        """Indices of the readings that it calls wrong by an unknown amount."""
+        return sum((effect.place for effect in self.effects if effect.cause.hides_reading), ())
 
     @property
     def unknowns(self) -> float:
@@ -216,11 +216,14 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
         if isinstance(extra.cause, RelabelCause):
             found[each] = found[each] + placed.log_weight[extra.place]
             continue
-        density = density_of(at, [each.own], [each.base], at.usual, [each.seen])
-        residual, by_noise = each.linear + each.added, found[each][None]
+        wrong, price = others_wrong(at, extra)
+        seen = [np.hstack((each.seen, wrong))]
+        density = density_of(at, [each.own], [each.base], at.usual, seen)
+        residual = each.linear + each.added
+        by_noise = density.by_noise(residual) if extra.others else found[each][None]
         blocks = pattern_densities(at, placed, density, residual, by_noise)
         by_block = [log_sum(log[0] + placed.weights[where], (-2, -1)) for where, log in blocks]
-        found[each] = log_sum(np.stack(by_block), 0)
+        found[each] = log_sum(np.stack(by_block), 0) + price
     logs |= {
         search: float(log_sum(found[search])) + LOG_ALL * bool(search.base) for search in moved
     }
@@ -243,10 +246,11 @@ class _Search:
             if isinstance(cause, RelabelCause):
                 self.version = number
             elif extra.count is None:
-                self.free = at.pattern(extra)[:, None]
+                self.free = at.pattern(extra)
                 free_size = cause.prior_std(machine) * max(BLUNDER_SCALES)
             else:
-                self.added = at.pattern(extra) * (extra.count * cause.millimetres(machine))
+                size = extra.count * cause.millimetres(machine)
+                self.added = size * at.pattern(extra)[:, 0]
         self.at, self.score, self.own = at, score, at.columns(self.base)
         self.by_noise = score.by_noise  # as long as it stays where it was scored
         # A cause of this explanation is not counted as uncertain again.
@@ -398,6 +402,8 @@ class _Search:
             else:
                 effects.append(cause.at(np.array([count] if count else [], np.float64), place))
             slots = (*slots, slot)
+        if any(round(effect.times(at.white.machine)) > LARGEST for effect in effects):
+            log_evidence = -math.inf
         if score.replanned is not None:
             log_evidence += score.log_evidence - score.replanned.log_evidence
         residual = linear - columns @ found
@@ -432,24 +438,27 @@ class HeldOut:
 
     rms_mm: float  # root mean square error, each weighed as in `Whitened.rms`
     ratio: float  # errors divided by what the model itself states for them, root mean square
+    chance: float = 1.0  # of a larger ratio if the model is right; 1 of what was not asked
 
 
 def leave_out_cells(white: Whitened, fit: Fit, judged: Fit) -> HeldOut:
     """Predict each (leg, direction, posture) cell, or each difference, from all others by a fit.
 
-    A single reading that the accepted explanation, `judged`, calls wrong cannot be predicted by any
-    model; it is not scored.
+    Readings that the accepted explanation, `judged`, calls wrong, each by itself, cannot be
+    predicted by any model; they are not scored.
     """
-    entries, errors, square = leave_out(white, fit, left_out(white, judged.wrong_reading))
-    return HeldOut(rms(errors), math.sqrt(square / entries.size))
+    return leave_out(white, fit, left_out(white, judged.wrong_readings))[2]
 
 
-def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, Floats, float]:
+def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, Floats, HeldOut]:
     """Predict blocks of readings, or of differences, each from all others by a fit.
 
+    Errors of different blocks depend on each other: the square of n of them has the mean n and the
+    variance 2 tr M², M = D^(−1/2) K D^(−1/2) with the blocks D of K, and is about χ² (Welch and
+    Satterthwaite). Of the few differences of a table nothing is asked.
+
     Returns:
-        Which they are, (m,), the errors, weighed as in `Whitened.rms`, (m,), and the sum of their
-        squares in units of what the fit states for them.
+        Which they are, (m,), the errors, weighed as in `Whitened.rms`, (m,), and all together.
     """
     # S⁻¹ = (I − A Aᵀ)/σ²
     axes, factors = shrinking(fit.columns * (fit.sizes / fit.sigma))
@@ -463,19 +472,31 @@ def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, 
     taken = (entries.T @ axes) / weight[:, None]
     if isinstance(entries, Contrasts):
         taken = np.hstack((entries.zeros, taken))
-    errors, square, every = [], 0.0, list(blocks)
+    errors, square, alone, every = [], 0.0, 0.0, list(blocks)
+    together = np.zeros((taken.shape[1],) * 2)
     for some in every:
         mine, values = taken[some], weighted[some][..., None]
         turned, (size, rank) = mine.swapaxes(-1, -2), mine.shape[1:]
+        both = np.concatenate((values, mine), axis=-1)
         if size > rank:
-            inner = np.linalg.solve(np.eye(rank) - turned @ mine, turned @ values)
-            error = np.asarray(values + mine @ inner)
+            inner = np.linalg.solve(np.eye(rank) - turned @ mine, turned @ both)
+            solved = np.asarray(both + mine @ inner)
         else:
             own = np.eye(size) if isinstance(entries, Contrasts) else _gram(entries, some)
-            error = np.asarray(np.linalg.solve(own - mine @ turned, values))
+            solved = np.asarray(np.linalg.solve(own - mine @ turned, both))
+        error, spread = solved[..., :1], solved[..., 1:]
         errors.append(error.reshape(-1))
         square += float((error * values).sum()) / fit.sigma**2
-    return np.concatenate([some.reshape(-1) for some in every]), np.concatenate(errors), square
+        within = turned @ spread if size > rank else spread @ turned
+        alone += float((within * within.swapaxes(-1, -2)).sum())
+        together += np.tensordot(mine, spread, ((0, 1), (0, 1)))
+    each, chance = np.concatenate(errors), 1.0
+    n = each.size
+    if isinstance(entries, Contrasts):
+        dof = n**2 / (n + float(np.sum(together**2)) - alone)
+        chance = float(chdtrc(dof, square * dof / n))
+    held = HeldOut(rms(each), math.sqrt(square / n), chance)
+    return np.concatenate([some.reshape(-1) for some in every]), each, held
 
 
 def _gram(entries: Floats, blocks: Ints) -> Floats:
@@ -483,7 +504,7 @@ def _gram(entries: Floats, blocks: Ints) -> Floats:
     return np.asarray((entries.T @ entries)[blocks[:, :, None], blocks[:, None, :]])
 
 
-def left_out(white: Whitened, wrong: int | None, cells: Ints | None = None) -> list[Ints]:
+def left_out(white: Whitened, wrong: Sequence[int] = (), cells: Ints | None = None) -> list[Ints]:
     """Entries to leave out together; blocks of one size in one array, shape (blocks, size).
 
     Those of one cell of the plan, or of `cells`, (n,).
@@ -498,8 +519,7 @@ def left_out(white: Whitened, wrong: int | None, cells: Ints | None = None) -> l
             _, first = np.unique(shared, return_index=True)
             several = np.bincount(shared[cells != cells[first][shared]], minlength=first.size) > 0
             kept = several[shared]
-        if wrong is not None:
-            kept[wrong] = False
+        kept[list(wrong)] = False
     by_size: dict[int, list[Ints]] = {}
     for cell in np.unique(cells[kept]):
         block = np.flatnonzero(kept & (cells == cell))
@@ -522,13 +542,31 @@ def predict_later(
             data; nothing else is. All of them where the machine was calibrated again.
         before: the machine of the first data; None for the same as later.
     """
-    error, jacobian, scaled_error, by_parameter = _errors(later, fit, applied, free, before)
+    error, jacobian, scaled_error, by_parameter, _ = _errors(later, fit, applied, free, before)
     if free:
         # What a fit to these errors leaves, of as many as it leaves free.
         error = unexplained(jacobian[:, :free], error)
         scaled_error = unexplained(by_parameter[:, :free], scaled_error)
         scaled_error = scaled_error * np.sqrt(error.size / max(error.size - free, 1))
     return HeldOut(rms(error if later.root is None else later.root @ error), rms(scaled_error))
+
+
+def chance_of_worse(
+    later: Whitened, fit: Fit, alone: Fit, applied: Floats, free: int, before: Machine
+) -> float:
+    """Chance that a fit predicts later data that much worse than one without its causes.
+
+    If it is right. The later data hold b times what it adds to their prediction, of which it says
+    1 ± its statement, and the fit `alone` 0: it is worse where b < 1/2, else the chance is 1.
+    Other arguments as of `predict_later`.
+    """
+    error, _, _, by_parameter, shared = _errors(later, fit, applied, free, before)
+    added = _errors(later, alone, applied, free, before)[0] - error
+    pair = whiten_shared(shared, error / fit.sigma, added / fit.sigma)
+    left, adds = unexplained(by_parameter[:, :free], np.column_stack(pair)).T
+    size = float(np.linalg.norm(adds))
+    excess = float(left @ adds)  # (b − 1) size²
+    return float(ndtr(excess / size)) if excess < -0.5 * size**2 < 0.0 else 1.0
 
 
 def moved_origin(later: Whitened, fit: Fit, applied: Floats) -> Floats | None:
@@ -540,7 +578,7 @@ def moved_origin(later: Whitened, fit: Fit, applied: Floats) -> Floats | None:
         Shape (h,) [mm]; None where nothing says that they do.
     """
     homed = later.machine.homed
-    _, _, error, by_parameter = _errors(later, fit, applied, 0, None)
+    _, _, error, by_parameter, _ = _errors(later, fit, applied, 0, None)
     by_origin = by_parameter[:, :homed]
     left = unexplained(by_origin, error)
     if not homed or chdtrc(homed, float(error @ error - left @ left)) > MOVED:
@@ -550,9 +588,10 @@ def moved_origin(later: Whitened, fit: Fit, applied: Floats) -> Floats | None:
 
 def _errors(
     later: Whitened, fit: Fit, applied: Floats, free: int, before: Machine | None
-) -> tuple[Floats, Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Errors (k,) of predicting later data and their derivatives by the parameters, (k, 3) [mm];
-    both again in units of what is stated for them. Arguments as of `predict_later`.
+    both again in units of what is stated for them, and what of it is shared, columns in units of
+    the noise, (k, u). Arguments as of `predict_later`.
     """
     lasting = [effect for effect in fit.effects if effect.cause.lasting]
     then = [effect.transferred(before or later.machine, later.machine) for effect in lasting]
@@ -566,8 +605,9 @@ def _errors(
     error = later.data - predicted
     jacobian = jacobian[:, : offsets.size]
     scaled = error / fit.sigma, jacobian / fit.sigma
-    scaled_error, by_parameter = whiten_shared(columns @ root_of(joint) / fit.sigma, *scaled)
-    return error, jacobian, scaled_error, by_parameter
+    shared = columns @ root_of(joint) / fit.sigma
+    scaled_error, by_parameter = whiten_shared(shared, *scaled)
+    return error, jacobian, scaled_error, by_parameter, shared
 
 
 def known_then(

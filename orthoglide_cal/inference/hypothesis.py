@@ -17,11 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.causes.record import Misread
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
-from orthoglide_cal.estimation.losses import UNLISTED
-from orthoglide_cal.inference.candidates import Ids, ids_of
+from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids, ids_of
 from orthoglide_cal.inference.data import OFFSETS_MM, Extra, Linearised, Placed
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.cause import Cause, Place
@@ -35,11 +35,15 @@ ALL = 0.5
 LOG_ALL = math.log(ALL)
 # A log density this far below another one adds nothing to their sum.
 LOST = 100.0
-# Of readings that are wrong by themselves no more are looked for.
-MOST_WRONG = 8
-WRONG = "misread"  # the how of these
 # No more shapes of a pattern count, and none below this share.
 SHAPES, SHARE = 12, 0.01
+# Of wrong readings, each by itself, no more are looked for than a tenth of all, and than so many:
+# each costs a pass over the readings.
+SHARE_WRONG, MOST_WRONG = 10, 40
+# They are looked for with so many of the likeliest sets; the same are then wrong with all others.
+SEARCHED = 3
+# A further reading is wrong as a second cause acts, independently of the first.
+LOG_FURTHER = math.log(TWO_CAUSES / ONE_CAUSE)
 
 Bases = Sequence[tuple[Cause, ...]]
 # Causes to fix, and readings to take again.
@@ -187,7 +191,83 @@ def score_all(at: Linearised) -> dict[Ids, Hypothesis]:
                     scores[ids] = replace(
                         score, at=at, log_evidence=log, extra=extra, replanned=score
                     )
-    return scores
+    return scores | _wrong(at, scores)
+
+
+def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis]) -> dict[Ids, Hypothesis]:
+    """Scores of the sets with wrong readings, each with as many as make it likeliest.
+
+    Also beside two causes; nothing where one wrong reading makes no set likelier.
+    """
+    found: dict[Ids, Hypothesis] = {}
+    for placed in at.extras.values():
+        if not placed.cause.hides_reading:
+            continue
+        id, pairs = placed.cause.id, at.candidates.pairs
+        one = [score for score in scores.values() if score.extra and score.extra.cause.id == id]
+        likelier = [s for s in one if s.log_evidence > scores[ids_of(*s.base)].log_evidence]
+        if not likelier:
+            continue
+        for some in _together(at, pairs):
+            both = density_of(at, [at.columns(pair) for pair in pairs[some]], pairs[some], at.usual)
+            likelier += _at_best_place(at, pairs[some], placed, both).values()
+        likelier.sort(key=lambda score: -score.log_evidence - score.log_prior)
+        best = [_several_wrong(at, score) for score in likelier[:SEARCHED]]
+        extra = max(best, key=lambda score: score.log_evidence + score.log_prior).extra
+        others = extra.others if extra else ()
+        rest = [(score, _further(at, score, others)) for score in likelier[SEARCHED:]]
+        best += [max(pair, key=lambda score: score.log_evidence) for pair in rest]
+        found |= {score.ids: score for score in best}
+    return found
+
+
+def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
+    """The score with as many wrong readings as make it likeliest: one more, again and again."""
+    most = min(len(at.white.plan) // SHARE_WRONG, MOST_WRONG)
+    while score.extra is not None and len(score.extra.others) + 1 < most:
+        further = _further(at, score, (*score.extra.others, score.extra.number))
+        if further.log_evidence <= score.log_evidence:
+            break
+        score = further
+    return score
+
+
+def _further(at: Linearised, score: Hypothesis, others: tuple[int, ...]) -> Hypothesis:
+    """The score with these readings wrong, and one more, which may be any."""
+    base, extra, residual = score.base, score.extra, at.residuals[0]
+    assert extra is not None
+    placed = at.extras[extra.cause.id]
+    cause = placed.cause
+    assert isinstance(cause, Misread)
+    extra = replace(extra, others=others)
+    wrong, price = others_wrong(at, extra)
+    seen = [np.hstack((at.seen, wrong))]
+    density = density_of(at, [at.columns(base)], [base], at.usual, seen)
+    by_noise = density.by_noise(residual)
+    by_place = np.full((len(at.usual), len(placed.tried)), -math.inf)
+    for where, log in pattern_densities(at, placed, density, residual, by_noise):
+        by_place[:, where] = log_sum(log[0], (1, 2)) + placed.weights[where]
+    by_place[:, list(others)] = -math.inf
+    log_evidence = float(log_sum(by_place)) + price + (LOG_ALL if base else 0.0)
+    scale, number = (int(k) for k in np.unravel_index(by_place.argmax(), by_place.shape))
+    place = tuple(placed.tried[n][0] for n in (*others, number))
+    if others:
+        cause = cause.several(len(place))
+    extra = replace(extra, cause=cause, place=place, number=number)
+    size = [*at.usual][scale]
+    return replace(score, log_evidence=log_evidence, scale=size, extra=extra, by_place=None)
+
+
+def others_wrong(at: Linearised, extra: Extra) -> tuple[Floats, float]:
+    """Of several wrong readings all but the last: columns (k, p − 1) [mm], ln of their prior.
+
+    Each as large as the larger of `BLUNDER_SCALES`, and at a place of its own.
+    """
+    placed, count = at.extras[extra.cause.id], len(extra.others)
+    size = placed.cause.prior_std(at.white.machine).max(initial=0.0) * max(BLUNDER_SCALES)
+    weights = placed.weights[list(extra.others)].sum()
+    price = float(weights) + count * (LOG_FURTHER - math.log(len(BLUNDER_SCALES)))
+    return size * at.pattern(extra)[:, :count], price
 
 
 def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
@@ -421,47 +501,3 @@ def of_any_size(power: Floats, match: Floats, variance: Floats) -> Floats:
     log -= np.log(widened)
     log *= 0.5
     return log
-
-
-def several_wrong(at: Linearised) -> Iterator[Hypothesis]:
-    """More than one wrong reading, each by itself: the likeliest is added again and again.
-
-    Looked for with a local shape, which would absorb what each of them adds: without one the
-    misfit shows them. It takes nothing from the weight of the others, which are there on all data.
-    """
-    placed = at.extras.get("misread")
-    if placed is None or placed.patterns is None or not at.local:
-        return
-    plan, machine, residual = at.white.plan, at.white.machine, at.residuals[0]
-    cause, patterns = placed.cause, placed.patterns
-    assert isinstance(cause, PatternCause)
-    size = cause.prior_std(machine)[0] * np.array(BLUNDER_SCALES)
-    columns, wrong, found, price = (
-        offsets_and_seen(at, at.jacobian),
-        list[int](),
-        list[float](),
-        0.0,
-    )
-    added = [np.zeros((len(plan), 0))]
-    for _ in range(min(MOST_WRONG, len(placed.tried) // 4)):
-        density = at.noise.density(columns, np.ones((1, columns.shape[1])))
-        power, match = density.against(density.overlap(patterns, residual), residual)
-        by_noise = density.by_noise(residual)
-        log = log_sum(pattern_density(machine, cause, power, match, by_noise), (0, 1))
-        log += placed.weights + price
-        log[:, wrong] = -math.inf
-        found.append(float(log_sum(log)))
-        scale, place = np.unravel_index(int(log.argmax()), log.shape)
-        wrong.append(int(place))
-        price += placed.weights[place] - math.log(len(BLUNDER_SCALES))
-        added.append(size[scale] * patterns.patterns.columns(slice(place, place + 1)))
-        columns = np.hstack((columns, at.white.matrix @ added[-1]))
-    count = int(np.argmax(found)) + 1 if found else 0
-    if count > 1:
-        where = "; ".join(cause.label(placed.tried[n], plan, machine) for n in wrong[:count])
-        chosen = np.hstack(added[: count + 1])[:, None]
-        shown, one = np.full(chosen.shape[1:], True), np.ones(1)
-        several = Pattern(
-            WRONG, {"reading": where}, math.log(UNLISTED), chosen, shown, None, one, one[None]
-        )
-        yield Hypothesis(at, found[count - 1], patterns=(several,))

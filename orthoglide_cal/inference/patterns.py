@@ -33,7 +33,6 @@ from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
     Hypothesis,
     Pattern,
-    several_wrong,
 )
 from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, Plan, Where
 
@@ -521,8 +520,7 @@ def course_of(at: Linearised, fit: Fit, *, fine: bool) -> Course:
 
 def score_patterns(at: Linearised, fit: Fit, *, fine: bool = False) -> list[Hypothesis]:
     """Every pattern in addition to the offsets, of which `fit` is."""
-    scored = Ground.of(at, fit).scores(tried(at, course_of(at, fit, fine=fine)))
-    return [*scored, *several_wrong(at)]
+    return Ground.of(at, fit).scores(tried(at, course_of(at, fit, fine=fine)))
 
 
 def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Ground, slice]]:

@@ -160,6 +160,7 @@ class FoundCause(Schema):
     probability: float
     where: str = Field(description="empty: the whole machine")
     parameters: tuple[CauseParameter, ...]
+    adds_mm: float = Field(description="r.m.s. of its part that the machine's parameters leave")
     rms_before_mm: float
     rms_after_mm: float
     heldout_before_mm: float = Field(description="error on readings not fitted, without it")
@@ -266,6 +267,8 @@ class Diagnosis(ReadOnly):
     # Beyond the list, best first; empty unless the verdict is that something is.
     patterns: tuple[FoundPattern, ...] = ()
     enterable: float = 0.0  # probability of patterns that falsify no offsets
+    # What refuted the causes that explain the data best; None where nothing did.
+    refuted: Reason | None = None
     # Causes that would explain what is unexplained, far beyond their size.
     beyond_tolerance: tuple[TimesStated, ...] = ()
     notes: tuple[Reason, ...] = ()

@@ -75,6 +75,7 @@ class Cause:
     compensable: bool = False  # a controller can compensate it
     timed: bool = False  # it can only be seen in readings whose time order is known
     hides_reading: bool = False  # the reading at its place says nothing any more
+    any_size: bool = False  # a blunder: no size of it is usual
     settles: bool = False  # readings before a carriage's first motion differ from all later ones
     weight: float = 1.0  # how likely it is before anything is read
     same_remedy_as: str | None = None  # id of another cause: they are one answer
@@ -130,6 +131,10 @@ class Cause:
     def possible(self, machine: Machine) -> bool:
         """Whether it can happen on this machine and its gauge."""
         return self.size(machine) > 0.0
+
+    def within(self, spots: int) -> Self | None:
+        """The cause with no more parameters than so many places may show; None if with none."""
+        return self
 
     def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
         """About how much a plausible size changes a reading when the posture changes [mm].
@@ -269,10 +274,14 @@ class Effect(ReadOnly):
         return np.sqrt(np.diag(self.covariance))
 
     def times(self, machine: Machine) -> float:
-        """The largest of its named parameters, of theta (p,), by its plausible size."""
+        """The largest of its named parameters, of theta (p,), by its plausible size.
+
+        0 where no size is usual.
+        """
         named = self.theta[: len(self.cause.names)]
         size = self.cause.scale * self.cause.size(machine)
-        return float(np.abs(named).max(initial=0.0)) / size if size else 0.0
+        usual = size and not self.cause.any_size
+        return float(np.abs(named).max(initial=0.0)) / size if usual else 0.0
 
     @property
     def estimates(self) -> Mapping[str, Estimate]:

@@ -14,7 +14,7 @@ from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine, Vocabulary
-from orthoglide_cal.model.measured import DataKind, Source
+from orthoglide_cal.model.measured import DataKind, Differences, Source
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.sentences import sentence
@@ -71,9 +71,18 @@ class Case:
         """The words of its kind."""
         return self.machine.vocabulary
 
-    def title_of(self, id: str) -> str:
-        """Name of a cause at such a machine."""
+    def title_of(self, id: str, parameters: int = 1) -> str:
+        """Name of a cause at such a machine; of wrong readings, with a parameter each, how many."""
+        if CAUSES[id].hides_reading and parameters > 1:
+            return f"{parameters} readings are wrong"
         return CAUSES[id].words(self.machine).title
+
+    @property
+    def shape(self) -> str:
+        """Id of the cause that stands for any shape where nothing tells what makes it, or ""."""
+        measured = self.given.measured
+        flat = not isinstance(measured, Differences) and measured.plan.flat
+        return self.machine.shape if flat else ""
 
     def says(self, reason: Reason) -> str:
         """The sentence for a reason, in the words of this kind of machine."""

@@ -127,10 +127,6 @@ def _origin_moved(_: Machine, data: Data) -> str:
     )
 
 
-def _advice(machine: Machine, data: Data) -> str:
-    return CAUSES[data["id"]].words(machine).advice.format(where=data["where"])
-
-
 # How readings deviate → what they do, of one gauge and of several; the effect's short name; remedy.
 _HOWS: Mapping[str, tuple[str, str, str, str]] = {
     "repeats": (
@@ -244,6 +240,10 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "offsets_wrong": _offsets_wrong,
     "unexplained": "No listed cause of usual size explains these data: they leave {left_mm:.3f} mm"
     " r.m.s., where the {words.noise}'s noise{words.also} would leave {expected_mm:.3f} mm.",
+    "refuted_left_out": "{ids:with} fits, but does not predict: readings left out differ by"
+    " {error_mm:µm} r.m.s., where it states {stated_mm:µm}.",
+    "refuted_later": "{ids:with} fits, but later readings refute it: they differ by {with_mm:µm}"
+    " r.m.s. from what it predicts, without it by {without_mm:µm}.",
     "other_data_contradict": "The {data} in the same file contradicts these values beyond U:"
     " {apart:moves}.",
     # What to know although it may be entered.
@@ -297,7 +297,6 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     " ({floor_mm:.2g} mm); the intervals use the resolution.",
     # Notes of a diagnosis.
     "not_excluded": "Not excluded, too small to show: {ids:names}.",
-    "several_wrong": "Several readings are wrong, each by itself: {where}.",
     "two_would_follow": "{ids:with} would also fit it, but two causes fit nearly any"
     " pattern. To check them, repeat with {words.further}.",
     "perhaps_also": "These readings cannot show whether {ids:and} is also present.",
@@ -321,7 +320,6 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "recheck": "{words.recheck}",
     "more_readings": "{words.more}",
     "again": "{words.again}",
-    "advice": _advice,
     "beyond_remedy": lambda _, data: pattern_remedy(data["pattern"]),
     "accept": "{cause.advice} Or accept {id} as part of the machine:",
     "look": "Check whether {cause.title}{where:place}. What shows it: {cause.instrument}. If all"

@@ -210,6 +210,9 @@ class Answer(Schema):
     machine: MachineName
     method: str | None = Field(None, description="null: there is no result")
     verdict: Verdict | None = Field(None, description="null: these data cannot be diagnosed")
+    refuted: Sentence | None = Field(
+        None, description="what the best explanation did not see, and which contradicts it"
+    )
     judgement: Sentence | None = Field(None, description="are the residuals what noise would give?")
     explanations: tuple[Explanation, ...] = Field((), description="those not dismissed, best first")
     release: Release

@@ -73,7 +73,7 @@ NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
 _DIAGNOSED = (
     *("verdict", "lack_of_fit", "causes", "baselines", "ambiguous_with", "not_excluded"),
-    *("rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
+    *("refuted", "rivals", "patterns", "unshown", "beyond_tolerance", "assumed_sizes"),
 )
 
 
@@ -518,7 +518,7 @@ def release(
     else:
         lack, beyond = diagnosis.lack_of_fit, bool(diagnosis.beyond_tolerance)
         sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
-        reason = Reason.of("unexplained", beyond=beyond, **sizes)
+        reason = diagnosis.refuted or Reason.of("unexplained", beyond=beyond, **sizes)
         known = [one for one in diagnosis.patterns if one.accepted]
         advice = [Reason.of("beyond_remedy", pattern=one) for one in known] or [Reason.of("again")]
         judged = Release(reasons=(reason,), remedies=tuple(Remedy(sentence=a) for a in advice))
@@ -584,7 +584,7 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
 
 
 def _advice(cause: FoundCause) -> Reason:
-    return Reason.of("advice", id=cause.id, where=cause.where)
+    return Reason.of("do", what=cause.remedy)
 
 
 def _to_check(ids: Sequence[str], faults: Sequence[UnshownFault]) -> Release:

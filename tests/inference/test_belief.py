@@ -77,7 +77,7 @@ def test_an_open_choice_is_part_of_the_uncertainty() -> None:
     assert np.sort(found.std_mm**2 / within)[1] > 2.0
 
 
-@pytest.mark.parametrize("outside", truth.OUTSIDE)
+@pytest.mark.parametrize("outside", sorted(truth.OUTSIDE.keys() - {"scattered_misreads"}))
 def test_what_is_not_listed_is_part_of_the_uncertainty(outside: str) -> None:
     """Each offset lies within 4 of its standard deviations: one false failure in 2,000 sessions."""
     session = truth.clear_outside(1, truth.PROTOTYPE, truth.MICRON, outside)

@@ -45,7 +45,7 @@ def test_a_stated_size_hides_nothing(seed: int) -> None:
     assert np.all(hidden.std_mm > 0.9)
 
 
-def test_what_only_a_size_beyond_all_scales_explains_is_named_as_such() -> None:
+def test_what_only_a_size_beyond_all_scales_explains_is_unexplained() -> None:
     """Legs 1.4 mm off, in a file that calls a micrometre plausible and nothing else."""
     session = measured(
         Effect("leg_length", "", (1.4, -0.3, 0.5)), seed=1, gauge=truth.DIAL, cycles=8
@@ -54,9 +54,7 @@ def test_what_only_a_size_beyond_all_scales_explains_is_named_as_such() -> None:
     sizes = dict.fromkeys(model.machine.tolerances, 0.0) | {"leg_length": 0.001}
     found = diagnose(readings, replace(model, machine=model.machine.changed(tolerances=sizes)))
     assert found.verdict is Verdict.UNEXPLAINED
-    (far,) = found.beyond_tolerance
-    assert far.id == "leg_length"
-    assert 300.0 < far.times < 3000.0
+    assert found.beyond_tolerance == ()
 
 
 @pytest.mark.parametrize("cause", [c for c in MACHINE_CAUSES if c != "leg_length"])

@@ -11,7 +11,6 @@ from orthoglide_cal.inference.decision import decide
 from tests import truth
 from tests.decisions import content
 from tests.inference.sessions import ids, known
-from tests.sentences import sentences
 
 # Seeds whose truth stands 5 to 60 σ from every rival (checked below); odd ones on the
 # prototype, even ones on the large machine; the slow causes at 2.5 min per posture.
@@ -104,7 +103,7 @@ def test_its_place_and_size_are_the_truth_s(cause: str, gauge: truth.Gauge, seed
         assert named.where == ""
 
 
-@pytest.mark.parametrize("outside", truth.OUTSIDE)
+@pytest.mark.parametrize("outside", sorted(truth.OUTSIDE.keys() - {"scattered_misreads"}))
 def test_what_is_not_listed_is_unexplained(outside: str) -> None:
     session = truth.clear_outside(1, truth.PROTOTYPE, truth.MICRON, outside)
     readings, model = known(session)

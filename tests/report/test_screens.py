@@ -5,6 +5,7 @@ import shutil
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.cells import cell_len
 
@@ -24,6 +25,7 @@ from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.cli.program import done
 from tests.inference.sessions import given
+from tests.inference.test_printers import quartic
 from tests.machines import NOMINAL, SAMPLES
 from tests.report.test_terminal import shown, unwrapped
 from tests.results.cases import as_left, identity_of
@@ -148,7 +150,7 @@ def test_a_plan(machine: str) -> None:
 
 
 def test_what_was_questioned_and_kept_is_retaken_first() -> None:
-    case = of_orthoglide(("backlash",), 13, "micron", None)
+    case = of_orthoglide(("backlash",), 21, "micron", None)
     assert case.answer.verdict is Verdict.AMBIGUOUS
     again = Remedy(
         sentence=Reason.of("do", what="Retake: r 14"), verb="measure", options="--resume"
@@ -186,3 +188,17 @@ def test_the_folder_never_asks_to_apply_what_is_refused(
     write(session(TRUE, 4), NOMINAL, Path("later.yaml"), finished="2099-01-01T00:00:00+00:00")
     assert "orthocal apply later.yaml" in done()
     assert len(said.splitlines()) <= MOST["solve"]
+
+
+def test_on_one_height_a_shape_is_not_called_a_cause() -> None:
+    """And what predicts better without a cause is the first step."""
+    bent = delta.Truth(bed=quartic(np.random.default_rng(2), 0.08))
+    layout, rng = delta.Layout(61), np.random.default_rng(1)
+    case = answered(given(delta.probe_bed(delta.V400, bent, (), layout, rng)))
+    assert re.search(
+        r"! A smooth shape is left \(\d\d µm\): bed_shape, \d\d\.\d %", both_screens(case)
+    )
+    assert case.answer.baselines is not None
+    better = case.answer.baselines.changed(quartic_mm=0.001)
+    said = both_screens(Case(case.given, case.answer.changed(baselines=better)))
+    assert "1. Make a bed mesh: a quartic surface predicts to 1.0 µm" in said

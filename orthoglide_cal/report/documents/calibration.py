@@ -159,7 +159,7 @@ def _wrong(case: Case) -> str:
         return f"The rails miss each other by {plain(max(shim.mm for shim in answer.shims), 2)} mm"
     titles = []
     for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
-        titles.append(case.title_of(cause.id))
+        titles.append(case.title_of(cause.id, len(cause.parameters)))
         largest = max(cause.parameters, key=lambda each: abs(each.value), default=None)
         if largest is not None and largest.std:
             titles[-1] += f", by {two_figures(abs(largest.value))} {unit_words(largest.unit)}"

@@ -6,10 +6,12 @@ The calibration report shows the same blocks for the verdict, its causes and wha
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import zip_longest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.inference import NextMeasurement, Verdict, nothing_wrong
+from orthoglide_cal.inference.baselines import Baselines
 from orthoglide_cal.inference.result import Explanation, FoundPattern
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.measured import weighing
@@ -106,7 +108,9 @@ def _notice(case: Case) -> doc.Notice:
     title = headline(case)
     if answer.verdict is Verdict.NAMED:
         ids, share = [cause.id for cause in answer.causes], answer.causes[0].probability
-        if len(ids) > 1:
+        if case.shape in ids:
+            title = f"{title.rstrip('.')}: {' and '.join(ids)}, {percent(share, 1)}"
+        elif len(ids) > 1:
             title = f"Causes found: {' and '.join(ids)} ({percent(share, 1)})"
         else:
             title = f"{title.rstrip('.')} ({ids[0]}, {percent(share, 1)})"
@@ -131,6 +135,8 @@ def _notice(case: Case) -> doc.Notice:
             f"The {case.words.many} may be entered, with a reservation: the reason is not known."
         )
         lines = [words, *(text for text in notice.lines if text != case.says(caution))]
+    elif answer.refuted is not None and reason == answer.refuted.code:
+        del lines[1]  # the title
     elif reason == "undecided":
         u = two_figures(max(each.expanded for each in answer.parameters))
         why = f": until that is decided they may be wrong by {u} {answer.parameters[0].unit}"
@@ -149,14 +155,14 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
             shown = tuple(largest[:_MOST_CELLS])
         rows = [(each.name, each.value, each.expanded, each.unit) for each in shown]
         if cause.where:
-            cells = sizes(rows, True)
-            if len(rows) == 1:
-                cells = [cells[0].partition(" ")[2]]
-                if CAUSES[cause.id].stage is Stage.RECORD:
-                    size = cells[0].lstrip("+−").replace("1 turns", "1 turn")
-                    cells = [f"{size} too {'high' if rows[0][1] > 0.0 else 'low'}"]
-            place = f"{cause.id} at {cause.where.removeprefix('at ')}"
-            yield f"{': '.join(filter(None, (place, ', '.join(cells))))}."
+            places = [cause.where] if len(rows) < 2 else [name for name, *_ in rows]
+            for place, row in zip_longest(places, rows):
+                size = "" if row is None else sizes([("", *row[1:])], True)[0].lstrip()
+                if size and CAUSES[cause.id].stage is Stage.RECORD:
+                    size = size.lstrip("+−").replace("1 turns", "1 turn")
+                    size += f" too {'high' if row[1] > 0.0 else 'low'}"
+                where = f"{cause.id} at {place.removeprefix('at ')}"
+                yield f"{': '.join(filter(None, (where, size)))}."
         elif rows:
             others = len(cause.parameters) - len(rows)
             cells = [*sizes(rows, False), *([f"and {counted(others, 'other')}"] * bool(others))]
@@ -222,6 +228,15 @@ def _baselines(case: Case) -> Iterator[doc.Block]:
     yield f"Errors of predicting {_omitted(case)}, µm r.m.s.: {', '.join(errors)}."
 
 
+def _baseline_step(found: Baselines) -> doc.Instruction:
+    """What to use instead of the extension where it predicts better."""
+    instead, mm = "Keep the earlier bed mesh: it", found.earlier_map_mm
+    if found.better == "quartic":
+        instead, mm = "Make a bed mesh: a quartic surface", found.quartic_mm
+    sizes = [f"{plain(1e3 * size, 1)} µm" for size in (mm or 0.0, found.extension_mm)]
+    return doc.Instruction(f"{instead} predicts to {sizes[0]}, what was found to {sizes[1]}.")
+
+
 def _open(answer: Answer) -> list[Explanation]:
     """The explanations that these data leave open; of some it was not worth fitting."""
     return [each for each in answer.explanations if each.parameters]
@@ -230,7 +245,8 @@ def _open(answer: Answer) -> list[Explanation]:
 def _name(each: Explanation) -> str:
     if each.pattern is not None:
         return each.pattern
-    return " with ".join(each.ids) or _NOTHING
+    first, *others = each.ids or (_NOTHING,)
+    return f"{first} with {' and '.join(others)}" if others else first
 
 
 def _open_grid(case: Case) -> doc.Grid:
@@ -252,18 +268,25 @@ def _open_grid(case: Case) -> doc.Grid:
 def _steps(case: Case) -> Iterator[doc.Instruction]:
     """Next steps: remedies, the measurement that decides, or entering."""
     answer, release = case.answer, case.answer.release
+    if answer.baselines is not None and answer.baselines.better and answer.causes:
+        yield _baseline_step(answer.baselines)
     if answer.verdict is Verdict.AMBIGUOUS:
+        # Whatever else is open, these readings are wrong.
+        sure = set.intersection(*(set(each.ids) for each in _open(answer)))
+        for cause in (each for each in answer.causes if each.id in sure and not each.in_machine):
+            yield doc.Instruction(cause.remedy)
         if "few_readings" in release.codes:  # more of them come first
             yield from case.remedies()
         else:
             yield from case.remedies("measure")
             yield _next_step(case)
         for cause in answer.causes:
-            if cause.where and not cause.in_machine:
+            if cause.where and not cause.in_machine and cause.id not in sure:
                 yield doc.Instruction(f"Or: {cause.remedy}")
         found, shape = answer.baselines, case.machine.shape
         open_ids = (*answer.ambiguous_with, *(cause.id for cause in answer.causes))
-        if found is not None and shape in open_ids and found.extension_mm < found.parameters_mm:
+        worth = found and not found.better and found.extension_mm < found.parameters_mm
+        if worth and shape in open_ids:
             # What lasts may be carried, whatever its cause.
             typed = case.typed("diagnose", f"--accept {shape}")
             yield doc.Instruction(
@@ -314,13 +337,19 @@ def headline(case: Case) -> str:
     """The verdict in one sentence."""
     answer, lack = case.answer, case.answer.lack_of_fit
     if answer.verdict is Verdict.NAMED:
-        titles = " and ".join(case.title_of(cause.id) for cause in answer.causes)
-        return f"Cause found: {titles}."
+        others = [cause for cause in answer.causes if cause.id != case.shape]
+        titles = [case.title_of(cause.id, len(cause.parameters)) for cause in others]
+        for shape in (cause for cause in answer.causes if cause.id == case.shape):
+            size = f"A smooth shape is left ({1e3 * shape.adds_mm:.0f} µm)"
+            return f"{' and '.join([size, *titles])}."
+        return f"Cause found: {' and '.join(titles)}."
     if answer.verdict is Verdict.AMBIGUOUS:
         nothing = nothing_wrong(answer.explanations) or 0.0
         if any(nothing > each.probability for each in answer.causes[:1]):
             return "Undecided: these data do not show what is wrong, or whether anything is."
         return "Undecided: these data leave open what is wrong."
+    if answer.refuted is not None:
+        return f"Unexplained: {case.says(answer.refuted)}"
     if answer.verdict is not Verdict.CONSISTENT:
         if known := _beyond(answer):
             text = "; ".join(pattern_words(case.machine, each) for each in known)
@@ -364,7 +393,7 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
     yield from _sizes(case)
     yield _rms_grid(case)
     for cause in answer.causes:
-        lines = [(cause.id, case.title_of(cause.id))]
+        lines = [(cause.id, case.title_of(cause.id, len(cause.parameters)))]
         if cause.id in case.machine.companions:
             lines.append(("doubt", case.machine.companions[cause.id]))
         if not cause.in_machine:
