@@ -103,8 +103,8 @@ class Belief:
         """The belief with patterns looked at closely, also in addition to each other.
 
         The best one with a second one, only if prior times evidence grows; each single cause with a
-        pattern; the likely ones and the best of each kind with causes that have a place, which fitted
-        alone would stand where the pattern acts.
+        pattern; the likely ones and the best of each kind with causes that have a place, which
+        fitted alone would stand where the pattern acts.
         """
         at, nothing = self.at, self.fit(())
         patterns = {one.label: one for one in score_patterns(at, nothing, fine=True)}
@@ -121,8 +121,11 @@ class Belief:
         placed = placed_causes(at)
         for hypothesis in likely.values():
             pairs += combined(hypothesis, nothing, placed)
+        # Each only where prior times evidence grows by it.
+        alone = {label: weight_of(one) for label, one in patterns.items()}
         for pair in sorted(pairs, key=weight_of):
-            patterns[pair.label] = pair
+            if weight_of(pair) > max(alone.get(one.label, -math.inf) for one in pair.patterns):
+                patterns[pair.label] = pair
         return replace(self, patterns=patterns)
 
     def fit(self, ids: Ids) -> Fit:

@@ -433,7 +433,7 @@ class Decision:
 
     @property
     def enterable(self) -> float:
-        """Probability that what is beyond the list falsifies no offsets; 0 if more than noise stays.
+        """Probability that what is not listed falsifies no offsets; 0 if more than noise stays.
 
         It does not where it passes, and acts without a listed cause: U allows for it.
         """

@@ -331,7 +331,6 @@ def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
     """What stands beyond the list, those that act together first."""
     if found.verdict is not Verdict.UNEXPLAINED:
         return
-    white, machine = found.belief.at.white, found.belief.at.white.machine
     best = {pattern.label for pattern in found.beyond_list[0][1].patterns}
     total: dict[str, float] = {}
     for probability, hypothesis in found.beyond_list:

@@ -11,7 +11,6 @@ from orthoglide_cal.inference.decision import decide
 from tests import truth
 from tests.decisions import content
 from tests.inference.sessions import ids, known
-from tests.sentences import sentences
 
 # Seeds whose truth stands 5 to 60 σ from every rival (checked below); odd ones on the
 # prototype, even ones on the large machine; the slow causes at 2.5 min per posture.
