@@ -271,7 +271,8 @@ class Ground:
             return ground
         usual = replace(ground, fit=replace(fit, sizes=sizes, centre=centre))
         log = float(log_sum(usual.by_noise)) + math.log(at.scales[min(at.scales)])
-        return replace(usual, fit=replace(usual.fit, log_evidence=log))
+        offsets = fit.offsets + (usual._solved - ground._solved)[: fit.offsets.size]
+        return replace(usual, fit=replace(usual.fit, log_evidence=log, offsets=offsets))
 
     @cached_property
     def _local(self) -> Bools:
