@@ -123,8 +123,11 @@ class Belief:
         placed = placed_causes(at)
         for hypothesis in likely.values():
             pairs += combined(hypothesis, nothing, placed)
+        # Each only where prior times evidence grows by it.
+        alone = {label: weight_of(one) for label, one in patterns.items()}
         for pair in sorted(pairs, key=weight_of):
-            patterns[pair.label] = pair
+            if weight_of(pair) > max(alone.get(one.label, -math.inf) for one in pair.patterns):
+                patterns[pair.label] = pair
         return replace(self, patterns=patterns)
 
     def fit(self, ids: Ids) -> Fit:

@@ -440,10 +440,9 @@ class Decision:
 
     @property
     def enterable(self) -> float:
-        """Probability that what is beyond the list falsifies no offsets.
+        """Probability that what is not listed falsifies no offsets; 0 if more than noise stays.
 
-        It does not where it passes, acts without a listed cause, and only noise stays: U allows for
-        it.
+        It does not where it passes, and acts without a listed cause: U allows for it.
         """
         unlisted, patterns = self.belief.unlisted, self.belief.patterns
         hows = {label: {one.how for one in each.patterns} for label, each in patterns.items()}

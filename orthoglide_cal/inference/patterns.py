@@ -47,6 +47,7 @@ MOMENTS = 64
 ROUNDS = 3
 # So many columns at most; cells beyond that number are no pattern.
 MOST_COLUMNS = 64
+MOST_PLACES = 512  # of more no cause is tried beside a pattern
 # Cosine from which columns of one gauge can follow what a listed cause does there, and ln of the
 # weight of these: all but one in a hundred of such effects have that cause.
 ALIKE, LISTED, ROUNDING = 0.97, math.log(0.01), 1e-9
@@ -116,7 +117,11 @@ def _drifts(course: Course) -> Made:
     periods = course.durations(*DRIFTING)
     turn = 2.0 * np.pi * course.since[:, None] / periods
     terms = np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(course.since)
-    return course.by_gauge(terms, periods)
+    # Of a probe a steady drift is a cause's own.
+    touch, flat = course.plan.touches[:, None], terms.reshape(len(turn), -1)
+    steady = touch * np.stack((np.ones(len(touch)), course.since), axis=1)
+    flat = flat - steady @ np.linalg.lstsq(steady, flat)[0]
+    return course.by_gauge(flat.reshape(terms.shape), periods)
 
 
 def _settles(course: Course) -> Made:
@@ -175,7 +180,7 @@ class Tried(NamedTuple):
     @property
     def where_shown(self) -> Tried:
         """The same without wheres at which nothing shows."""
-        kept = self.chosen.any(axis=(1, 2))
+        kept = np.asarray(self.chosen.any(axis=(1, 2)))
         names = [where for where, shows in zip(self.wheres, kept, strict=True) if shows]
         share = self.log_share[kept]
         return self._replace(wheres=names, chosen=self.chosen[kept], log_share=share)
@@ -303,7 +308,7 @@ class Ground:
         ratio2 = (self.noise.sigma / self.noise.stated) ** 2
         left, stated = self.whitened(self._residual), int(np.argmax(self.noise.log_weight))
         log = self.noise.log_weight - 0.5 * (left @ left / ratio2 + left.size * np.log(ratio2))
-        return np.minimum(self.by_noise, log - log[stated] + self.by_noise[stated])
+        return np.asarray(np.minimum(self.by_noise, log - log[stated] + self.by_noise[stated]))
 
     @cached_property
     def _axes(self) -> tuple[Floats, Floats]:
@@ -438,7 +443,7 @@ class Ground:
     def _start(self) -> int:
         """Where the unknowns of a pattern begin: before what is uncertain of the data."""
         widths = (influence.columns.shape[1] for influence in self.fit.uncertain)
-        return len(self.fit.sizes) - sum(widths)
+        return int(len(self.fit.sizes) - sum(widths))
 
     @property
     def _rest(self) -> float:
@@ -490,6 +495,8 @@ def placed_causes(at: Linearised) -> list[Tried]:
     for id, placed in at.extras.items():
         cause, places = placed.cause, placed.patterns
         if places is None or not isinstance(cause, PatternCause) or cause.counts:
+            continue
+        if len(places) > MOST_PLACES:
             continue
         unit = cause.prior_std(at.white.machine)[0] / at.noise.stated
         columns = unit * places.patterns.columns(slice(None))[:, :, None]
