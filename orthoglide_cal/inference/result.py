@@ -95,7 +95,7 @@ class Explanation(Schema):
     """A possible state of machine and record."""
 
     ids: Ids = Field((), description="causes that act together; empty: nothing is wrong")
-    pattern: str | None = Field(None, description="that no listed cause makes, in words")
+    pattern: str | None = Field(None, description="that no listed cause makes: how and where")
     probability: float = Field(
         description="of a sound machine those of exchanges are estimates, a little too large"
     )

@@ -5,11 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from orthoglide_cal.inference.patterns import HOWS, Course
 from orthoglide_cal.results import answer_to
 from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.inference.sessions import given
+from tests.printers import UNEVEN, touched
 from tests.truth.beyond import draw_beyond
+from tests.truth.delta import Layout, places_of
 
 # Clear sessions: 4 σ from every other claim.
 CLEAR = [("settles", "leg", 3), ("temperature", "gauge", 2), ("repeats", "leg", 3)]
@@ -46,3 +49,13 @@ def test_a_pattern_is_described(how: str, kind: str, seed: int) -> None:
 def test_what_a_listed_cause_makes_is_no_pattern() -> None:
     hidden = truth.make_session(3, truth.PROTOTYPE, truth.DIAL, ("axis_gap",))
     assert answer_to(given(hidden)).patterns == ()
+
+
+def test_a_steady_drift_of_a_probe_is_no_pattern() -> None:
+    at = places_of(Layout(places=25, cycles=3), UNEVEN.bed)
+    hours, nothing = np.linspace(0.0, 0.5, len(at)), np.zeros(len(at))
+    plan = touched(np.column_stack((at, nothing)), hours=hours)
+    drifts = HOWS["drifts"](Course(plan, True, nothing, nothing)).columns
+    steady = np.stack((np.ones(len(at)), hours), axis=1)
+    assert np.abs(np.tensordot(steady, drifts, (0, 0))).max() < 1e-9
+    assert np.abs(drifts).max() > 0.1

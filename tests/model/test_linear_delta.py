@@ -192,16 +192,6 @@ def test_touches_of_one_spot_repeat_each_other() -> None:
     assert groups(printed(0.0 * ends, ends).repeats) == [[0, 1], [2]]
 
 
-def test_a_steady_drift_is_no_wandering() -> None:
-    at = places_of(Layout(places=25, cycles=3), UNEVEN.bed)
-    hours = np.linspace(0.0, 0.5, len(at))
-    plan = touched(np.column_stack((at, np.zeros(len(at)))), hours=hours)
-    (wander,) = (shape for what, shape in plan.patterns(True) if "wander" in what)
-    steady = np.stack((np.ones(len(at)), hours), axis=1)
-    assert np.abs(steady.T @ wander).max() < 1e-9
-    assert np.linalg.matrix_rank(wander) > 10
-
-
 def test_cells_are_patches_of_the_bed() -> None:
     """Neighbours share what the bed has there; what is left out together is no single touch."""
     at = places_of(Layout(places=400), UNEVEN.bed)
