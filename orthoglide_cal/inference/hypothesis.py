@@ -215,8 +215,9 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis]) -> dict[Ids, Hypoth
         best = [_several_wrong(at, score) for score in likelier[:SEARCHED]]
         extra = max(best, key=lambda score: score.log_evidence + score.log_prior).extra
         others = extra.others if extra else ()
-        rest = [(score, _further(at, score, others)) for score in likelier[SEARCHED:]]
-        best += [max(pair, key=lambda score: score.log_evidence) for pair in rest]
+        for score in likelier[SEARCHED:]:
+            more = (_further(at, score, others),) if others else ()
+            best.append(max((score, *more), key=lambda each: each.log_evidence))
         found |= {score.ids: score for score in best}
     return found
 
@@ -229,6 +230,11 @@ def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
         if further.log_evidence <= score.log_evidence:
             break
         score = further
+    # What stood for others at first may be right.
+    for number in score.extra.others if score.extra else ():
+        extra = score.extra
+        kept = [n for n in (*extra.others, extra.number) if n != number] if extra else []
+        score = max(score, _further(at, score, tuple(kept[:-1])), key=lambda s: s.log_evidence)
     return score
 
 
