@@ -19,7 +19,6 @@ from orthoglide_cal.inference.data import Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, Decision, decide, decide_by
 from orthoglide_cal.inference.described import described
 from orthoglide_cal.inference.fit import HeldOut, leave_out_cells, moved_origin, predict_later
-from orthoglide_cal.inference.hypothesis import WRONG
 from orthoglide_cal.inference.result import (
     CauseParameter,
     Diagnosis,
@@ -344,9 +343,11 @@ def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
             seen.add(pattern.label)
             others = tuple(one for one in hypothesis.patterns if one is not pattern)
             alone = replace(hypothesis, patterns=(*others, pattern))
-            yield described(
+            numbers = described(
                 alone, found.belief, measured, total[pattern.label], pattern.label in best
             )
+            if numbers is not None:
+                yield numbers
 
 
 def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOfFit:
@@ -419,7 +420,7 @@ def _notes(found: Decision, measured: Measured) -> Iterator[Reason]:
         yield Reason.of("not_excluded", ids=found.not_excluded)
     if found.verdict is Verdict.UNEXPLAINED:
         for pattern in found.beyond_list[0][1].patterns:
-            if pattern.how == WRONG:
+            if "reading" in pattern.where:
                 yield Reason.of("several_wrong", where=pattern.where["reading"])
         best = found.best
         if len(best) > 1 and listed[best] >= DISMISSED * max(unlisted.values()):
