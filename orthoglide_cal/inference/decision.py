@@ -509,6 +509,6 @@ def decide_by(linear: Belief) -> Decision:
             break
         decision = Decision(decision.belief.refined(wanted))
     decision = Decision(decision.belief.refined([decision.best]))
-    if decision.verdict is Verdict.UNEXPLAINED or len(decision.accepted) > 1:
+    if decision.verdict is Verdict.UNEXPLAINED:
         decision = Decision(decision.belief.closely())
     return decision

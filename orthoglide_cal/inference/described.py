@@ -23,8 +23,8 @@ _Fits = Sequence[tuple[float, Ground, slice]]
 
 def described(
     hypothesis: Hypothesis, belief: Belief, measured: Measured, probability: float, accepted: bool
-) -> FoundPattern:
-    """The last pattern of a hypothesis in numbers."""
+) -> FoundPattern | None:
+    """The last pattern of a hypothesis in numbers; None where no readings of one gauge differ."""
     base = belief.fit(hypothesis.ids)
     pattern, white = hypothesis.patterns[-1], hypothesis.at.white
     fits, before = fits_of(hypothesis, base), Ground.of(hypothesis.at, base)
@@ -37,6 +37,8 @@ def described(
     if "posture" in where and isinstance(measured, Readings):
         where["posture"] = measured.posture[int(np.argmax(rows))]
     gauges = list(_gauges(pattern, fits, rows))
+    if not gauges:
+        return None
     _, size, std, _ = max(gauges, key=lambda one: abs(one[1]))
     kelvin, unit = pattern.how == "temperature", "mm/K" if pattern.how == "temperature" else "mm"
     parameters = [

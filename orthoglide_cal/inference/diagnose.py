@@ -373,9 +373,11 @@ def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
             seen.add(pattern.label)
             others = tuple(one for one in hypothesis.patterns if one is not pattern)
             alone = replace(hypothesis, patterns=(*others, pattern))
-            yield described(
+            numbers = described(
                 alone, found.belief, measured, total[pattern.label], pattern.label in best
             )
+            if numbers is not None:
+                yield numbers
 
 
 def _parameters(white: Whitened, effect: Effect) -> Iterator[CauseParameter]:
