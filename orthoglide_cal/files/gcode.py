@@ -59,6 +59,7 @@ SETTINGS = re.compile(
     r"^(?:recv:|echo:|[0-9:.,> \t])*M665\b[^;\n]*\sL", re.MULTILINE | re.IGNORECASE
 )
 _LOADS = re.compile(r"^\s*M501\b", re.MULTILINE | re.IGNORECASE)
+_KINEMATICS = re.compile(r"^\s*M66[79]\b[^;\n]*", re.MULTILINE | re.IGNORECASE)
 _DATE = re.compile(r"\b20[0-9]{2}-[0-9]{2}-[0-9]{2} [0-9]{2}:[0-9]{2}")
 HEIGHT_MAP = re.compile(r"\s*RepRapFirmware height map file")
 # Later versions name the axes, and number what earlier ones call x and y.
@@ -70,6 +71,10 @@ _NAMES = {
 _UNPROBED = "0"
 _AGAIN = "Probe the bed again: G29"
 _FAR = 1000.0  # mm, and places along one axis
+_UNKNOWN = (
+    "The settings in force are not known: {} loads config-override.g (M501), which is not in its"
+    " folder."
+)
 
 Words = dict[str, tuple[float, ...]]
 
@@ -112,7 +117,9 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
         bed = said.get("M665B", (math.nan,))[0]
         endstops = said["M665H"][0] + three("M666")
     machine = delta_of(document, arms, radius, angles, endstops, bed)
-    return PrinterFile(machine, probe, document.source)
+    unknown = "" if marlin or overriding or not _LOADS.search(document.text) else _UNKNOWN
+    name = PurePath(document.path).name
+    return PrinterFile(machine, probe, document.source, unknown=unknown.format(name))
 
 
 def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile | None:
@@ -138,6 +145,22 @@ def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile
             f" ({PurePath(files[-1].path).name}, {dates[0]}): probe the bed again (G29)."
         )
     return replace(read_codes(*files), remarks=tuple(remarks), stale=stale)
+
+
+def check_delta(folder: Path, path: str) -> None:
+    """Raise InputError for what was probed at `path` beside a config.g that has no arms."""
+    if not (folder / "config.g").is_file():
+        return
+    text = read_document(str(folder / "config.g")).text
+    if _LOADS.search(text):
+        raise InputError(_UNKNOWN.format("config.g"), "Copy it from the printer.", file=path)
+    kind = _KINEMATICS.search(text)
+    raise InputError(
+        "This printer is not a delta: config.g in the same folder has no M665 with L"
+        f"{f' ({kind[0].strip()})' if kind else ''}.",
+        "Give the height map of a delta; or name its settings: --machine FILE",
+        file=path,
+    )
 
 
 def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:

@@ -323,6 +323,7 @@ def machine_values(model: Model) -> dict[str, Any]:
                 "correlation": effect.correlation.round(6).tolist(),
             }
             for effect in model.accepted
+            if effect.date  # what is fitted to each file anew is no part of the machine
         ],
     }
 

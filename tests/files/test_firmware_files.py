@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.errors import UnknownSettingsError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import printer_settings, read_input, together
 from orthoglide_cal.files.machine_file import default_machine, machine_text, read_machine_file
 from orthoglide_cal.model.model import Model
+from orthoglide_cal.report.case import Case, decision_notice
+from orthoglide_cal.results import answer_to
 from tests import firmware_files as made
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import printer, true_values
@@ -266,3 +268,28 @@ def test_a_printers_file_is_no_machine_file_of_an_orthoglide(own: Path) -> None:
     path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
     with pytest.raises(UsageError, match="Leave --machine out"):
         read_input(path, MODEL)
+
+
+def test_without_its_override_nothing_is_known_to_be_active(own: Path) -> None:
+    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
+    put(own, "config.g", made.config_g(made.UNEVEN) + "M501\n")
+    given = read_input(path)
+    with pytest.raises(UnknownSettingsError, match=r"loads config-override.g \(M501\)"):
+        solve(given.measured, given.model)
+    answer = answer_to(given)
+    assert (answer.parameters, answer.release.usable) == ((), False)
+    assert answer.release.codes == ("settings_unknown",)
+    title = decision_notice(Case(given, answer)).title
+    assert title.startswith("The settings in force are not known: config.g loads")
+    # The numbers of a machine file that is named are.
+    known = read_machine_file(made_machine(own)).model
+    assert answer_to(read_input(path, known)).parameters
+
+
+def test_a_height_map_beside_another_kind_of_printer_is_said_to_be_of_it(own: Path) -> None:
+    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
+    text = re.sub("(?m)^m665.*$", "", made.config_g(made.UNEVEN))
+    put(own, "config.g", text.replace("M669 K3", "M669 K1"))
+    [fault] = problems(read_input, path)
+    assert fault.what.startswith("This printer is not a delta: config.g")
+    assert "(M669 K1)" in fault.what
