@@ -58,6 +58,10 @@ class Standing:
                 "Start linuxcncrsh on that computer, with its usual password (man linuxcncrsh); or"
                 " measure without --follow.",
             ) from error
+        if not self._homed():
+            self.close()
+            what = f"The LinuxCNC at {host}:{port} is not homed: nobody knows where it stands."
+            raise UsageError(what, "Home all joints, then give the command again.")
 
     def at(self, joints: Floats, tool: Floats, home_mm: float) -> Stood:
         """Where the machine stands; wanted are these joints and this tool, shape (3,) [mm].
@@ -65,6 +69,8 @@ class Standing:
         A controller without kinematics is driven to either, and may count from the joint value of
         the isotropic posture. Raises OSError, ValueError: nothing answers any more, or no place.
         """
+        if not self._homed():
+            raise ConnectionError("it is not homed any more")
         answer = self._ask("get joint_pos", "JOINT_POS")[: len(AXES)]
         stands = self._unit_mm * np.array(answer, dtype=float)
         wanted = np.stack([joints, joints - home_mm, *([tool] if self._identity else [])])
@@ -72,6 +78,11 @@ class Standing:
         axes = zip(AXES, stands.tolist(), strict=True)
         said = " ".join(f"{axis.upper()} {value:.3f}" for axis, value in axes)
         return Stood(away, f"the controller stood at {said}")
+
+    def _homed(self) -> bool:
+        """Whether all joints are homed: before, their positions are arbitrary. Raises OSError."""
+        joints = self._ask("get joint_homed", "JOINT_HOMED")[: len(AXES)]
+        return joints == ["YES"] * len(AXES)
 
     def _ask(self, question: str, answer: str) -> list[str]:
         """The words of an answer behind its name. Raises OSError."""
