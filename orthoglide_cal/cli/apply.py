@@ -20,6 +20,7 @@ LIVE = (
     "A LinuxCNC that holds the same offsets runs on this computer. Set them there, too, so that"
     " homing again is enough"
 )
+INI_ONLY = "Restart LinuxCNC, then home: it reads its INI only when it starts."
 RESTART = "The firmware reads its file when it starts. Restart it now"
 
 
@@ -54,7 +55,7 @@ def apply(
     """Record what was entered in the controller, or enter it (--to)."""
     from orthoglide_cal.files.controller_file import controller_file
     from orthoglide_cal.files.input import read_input
-    from orthoglide_cal.files.linuxcnc import is_live
+    from orthoglide_cal.files.linuxcnc import is_live, runs_otherwise
     from orthoglide_cal.files.moonraker import restart, server
     from orthoglide_cal.report.case import NOT_NEEDED
     from orthoglide_cal.report.documents.short import application_document
@@ -76,7 +77,9 @@ def apply(
             entry = take_back(file, source.sha256 if source else None, controller)
         else:
             entry = _entered(path, machine, controller, data, rule_out)
-        document = application_document(entry, path)
+        controller = entry.controller
+        live = bool(controller and controller.adds and is_live(controller))
+        document = application_document(entry, path, live)
         if not entry.changes:
             if json:
                 common.deliver(document, as_json=True)
@@ -85,9 +88,10 @@ def apply(
         if not json:
             common.deliver(document)
         target = entry.file.document.path
-        controller = entry.controller
         what = "Take them back" if undo else "Record them"
         question = f"Does the controller hold these values now? {what} in {target}"
+        if controller and controller.adds and (otherwise := runs_otherwise(controller)):
+            common.tell(otherwise)
         if controller:
             question = f"Write this to {controller.target}, and record it in {target}"
         if not agrees(question):
@@ -97,7 +101,9 @@ def apply(
         if json:
             common.deliver(document, as_json=True)
         common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
-        if controller and controller.adds and is_live(controller) and agrees(LIVE):
+        if live and not agrees(LIVE):
+            common.tell(INI_ONLY)
+        elif controller and live:
             if not is_live(controller_file(controller.target), anew=True):
                 what = "The running LinuxCNC does not take the offsets; its INI holds them."
                 raise InputError(what, "Restart LinuxCNC, then home.")
