@@ -54,7 +54,7 @@ def apply(
 ) -> None:
     """Record what was entered in the controller, or enter it (--to)."""
     from orthoglide_cal.files.controller_file import controller_file
-    from orthoglide_cal.files.input import read_input
+    from orthoglide_cal.files.input import machine_of_controller, read_input
     from orthoglide_cal.files.linuxcnc import is_live, runs_otherwise
     from orthoglide_cal.files.moonraker import restart, server
     from orthoglide_cal.report.case import NOT_NEEDED
@@ -72,7 +72,8 @@ def apply(
     def judge(path: str) -> None:
         controller = controller_file(to) if to else None
         if undo:
-            file = common.own_machine_file(machine)
+            written = machine_of_controller(Path(), controller) if controller else None
+            file = common.own_machine_file(machine or written)
             source = read_input(path, file.model).measured.source if path else None
             entry = take_back(file, source.sha256 if source else None, controller)
         else:
@@ -120,10 +121,11 @@ def _write(entry: "Application") -> None:
 
     So the record never lacks what a controller holds, whenever the program is killed.
     """
-    from orthoglide_cal.files.controller_file import replace_file
+    from orthoglide_cal.files.controller_file import holds, replace_file
     from orthoglide_cal.files.text import write_text
 
     record, controller = entry.file.document, entry.controller
+    new = not Path(record.path).exists()
     writes = [(record.path, record.sha256, entry.then.document.text.encode())]
     if controller is not None:
         writes.append((controller.target, controller.sha256, entry.data))
@@ -131,8 +133,11 @@ def _write(entry: "Application") -> None:
         try:
             replace_file(target, before, data)
         except OrthocalError:
-            if target != record.path and not entry.undone:
-                write_text(Path(record.path).resolve(), record.text, overwrite=True)
+            if target != record.path and not entry.undone and holds(target, before):
+                if new:
+                    Path(record.path).unlink()
+                else:
+                    write_text(Path(record.path).resolve(), record.text, overwrite=True)
             raise
 
 
@@ -144,23 +149,24 @@ def _entered(
     rule_out: common.RuleOut,
 ) -> "Application":
     """Entry of a measurement. Raises UsageError, UnusableResultError."""
-    from orthoglide_cal.files.input import machine_in_folder
+    from orthoglide_cal.files.input import machine_of_controller
     from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
 
     file = None  # what is written to a printer needs none
-    if machine or to is None or to.adds or machine_in_folder(Path()):
-        file = common.own_machine_file(machine)
+    known = machine or (machine_of_controller(Path(), to) if to else None)
+    if known or to is None or to.adds:
+        file = common.own_machine_file(known)
     if file and to is None:
-        known = file.model.machine
-        options = f"--format {known.controller_formats[0]}"
+        judged = file.model.machine
+        options = f"--format {judged.controller_formats[0]}"
         shown = command("export", path, machine=machine, options=options)
         written = command("apply", path, machine=machine, options="--to printer.cfg")
         remedy = f"See what to give it: {shown}; or write it: {written}"
-        known.check_recorded(remedy)
+        judged.check_recorded(remedy)
     case = released(common.read_input(path, machine, data, rule_out), machine)
     given, answer = case.given, case.answer
-    file = file or new_machine_file(given.model)
+    file = file or new_machine_file(given.model, to.target if to else "")
     now = datetime.now().astimezone()
     return application(given, answer, file, now, to, lambda: firmware_values(case))

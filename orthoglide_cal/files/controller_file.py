@@ -8,10 +8,12 @@ byte stays, and so do line ends, encoding, file mode and links. The file is a pa
 of a Moonraker server.
 """
 
+import codecs
 import hashlib
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -143,13 +145,20 @@ def controller_file(target: str) -> ControllerFile:
         found = _found(target, text, "=", {**joints, _UNIT: _LINEAR_UNITS}, 0)
         unit_mm = _UNITS[found.pop(_UNIT).before.lower()]
         return ControllerFile(target, data, found, unit_mm, "linuxcnc")
-    if "\n[printer]" not in text:
+    if "\n[printer]" not in text.replace("\xef\xbb\xbf", "", 1):
         raise InputError(
             "This is not the file of a known controller.",
             "Name LinuxCNC's INI with [JOINT_0], or Klipper's printer.cfg with [printer].",
             file=target,
         )
+    if data.startswith(codecs.BOM_UTF8):
+        what = "The file begins with a byte order mark: Klipper does not read it."
+        raise InputError(what, "Save it as UTF-8 without it.", file=target, line=1)
     above, header, block = text.partition(_HEADER)
+    for number, line in enumerate(above.split("\n")):
+        if line.startswith("#*#"):
+            what = "Because of this line above its heading Klipper drops what SAVE_CONFIG wrote."
+            raise InputError(what, "Delete it.", file=target, line=number, value=line)
     heading = (above + header).count("\n") - 1 if header else len(text)
     for number, line in enumerate(block.rstrip().split("\n") if header else (), heading + 1):
         if not re.match(r"#\*#( |$)", line):
@@ -211,6 +220,13 @@ def replace_file(target: str, before: str, data: bytes) -> None:
         moonraker.upload(server, data)
     else:
         write_text(Path(target).resolve(), data, overwrite=True)
+
+
+def holds(target: str, sha256: str) -> bool:
+    """Whether a file, or the printer.cfg of a server, has this digest; not if it cannot be read."""
+    with suppress(InputError):
+        return hashlib.sha256(read_bytes(target)).hexdigest() == sha256
+    return False
 
 
 def _found(

@@ -17,6 +17,7 @@ from pydantic import ConfigDict, Field
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import gcode, klipper, machine_file, probe_readings
+from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.files.probe_readings import ARMS, PrinterFile
 from orthoglide_cal.files.readings import (
     Conditions,
@@ -266,6 +267,22 @@ def machine_in_folder(folder: Path) -> Path | None:
         what = f"There are {len(machines)} machine files in this folder: {names}."
         raise UsageError(what, "Name the one to use: --machine FILE")
     return machines[0] if machines else None
+
+
+def machine_of_controller(folder: Path, controller: ControllerFile) -> Path | None:
+    """The machine file from which this controller was written, else one from which none was."""
+    marks, free = {"kind", "leg_length_mm"}, list[Path]()
+    for path, keys in _files_in(folder).items():
+        if not marks & keys.keys() or "readings" in keys:
+            continue
+        with suppress(InputError):  # of a faulty one nobody knows
+            machine = machine_file.read_machine_file(path).model.machine
+            targets = {entry.written.target for entry in machine.history if entry.written}
+            if controller.target in targets:
+                return path
+            if not targets and controller.format in machine.controller_formats:
+                free.append(path)
+    return free[0] if len(free) == 1 else None
 
 
 def _text_of(path: Path) -> str:

@@ -203,6 +203,20 @@ def test_a_block_that_klipper_ignores_is_not_written(tmp_path: Path) -> None:
         controller_file(str(path))
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (CFG.replace("homing_speed: 50\n", "#*# an old line\n"), r"line 4.*drops what SAVE_CONFIG"),
+        ("\ufeff" + CFG, r"line 1.*byte order mark"),
+    ],
+)
+def test_what_klipper_drops_or_refuses_is_not_written(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "printer.cfg"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=said):
+        controller_file(str(path))
+
+
 @pytest.mark.parametrize("line", ["delta_radius: 140.3", "delta_radius = 140.3 # 140.100000"])
 def test_a_printer_s_own_line_is_never_overruled(tmp_path: Path, line: str) -> None:
     path = tmp_path / "printer.cfg"
