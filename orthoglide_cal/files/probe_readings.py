@@ -110,6 +110,7 @@ class Stored(ReadOnly):
     mesh: str | None = None  # its name; None for heights stored with positions of the carriages
     remarks: tuple[str, ...] = ()  # what to know about it
     stale: str = ""  # as of `Excerpt`
+    nozzle: str = ""  # as of `Excerpt`
 
     @classmethod
     def of_touches(cls, mesh: str, touches: Floats, trigger: float) -> "Stored":
@@ -243,7 +244,7 @@ def printer_readings(
     if distances:
         words += f" and {distances} distances"
     stale = found.stale or file.stale
-    excerpt = Excerpt(chosen, words, file.firmware, stale, unused, file.unknown)
+    excerpt = Excerpt(chosen, words, file.firmware, stale, unused, found.nozzle, file.unknown)
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
     return Readings(
         replace(found.plan, precision=np.where(found.plan.distance, ratio, 1.0)),
@@ -251,7 +252,7 @@ def printer_readings(
         found.line,
         False,
         replace(file.source, excerpt=excerpt),
-        remarks=(*file.remarks, *found.remarks),
+        remarks=(*file.remarks, *found.remarks, *filter(None, [found.nozzle])),
     )
 
 

@@ -163,3 +163,12 @@ def test_a_real_server_is_written_and_restored_and_never_while_it_prints(tmp_pat
         assert server.klipper.asked.count("gcode/script") == 2
     finally:
         server.stop()
+
+
+def test_how_the_nozzle_moves_is_said_before_it_is_entered() -> None:
+    Path("printer.cfg").write_bytes(GOOD)
+    stands = "For the same Z the nozzle stands 0."
+    assert stands in words(run("report", "printer.cfg").stdout)
+    said = done("apply", "printer.cfg", "--to", "printer.cfg", "--yes")
+    assert stands in words(said)
+    assert words(said).index(stands) < words(said).index("1. Restart the firmware")
