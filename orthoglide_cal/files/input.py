@@ -307,7 +307,10 @@ def _is_yaml(document: FileText) -> bool:
     lines = (line for line in document.text.split("\n", 1000) if line.strip())
     first = next((line for line in lines if not line.lstrip().startswith("#")), "")
     # "Recv: …" of a console looks like a key.
-    printed = (klipper.KLIPPY_LOG, klipper.PROBED, gcode.MARLIN_OUTPUT, gcode.SETTINGS)
+    printed = (
+        *(klipper.KLIPPY_LOG, klipper.PROBED, gcode.MARLIN_OUTPUT, gcode.SETTINGS),
+        *(gcode.PROBE_HEIGHTS, gcode.REPETIER_MAP),
+    )
     return bool(_YAML.match(first)) and not any(mark.search(document.text) for mark in printed)
 
 
@@ -372,18 +375,27 @@ def _firmware_file(
     beside: PrinterFile | None = None
     if gcode.HEIGHT_MAP.match(text):
         read, named = gcode.read_height_map, "--machine config.g"
+        title = "a height map of RepRapFirmware"
         beside = gcode.read_codes_in(folder, document) if folder else None
         if folder and not (beside or known):
             gcode.check_delta(folder, document.path)
     elif klipper.PROBED.search(text):
         read, named = klipper.read_probed, "--machine printer.cfg"
+        title = "what Klipper's console prints"
         if folder and (folder / "printer.cfg").is_file():
             beside = klipper.read_printer_file(read_document(str(folder / "printer.cfg")))
             remark = "The settings are those of printer.cfg in the same folder."
             beside = replace(beside, heights=None, mesh=None, remarks=(remark,))
     elif gcode.MARLIN_OUTPUT.search(text):
         read, named = gcode.read_marlin, "--machine FILE, or keep what M503 prints in this file"
+        title = f"what {gcode.marlin_name(text)} prints"
         beside = gcode.read_codes(document) if gcode.SETTINGS.search(text) else None
+    elif gcode.PROBE_HEIGHTS.search(text):
+        read, named = gcode.read_probe_heights, "--machine config.g"
+        title = "what RepRapFirmware's console prints"
+        beside = gcode.read_codes_in(folder) if folder else None
+    elif gcode.REPETIER_MAP.search(text):
+        read, named, title = gcode.read_repetier_map, "--machine FILE", "a map of Repetier (G33)"
     elif gcode.SETTINGS.search(text):
         what = "The file holds the settings of a printer's firmware, and no readings."
         remedy = "Give what was probed, such as heightmap.csv, and this file by --machine."
@@ -401,7 +413,7 @@ def _firmware_file(
     elif beside:
         settings = beside
     else:
-        what = "The file does not say which printer it is from."
+        what = f"This is {title}; it does not say which printer it is from."
         nothing = InputError(what, f"Name its settings: {named}", file=document.path)
         machine = _delta(known or otherwise(), document.path, nothing)
         remark = "The probe's offset from the nozzle is not known: x and y of it are taken as 0."
