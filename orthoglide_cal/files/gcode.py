@@ -443,52 +443,37 @@ PROBE_HEIGHTS = re.compile(r"\bbed probe heights:((?: +[-+]?[0-9.]+\b)+)", re.IG
 _PLACE = re.compile(r"^[^;\n]*\bG30 P([0-9]+) X(\S+) Y(\S+)", re.MULTILINE | re.IGNORECASE)
 
 
-def read_probe_heights(document: FileText, settings: PrinterFile) -> PrinterFile:
-    """The settings, and the last heights that RepRapFirmware's console printed, as their mesh.
+def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
+    """The settings, and what was printed as their mesh: Repetier's map, without its corners, which
+    are made up; or the last heights of RepRapFirmware, at the places of G30 P….
 
-    Raises InputError: neither the text nor a bed.g in its folder has their places.
+    Raises InvalidFileError for what is no number; InputError: neither the text nor a bed.g in its
+    folder has the places.
     """
-    faults, bed = Faults(document.path), Path(document.path).parent / "bed.g"
-    match = [*PROBE_HEIGHTS.finditer(document.text)][-1]
-    line, heights = document.text[: match.start()].count("\n") + 1, match[1].split()
-    text = document.text + (read_document(str(bed)).text if bed.is_file() else "")
-    places = {int(number): place for number, *place in _PLACE.findall(text)}
-    if not set(places).issuperset(range(len(heights))):
-        what = f"RepRapFirmware's console prints {len(heights)} heights without their places."
-        remedy = "Put bed.g, whose lines G30 P… have them, in the same folder."
-        raise InputError(what, remedy, file=document.path, line=line)
+    text, path = document.text, document.path
+    faults, offset, remarks = Faults(path), np.nan_to_num(settings.probe), settings.remarks
+    firmware, bed = "reprapfirmware", Path(path).parent / "bed.g"
+    lines = [(text[: m.start()].count("\n") + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
+    if lines:
+        firmware = "text"
+        remarks += (f"The map counts from a height that it does not state: {ZERO_UNKNOWN}",)
+    else:
+        match = [*PROBE_HEIGHTS.finditer(text)][-1]
+        line, heights = text[: match.start()].count("\n") + 1, match[1].split()
+        beside = read_document(str(bed)).text if bed.is_file() else ""
+        places = {int(number): place for number, *place in _PLACE.findall(text + beside)}
+        if not places.keys() >= set(range(len(heights))):
+            what = f"RepRapFirmware's console prints {len(heights)} heights without their places."
+            remedy = "Put bed.g, whose lines G30 P… have them, in the same folder."
+            raise InputError(what, remedy, file=path, line=line)
+        lines = [(line, (*places[number], height)) for number, height in enumerate(heights)]
     rows = []
-    for number, height in enumerate(heights):
-        with faults.noting(line, height):
-            rows.append((line, *(within(v, -LARGEST_MM) for v in (*places[number], height))))
+    for line, parts in lines:
+        with faults.noting(line, " ".join(parts)):
+            x, y, height = (within(part, -LARGEST_MM) for part in parts)
+            if firmware != "text" or not math.hypot(x, y) > settings.machine.bed_radius_mm:
+                rows.append((line, x - offset[0], y - offset[1], height))
     faults.check()
-    return _with_mesh(document, settings, rows, "reprapfirmware")
-
-
-def read_repetier_map(document: FileText, settings: PrinterFile) -> PrinterFile:
-    """The settings, and the map that Repetier lists, as their mesh; its corners are made up.
-
-    Raises InvalidFileError.
-    """
-    faults, rows = Faults(document.path), []
-    for number, text in enumerate(document.text.split("\n"), start=1):
-        if match := REPETIER_MAP.search(text):
-            with faults.noting(number, match[0]):
-                rows.append((number, *(within(part, -LARGEST_MM) for part in match.groups())))
-    faults.check()
-    bed = settings.machine.bed_radius_mm
-    on_it = [row for row in rows if not math.hypot(*row[1:3]) > bed]
-    remark = f"The map counts from a height that it does not state: {ZERO_UNKNOWN}"
-    settings = replace(settings, remarks=(*settings.remarks, remark))
-    return _with_mesh(document, settings, on_it, "text")
-
-
-def _with_mesh(
-    document: FileText, settings: PrinterFile, rows: Sequence[Sequence[float]], firmware: str
-) -> PrinterFile:
-    """Line, x, y and height of each touch as the mesh of these settings; places are the probe's."""
-    offset = np.nan_to_num(settings.probe)
-    touches = np.array(rows) - (0.0, *offset[:2], 0.0)
-    mesh = Stored.of_touches("console", touches, offset[2])
-    source = document.source
-    return replace(settings, probe=offset, mesh=mesh, source=source, firmware=firmware)
+    mesh = Stored.of_touches("console", np.array(rows), offset[2])
+    settings = replace(settings, probe=offset, mesh=mesh, remarks=remarks)
+    return replace(settings, source=document.source, firmware=firmware)

@@ -391,11 +391,11 @@ def _firmware_file(
         title = f"what {gcode.marlin_name(text)} prints"
         beside = gcode.read_codes(document) if gcode.SETTINGS.search(text) else None
     elif gcode.PROBE_HEIGHTS.search(text):
-        read, named = gcode.read_probe_heights, "--machine config.g"
+        read, named = gcode.read_listed, "--machine config.g"
         title = "what RepRapFirmware's console prints"
         beside = gcode.read_codes_in(folder) if folder else None
     elif gcode.REPETIER_MAP.search(text):
-        read, named, title = gcode.read_repetier_map, "--machine FILE", "a map of Repetier (G33)"
+        read, named, title = gcode.read_listed, "--machine FILE", "a map of Repetier (G33)"
     elif gcode.SETTINGS.search(text):
         what = "The file holds the settings of a printer's firmware, and no readings."
         remedy = "Give what was probed, such as heightmap.csv, and this file by --machine."
