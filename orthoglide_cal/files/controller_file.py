@@ -32,8 +32,7 @@ _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imp
 # What is read of a file → its section and option.
 _UNIT = "unit"
 _LINEAR_UNITS = ("TRAJ", "LINEAR_UNITS")
-_KINS = re.compile(r"\s*KINEMATICS\s*=\s*\w+\b(?:.*?\bcoordinates\s*=\s*(\S+))?", re.IGNORECASE)
-_USUAL = "".join(AXES)
+_KINS = re.compile(r"\s*KINEMATICS\s*=.*\bcoordinates\s*=\s*(\S+)", re.IGNORECASE)
 # An included file with a section changes what the lines behind it belong to.
 _INCLUDED = re.compile(r"^\s*(\[|#INCLUDE|(HOME_OFFSET|KINEMATICS|LINEAR_UNITS)\b)", re.MULTILINE)
 _KLIPPER = {
@@ -198,7 +197,7 @@ def _joints(target: str, text: str) -> dict[str, int]:
         if head := _SECTION.match(line):
             section = head[1]
         elif section == "KINS" and (kins := _KINS.match(line)):
-            letters = (kins[1] or _USUAL).lower()
+            letters = kins[1].lower()
             if any(letters.count(axis) != 1 for axis in AXES):
                 what = "These coordinates do not give each of X, Y and Z one joint."
                 remedy = "Enter the offsets by hand: orthocal export --format linuxcnc"

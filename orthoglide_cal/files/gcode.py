@@ -440,6 +440,8 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
 
 REPETIER_MAP = re.compile(r"\bG33 X(\S+) Y(\S+) Z(\S+)")
 PROBE_HEIGHTS = re.compile(r"\bbed probe heights:((?: +[-+]?[0-9.]+\b)+)", re.IGNORECASE)
+# What tells the output of these consoles.
+PRINTED = (MARLIN_OUTPUT, SETTINGS, PROBE_HEIGHTS, REPETIER_MAP)
 _PLACE = re.compile(r"^[^;\n]*\bG30 P([0-9]+) X(\S+) Y(\S+)", re.MULTILINE | re.IGNORECASE)
 
 

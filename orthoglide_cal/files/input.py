@@ -259,9 +259,7 @@ def printers_in(folder: Path) -> list[Path]:
 
 def machine_in_folder(folder: Path) -> Path | None:
     """The machine file of a folder, recognised by its content. Raises UsageError for several."""
-    marks = {"kind", "leg_length_mm"}
-    files = _files_in(folder).items()
-    machines = [path for path, keys in files if marks & keys.keys() and "readings" not in keys]
+    machines = _machines_in(folder)
     if len(machines) > 1:
         names = ", ".join(path.name for path in machines)
         what = f"There are {len(machines)} machine files in this folder: {names}."
@@ -271,10 +269,8 @@ def machine_in_folder(folder: Path) -> Path | None:
 
 def machine_of_controller(folder: Path, controller: ControllerFile) -> Path | None:
     """The machine file from which this controller was written, else one from which none was."""
-    marks, free = {"kind", "leg_length_mm"}, list[Path]()
-    for path, keys in _files_in(folder).items():
-        if not marks & keys.keys() or "readings" in keys:
-            continue
+    free = []
+    for path in _machines_in(folder):
         with suppress(InputError):  # of a faulty one nobody knows
             machine = machine_file.read_machine_file(path).model.machine
             targets = {entry.written.target for entry in machine.history if entry.written}
@@ -283,6 +279,11 @@ def machine_of_controller(folder: Path, controller: ControllerFile) -> Path | No
             if not targets and controller.format in machine.controller_formats:
                 free.append(path)
     return free[0] if len(free) == 1 else None
+
+
+def _machines_in(folder: Path) -> list[Path]:
+    marks, files = {"kind", "leg_length_mm"}, _files_in(folder).items()
+    return [path for path, keys in files if marks & keys.keys() and "readings" not in keys]
 
 
 def _text_of(path: Path) -> str:
@@ -307,10 +308,7 @@ def _is_yaml(document: FileText) -> bool:
     lines = (line for line in document.text.split("\n", 1000) if line.strip())
     first = next((line for line in lines if not line.lstrip().startswith("#")), "")
     # "Recv: …" of a console looks like a key.
-    printed = (
-        *(klipper.KLIPPY_LOG, klipper.PROBED, gcode.MARLIN_OUTPUT, gcode.SETTINGS),
-        *(gcode.PROBE_HEIGHTS, gcode.REPETIER_MAP),
-    )
+    printed = (klipper.KLIPPY_LOG, klipper.PROBED, *gcode.PRINTED)
     return bool(_YAML.match(first)) and not any(mark.search(document.text) for mark in printed)
 
 
