@@ -195,7 +195,7 @@ class Solution(ReadOnly):
 
     @property
     def determined(self) -> tuple[bool, ...]:
-        """Of which parameters the data tell more than what any such machine can have."""
+        """Which parameters the data determine to within `Machine.max_reportable_u`."""
         return determined(self.model, self.expanded_mm)
 
     @property

@@ -133,8 +133,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "settings_unknown": "{what}",
     "not_converged": "The search for the {words.many} did not converge.",
     "implausible": _implausible,
-    "undetermined": "These readings do not determine {names:names}: they add nothing to what is"
-    " known without them.",
+    "undetermined": "These readings do not determine {names:names}: a rule and a square would"
+    " tell as much.",
     "gauge_doubt": "{what}",
     # What the diagnosis has against it.
     "undecided": _undecided,
