@@ -16,6 +16,11 @@ decimals). Marlin prints, with anything in front of it:
     G29 V4         "Bed X: … Y: … Z: …" for each touch; so does G30
     G29, M420 V    "Bilinear Leveling Grid:", whose places are not printed
 
+Two more have their numbers in lines of their own:
+
+    RepRapFirmware's console   "G32 bed probe heights: …", at the places of G30 P… in bed.g
+    Repetier's G33 L0          "G33 X… Y… Z…", whose common height nobody states
+
 All heights are counted from the trigger height, places are the probe's. G33 changes the settings:
 what was probed before is counted from those after it, with the carriages where they were.
 
@@ -59,6 +64,7 @@ SETTINGS = re.compile(
     r"^(?:recv:|echo:|[0-9:.,> \t])*M665\b[^;\n]*\sL", re.MULTILINE | re.IGNORECASE
 )
 _LOADS = re.compile(r"^\s*M501\b", re.MULTILINE | re.IGNORECASE)
+_KINEMATICS = re.compile(r"^\s*M66[79]\b[^;\n]*", re.MULTILINE | re.IGNORECASE)
 _DATE = re.compile(r"\b20[0-9]{2}-[0-9]{2}-[0-9]{2} [0-9]{2}:[0-9]{2}")
 HEIGHT_MAP = re.compile(r"\s*RepRapFirmware height map file")
 # Later versions name the axes, and number what earlier ones call x and y.
@@ -70,6 +76,10 @@ _NAMES = {
 _UNPROBED = "0"
 _AGAIN = "Probe the bed again: G29"
 _FAR = 1000.0  # mm, and places along one axis
+_UNKNOWN = (
+    "The settings in force are not known: {} loads config-override.g (M501), which is not in its"
+    " folder."
+)
 
 Words = dict[str, tuple[float, ...]]
 
@@ -105,14 +115,18 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     faults.check()
     if marlin:
         probe = three("M851", math.nan) * (1.0, 1.0, -1.0)
-        bed = math.nan
+        # Where no arm is stated by B, it is the radius on which Marlin 1.1 probes.
+        on = said.get("M665B", (math.nan,))[0] if "M665C" not in said else math.nan
+        bed = on + _MARGIN_MM
         endstops = said["M665H"][0] - three("M666") + np.nan_to_num(probe[2])
     else:
         probe = three("G31", math.nan)
         bed = said.get("M665B", (math.nan,))[0]
         endstops = said["M665H"][0] + three("M666")
     machine = delta_of(document, arms, radius, angles, endstops, bed)
-    return PrinterFile(machine, probe, document.source)
+    unknown = "" if marlin or overriding or not _LOADS.search(document.text) else _UNKNOWN
+    name = PurePath(document.path).name
+    return PrinterFile(machine, probe, document.source, unknown=unknown.format(name))
 
 
 def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile | None:
@@ -138,6 +152,22 @@ def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile
             f" ({PurePath(files[-1].path).name}, {dates[0]}): probe the bed again (G29)."
         )
     return replace(read_codes(*files), remarks=tuple(remarks), stale=stale)
+
+
+def check_delta(folder: Path, path: str) -> None:
+    """Raise InputError for what was probed at `path` beside a config.g that has no arms."""
+    if not (folder / "config.g").is_file():
+        return
+    text = read_document(str(folder / "config.g")).text
+    if _LOADS.search(text):
+        raise InputError(_UNKNOWN.format("config.g"), "Copy it from the printer.", file=path)
+    kind = _KINEMATICS.search(text)
+    raise InputError(
+        "This printer is not a delta: config.g in the same folder has no M665 with L"
+        f"{f' ({kind[0].strip()})' if kind else ''}.",
+        "Give the height map of a delta; or name its settings: --machine FILE",
+        file=path,
+    )
 
 
 def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
@@ -217,6 +247,7 @@ def _words(file: FileText) -> Words:
 MARLIN_OUTPUT = re.compile(
     "Bed X:|Bilinear Leveling Grid:|G33 Auto Calibrate|Bed Topography Report|Measured points:"
 )
+_KIMBRA = re.compile(r"MarlinKimbra|\bM666\b[^\n]*\bD[0-9.]+\s+H", re.IGNORECASE)
 _BED = re.compile(r"Bed X: ?(\S+) Y: ?(\S+) Z: ?(\S+)")
 _GRID = re.compile(r"(?<!Subdivided )(?<!ROM )Bilinear Leveling Grid:")
 _ROW = re.compile(r"(?:^|[\s>])[0-9]{1,3}((?:\s+(?:[-+][0-9.]+|nan|=+))+)\s*$")
@@ -231,6 +262,11 @@ _TURNS = dict(zip(("x", "y", "z", "yz", "zx", "xy"), _PLACES, strict=True))
 # So far from the edge the probe stays unless Marlin was compiled otherwise [mm].
 _MARGIN_MM = 10.0
 _ROUNDED = 0.0051  # mm, deg, to which G33 prints its settings
+
+
+def marlin_name(text: str) -> str:
+    """Whose output it is: MarlinKimbra keeps its settings in M666."""
+    return "MarlinKimbra" if _KIMBRA.search(text) else "Marlin"
 
 
 class _Reader:
@@ -398,3 +434,48 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         firmware="marlin",
         remarks=(*settings.remarks, *remarks),
     )
+
+
+# --- heights in lines of other consoles ---------------------------------------------------------
+
+REPETIER_MAP = re.compile(r"\bG33 X(\S+) Y(\S+) Z(\S+)")
+PROBE_HEIGHTS = re.compile(r"\bbed probe heights:((?: +[-+]?[0-9.]+\b)+)", re.IGNORECASE)
+# What tells the output of these consoles.
+PRINTED = (MARLIN_OUTPUT, SETTINGS, PROBE_HEIGHTS, REPETIER_MAP)
+_PLACE = re.compile(r"^[^;\n]*\bG30 P([0-9]+) X(\S+) Y(\S+)", re.MULTILINE | re.IGNORECASE)
+
+
+def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
+    """The settings, and what was printed as their mesh: Repetier's map, without its corners, which
+    are made up; or the last heights of RepRapFirmware, at the places of G30 P….
+
+    Raises InvalidFileError for what is no number; InputError: neither the text nor a bed.g in its
+    folder has the places.
+    """
+    text, path = document.text, document.path
+    faults, offset, remarks = Faults(path), np.nan_to_num(settings.probe), settings.remarks
+    firmware, bed = "reprapfirmware", Path(path).parent / "bed.g"
+    lines = [(text[: m.start()].count("\n") + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
+    if lines:
+        firmware = "text"
+        remarks += (f"The map counts from a height that it does not state: {ZERO_UNKNOWN}",)
+    else:
+        match = [*PROBE_HEIGHTS.finditer(text)][-1]
+        line, heights = text[: match.start()].count("\n") + 1, match[1].split()
+        beside = read_document(str(bed)).text if bed.is_file() else ""
+        places = {int(number): place for number, *place in _PLACE.findall(text + beside)}
+        if not places.keys() >= set(range(len(heights))):
+            what = f"RepRapFirmware's console prints {len(heights)} heights without their places."
+            remedy = "Put bed.g, whose lines G30 P… have them, in the same folder."
+            raise InputError(what, remedy, file=path, line=line)
+        lines = [(line, (*places[number], height)) for number, height in enumerate(heights)]
+    rows = []
+    for line, parts in lines:
+        with faults.noting(line, " ".join(parts)):
+            x, y, height = (within(part, -LARGEST_MM) for part in parts)
+            if firmware != "text" or not math.hypot(x, y) > settings.machine.bed_radius_mm:
+                rows.append((line, x - offset[0], y - offset[1], height))
+    faults.check()
+    mesh = Stored.of_touches("console", np.array(rows), offset[2])
+    settings = replace(settings, probe=offset, mesh=mesh, remarks=remarks)
+    return replace(settings, source=document.source, firmware=firmware)

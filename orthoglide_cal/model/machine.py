@@ -383,7 +383,8 @@ class Machine(Schema):
 
     @property
     def max_reportable_u(self) -> tuple[float, ...]:
-        """The largest U with which each counts as determined, in its unit: what is plausible."""
+        """The largest U with which each counts as determined, in its unit: below what a controller
+        could ever need. What is plausible, unless a kind says less."""
         return self.plausible
 
     @property
