@@ -217,12 +217,18 @@ def tried(at: Linearised, course: Course) -> list[Tried]:
             own[number, np.any(code[:number] == code[number], axis=0)] = False
         values = shown[:, start : start + own[0].size].reshape(-1, *own.shape[1:])
         log_share = np.zeros(own.shape[:2])
+        single: dict[int, list[tuple[int, Ints, Floats]]] = {}
         for where in np.flatnonzero(own.any(axis=(1, 2))):
             columns = own[where].any(axis=0)
             if len(np.unique(gauges[one.reading[columns]])) == 1:
                 tries = np.flatnonzero(own[where].any(axis=1))
-                listed = _is_listed(at, values[:, tries][:, :, columns].swapaxes(0, 1))
-                log_share[where, tries] = LISTED * listed
+                some = values[:, tries][:, :, columns].swapaxes(0, 1)
+                single.setdefault(some.shape[2], []).append((int(where), tries, some))
+        for group in single.values():  # as many columns each: together
+            ways = [np.full(len(tries), where) for where, tries, _ in group]
+            moments = np.concatenate([tries for _, tries, _ in group])
+            listed = _is_listed(at, np.concatenate([some for *_, some in group]))
+            log_share[np.concatenate(ways), moments] = LISTED * listed
         every.append(Tried(how, one.columns, one.parameters, wheres, own, SIZES, share, log_share))
     # More noise is no column: the readings that have it.
     several, columns = selected.sum(axis=1) > 2, selected.T[:, None].astype(np.float64)
