@@ -94,6 +94,7 @@ class Check(Schema):
     input: CheckedFile
     machine: str | None = Field(None, description="that the file holds, or is judged by")
     valid: bool = True
+    simulated: bool = Field(False, description="some of it, or all")
     problems: tuple[Fault, ...] = Field((), description="everything that is wrong")
     remarks: tuple[str, ...] = Field((), description="to know although nothing is wrong")
     refused: str | None = Field(None, description="why sound data give no offsets")
@@ -159,7 +160,9 @@ def check_file(
     doubts = [str(doubt) for doubt in machine.instrument.doubts(measured)]
     if excerpt := measured.source.excerpt:
         doubts += filter(None, (excerpt.stale, excerpt.unused))
-    return Check(input=input, machine=machine.name, remarks=(*doubts, *measured.remarks)), given
+    remarks = (*doubts, *measured.remarks)
+    simulated = measured.source.simulated
+    return Check(input=input, machine=machine.name, simulated=simulated, remarks=remarks), given
 
 
 def together(inputs: Sequence[Input]) -> Input:
@@ -192,6 +195,7 @@ def together(inputs: Sequence[Input]) -> Input:
         hashlib.sha256("".join(source.sha256 for source in sources).encode()).hexdigest(),
         replace(sources[-1].excerpt or Excerpt("", ""), words=words, **doubts),
         tuple(source.path for source in sources[:-1]),
+        any(source.simulated for source in sources),
     )
     changed = (
         f"{PurePath(before.measured.source.path).name} and"

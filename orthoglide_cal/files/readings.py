@@ -17,6 +17,7 @@ from orthoglide_cal.files.rows import (
     KIND_WORDS,
     LATEST_MINUTES,
     TURNED,
+    YES,
     DifferenceRow,
     ReadingRow,
     Rows,
@@ -147,7 +148,7 @@ def readings_in(
     _check_parts(rows)
     checked = rows.checked()
     lines = [rows.line(index) for index in range(len(checked))]
-    readings = readings_of(checked, machine, content.document.source, lines)
+    readings = readings_of(checked, machine, rows.source, lines)
     return replace(readings, remarks=(*remarks, *_remarks(readings, rows.cells, machine)))
 
 
@@ -240,6 +241,7 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
                 "temperature_c": None if math.isnan(t) else t,
                 "gauge": gauges[k],
                 "note": readings.note[k],
+                "simulated": YES if readings.source.simulated else None,
             }
         )
         for k, t in enumerate(readings.temperature.tolist())
@@ -353,7 +355,7 @@ def differences_from_table(table: Table, machine: Orthoglide) -> Differences:
         )
     which = tuple(known[name] for name in values)
     value = np.array(list(values.values()))
-    return Differences(kind, which, value, table.document.source, remarks=tuple(remarks))
+    return Differences(kind, which, value, rows.source, remarks=tuple(remarks))
 
 
 def _kind(rows: Rows[DifferenceRow]) -> DataKind:

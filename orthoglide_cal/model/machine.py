@@ -303,6 +303,8 @@ class Machine(Schema):
     report: Annotated[Details, BeforeValidator(empty)] = Details()
     gauges: Annotated[tuple[OwnGauge, ...], BeforeValidator(lambda given: given or ())] = ()
     history: Annotated[tuple[Entered, ...], BeforeValidator(lambda given: given or ())] = ()
+    # It is there to practise: what was simulated may be recorded in its file, and in no other.
+    practice: bool = False
 
     def __hash__(self) -> int:
         return hash((self.kind, self.name, self.active))

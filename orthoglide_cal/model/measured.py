@@ -71,6 +71,7 @@ class Source:
     sha256: str  # hex digest of the bytes that were read
     excerpt: Excerpt | None = None  # what of the file was read; None for all that it holds
     earlier: tuple[str, ...] = ()  # other files that were read together with it, oldest first
+    simulated: bool = False  # a simulator made some of it, or all
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,6 +33,8 @@ from orthoglide_cal.words import (
 
 # Instead of "may be entered", where there is nothing to change.
 NOT_NEEDED = "Nothing to enter: the machine is calibrated within U"
+# The first line of all that is made of simulated readings.
+SIMULATED = "SIMULATED: no machine was measured."
 # Kind of data, or of file → what one entry is, and of what.
 _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.READINGS: ("reading", ""),
@@ -60,6 +62,11 @@ class Case:
     def source(self) -> Source:
         """Where the data came from."""
         return self.given.measured.source
+
+    @property
+    def stamp(self) -> str | None:
+        """The first line of its pages; None where a machine was measured."""
+        return SIMULATED if self.answer.simulated else None
 
     @property
     def machine(self) -> Machine:
@@ -219,6 +226,7 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
 
 def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     words, check, excerpt = case.words, case.answer.check, case.source.excerpt
+    simulated = case.answer.simulated
     format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
     export = case.typed("export", f"--format {format}")
     recorded = recording(case.given)
@@ -228,9 +236,9 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
         )
     elif case.record is not None:
         yield doc.Instruction(f"{words.entering}, then", case.record)
-    else:
+    elif not simulated:
         yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
-    if not brief and recorded != "elsewhere":
+    if not brief and recorded != "elsewhere" and not simulated:
         yield doc.Instruction("Or print the lines for the controller's file", export)
     if check is not None:
         yield doc.Instruction(check_words(check))
@@ -335,7 +343,7 @@ def signed_page(
         scope=f"This report holds for the machine and the {words.instruments} that it names, as"
         f" they were when they were measured, and for the {words.positions} and conditions stated"
         " in it; for nothing else. It is valid only with all its pages: reproduce it only in full.",
-        stamp="SIMULATED" if simulated else None,
+        stamp=SIMULATED if simulated else None,
     )
 
 

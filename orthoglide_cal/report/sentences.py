@@ -155,7 +155,6 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "other_data": _other_data,
     "stale_mesh": "{text}",
     "unused_data": "{text}",
-    "simulated": "Simulated: no machine was measured.",
     "overdue_gauge": "Gauge {id} is overdue: its calibration was due on {due}.",
     "temperature_changed": "The temperature changed by {kelvin:tenths} K while measuring.",
     # The residuals, judged.

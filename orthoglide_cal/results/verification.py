@@ -190,6 +190,11 @@ class Verification(Schema):
         default=None, description="of the machine as measured afterwards: its before_mm; reports"
     )
 
+    @computed_field(description="of one of the two, or both")
+    @property
+    def simulated(self) -> bool:
+        return self.before.validity.simulated or self.after.validity.simulated
+
     @property
     def failed(self) -> bool:
         """True if a deviation is beyond the limit."""

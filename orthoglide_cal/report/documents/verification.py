@@ -12,7 +12,7 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import data_words, reserved, signed_page
+from orthoglide_cal.report.case import SIMULATED, data_words, reserved, signed_page
 from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.documents.solution import common_unit, deviations_grid, sizes, sizes_grid
 from orthoglide_cal.report.sentences import sentence
@@ -63,6 +63,7 @@ def _screen(result: Verification) -> doc.Page:
     both = f"{before} before and after" if before == after else f"{before} and {after}"
     return doc.Page(
         kind="Verification",
+        stamp=SIMULATED if result.simulated else None,
         notice=replace(verification_notice(result), aside=f"{result.machine}, {both}"),
         sections=(
             doc.Section(None, *([_differences(result)] if result.differences else [])),
