@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path, PurePath
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -181,7 +181,7 @@ def together(inputs: Sequence[Input]) -> Input:
     )
     reads = [given.measured for given in inputs if isinstance(given.measured, Readings)]
     sources = [read.source for read in reads]
-    doubts = {
+    doubts: dict[str, Any] = {
         name: " ".join(
             f"{PurePath(source.path).name}: {text}"
             for source in sources

@@ -111,6 +111,7 @@ class Stored(ReadOnly):
     mesh: str | None = None  # its name; None for heights stored with positions of the carriages
     remarks: tuple[str, ...] = ()  # what to know about it
     stale: str = ""  # as of `Excerpt`
+    lowers_mm: float = 0.0  # the same
 
     @classmethod
     def of_touches(cls, mesh: str, touches: Floats, trigger: float) -> "Stored":
@@ -243,6 +244,7 @@ def printer_readings(
     if distances:
         words += f" and {distances} distances"
     excerpt = Excerpt(chosen, words, file.firmware, found.stale or file.stale, unused)
+    excerpt = replace(excerpt, lowers_mm=found.lowers_mm)
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
     return Readings(
         replace(found.plan, precision=np.where(found.plan.distance, ratio, 1.0)),

@@ -61,6 +61,7 @@ class Excerpt:
     firmware: str = "klipper"  # whose the file is, as an export names it
     stale: str = ""  # why it is older than the settings in force, in a sentence
     unused: str = ""  # why the other data of the file were not used, in sentences
+    lowers_mm: float = 0.0  # by which entering the result lets the nozzle down
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,8 @@ _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.TWELVE: ("difference", " from the isotropic posture"),
     DataKind.SINGLE: ("difference", ", tool end − joint end"),
 }
+# What makes a result worthless if it is overlooked: it stands first.
+INVALIDATING = ("overdue_gauge", "stale_mesh", "nozzle_lower")
 # What the owner of a machine wrote for its reports: who and which; how and with what.
 OWNER = ("organisation", "place", "customer", "serial_number")
 MEANS = ("method", "traceability", "authorised_by", "gauge_due")
@@ -67,6 +69,12 @@ class Case:
     def stamp(self) -> str | None:
         """The first line of its pages; None where a machine was measured."""
         return SIMULATED if self.answer.simulated else None
+
+    @property
+    def invalidating(self) -> str:
+        """What makes parameters worthless that are released, in one sentence; "" for nothing."""
+        found = (r for r in self.answer.release.cautions if r.code in INVALIDATING)
+        return next(map(self.says, found), "")
 
     @property
     def machine(self) -> Machine:
@@ -207,7 +215,11 @@ def decision_notice(case: Case) -> doc.Notice:
         tone = doc.Tone.OPEN
     if release.usable:
         tone = doc.Tone.WARN if cautions else doc.Tone.GOOD
-    return doc.Notice(tone, title, (*lines, *map(case.says, reasons)), case.about)
+    lines += map(case.says, reasons)
+    if first := case.invalidating:
+        lines = [f"{title}.", *(line for line in lines if line != first)]
+        title = first.rstrip(".")
+    return doc.Notice(tone, title, tuple(lines), case.about)
 
 
 def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:

@@ -81,6 +81,8 @@ def _reservations(given: Input, conditions: Validity) -> Iterator[Reason]:
     excerpt = given.measured.source.excerpt
     if excerpt and excerpt.stale:
         yield Reason.of("stale_mesh", text=excerpt.stale)
+    if excerpt and excerpt.lowers_mm:
+        yield Reason.of("nozzle_lower", mm=excerpt.lowers_mm)
     if excerpt and excerpt.unused:
         yield Reason.of("unused_data", text=excerpt.unused)
     known = given.conditions.temperatures_c

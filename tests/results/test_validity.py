@@ -89,17 +89,18 @@ def test_it_stands_beside_the_verdict_of_report_and_verify_and_in_json() -> None
     found = verify(before, after, TRUE.tolist())
     verified = verification_document(found, identify([], issued=cases.ISSUED))
     reported = report_of(case_of(before))
-    for document, where, care in (
-        (verified, (), "with a reservation"),
-        (reported, ("answer", "validity"), "with care"),
+    for document, where, verdict in (
+        (verified, (), "The correction worked as predicted, with a reservation."),
+        (reported, ("answer", "validity"), "The offsets may be entered, with care."),
     ):
         notice, data = document.page().notice, document.data()
         for key in where:
             data = data[key]
         assert notice.tone is doc.Tone.WARN
-        assert notice.title.endswith(f", {care}")
-        assert len(data["reservations"]) == 2
-        assert all(reservation in str(notice.lines) for reservation in data["reservations"])
+        first, second = data["reservations"]
+        # What would make it worthless stands first, and the verdict below.
+        assert (f"{notice.title}.", notice.lines[0]) == (first, verdict)
+        assert second in str(notice.lines)
     assert verified.data()["before"]["validity"]["gauges"][0]["overdue"] is True
     assert "overdue: " in html(reported.page())
 

@@ -134,6 +134,8 @@ def _notice(case: Case) -> doc.Notice:
         u = two_figures(max(each.expanded for each in answer.parameters))
         why = f": until that is decided they may be wrong by {u} {answer.parameters[0].unit}"
         lines[:2] = [f"{notice.title}{why if common_unit(case.machine) else ''}."]
+    if case.invalidating:
+        title, lines[0] = notice.title, f"{title.rstrip('.')}."
     return replace(notice, title=title, lines=tuple(lines))
 
 

@@ -12,7 +12,13 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import SIMULATED, data_words, reserved, signed_page
+from orthoglide_cal.report.case import (
+    INVALIDATING,
+    SIMULATED,
+    data_words,
+    reserved,
+    signed_page,
+)
 from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.documents.solution import common_unit, deviations_grid, sizes, sizes_grid
 from orthoglide_cal.report.sentences import sentence
@@ -128,7 +134,14 @@ def verification_notice(result: Verification) -> doc.Notice:
         tone, title = doc.Tone.WARN, "The correction worked, with a reservation"
     if result.reservations and tone is doc.Tone.GOOD:
         tone, title = doc.Tone.WARN, f"{title}, with a reservation"
-    return reserved(doc.Notice(tone, title, lines), [*map(says, result.reservations)])
+    known = [*map(says, result.reservations)]
+    for reservation, first in zip(result.reservations, known, strict=True):
+        of = reservation.data.get("reason")
+        if isinstance(of, Reason) and of.code in INVALIDATING:
+            title, lines = first.rstrip("."), (f"{title}.", *lines)
+            known.remove(first)
+            break
+    return reserved(doc.Notice(tone, title, lines), known)
 
 
 def _digits(result: Verification) -> int:
