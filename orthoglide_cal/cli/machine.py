@@ -125,6 +125,8 @@ def new(
         _ask_tolerances(answers, target)
     write_text(target, _text(answers, target))
     show(target, json)
+    for doubt in () if sys.stderr.isatty() else common.read_machine_file(target).remarks:
+        common.tell(doubt)
     common.tell(f"Written to {target}, with usual tolerances. Check its values.")
     guided = MACHINES[kind].vocabulary.measure
     first = command(MACHINES[kind].first_steps[0][1])

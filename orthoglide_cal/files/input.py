@@ -21,6 +21,7 @@ from orthoglide_cal.files.readings import (
     Conditions,
     conditions_in,
     differences_from_table,
+    doubted_temperatures,
     readings_from_table,
 )
 from orthoglide_cal.files.session_file import session_from_tree
@@ -160,6 +161,8 @@ def check_file(
     doubts = [str(doubt) for doubt in machine.instrument.doubts(measured)]
     if excerpt := measured.source.excerpt:
         doubts += filter(None, (excerpt.stale, excerpt.unused))
+    doubts += map(str, machine.instrument.implausible())
+    doubts += doubted_temperatures(given.conditions.temperatures_c)
     remarks = (*doubts, *measured.remarks)
     simulated = measured.source.simulated
     return Check(input=input, machine=machine.name, simulated=simulated, remarks=remarks), given

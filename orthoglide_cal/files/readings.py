@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -36,6 +36,12 @@ from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_num
 QUESTIONED = "kept although questioned (r {}): {}"
 _QUESTIONED = re.compile(r"kept although questioned \(r ([0-9]+)\): ([^;:]+)")
 _MINUTES_PER_READING = 0.4  # assumed where no times are given: 60 readings in 24 minutes
+
+
+def doubted_temperatures(known: Iterable[float | None]) -> list[str]:
+    """The first temperature that no workshop has [°C], in a sentence; none if all are plausible."""
+    wild = (c for c in known if c is not None and not -40.0 <= c <= 60.0)
+    return [f"A workshop of {c:g} °C? Temperatures are in °C, from -40 to 60." for c in wild][:1]
 
 
 class GaugeIdentity(Schema):
