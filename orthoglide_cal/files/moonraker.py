@@ -77,22 +77,21 @@ def restart(address: str) -> None:
 
 def in_time(exchange: Callable[[], T], seconds: float) -> T:
     """The value of a call that may never end. Raises what it raises, or TimeoutError."""
-    values, errors = list[T](), list[Exception]()
+    from concurrent.futures import Future
+
+    future = Future[T]()
 
     def run() -> None:
         try:
-            values.append(exchange())
+            future.set_result(exchange())
         except Exception as error:
-            errors.append(error)
+            future.set_exception(error)
 
-    thread = Thread(target=run, daemon=True)  # it ends with the program at the latest
-    thread.start()
-    thread.join(seconds)
-    for error in errors:
-        raise error
-    if not values:
-        raise TimeoutError("timed out")
-    return values[0]
+    Thread(target=run, daemon=True).start()  # it ends with the program at the latest
+    try:
+        return future.result(seconds)
+    except TimeoutError:
+        raise TimeoutError("timed out") from None
 
 
 def _asked(address: str, path: str, *keys: str) -> object:

@@ -54,12 +54,8 @@ _DECIDED, _UNDECIDED = 30, 20  # lines of its screen
 def diagnosis_document(case: Case) -> doc.Document:
     """The whole answer."""
     if not case.answer.parameters:
-        page = doc.Page(
-            "Diagnosis",
-            stamp=case.stamp,
-            notice=decision_notice(case),
-            sections=(doc.next_steps(to_do(case)),),
-        )
+        page = doc.Page("Diagnosis", notice=decision_notice(case), stamp=case.stamp)
+        page = replace(page, sections=(doc.next_steps(to_do(case)),))
         return doc.Document(case.data, lambda: page)
     return doc.Document(case.data, partial(_page, case), partial(_screen, case))
 
