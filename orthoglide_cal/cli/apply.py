@@ -142,7 +142,7 @@ def _entered(
     from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
-    from orthoglide_cal.results import check_measured
+    from orthoglide_cal.results.application import check_measured
 
     file = None  # what is written to a printer needs none
     if machine or to is None or to.adds or machine_in_folder(Path()):

@@ -47,7 +47,8 @@ def export(
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
     from orthoglide_cal.report.controller import FIRMWARES, as_firmware
-    from orthoglide_cal.results import check_measured, identify
+    from orthoglide_cal.results import identify
+    from orthoglide_cal.results.application import check_measured
 
     if json and format != "text":
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")

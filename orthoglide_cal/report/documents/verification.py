@@ -137,7 +137,7 @@ def verification_notice(result: Verification) -> doc.Notice:
     known = [*map(says, result.reservations)]
     for reservation, first in zip(result.reservations, known, strict=True):
         of = reservation.data.get("reason")
-        if isinstance(of, Reason) and of.code in INVALIDATING:
+        if tone is not doc.Tone.BAD and isinstance(of, Reason) and of.code in INVALIDATING:
             title, lines = first.rstrip("."), (f"{title}.", *lines)
             known.remove(first)
             break
