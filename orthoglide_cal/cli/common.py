@@ -24,6 +24,7 @@ from orthoglide_cal.errors import (
     InputError,
     OrthocalError,
     UsageError,
+    command,
     file_words,
     visible,
     visible_lines,
@@ -102,6 +103,8 @@ def argument(metavar: str, help: str, complete: Callable[[str], list[str]] | Non
 
 
 MEASURED = "Readings or differences (CSV), a session (YAML), or a printer's file (printer.cfg …)"
+# The first command in a folder for practice.
+PRACTISE = command("measure", "practice.yaml", options="--gauge simulated")
 # What may be left out.
 Text = str | None
 Texts = list[str] | None

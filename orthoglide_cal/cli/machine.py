@@ -70,6 +70,9 @@ def new(
             "Plausible size of a cause, such as axis_gap=0.3; 0 rules it out. May be repeated.",
         ),
     ] = None,
+    practice: Annotated[
+        bool, flag("--practice", "To practise: simulated readings may be recorded in this file.")
+    ] = False,
     yes: Annotated[
         bool, flag("--yes", "Ask nothing: take the prototype's values for what is not given.")
     ] = False,
@@ -104,6 +107,7 @@ def new(
             raise UsageError(what, "Leave it out; --help lists what there is.")
         answers |= {} if value is None else {own[0]: value}
     answers |= dict(map(_tolerance, tolerance or ()))
+    answers |= {"practice": True} if practice else {}
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError("`machine new` asks for what is not given.", "In a script, give --yes.")
     if target.exists():
@@ -121,8 +125,12 @@ def new(
         _ask_tolerances(answers, target)
     write_text(target, _text(answers, target))
     show(target, json)
+    for doubt in () if sys.stderr.isatty() else common.read_machine_file(target).remarks:
+        common.tell(doubt)
     common.tell(f"Written to {target}, with usual tolerances. Check its values.")
-    following = command(MACHINES[kind].first_steps[0][1])
+    guided = MACHINES[kind].vocabulary.measure
+    first = command(MACHINES[kind].first_steps[0][1])
+    following = common.PRACTISE if practice and guided else first
     common.tell(f"In this folder every command uses it. Next: {following}")
 
 

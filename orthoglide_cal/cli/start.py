@@ -1,6 +1,7 @@
 """`orthocal` alone: what lies in this folder, and what to type next."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,8 +18,9 @@ if TYPE_CHECKING:
 
 def start() -> None:
     """Show the machine, the sessions and the next command; nothing is changed."""
-    from orthoglide_cal.files.input import machine_in_folder, printers_in, sessions_in
+    from orthoglide_cal.files.input import machine_in_folder, printers_in, read_input, sessions_in
     from orthoglide_cal.report import document as doc
+    from orthoglide_cal.report.case import SIMULATED
     from orthoglide_cal.results import unwritten
     from orthoglide_cal.session.opening import unfinished
 
@@ -50,9 +52,14 @@ def start() -> None:
         found.append(doc.Instruction("Check whether the machine has changed", "orthocal history ."))
     steps = [each for each in found if isinstance(each, doc.Instruction)]
     said = [each for each in found if not isinstance(each, doc.Instruction)]
+    stamp = None
+    with suppress(OrthocalError):
+        if sessions and read_input(str(sessions[-1])).measured.source.simulated:
+            stamp = SIMULATED
     page = doc.Page(
         "orthocal",
         title,
+        stamp=stamp,
         facts=doc.Facts([(name, doc.given(value)) for name, value in facts]),
         sections=[
             doc.Section(None, *said),
@@ -101,6 +108,9 @@ def _next(
             yield Instruction("Describe the machine", "orthocal machine new")
         kind = type(machine) if machine else LinearDelta if printers else Orthoglide
         here = {"printer.cfg": str(printers[-1])} if printers else {}
+        if machine and machine.practice and machine.vocabulary.measure:
+            yield Instruction("Practise without a machine", common.PRACTISE)
+            return
         for what, verb, usual, options in kind.first_steps:
             data = filter(None, [here.get(usual, usual)])
             yield Instruction(what, command(verb, *data, options=options))

@@ -404,7 +404,8 @@ def _reached(machine: LinearDelta, *stored: Sequence[Floats]) -> Stored | None:
         " height again before you print."
     )
     remarks = (remark,) if abs(trimmed) > _TRIMMED_MM else ()
-    return Stored(plan, value, line.astype(int), remarks=remarks)
+    lowers = max(-trimmed, 0.0) if remarks else 0.0
+    return Stored(plan, value, line.astype(int), remarks=remarks, lowers_mm=lowers)
 
 
 def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Stored | None:

@@ -594,7 +594,8 @@ class LinearDelta(Machine):
         shown = gauge.shown(height + local + gauge.repeatability_mm * rng.standard_normal(n))
         value = np.round(shown, 6) - plan.surface
         lines = np.arange(2, n + 2)
-        return Readings(touched, value, lines, timed=True, source=Source("simulate", ""))
+        source = Source("simulate", "", simulated=True)
+        return Readings(touched, value, lines, timed=True, source=source)
 
     def further(self, plan: ProbePlan) -> Iterator[tuple[str, ProbePlan, float]]:
         """What can be touched next: in words, its plan, and its minutes.

@@ -165,6 +165,10 @@ class Instrument(Schema):
         """What it can hardly have shown; nothing is known of how firmware writes what it read."""
         return ()
 
+    def implausible(self) -> tuple[Suspicion, ...]:
+        """What is stated of it that no such instrument has, though it may be written."""
+        return ()
+
     def mistaken_unit(self, measured: Measured) -> float | None:
         """The unit in which it shows readings that cannot be in mm [mm]; None if they can, or if
         nothing tells."""
@@ -303,6 +307,8 @@ class Machine(Schema):
     report: Annotated[Details, BeforeValidator(empty)] = Details()
     gauges: Annotated[tuple[OwnGauge, ...], BeforeValidator(lambda given: given or ())] = ()
     history: Annotated[tuple[Entered, ...], BeforeValidator(lambda given: given or ())] = ()
+    # It is there to practise: what was simulated may be recorded in its file, and in no other.
+    practice: bool = False
 
     def __hash__(self) -> int:
         return hash((self.kind, self.name, self.active))

@@ -61,6 +61,7 @@ class Excerpt:
     firmware: str = "klipper"  # whose the file is, as an export names it
     stale: str = ""  # why it is older than the settings in force, in a sentence
     unused: str = ""  # why the other data of the file were not used, in sentences
+    lowers_mm: float = 0.0  # by which entering the result lets the nozzle down
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ class Source:
     sha256: str  # hex digest of the bytes that were read
     excerpt: Excerpt | None = None  # what of the file was read; None for all that it holds
     earlier: tuple[str, ...] = ()  # other files that were read together with it, oldest first
+    simulated: bool = False  # a simulator made some of it, or all
 
 
 @dataclass(frozen=True, eq=False)

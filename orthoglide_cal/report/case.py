@@ -33,6 +33,8 @@ from orthoglide_cal.words import (
 
 # Instead of "may be entered", where there is nothing to change.
 NOT_NEEDED = "Nothing to enter: the machine is calibrated within U"
+# The first line of all that is made of simulated readings.
+SIMULATED = "SIMULATED: no machine was measured."
 # Kind of data, or of file → what one entry is, and of what.
 _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.READINGS: ("reading", ""),
@@ -41,6 +43,8 @@ _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.TWELVE: ("difference", " from the isotropic posture"),
     DataKind.SINGLE: ("difference", ", tool end − joint end"),
 }
+# What makes a result worthless if it is overlooked: it stands first.
+INVALIDATING = ("overdue_gauge", "stale_mesh", "nozzle_lower")
 # What the owner of a machine wrote for its reports: who and which; how and with what.
 OWNER = ("organisation", "place", "customer", "serial_number")
 MEANS = ("method", "traceability", "authorised_by", "gauge_due")
@@ -60,6 +64,17 @@ class Case:
     def source(self) -> Source:
         """Where the data came from."""
         return self.given.measured.source
+
+    @property
+    def stamp(self) -> str | None:
+        """The first line of its pages; None where a machine was measured."""
+        return SIMULATED if self.answer.simulated else None
+
+    @property
+    def invalidating(self) -> str:
+        """What makes parameters worthless that are released, in one sentence; "" for nothing."""
+        found = (r for r in self.answer.release.cautions if r.code in INVALIDATING)
+        return next(map(self.says, found), "")
 
     @property
     def machine(self) -> Machine:
@@ -200,7 +215,11 @@ def decision_notice(case: Case) -> doc.Notice:
         tone = doc.Tone.OPEN
     if release.usable:
         tone = doc.Tone.WARN if cautions else doc.Tone.GOOD
-    return doc.Notice(tone, title, (*lines, *map(case.says, reasons)), case.about)
+    lines += map(case.says, reasons)
+    if first := case.invalidating:
+        lines = [f"{title}.", *(line for line in lines if line != first)]
+        title = first.rstrip(".")
+    return doc.Notice(tone, title, tuple(lines), case.about)
 
 
 def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
@@ -219,6 +238,7 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
 
 def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     words, check, excerpt = case.words, case.answer.check, case.source.excerpt
+    simulated = case.answer.simulated
     format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
     export = case.typed("export", f"--format {format}")
     recorded = recording(case.given)
@@ -228,9 +248,9 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
         )
     elif case.record is not None:
         yield doc.Instruction(f"{words.entering}, then", case.record)
-    else:
+    elif not simulated:
         yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
-    if not brief and recorded != "elsewhere":
+    if not brief and recorded != "elsewhere" and not simulated:
         yield doc.Instruction("Or print the lines for the controller's file", export)
     if check is not None:
         yield doc.Instruction(check_words(check))
@@ -335,7 +355,7 @@ def signed_page(
         scope=f"This report holds for the machine and the {words.instruments} that it names, as"
         f" they were when they were measured, and for the {words.positions} and conditions stated"
         " in it; for nothing else. It is valid only with all its pages: reproduce it only in full.",
-        stamp="SIMULATED" if simulated else None,
+        stamp=SIMULATED if simulated else None,
     )
 
 

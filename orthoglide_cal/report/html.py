@@ -56,7 +56,9 @@ def html(page: doc.Page) -> str:
     )
     body = tag(
         "body",
-        page.stamp and tag("div", class_="stamp", data_word=page.stamp, aria_hidden="true"),
+        page.stamp
+        and tag("div", class_="stamp", data_word=page.stamp.split(":")[0], aria_hidden="true"),
+        page.stamp and tag("p", page.stamp, class_="kind"),
         tag("header", tag("p", page.kind, class_="kind"), title, *top),
         main,
         tag("footer", *(tag("p", line) for line in page.closing or (page.name,))),

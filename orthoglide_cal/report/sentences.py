@@ -11,7 +11,7 @@ from typing import Any
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.schema import Reason
-from orthoglide_cal.words import counted, percent, plain, two_figures, unit_words
+from orthoglide_cal.words import chance, counted, percent, plain, two_figures, unit_words
 
 Data = Mapping[str, Any]
 
@@ -23,6 +23,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "with": " with ".join,
     "causes": lambda ids: " and ".join(ids) or "this",
     "two": two_figures,
+    "p": chance,
     "tenths": lambda value: plain(value, 1),
     "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
     "place": lambda where: f" ({where})" if where else "",
@@ -155,7 +156,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "other_data": _other_data,
     "stale_mesh": "{text}",
     "unused_data": "{text}",
-    "simulated": "Simulated: no machine was measured.",
+    "nozzle_lower": "Entering this lowers the nozzle by {mm:.2f} mm: set its height again.",
     "overdue_gauge": "Gauge {id} is overdue: its calibration was due on {due}.",
     "temperature_changed": "The temperature changed by {kelvin:tenths} K while measuring.",
     # The residuals, judged.
@@ -165,10 +166,10 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
         "larger than", " (%s): the model leaves something out, and U does not cover it."
     ),
     "residuals_unusual": _residuals(
-        "larger than usual for", ", not large enough to call the model wrong (%s; p < 0.01)."
+        "larger than usual for", ", not large enough to call the model wrong (%s; {p_value:p})."
     ),
     "residuals_agree": "The residuals agree with the {words.noise}'s noise{words.also}"
-    " (p = {p_value:.2g}).",
+    " ({p_value:p}).",
     # What is missing, and two measurements compared.
     "not_recorded": "Not recorded: {missing:names}.",
     "of_session": _of_session,

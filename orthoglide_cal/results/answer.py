@@ -262,6 +262,11 @@ class Answer(Schema):
     )
     notes: tuple[Sentence, ...] = Field((), description="cautions, and those of the diagnosis")
 
+    @computed_field(description="a simulator made readings: never exported, nor written")
+    @property
+    def simulated(self) -> bool:
+        return self.validity.simulated
+
     @property
     def named(self) -> Ids:
         """The causes that the parameters take into account."""

@@ -62,29 +62,27 @@ def validity(given: Input) -> Validity:
                 resolution_mm=gauge.resolution_mm,
             )
         )
-    environment = dict(conditions.environment)
-    sources = (environment.get(name) or "" for name in ("readings_from", "source"))
     recorded = Validity(
         measured=measured,
         operator=conditions.operator,
         gauges=tuple(gauges),
         temperature_start_c=conditions.temperature_start_c,
         temperature_end_c=conditions.temperature_end_c,
-        simulated=any(source.startswith("simulated") for source in sources),
+        simulated=given.measured.source.simulated,
         reservations=(),
     )
     return recorded.changed(reservations=tuple(_reservations(given, recorded)))
 
 
 def _reservations(given: Input, conditions: Validity) -> Iterator[Reason]:
-    if conditions.simulated:
-        yield Reason.of("simulated")
     for gauge in conditions.gauges:
         if gauge.overdue:
             yield Reason.of("overdue_gauge", id=gauge.id, due=gauge.due)
     excerpt = given.measured.source.excerpt
     if excerpt and excerpt.stale:
         yield Reason.of("stale_mesh", text=excerpt.stale)
+    if excerpt and excerpt.lowers_mm:
+        yield Reason.of("nozzle_lower", mm=excerpt.lowers_mm)
     if excerpt and excerpt.unused:
         yield Reason.of("unused_data", text=excerpt.unused)
     known = given.conditions.temperatures_c

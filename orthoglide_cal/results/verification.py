@@ -26,7 +26,7 @@ from pydantic import Field, computed_field
 from scipy.linalg import block_diag
 from scipy.special import fdtrc
 
-from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
 from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
@@ -42,6 +42,7 @@ from orthoglide_cal.model.plan import Floats, ReadOnly, joined
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.answer import InputFile, Spread
+from orthoglide_cal.results.history import moment_of
 from orthoglide_cal.results.making import remainder, spread
 from orthoglide_cal.results.validity import Validity, compare_reservations, validity
 from orthoglide_cal.schema import Reason, Schema, Sentence
@@ -139,6 +140,7 @@ class Conformity(Schema):
     largest_difference: str
     expanded_mm: float
     coverage_factor: float
+    passable: bool = Field(description="false: U is beyond the limit, so nothing can pass")
     rule: Sentence = Reason.of("guard_band")
 
 
@@ -156,6 +158,12 @@ class Verification(Schema):
     kind: str = Field(description="what is compared: readings, differences (six, ...) or heights")
     compared: int = Field(description="independent changes, or touches afterwards")
     kept: bool = Field(description="the correction worked as predicted")
+    apart_mm: float | None = Field(
+        default=None, description="of differences: r.m.s. of measured less predicted"
+    )
+    apart_expanded_mm: float | None = Field(
+        default=None, description="r.m.s. of the U of both together; beyond it not as predicted"
+    )
     moved: bool = Field(False, description="worse than before, although nothing was entered")
     reservations: tuple[Sentence, ...] = Field(description="what to know before relying on it")
     rms_before_mm: float
@@ -186,10 +194,16 @@ class Verification(Schema):
         default=None, description="of the machine as measured afterwards: its before_mm; reports"
     )
 
+    @computed_field(description="of one of the two, or both")
+    @property
+    def simulated(self) -> bool:
+        return self.before.validity.simulated or self.after.validity.simulated
+
     @property
     def failed(self) -> bool:
-        """True if a deviation is beyond the limit."""
-        return self.decision is not None and self.decision.outcome is Outcome.FAIL
+        """True if it is not as predicted, or a deviation is beyond the limit."""
+        beyond = self.decision is not None and self.decision.outcome is Outcome.FAIL
+        return beyond or not self.kept
 
     @property
     def options(self) -> tuple[object, ...]:
@@ -213,10 +227,15 @@ def verify(
         limit_mm: largest deviation allowed in any difference; None for no decision.
 
     Raises:
-        UsageError: different machines, nobody says what was applied or nothing was, an option
-            that says nothing of such data, or the two have nothing in common.
+        UsageError: the second was measured first, different machines, nobody says what was applied
+            or nothing was, an option that says nothing of such data, or the two have nothing in
+            common.
         RankDeficientError, NotConvergedError: one of them does not determine the parameters.
     """
+    if _swapped(before, after):
+        paths = [given.measured.source.path for given in (after, before)]
+        remedy = f"Name it first: {command('verify', *paths)}"
+        raise UsageError("{} was measured before {}.".format(*paths), remedy)
     # Heights are compared where no differences can be made of what was read.
     heights = [given.measured.kinds == (DataKind.READINGS,) for given in (before, after)]
     if all(heights):
@@ -248,11 +267,15 @@ def verify(
     rows = _differences(promise, later)
     as_left = spread({row.difference: row.after_mm for row in rows})
     response = _respond(shared, first.offsets_mm, applied)
+    apart = rms(np.array([row.after_mm - row.promised_mm for row in rows]))
+    both = rms(np.array([np.hypot(row.promised_expanded_mm, row.expanded_mm) for row in rows]))
     return Verification(
         **_common((before, after), (first, second), applied.tolist()),
         kind=shared.kind,
         compared=len(shared.change),
-        kept=response["answer"] is Behaviour.AS_MODELLED,
+        kept=response["answer"] is Behaviour.AS_MODELLED and apart <= both,
+        apart_mm=apart,
+        apart_expanded_mm=both,
         rms_before_mm=rms(np.array([row.before_mm for row in rows])),
         rms_promised_mm=rms(np.array([row.promised_mm for row in rows])),
         rms_after_mm=as_left.rms_mm,
@@ -282,6 +305,7 @@ def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
         largest_difference=largest.difference,
         expanded_mm=largest.expanded_mm,
         coverage_factor=half_width(np.inf),
+        passable=all(row.expanded_mm <= limit_mm for row in rows),
     )
 
 
@@ -409,6 +433,23 @@ def _differences(
         )
         for row in promise
     )
+
+
+def _swapped(before: Input, after: Input) -> bool:
+    """True if dates, or else what was entered and when, say that the second was measured first."""
+    earlier, later = map(moment_of, (before, after))
+    if earlier and later and earlier != later:
+        return earlier > later
+    if before.keeper is None:
+        return False
+    history = before.keeper.model.machine.history
+    digests = [entry.data_sha256 for entry in history]
+    first, second = (given.measured.source.sha256 for given in (before, after))
+    if second in digests:
+        return first not in digests or digests.index(second) < digests.index(first)
+    # With what was entered active in the first and not yet in the second.
+    held, then = (given.model.machine.active for given in (before, after))
+    return any((entry.before, entry.after) == (then, held) for entry in history if then != held)
 
 
 def _recorded(before: Input, after: Input) -> Floats:

@@ -365,7 +365,8 @@ class Dialogue:
         self.write(asked)
         self.asker.rest(driving=False)
         near = 3.0 * readings.sigma_mm
-        if any(abs(value - old) <= near for old in before):
+        # What the plunger cannot reach stays wrong, however often it is read.
+        if doubt is not Doubt.RANGE and any(abs(value - old) <= near for old in before):
             self.asker.say("Read again, and the same: kept, with a note.")
             self._keep(asked)
 

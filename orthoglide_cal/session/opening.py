@@ -17,6 +17,7 @@ import numpy as np
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.readings import doubted_temperatures
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
@@ -134,6 +135,8 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
 def _check_options(request: Request) -> None:
     """Raises UsageError if what is asked for does not go together."""
     path, following = request.path, request.following
+    for doubt in doubted_temperatures([request.temperature_c]):
+        raise UsageError(doubt, "Correct it, or leave it out.")
     if following is None:
         if request.choice is not None:
             raise UsageError("--choice needs a recommendation.", "Name its data: --then FILE")
@@ -179,8 +182,8 @@ def _confirmed(
             plan, following, change = recommended.measured_with(model.orthoglide.offsets_mm)
         careful = require_on_bar(plan, model.orthoglide)
         asker.say(wording.machine(model))
-        if careful:
-            asker.say(str(careful), Style.BAD)
+        for doubt in filter(None, (careful, *model.machine.instrument.implausible())):
+            asker.say(str(doubt), Style.BAD)
         if change:
             asker.say(change, Style.BAD)
         if following:

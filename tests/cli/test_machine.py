@@ -133,9 +133,10 @@ def test_a_template_is_a_file_that_the_program_takes(kind: str) -> None:
 
 def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
     assert "orthocal machine new" in done()
-    run("machine", "new", "--name", "Mill 3", "--yes")
+    run("machine", "new", "--name", "Mill 3", "--yes", "--practice")
     assert "Mill 3" in done()
     assert "orthocal machine new" not in done()
+    assert "orthocal measure practice.yaml --gauge simulated" in done()
     Path("begun.journal").write_text("")
     assert "orthocal measure begun.yaml --resume" in done()
     Path("begun.journal").unlink()

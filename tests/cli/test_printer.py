@@ -527,14 +527,17 @@ def test_a_report_judges_the_data_selected_and_shows_the_others() -> None:
     for data, other in (("calibration", "mesh"), ("mesh", "calibration")):
         assert both[data]["answer"]["input"]["data"] == data
         assert [each["input"]["data"] for each in both[data]["others"]] == [other]
-    assert both["calibration"]["answer"]["release"]["codes"] == ["other_data"]
+    codes = ["other_data", "nozzle_lower"]
+    assert both["calibration"]["answer"]["release"]["codes"] == codes
     whole = answer("report", "printer.cfg")
     assert whole["answer"] == both["calibration"]["answer"]
     assert len({each["identity"]["number"] for each in both.values()}) == 2
     shown = run("report", "printer.cfg")
     assert shown.exit_code == 0
     first, _, rest = shown.stdout.partition("Also judged: ")
-    assert "! The parameters may be entered, with care" in first
+    # What would crash into the bed stands first.
+    assert "! Entering this lowers the nozzle by" in first
+    assert "The parameters may be entered, with care." in first
     assert "points of a mesh" in rest
     assert "orthocal report printer.cfg --data mesh" in rest
 
@@ -558,7 +561,8 @@ def test_other_data_that_are_refused_are_a_caution_on_every_screen(
         shown = words(done(verb, "printer.cfg"))
         assert "The mesh in the same file was not used. " in shown, verb
         assert said in shown, verb
-    assert answer("solve", "printer.cfg")["release"]["codes"] == ["unused_data"]
+    codes = ["nozzle_lower", "unused_data"]
+    assert answer("solve", "printer.cfg")["release"]["codes"] == codes
     assert said in refused(3, "solve", "printer.cfg", "--data", "mesh")
 
 
@@ -576,7 +580,7 @@ def test_other_data_that_contradict_hold_the_release() -> None:
     calibration = kept[kept.index("#*# [delta_calibrate]") : parts[0]]
     Path("printer.cfg").write_text(mesh + calibration)
     release = answer("solve", "printer.cfg")["release"]
-    assert (release["usable"], release["codes"]) == (True, ["other_data"])
+    assert (release["usable"], release["codes"]) == (True, ["other_data", "nozzle_lower"])
     release = answer("solve", "printer.cfg", "--data", "mesh")["release"]
     assert "stale_mesh" in release["codes"] or not release["usable"]
 

@@ -309,3 +309,11 @@ def test_a_clock_that_is_set_back_does_not_turn_the_order_around(tmp_path: Path)
     late = opened(at="2025-03-01T19:00:00.000+01:00")  # the clock shows 9 in the morning
     dialogue, _ = answered(tmp_path / "t.journal", ["-0.64"], first=late)
     assert dialogue.so_far.minutes.tolist() == [0.0]
+
+
+def test_what_the_plunger_cannot_reach_is_not_kept_for_being_typed_twice(tmp_path: Path) -> None:
+    lines = [*typed(readings_of(steps_of()))[:4], "55.5", "55.5", "55.5"]
+    dialogue, screen = answered(tmp_path / "s.journal", lines)
+    assert len(dialogue.state.accepted) == 4
+    assert "kept" not in screen.text
+    assert dialogue.state.pending is not None

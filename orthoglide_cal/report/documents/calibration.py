@@ -74,6 +74,7 @@ def calibration_document(
     def data() -> dict[str, object]:
         return {
             "schema_version": answer.schema_version,
+            "simulated": answer.simulated,
             "identity": identity.model_dump(mode="json"),
             "machine": machine_values(case.given.model),
             "conditions": {

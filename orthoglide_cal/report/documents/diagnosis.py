@@ -54,8 +54,8 @@ _DECIDED, _UNDECIDED = 30, 20  # lines of its screen
 def diagnosis_document(case: Case) -> doc.Document:
     """The whole answer."""
     if not case.answer.parameters:
-        sections = (doc.next_steps(to_do(case)),)
-        page = doc.Page("Diagnosis", notice=decision_notice(case), sections=sections)
+        page = doc.Page("Diagnosis", notice=decision_notice(case), stamp=case.stamp)
+        page = replace(page, sections=(doc.next_steps(to_do(case)),))
         return doc.Document(case.data, lambda: page)
     return doc.Document(case.data, partial(_page, case), partial(_screen, case))
 
@@ -86,7 +86,9 @@ def _screen(case: Case) -> doc.Page:
             groups = [decisive, [_rms_grid(case), *baselines]]
         sections = [doc.Section(None, *blocks) for blocks in (*groups, *residuals)]
         last = doc.next_steps([*steps, *again], *notes, case.more("diagnose"))
-        page = doc.Page("Diagnosis", notice=_notice(case), sections=(*sections, last))
+        page = doc.Page(
+            "Diagnosis", stamp=case.stamp, notice=_notice(case), sections=(*sections, last)
+        )
         if height(page) <= (_UNDECIDED if undecided else _DECIDED):
             return page
         for spare in (notes, baselines, again, residuals, steps):
@@ -128,6 +130,8 @@ def _notice(case: Case) -> doc.Notice:
         u = two_figures(max(each.expanded for each in answer.parameters))
         why = f": until that is decided they may be wrong by {u} {answer.parameters[0].unit}"
         lines[:2] = [f"{notice.title}{why if common_unit(case.machine) else ''}."]
+    if case.invalidating:
+        title, lines[0] = notice.title, f"{title.rstrip('.')}."
     return replace(notice, title=title, lines=tuple(lines))
 
 
@@ -278,6 +282,7 @@ def _page(case: Case) -> doc.Page:
     blocks += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
     return doc.Page(
         kind="Diagnosis",
+        stamp=case.stamp,
         notice=_notice(case),
         sheet=(doc.next_steps(_steps(case)),),
         sections=(

@@ -13,6 +13,7 @@ from orthoglide_cal.inference.result import CauseParameter
 from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
+from orthoglide_cal.report.case import SIMULATED
 from orthoglide_cal.report.figures import below, line, thread, words
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import height
@@ -54,7 +55,8 @@ def _screen(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
     for most in range(max(min(len(history.sessions), _HIGH), 3), 2, -1):
         table = doc.Section(None, _table(history, most), *history.notes[:3])
         sections = table, doc.next_steps(steps, more)
-        page = doc.Page("History", notice=_notice(history), sections=sections)
+        stamp = SIMULATED if history.simulated else None
+        page = doc.Page("History", stamp=stamp, notice=_notice(history), sections=sections)
         if height(page) <= _HIGH:
             break
     return page
@@ -71,6 +73,7 @@ def _page(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
         notes.append(f"With {counted(count, 'further session')}, U of the best values: {known}.")
     return doc.Page(
         kind="History",
+        stamp=SIMULATED if history.simulated else None,
         title=history.machine,
         notice=_notice(history),
         sheet=[doc.next_steps(steps)],

@@ -72,8 +72,9 @@ def plan_document(
     if begun is not None and plan.next:
         # The largest U of the lengths that there are; None if there are none to be entered.
         found = (each.expanded for each in begun.answer.parameters if each.unit == "mm")
-        plan = plan.changed(now_mm=max(found, default=None))
+        plan = plan.changed(now_mm=max(found, default=None), simulated=begun.answer.simulated)
     going_on = begun if plan.next else None
+    stamp = going_on.stamp if going_on else None
     absent = None if plan.next else {"next"}
     data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent)
 
@@ -89,7 +90,7 @@ def plan_document(
             ]
         to_do = _to_do(plan, machine_file, begun)
         sections.append(doc.next_steps(to_do, "More: the same with --details"))
-        return doc.Page("Plan", notice=notice, sections=sections)
+        return doc.Page("Plan", stamp=stamp, notice=notice, sections=sections)
 
     def page() -> doc.Page:
         machine = plan.model.machine
@@ -116,6 +117,7 @@ def plan_document(
         sections += [*budget_sections(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
             kind="Plan",
+            stamp=stamp,
             title=plan.machine,
             facts=facts,
             notice=notice,

@@ -11,7 +11,7 @@ from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, stated
+from orthoglide_cal.report.case import MEANS, OWNER, SIMULATED, data_words, measure_again, stated
 from orthoglide_cal.results import Application
 from orthoglide_cal.words import counted, plain, short, signed
 
@@ -90,6 +90,7 @@ def check_document(
     elif check.valid and kind is not None:
         word = "which give no offsets" if refused else "fine"
         data = data_words(source, kind, check.input.readings)
+        data += ", SIMULATED" if check.simulated else ""
         lines = [f"{path}: {data}, {word} (for {check.machine})"]
     for problem in check.problems:
         line = f"line {problem.line}" if problem.line is not None else ""
@@ -118,6 +119,7 @@ def application_document(application: Application, session: str) -> doc.Document
         before, after = (dict(zip(AXES, each, strict=False)) for each in offsets)
         return {
             "schema_version": 1,
+            "simulated": application.simulated,
             "machine_file": application.file.document.path,
             "machine": machine.name,
             "undone": application.undone,
@@ -162,7 +164,8 @@ def application_document(application: Application, session: str) -> doc.Document
             steps = [doc.Instruction("The controller must hold the last column again; re-home.")]
         grid = doc.Grid(head, rows, caption=caption)
         section = doc.Section(None, grid, doc.Instructions(steps))
-        return doc.Page(title, machine.name, sections=[section])
+        stamp = SIMULATED if application.simulated else None
+        return doc.Page(title, machine.name, sections=[section], stamp=stamp)
 
     return doc.Document(data, page)
 

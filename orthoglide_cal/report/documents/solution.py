@@ -99,6 +99,7 @@ def _screen(case: Case) -> doc.Page:
     found += [f"Note: {case.says(warning)}" for warning in answer.warnings]
     return doc.Page(
         kind="Solution",
+        stamp=case.stamp,
         notice=decision_notice(case),
         sections=(
             doc.Section(None, *found),
@@ -139,6 +140,7 @@ def _page(case: Case) -> doc.Page:
         notes.append(case.says(answer.judgement))
     return doc.Page(
         kind="Solution",
+        stamp=case.stamp,
         notice=decision_notice(case),
         sheet=(doc.next_steps(to_do(case)),),
         sections=(

@@ -12,7 +12,13 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import data_words, reserved, signed_page
+from orthoglide_cal.report.case import (
+    INVALIDATING,
+    SIMULATED,
+    data_words,
+    reserved,
+    signed_page,
+)
 from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.documents.solution import common_unit, deviations_grid, sizes, sizes_grid
 from orthoglide_cal.report.sentences import sentence
@@ -63,6 +69,7 @@ def _screen(result: Verification) -> doc.Page:
     both = f"{before} before and after" if before == after else f"{before} and {after}"
     return doc.Page(
         kind="Verification",
+        stamp=SIMULATED if result.simulated else None,
         notice=replace(verification_notice(result), aside=f"{result.machine}, {both}"),
         sections=(
             doc.Section(None, *([_differences(result)] if result.differences else [])),
@@ -119,13 +126,22 @@ def verification_notice(result: Verification) -> doc.Notice:
         tone = doc.Tone.GOOD if result.kept else doc.Tone.WARN
     elif not result.kept:
         tone, title = doc.Tone.BAD, "The correction did not work as predicted"
+        if result.answer is Behaviour.AS_MODELLED:
+            title = "The offsets act as entered, but the machine is not as predicted"
     elif outcome is Outcome.FAIL:
         tone, title = doc.Tone.BAD, "The correction worked, but a deviation is beyond the limit"
     elif outcome is not Outcome.PASS or (result.other_change and result.other_change.found):
         tone, title = doc.Tone.WARN, "The correction worked, with a reservation"
     if result.reservations and tone is doc.Tone.GOOD:
         tone, title = doc.Tone.WARN, f"{title}, with a reservation"
-    return reserved(doc.Notice(tone, title, lines), [*map(says, result.reservations)])
+    known = [*map(says, result.reservations)]
+    for reservation, first in zip(result.reservations, known, strict=True):
+        of = reservation.data.get("reason")
+        if tone is not doc.Tone.BAD and isinstance(of, Reason) and of.code in INVALIDATING:
+            title, lines = first.rstrip("."), (f"{title}.", *lines)
+            known.remove(first)
+            break
+    return reserved(doc.Notice(tone, title, lines), known)
 
 
 def _digits(result: Verification) -> int:
@@ -155,6 +171,9 @@ def verification_steps(
     if not result.kept:
         if remedy := _remedy(result):
             yield doc.Instruction(remedy)
+        elif result.answer is Behaviour.AS_MODELLED:
+            typed = command("diagnose", result.after.path, machine=machine_file)
+            yield doc.Instruction("Find what else changed, or was wrong before", typed)
         yield doc.Instruction("Measure again, and compare again")
     elif result.decision is not None and result.decision.outcome is Outcome.FAIL:
         yield doc.Instruction(
@@ -173,6 +192,8 @@ def _answer(result: Verification) -> str:
     """How the machine responded, in one sentence; nothing where that was not looked at."""
     if result.response is None or result.answer is None:
         return ""
+    apart, both = result.apart_mm or 0.0, result.apart_expanded_mm or 0.0
+    differ = f", yet they differ by {plain(apart, 3)} mm, U of both {plain(both, 3)} mm"
     size = f"response {_interval(result.response)}"
     acted_as = _triple(result.acted_as_mm or {}, result)
     moves = [
@@ -181,7 +202,8 @@ def _answer(result: Verification) -> str:
         if row.otherwise
     ]
     return {
-        Behaviour.AS_MODELLED: f"The machine responded as the model says: {size}, expected 1.",
+        Behaviour.AS_MODELLED: f"The machine responded as the model says: {size}, expected 1"
+        f"{'' if result.kept else differ}.",
         Behaviour.OPPOSITE: f"The correction acted with the opposite sign ({size}).",
         Behaviour.EXCHANGED: f"The correction acted as if {acted_as} had been entered (x, y, z).",
         Behaviour.NO_RESPONSE: f"The machine did not respond ({size}).",
@@ -233,10 +255,11 @@ def _decision(result: Verification) -> str:
     made = result.decision
     if made is None:
         return ""
+    never = "" if made.passable else " Nothing can pass: U exceeds the limit. Take more cycles."
     return (
         f"{made.outcome.capitalize()}: limit {made.limit_mm:g} mm, largest deviation"
         f" {plain(made.largest_mm, 3)} ± {plain(made.expanded_mm, 3)} mm"
-        f" ({made.largest_difference}; U with {coverage_words(made.coverage_factor)}, 95 %)."
+        f" ({made.largest_difference}; U with {coverage_words(made.coverage_factor)}, 95 %).{never}"
     )
 
 
