@@ -180,7 +180,7 @@ def _tolerance(given: str) -> tuple[str, float]:
 
     cause, _, size = given.partition("=")
     try:
-        return f"tolerances.{cause}", parse_number(size)
+        return f"tolerances.{cause}", parse_number(size, decimal_comma=True)
     except InputError as error:
         said = f"--tolerance {given}: {error.what}"
         raise UsageError(said, "Write it as axis_gap=0.3") from error

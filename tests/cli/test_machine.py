@@ -90,7 +90,7 @@ def test_an_existing_file_and_a_script_without_yes() -> None:
     [
         (("--leg-length", "1e4", "--limits", "-2e4", "5"), "beyond the leg's length"),
         (("--resolution", "1e-30"), "at least 1e-06"),
-        (("--leg-length", "nan"), "--leg-length cannot be nan"),
+        (("--leg-length", "nan"), "'--leg-length': 'nan'"),
         (("--kind", "crane"), "kind of machine is not known"),
         (("--name", ""), "empty"),
         (("--tolerance", "axis_gap"), "--tolerance axis_gap: "),
