@@ -151,7 +151,8 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
 
 
 def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
-    answers = ("Mill 3", "abc", "-5", "620,5", "", "", "-100", "-700 20", "-150 90", *[""] * 6)
+    wrong = ("Mill 2", "<", "Mill 3", "abc", "-5", "620,5 mm")
+    answers = (*wrong, "", "", "-100", "-700 20", "-150 90", *[""] * 6)
     with Terminal(tmp_path, command=("machine", "new"), agreed=False) as terminal:
         for answer in answers:
             terminal.expect(r"\]: $")
@@ -163,7 +164,7 @@ def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
     assert "[-200 120]" in terminal.seen  # offered, as they follow from the leg, too
     for words in ("This is not a number.", "greater than zero", "beyond the leg's length"):
         assert words in " ".join(terminal.seen.split())
-    assert terminal.seen.count("L, length of a leg") == 3
+    assert terminal.seen.count("L, length of a leg") == 4
     assert "workspace_mm" not in terminal.seen
 
 
