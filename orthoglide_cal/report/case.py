@@ -214,7 +214,9 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
     else:
         yield from case.remedies("measure" if brief and causes else None)
     if brief and causes:
-        yield doc.Instruction("See the cause and its remedy", case.typed("diagnose"))
+        decided = verdict is Verdict.NAMED
+        see = "See the cause and its remedy" if decided else "See the causes, and what decides"
+        yield doc.Instruction(see, case.typed("diagnose"))
 
 
 def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:

@@ -10,11 +10,12 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
+from orthoglide_cal.inference.result import Explanation
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.measured import DataKind, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, comparison_words, decision_notice, to_do
-from orthoglide_cal.results import Parameter
+from orthoglide_cal.results import Answer, Parameter
 from orthoglide_cal.words import (
     counted,
     coverage_words,
@@ -96,13 +97,14 @@ def _screen(case: Case) -> doc.Page:
     found: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
     if answer.budget and wanted:
         found.append(_largest_words(case))
-    found += [f"Note: {case.says(warning)}" for warning in answer.warnings]
+    if "gauge_doubt" not in release.codes:  # it says the same
+        found += [f"Note: {case.says(warning)}" for warning in answer.warnings]
     return doc.Page(
         kind="Solution",
         notice=decision_notice(case),
         sections=(
             doc.Section(None, *found),
-            doc.Section(None, *(_improvement(case) if wanted else ())),
+            doc.Section(None, *(() if release.settled else _improvement(case))),
             doc.next_steps(to_do(case, brief=True), case.more("solve")),
         ),
     )
@@ -114,18 +116,26 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
     raw = answer.input.kind == DataKind.READINGS
     if len(rows) > _MOST_DIFFERENCES and not full:
         rows = tuple(sorted(rows, key=lambda each: -abs(each.measured_mm))[:_LARGEST_DIFFERENCES])
+    refused = not answer.release.usable
     if rows and answer.as_found is not None and answer.expected is not None:
         names = [each.name for each in rows]
-        after = "expected after" if answer.release.usable else "would be left"
+        after = "if entered" if refused else "expected after"
         measured = *(each.measured_mm for each in rows), answer.as_found.rms_mm
         expected = *(each.expected_mm for each in rows), answer.expected.rms_mm
-        reach = [each.expanded_mm for each in rows]
+        reach = {} if refused and not full else {"± U": tuple(each.expanded_mm for each in rows)}
         digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
-        yield deviations_grid(names, digits, {"measured": measured, after: expected, "± U": reach})
-    if answer.rms is not None:
+        yield deviations_grid(names, digits, {"measured": measured, after: expected} | reach)
+    if answer.rms is None:
+        return
+    paper = offsets_only(answer) if answer.input.kind == DataKind.SIX and refused else None
+    if full or paper is None:
         of_what = f"{'readings' if raw else 'differences'}{weighing(case.given.measured)}"
         before, left = (plain(mm, 4) for mm in (answer.rms.before_mm, answer.rms.after_mm))
         yield f"Residuals of the {of_what}: {before} mm r.m.s. before, {left} after."
+    if paper is not None:
+        values = " ".join(signed(each.found or 0.0, 2) for each in paper.parameters)
+        rms = " → ".join(plain(mm, 3) for mm in (answer.rms.before_mm, paper.rms_mm or 0.0))
+        yield f"As in the paper (six equations): {values}, {rms} mm r.m.s."
 
 
 def _page(case: Case) -> doc.Page:
@@ -234,7 +244,8 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
         columns["unit"] = unit
     if alone is None:
         columns["active"] = [plain(each.active, answer.decimals) for each in every]
-        columns["found" if brief else words.found] = found(every)
+        head = "found" if enter or answer.release.settled else "if entered"
+        columns[head if brief else words.found] = found(every)
     else:
         columns[f"{words.many} alone"] = found(alone.parameters)
         columns[f"allowing for {' and '.join(answer.named)}"] = found(every)
@@ -295,6 +306,15 @@ def _largest_words(case: Case) -> str:
 def _adds(line: Contribution) -> float:
     """Variance that a source adds to all parameters together."""
     return sum(std**2 for std in line.std)
+
+
+def offsets_only(answer: Answer) -> Explanation | None:
+    """The parameters if nothing else is wrong, with what they leave; None if no answer has them."""
+    if answer.alone is not None:
+        left, parameters = answer.alone.rms_after_mm, answer.alone.parameters
+        return Explanation(probability=0.0, rms_mm=left, parameters=parameters)
+    sound = (each for each in answer.explanations if each.sound and each.parameters)
+    return next(sound, None)
 
 
 def alone_block(case: Case) -> Iterator[doc.Block]:
