@@ -138,9 +138,11 @@ class Case:
 
     def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
         """Steps instead of entering the parameters; with `verb` only those with that command."""
-        for remedy in self.answer.release.remedies:
-            if verb in (None, remedy.verb):
-                yield doc.Instruction(self.says(remedy.sentence), self.remedied(remedy))
+        remedies = self.answer.release.remedies
+        steps = ((self.says(each.sentence), self.remedied(each), each.verb) for each in remedies)
+        for text, typed, own in dict.fromkeys(steps):  # two reasons may have one remedy
+            if verb in (None, own):
+                yield doc.Instruction(text, typed)
 
     @property
     def verify(self) -> str:

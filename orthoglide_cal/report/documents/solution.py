@@ -15,6 +15,7 @@ from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.measured import DataKind, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, comparison_words, decision_notice, to_do
+from orthoglide_cal.report.terminal import height
 from orthoglide_cal.results import Answer, Parameter
 from orthoglide_cal.words import (
     counted,
@@ -42,6 +43,7 @@ _METHODS = {
 # A screen has room for so many differences, or else for the largest.
 _MOST_DIFFERENCES = 6
 _LARGEST_DIFFERENCES = 3
+_MOST_LINES = 24
 # Source → in words, and what would reduce it.
 _SOURCES: Mapping[str, tuple[str, str]] = {
     Origin.NOISE: (
@@ -92,22 +94,39 @@ def solution_document(case: Case) -> doc.Document:
 
 
 def _screen(case: Case) -> doc.Page:
+    """The numbers that decide; where a screen has too few lines, what they mean gives way."""
     answer, release = case.answer, case.answer.release
-    wanted = release.usable and release.needed
     found: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
-    if answer.budget and wanted:
-        found.append(_largest_words(case))
-    if "gauge_doubt" not in release.codes:  # it says the same
-        found += [f"Note: {case.says(warning)}" for warning in answer.warnings]
-    return doc.Page(
-        kind="Solution",
-        notice=decision_notice(case),
-        sections=(
-            doc.Section(None, *found),
-            doc.Section(None, *(() if release.settled else _improvement(case))),
-            doc.next_steps(to_do(case, brief=True), case.more("solve")),
-        ),
-    )
+    notes = [f"Note: {case.says(warning)}" for warning in answer.warnings]
+    if "gauge_doubt" in release.codes:
+        notes = []  # it says the same
+    numbers = [] if release.settled else [*_improvement(case)]
+    largest = [_largest_words(case)] if answer.budget and release.usable and release.needed else []
+    last = doc.next_steps(to_do(case, brief=True), case.more("solve"))
+    for meant in ([*largest, _meaning(case)], largest, []):
+        own, words = meant[: len(largest)], meant[len(largest) :]
+        blocks = [[*found, *own, *notes], [*numbers, *words]]
+        if not answer.deviations:  # one line needs no section
+            blocks = [[*found, *own, *notes, *numbers]]
+        page = doc.Page(
+            kind="Solution",
+            notice=decision_notice(case),
+            sections=(*(doc.Section(None, *part) for part in blocks), last),
+        )
+        if height(page) <= _MOST_LINES:
+            break
+    return page
+
+
+def _meaning(case: Case) -> str:
+    """The names and letters of a screen, each in words."""
+    answer, check = case.answer, case.answer.check
+    words = [comparison_words(check is not None and check.ends)[1]] if answer.deviations else []
+    if answer.budget and not (answer.release.usable and answer.release.needed):
+        words.append("U: expanded uncertainty, 95 %.")
+    if answer.judgement and answer.judgement.code == "residuals_agree" and answer.release.usable:
+        words.append("p: probability that noise alone leaves more.")
+    return " ".join(words)
 
 
 def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
@@ -299,8 +318,9 @@ def _largest_words(case: Case) -> str:
     name, size = largest.source, _size(largest).replace(" (assumed)", ", assumed")
     if name in _SOURCES:
         name = source_words(name, case.machine)[0]
-    source = f"{'possible: ' * largest.possible}{name}"
-    return f"Largest contribution to U (95 %): {', ± '.join(filter(None, (source, size)))}."
+    source = f"{name}{', if present' * largest.possible}"
+    contribution = ", ± ".join(filter(None, (source, size)))
+    return f"U: expanded uncertainty, 95 %. Largest contribution: {contribution}."
 
 
 def _adds(line: Contribution) -> float:
