@@ -448,7 +448,7 @@ def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
     assert max(each["expanded"] for each in solved["parameters"]) > 0.3
     assert not solved["release"]["settled"]
     planned = page("plan", "tilted.csv", *MACHINE)
-    assert planned.index("To reduce U: about") < planned.index(" Next ")
+    assert planned.index("no further probe readings lower U") < planned.index(" Next ")
     assert "telling: " not in planned.partition(" Next ")[0]
 
 
