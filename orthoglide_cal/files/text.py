@@ -101,7 +101,7 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
         InputError: the file cannot be written (no such folder, no permission, disk full).
     """
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
-    # What writes that were killed left behind goes, once nobody can be writing it.
+    # Remove temporary files of interrupted writes, once nobody can be writing them.
     for left in path.parent.glob(".*.tmp"):
         with suppress(OSError):
             if _LEFT.fullmatch(left.name) and time.time() - left.stat().st_mtime > _ABANDONED_S:

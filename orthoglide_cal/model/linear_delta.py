@@ -311,8 +311,8 @@ class LinearDelta(Machine):
     # Belts have lost motion whatever else is wrong.
     companions = MappingProxyType(
         {
-            "backlash": "These touches depend on the approach direction. That lost motion of the"
-            " carriages is the reason is not established."
+            "backlash": "These touches depend on the approach direction. Lost motion of the"
+            " carriages may be the cause; this is not certain."
         }
     )
     # No firmware has a setting for these, yet once they are known what is calibrated is found right

@@ -19,7 +19,7 @@ from orthoglide_cal.words import counted
 POLL_S = 0.05  # the keyboard is awaited so long before the gauge is looked at again [s]
 RECONNECT_S = 0.5
 ANSWER_S = 1.5  # a gauge that is asked answers sooner [s]
-# A gauge that sends by itself sends the next message sooner: what is alone so long counts [s].
+# A line that nothing follows for so long is an answer: a gauge that sends by itself is faster [s].
 ALONE_S = 0.5
 WIDEST = 80
 # A button pressed twice, or bouncing, is over by then; reading the other dial takes longer [s].

@@ -131,7 +131,7 @@ class Journal:
 def decode(data: bytes, path: str | Path) -> Journal:
     """The journal that these bytes are; it cannot be continued.
 
-    Raises InputError if it is none, or damaged before its last record.
+    Raises InputError if there is none, or it is damaged before its last record.
     """
     events: list[Event] = []
     checksum, size = 0, 0

@@ -412,7 +412,7 @@ def test_the_report_is_written_whole() -> None:
         ("export right.csv --format klipper", ("Nothing to enter",), ()),
         # One spare reading: any cause fits it, and that nothing is wrong is likelier than each.
         ("diagnose seven.csv",
-         ("Undecided: nothing wrong (", "so few readings nearly anything fits",
+         ("Undecided: nothing wrong (", "so few readings, nearly any cause fits",
           "1. Probe more places"), ("Likeliest", "Something is wrong")),
         ("solve seven.csv", ("or from a sound machine",), ()),
         # Without a touch to spare the model is not said to fit.
