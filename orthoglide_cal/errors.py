@@ -9,7 +9,7 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import ClassVar, Protocol, TypeVar
+from typing import Any, ClassVar
 
 from orthoglide_cal.words import listed
 
@@ -142,21 +142,12 @@ class InvalidFileError(InputError):
         return "\n".join([*lines, *others])
 
 
-class _Fault(Protocol):
-    @property
-    def what(self) -> str: ...
-    @property
-    def remedy(self) -> str: ...
-    @property
-    def column(self) -> str | None: ...
+def fault_kinds(faults: Sequence[Any]) -> tuple[list[tuple[Any, str]], list[str]]:
+    """The first fault of each kind with how many there are; then, how many are left out.
 
-
-F = TypeVar("F", bound=_Fault)
-
-
-def fault_kinds(faults: Sequence[F]) -> tuple[list[tuple[F, str]], list[str]]:
-    """The first fault of each kind with how many there are; then, how many are left out."""
-    kinds: dict[tuple[str, str], list[F]] = {}
+    A fault has what, remedy and column.
+    """
+    kinds: dict[tuple[str, str], list[Any]] = {}
     for fault in faults:
         kinds.setdefault((fault.what, fault.remedy), []).append(fault)
     shown = []

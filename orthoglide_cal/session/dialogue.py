@@ -337,7 +337,7 @@ class Dialogue:
             self.write(events.Undone(at=self.now()))
             taken += 1
         if taken:
-            self.asker.say(f"{_are(taken)} taken back: the gauge sent that by itself.")
+            self.asker.say(f"{_are(taken)} taken back: it came with them.")
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""

@@ -15,14 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from orthoglide_cal.errors import (
-    InputError,
-    OrthocalError,
-    UsageError,
-    command,
-    system_words,
-    visible,
-)
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.text import read_document
@@ -496,7 +489,7 @@ def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -
     try:
         journal.rename(aside)
     except OSError as error:
-        what = f"{journal} cannot be renamed: {system_words(error)}."
+        what = f"{journal} cannot be renamed: {error.strerror}."
         raise InputError(what, "Check the folder and its permissions.") from error
     return str(aside)
 

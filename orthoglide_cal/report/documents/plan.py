@@ -78,8 +78,9 @@ def plan_document(
     data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent)
     if going_on is not None and going_on.answer.release.usable:
         # Nothing is advised that does not lower U.
-        lower = (each for each in plan.next if two_figures(_worst(each)) != two_figures(_now(plan)))
-        plan = plan.changed(next=tuple(each for each in lower if _worst(each) < _now(plan)))
+        now = math.inf if plan.now_mm is None else round(plan.now_mm, decimals_for(plan.now_mm))
+        worst = ((each, max(each.expanded_mm.values())) for each in plan.next)
+        plan = plan.changed(next=tuple(o for o, u in worst if round(u, decimals_for(u)) < now))
 
     def screen() -> doc.Page:
         if going_on is not None:
@@ -400,14 +401,6 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
         head = ("not seen", "what would show it")
         blocks.append(doc.Grid(head, rows, words=(0, 1), caption=caption))
     return doc.Section("Which causes can be distinguished", *blocks)
-
-
-def _worst(option: Option) -> float:
-    return max(option.expanded_mm.values())
-
-
-def _now(plan: MeasurementPlan) -> float:
-    return math.inf if plan.now_mm is None else plan.now_mm
 
 
 def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
