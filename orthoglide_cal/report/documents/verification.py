@@ -173,7 +173,7 @@ def _answer(result: Verification) -> str:
     """How the machine responded, in one sentence; nothing where that was not looked at."""
     if result.response is None or result.answer is None:
         return ""
-    size = f"moved by {_interval(result.response)} of what was entered"
+    size = f"moved by {_interval(result.response)} times what was entered"
     acted_as = _triple(result.acted_as_mm or {}, result)
     moves = [
         f"{axis.upper()} moved {signed(row.found_mm, 3)} of {signed(row.applied_mm, 3)} mm"
