@@ -102,7 +102,7 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
         InputError: the file cannot be written (no such folder, no permission, disk full).
     """
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
-    # What writes that were killed left behind goes, once nobody can be writing it; also a second
+    # Remove temporary files of interrupted writes, once nobody can be writing them; also a second
     # name of this file.
     for left in filter(lambda left: _LEFT.fullmatch(left.name), path.parent.glob(".*.tmp")):
         with suppress(OSError):

@@ -38,7 +38,7 @@ SIZES = (5.0, 30.0)
 NOISIER = (2.0, 4.0, 8.0)
 # A log density this far below another one adds nothing to their sum.
 LOST = 100.0
-# Of readings that are wrong by themselves no more are looked for.
+# Largest number of single wrong readings that are searched for.
 MOST_WRONG = 8
 
 Bases = Sequence[tuple[Cause, ...]]

@@ -454,7 +454,7 @@ class Machine(Schema):
         """The machine by which readings are judged that were taken when it was as `then`."""
 
     def check_same(self, later: Machine) -> None:
-        """Raises UsageError for a machine that no calibration makes of this one."""
+        """Raises UsageError for a machine that calibration cannot make of this one."""
 
     def further(self, plan: AnyPlan) -> Iterator[tuple[str, Plan, float]]:
         """What can be measured next besides its protocols: in words, its plan, its minutes."""

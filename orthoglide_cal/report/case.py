@@ -153,9 +153,11 @@ class Case:
 
     def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
         """Steps instead of entering the parameters; with `verb` only those with that command."""
-        for remedy in self.answer.release.remedies:
-            if verb in (None, remedy.verb):
-                yield doc.Instruction(self.says(remedy.sentence), self.remedied(remedy))
+        remedies = self.answer.release.remedies
+        steps = ((self.says(each.sentence), self.remedied(each), each.verb) for each in remedies)
+        for text, typed, own in dict.fromkeys(steps):  # two reasons may have one remedy
+            if verb in (None, own):
+                yield doc.Instruction(text, typed)
 
     @property
     def verify(self) -> str:
@@ -233,7 +235,9 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
     else:
         yield from case.remedies("measure" if brief and causes else None)
     if brief and causes:
-        yield doc.Instruction("See the cause and its remedy", case.typed("diagnose"))
+        decided = verdict is Verdict.NAMED
+        see = "See the cause and its remedy" if decided else "See the causes, and what decides"
+        yield doc.Instruction(see, case.typed("diagnose"))
 
 
 def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:

@@ -67,13 +67,13 @@ def _undecided(machine: Machine, data: Data) -> str:
     names = [" with ".join(data["ids"]) or "a cause", *map(" with ".join, rivals[:1])]
     if len(rivals) > 1:
         names.append(counted(len(rivals) - 1, "other"))
-    elif not rivals:
+    if data["unlisted"] or not rivals:
         names.append("something that is not on the list")
     either = " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
     return (
         f"Something {'may be' if sound else 'is'} wrong besides the {machine.vocabulary.many}:"
         f" {either}. These data cannot distinguish them"
-        f"{', nor from a sound machine' if sound else ''}."
+        f"{' from each other or from a sound machine' if sound else ''}."
     )
 
 
@@ -138,18 +138,18 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "gauge_doubt": "{what}",
     # What the diagnosis has against it.
     "undecided": _undecided,
-    "few_readings": "With so few readings nearly anything fits.",
+    "few_readings": "With so few readings, nearly any cause fits.",
     "cause_found": "{ids:and} was found.",
-    "unshown_fault": "If {cause.title} as well{where:place}, which these readings would not show,"
-    " the {words.many} change by up to {change:.3f} {unit}.",
+    "unshown_fault": "These readings would not show if {cause.title}{where:place}. In that case the"
+    " {words.many} change by up to {change:.3f} {unit}.",
     "offsets_wrong": _offsets_wrong,
     "unexplained": "No listed cause of usual size explains these data: they leave {left_mm:.3f} mm"
     " r.m.s., where the {words.noise}'s noise{words.also} would leave {expected_mm:.3f} mm.",
     "other_data_contradict": "The {data} in the same file contradicts these values beyond U:"
     " {apart:moves}.",
     # What to know although it may be entered.
-    "within_u": "With {ids:and} the {words.many} change by at most {change:.3f} {unit}, which is"
-    " within U.",
+    "within_u": "With {ids:and} the {words.many} change by at most {change:.3f} {unit}, less than"
+    " U.",
     "local_shape": "The bed's local shape is about {factor:.1f} times as large as is stated or"
     " usual, and U does not cover all of that. State it as texture_mm of the probe.",
     "remains": "Offsets do not remove {ids:causes}: {left_mm:two} mm r.m.s. will remain.",
@@ -199,17 +199,17 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "two_would_follow": "{ids:with} would also fit it, but two causes fit nearly any"
     " pattern. To check them, repeat with {words.further}.",
     "perhaps_also": "These readings cannot show whether {ids:and} is also present.",
-    "perhaps_alone": "{id} alone is also possible (probability {probability:.2g}): it is not"
-    " certain that {others:and} is present.",
+    "perhaps_alone": "{id} alone is also possible (probability {probability:.2g}): {others:and}"
+    " may be absent.",
     "few_differences": "{count} differences leave {spare} numbers beyond the three offsets, and"
     " this answer has {unknowns} unknowns: the name rests on plausible sizes, not on the data"
-    " alone. Raw readings, with more postures, say more.",
+    " alone. Raw readings with more postures would show more.",
     "measure_again": "Correct a fault of the measurement by measuring again, not in the"
     " controller.",
     "recalibrated": _recalibrated,
     "origin_moved": _origin_moved,
-    "maps_repeat": "The residual maps of these dates repeat (r = {correlation:.2f}): what the"
-    " parameters leave is a shape that lasts, not noise.",
+    "maps_repeat": "The residual maps of these dates repeat (r = {correlation:.2f}): the"
+    " parameters leave a lasting shape, not noise.",
     "local_residual": "Unexplained: {left_mm:µm} r.m.s., of which {noise_mm:µm} are the probe's"
     " noise: {beyond_mm:µm} are local, shared by neighbouring places, and no evidence for any"
     " cause.",
@@ -221,8 +221,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "again": "{words.again}",
     "advice": _advice,
     "accept": "{cause.advice} Or accept {id} as part of the machine:",
-    "look": "Check whether {cause.title}{where:place}. What shows it: {cause.instrument}. If all"
-    " is in order, say so:",
+    "look": "Check whether {cause.title}{where:place}. What shows it: {cause.instrument}. If"
+    " nothing is wrong there, rule it out:",
     "retake": _retake,
     "probe_both": "Calibrate and probe a mesh one after the other, with nothing changed in between;"
     " then compare again.",

@@ -7,6 +7,7 @@ import os
 import re
 import secrets
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import chain, count
@@ -40,10 +41,10 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Show, Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.gauges import LiveGauge, SerialGauge, SimulatedGauge
-from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.session.journal import Journal, decode
 from orthoglide_cal.session.keyboard import Keyboard
 from orthoglide_cal.session.readings import PriorReadings, Setting
-from orthoglide_cal.words import Unit
+from orthoglide_cal.words import Unit, counted
 
 TYPED, SIMULATED = "typed", "simulated"
 JOURNAL = ".journal"
@@ -467,6 +468,40 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
         what = f"{journal} holds a session that is not finished."
         raise UsageError(what, f"Continue it: {command('measure', str(path), options='--resume')}")
     return path
+
+
+def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -> str | None:
+    """Give up an unfinished session if its operator `agrees`; the name that its journal has then.
+
+    Raises UsageError: there is none, it is finished, or in use; InputError: it cannot be renamed.
+    """
+    path = session_file(given, folder, resume=True)
+    journal, readings = path.with_suffix(JOURNAL), "readings, but is damaged"
+    if path.exists() or not journal.exists():
+        what = f"There is no unfinished session {path}: nothing is given up."
+        raise UsageError(what, "See what lies here: orthocal")
+    with suppress(InputError):
+        opened = Journal.resume(journal)
+        readings = counted(len(events.replay(opened.events).accepted), "reading")
+        opened.close()
+    names = chain((path.stem,), (f"{path.stem}-{number}" for number in count(2)))
+    aside = next(p for name in names if not (p := path.with_name(f"{name}.discarded")).exists())
+    fate = f"It will be kept as {aside}, not to be resumed.\nGive it up?"
+    if not agrees(f"{journal} holds {readings}. {fate}"):
+        return None
+    try:
+        journal.rename(aside)
+    except OSError as error:
+        what = f"{journal} cannot be renamed: {error.strerror}."
+        raise InputError(what, "Check the folder and its permissions.") from error
+    return str(aside)
+
+
+def is_practice(journal: Path) -> bool:
+    """True if an unfinished session reads a simulated machine; False if it cannot be read."""
+    with suppress(OrthocalError, OSError):
+        return events.replay(decode(journal.read_bytes(), journal).events).opened.seed is not None
+    return False
 
 
 def unfinished(folder: Path) -> list[Path]:

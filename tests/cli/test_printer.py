@@ -412,7 +412,7 @@ def test_the_report_is_written_whole() -> None:
         ("export right.csv --format klipper", ("Nothing to enter",), ()),
         # One spare reading: any cause fits it, and that nothing is wrong is likelier than each.
         ("diagnose seven.csv",
-         ("Undecided: nothing wrong (", "so few readings nearly anything fits",
+         ("Undecided: nothing wrong (", "so few readings, nearly any cause fits",
           "1. Probe more places"), ("Likeliest", "Something is wrong")),
         ("solve seven.csv", ("or from a sound machine",), ()),
         # Without a touch to spare the model is not said to fit.
@@ -448,7 +448,7 @@ def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
     assert max(each["expanded"] for each in solved["parameters"]) > 0.3
     assert not solved["release"]["settled"]
     planned = page("plan", "tilted.csv", *MACHINE)
-    assert planned.index("To reduce U: about") < planned.index(" Next ")
+    assert planned.index("no further probe readings lower U") < planned.index(" Next ")
     assert "telling: " not in planned.partition(" Next ")[0]
 
 

@@ -187,3 +187,29 @@ def test_where_nothing_is_determined_no_table_is_empty(words: str, code: int) ->
     told = "wild.csv: The offsets would be" if "history" in words else "There is no result"
     assert told in result.output
     assert "r.m.s." not in result.output
+
+
+def test_equal_faults_are_one_and_a_screen_holds_all_kinds(tmp_path: Path) -> None:
+    table = Path(DOUBLE).read_text(encoding="utf-8").replace("0.", "0:")
+    Path("colons.csv").write_text(table, encoding="utf-8")
+    cells = [cell for line in table.splitlines()[1:] for cell in line.split(",")]
+    count = sum("0:" in cell for cell in cells)
+    said = refused(3, "solve", "colons.csv")
+    assert said.count("This is not a number.") == 1
+    assert said.endswith(f"The first of {count} such faults; also in minutes.")
+
+    kinds = (
+        "schema_version: 7",
+        "tool_offset_mm: -1",
+        "joint_limits_mm: 3",
+        "workspace_mm: much",
+        "offsets_mm: []",
+        "history: 1",
+        "identified: 2",
+        "gauge: 3",
+        *(f"key_{k}: 1" for k in range(9)),
+    )
+    Path("keys.yaml").write_text("\n".join(kinds), encoding="utf-8")
+    shown = run("validate", "keys.yaml").stdout.splitlines()
+    assert len(shown) <= 20
+    assert "other faults" in shown[-1]

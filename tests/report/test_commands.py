@@ -101,7 +101,8 @@ def test_verify_prints_what_the_paper_prints():
     applied = ("--applied", -0.53, 0.59, -1.76)
     found = program.done("verify", *EXPERIMENTS[1:], *map(str, applied))
     assert "Predicted 0.20 mm, measured 0.21 mm (r.m.s.; before 0.62 mm)." in found
-    assert "The machine responded as the model says: response 1.03 [0.91, 1.14]" in found
+    assert "The machine moved by 1.03 [0.91, 1.14] times what was entered, as modelled." in found
+
     numbers = json.loads(run("verify", *EXPERIMENTS[1:], *applied, "--json").stdout)
     assert numbers["response"]["agrees"] is True
     assert numbers["decision"] is None

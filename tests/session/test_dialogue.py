@@ -67,6 +67,14 @@ def test_every_screenful_fits_24_lines(tmp_path: Path) -> None:
     assert all(f"\n  {key} " in help_text for key in "unstq?km")
 
 
+def test_keys_are_words_too_and_minus_zero_is_zero(tmp_path: Path) -> None:
+    dialogue, screen = answered(tmp_path / "s.journal", ["-0", "0.1", "UNDO", "help", "quit"])
+    assert [item.take.value_mm for item in dialogue.state.accepted.values()] == [0.0]
+    assert "saved 0.000 mm" in screen.text
+    assert screen.text.count("Type the reading, e.g.") == 1
+    assert "not a reading" not in screen.text
+
+
 def test_one_uncertainty_from_the_first_posture_to_the_end(tmp_path: Path) -> None:
     """What is shown is U of the end, but for what is asked at the end only; it says so."""
     path = tmp_path / "s.journal"

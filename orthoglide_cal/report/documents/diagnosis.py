@@ -23,6 +23,7 @@ from orthoglide_cal.report.documents.pictures import brief_residuals, residual_s
 from orthoglide_cal.report.documents.solution import (
     alone_block,
     common_unit,
+    offsets_only,
     open_blocks,
     parameters_grid,
     parameters_title,
@@ -43,9 +44,10 @@ from orthoglide_cal.words import (
     unit_words,
 )
 
-_NOTHING = "nothing wrong"
+_NOTHING, _UNLISTED = "nothing wrong", "none of the listed causes"
 # What one screen has room for.
 _MOST_OPEN = 4  # explanations
+_MOST_LIKELY = 3  # of them in the title
 _MOST_CELLS = 3  # sizes side by side
 _MOST_SIZES = 6  # of one cause; of more the largest are shown
 _DECIDED, _UNDECIDED = 30, 20  # lines of its screen
@@ -112,14 +114,7 @@ def _notice(case: Case) -> doc.Notice:
         else:
             title = f"{title.rstrip('.')} ({ids[0]}, {percent(share, 1)})"
     elif answer.verdict is Verdict.AMBIGUOUS:
-        names = [f"{_name(each)} ({percent(each.probability)})" for each in _open(answer)]
-        if len(names) == 1:
-            beyond = sum(each.probability for each in answer.explanations if each.pattern)
-            names.append(f"something that is not on the list ({percent(beyond)})")
-        # By name: none comes first that the data do not carry.
-        first = sorted(names[:2], key=lambda text: (not text.startswith(_NOTHING), text))
-        title = f"Undecided: {', or '.join(first)}" if len(names) > 1 else title
-        title += f", or {counted(len(names) - 2, 'other')}" if len(names) > 2 else ""
+        title = f"Undecided: {_shares(answer)}"
     lines = [f"{notice.title}.", *notice.lines]
     reason = release.reasons[0].code if release.reasons else ""
     if answer.alone is not None and reason in ("offsets_wrong", "cause_found"):
@@ -218,18 +213,32 @@ def _name(each: Explanation) -> str:
     return " with ".join(each.ids) or _NOTHING
 
 
+def _shares(answer: Answer) -> str:
+    """The most probable explanations and the share of all others, 100 % in all."""
+    shares = {_name(each): each.probability for each in answer.explanations if not each.pattern}
+    shares[_UNLISTED] = sum(each.probability for each in answer.explanations if each.pattern)
+    likely = sorted(shares.items(), key=lambda pair: -pair[1])[:_MOST_LIKELY]
+    whole = {name: round(100.0 * share) for name, share in likely}
+    shown = [f"{name} ({share} %)" for name, share in whole.items() if share]
+    if rest := 100 - sum(whole.values()):
+        shown.append(f"or others ({rest} %)")
+    return ", ".join(shown)
+
+
 def _open_grid(case: Case) -> doc.Grid:
     """Residuals and parameters under each open explanation."""
     rows = []
     names = [each.name for each in case.answer.parameters]
-    for each in _open(case.answer)[:_MOST_OPEN]:
+    others = [each for each in _open(case.answer) if not each.sound][:_MOST_OPEN]
+    for each in (*filter(None, [offsets_only(case.answer)]), *others):
         values = {
             one.name: signed(one.found, decimals_for(2.0 * one.std))
             for one in each.parameters
             if one.found is not None
         }
         left = "" if each.rms_mm is None else plain(each.rms_mm, 4)
-        rows.append((_name(each), left, *(values.get(name, "") for name in names)))
+        name = f"{case.words.many} only" if each.sound else _name(each)
+        rows.append((name, left, *(values.get(name, "") for name in names)))
     head = f"{case.words.many}{common_unit(case.machine)}"
     return doc.Grid((head, "r.m.s. left, mm", *names), rows)
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from orthoglide_cal.errors import UnusableResultError, command, file_words
+from orthoglide_cal.errors import UnusableResultError, command, fault_kinds, file_words
 from orthoglide_cal.files.input import Check
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import Source
@@ -92,13 +92,16 @@ def check_document(
         data = data_words(source, kind, check.input.readings)
         data += ", SIMULATED" if check.simulated else ""
         lines = [f"{path}: {data}, {word} (for {check.machine})"]
-    for problem in check.problems:
+    kinds, others = fault_kinds(check.problems)
+    for problem, often in kinds:
         line = f"line {problem.line}" if problem.line is not None else ""
         column = f"column {problem.column}" if problem.column is not None else ""
         where = ", ".join(filter(None, (line, column)))
         value = f" ({problem.value!r})" if problem.value is not None else ""
         lines.append(f"  {where}{': ' if where else ''}{problem.what}{value}")
-        lines += [f"    → {problem.remedy}"] if problem.remedy else []
+        advice = f"{problem.remedy} {often}".strip()
+        lines += [f"    → {advice}"] if advice else []
+    lines += [f"  {text}" for text in others]
     lines += [f"  {refused.what}", f"    → {refused.remedy}"] if refused else []
     lines += [f"  note: {remark}" for remark in check.remarks]
     page = doc.Page("Validation", sections=[doc.Section(None, doc.Listing(lines))])

@@ -194,7 +194,7 @@ def _answer(result: Verification) -> str:
         return ""
     apart, both = result.apart_mm or 0.0, result.apart_expanded_mm or 0.0
     differ = f", yet they differ by {plain(apart, 3)} mm, U of both {plain(both, 3)} mm"
-    size = f"response {_interval(result.response)}"
+    size = f"moved by {_interval(result.response)} times what was entered"
     acted_as = _triple(result.acted_as_mm or {}, result)
     moves = [
         f"{axis.upper()} moved {signed(row.found_mm, 3)} of {signed(row.applied_mm, 3)} mm"
@@ -202,8 +202,7 @@ def _answer(result: Verification) -> str:
         if row.otherwise
     ]
     return {
-        Behaviour.AS_MODELLED: f"The machine responded as the model says: {size}, expected 1"
-        f"{'' if result.kept else differ}.",
+        Behaviour.AS_MODELLED: f"The machine {size}, as modelled{'' if result.kept else differ}.",
         Behaviour.OPPOSITE: f"The correction acted with the opposite sign ({size}).",
         Behaviour.EXCHANGED: f"The correction acted as if {acted_as} had been entered (x, y, z).",
         Behaviour.NO_RESPONSE: f"The machine did not respond ({size}).",
@@ -343,7 +342,7 @@ def _response(result: Verification, response: Coefficient) -> doc.Section:
     }
     grid = doc.Grid.of(columns, caption="Change of each joint, mm, fitted together.")
     lead = (
-        "Response coefficient, all axes together: ",
+        "Response (measured change / entered change), all axes together: ",
         doc.strong(_interval(response)),
         f". Expected: 1. (95 % interval, {result.response_dof} degrees of freedom.)",
     )
