@@ -1,9 +1,9 @@
 """The calibration report: one session, its result, and what to do.
 
-The first sheet is what is pinned to the machine: may the parameters be entered, under which
-conditions that holds, what to do, the parameters with U, each difference as found and as left. Of a
-result that is refused it says what is wrong, and nothing to sign for an adjustment. Behind it
-stands what that rests on.
+The first sheet is what is pinned to the machine: may the parameters be entered, the parameters with
+U, each difference as found and as left, what to do, under which conditions that holds. Of a result
+that is refused it says what is wrong, and nothing to sign for an adjustment. Behind it stands what
+that rests on.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,7 +34,6 @@ from orthoglide_cal.report.documents.solution import (
     alone_block,
     budget_sections,
     fit_facts,
-    found_words,
     open_blocks,
     parameters_grid,
     parameters_title,
@@ -94,7 +93,6 @@ def calibration_document(
         if left is not None:
             recorded = [(side, side.validity) for side in (left.before, left.after)]
         frame = signed_page("Calibration report", machine, identity, recorded)
-        sheet = [*frame.sheet]
         pages: list[doc.Section] = []
         released = answer.release.usable or left is not None
         origin = [
@@ -103,22 +101,14 @@ def calibration_document(
             _origin(case, identity, left),
         ]
         if answer.parameters:
-            drawn = _differences(case, left, limit_mm)
-            if not released:
-                sheet += _gap(answer)
-            sheet += _result(case, left, drawn if released else ())
-            if drawn and not released:
-                # Where the rails are drawn, the first sheet is full.
-                chosen = pages if answer.shims else sheet
-                chosen.append(doc.Section("What would be left if the result were entered", *drawn))
-            sheet += map(_other, case.others)
+            sheet = [*_result(case, left, limit_mm), *frame.sheet, *map(_other, case.others)]
             pages.append(doc.Section("Residuals (measured − model)", *residual_blocks(case)))
             if answer.verdict is not None:
                 pages.append(diagnosis_section(case))
             pages += [*budget_sections(machine, answer.budget, answer.total), *origin]
         else:
             # There is nothing to pin to the machine, and one sheet of paper says it all.
-            sheet += [doc.next_steps(to_do(case)), *map(_other, case.others), *origin]
+            sheet = [doc.next_steps(to_do(case)), *frame.sheet, *map(_other, case.others), *origin]
         authorised = machine.report.authorised_by
         roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
         return replace(
@@ -167,6 +157,30 @@ def _wrong(case: Case) -> str:
     return title[:1].upper() + title[1:]
 
 
+def _result(case: Case, left: Verification | None, limit_mm: float | None) -> Iterator[doc.Section]:
+    """The parameters with U next to the differences, the causes, and the next steps.
+
+    Of a refused result the causes come first, and its parameters last.
+    """
+    drawn = _differences(case, left, limit_mm)
+    if left is not None:
+        yield parameters_left(left)
+        steps = verification_steps(left, case.machine_file)
+        yield doc.next_steps(steps, *rule_blocks(left), *drawn)
+        return
+    usable, title = case.answer.release.usable, parameters_title(case)
+    if not usable:
+        title = f"Not to be entered: {title[0].lower()}{title[1:]}"
+    blocks = [parameters_grid(case), *open_blocks(case), *(alone_block(case) if usable else ())]
+    parts = [
+        [doc.Section(title, *blocks, *drawn)],
+        [*_gap(case.answer)],
+        [doc.next_steps(to_do(case))],
+    ]
+    for part in parts if usable else (*parts[1:], parts[0]):
+        yield from part
+
+
 def _gap(answer: Answer) -> Iterator[doc.Section]:
     """The rails at their true places, and the shims that make them meet."""
     if not answer.shims:
@@ -187,29 +201,6 @@ def _gap(answer: Answer) -> Iterator[doc.Section]:
     key = "The rails where they really are, their gaps enlarged."
     figure = doc.Figure(None, "", (picture,), columns=0, key=key)
     yield doc.Section("Where the rails pass each other", grid, figure)
-
-
-def _result(
-    case: Case, left: Verification | None, drawn: Sequence[doc.Block]
-) -> Iterator[doc.Section]:
-    """Next steps, and the parameters with U next to the differences; in small print where they
-    must not be entered.
-    """
-    answer = case.answer
-    if left is not None:
-        steps = verification_steps(left, case.machine_file)
-        yield doc.next_steps(steps, *rule_blocks(left), *drawn)
-        yield parameters_left(left)
-        return
-    yield doc.next_steps(to_do(case))
-    if answer.release.usable:
-        blocks = *open_blocks(case), *alone_block(case), *drawn
-        yield doc.Section(parameters_title(case), parameters_grid(case), *blocks)
-    else:
-        found = ", ".join(f"{each.name} {found_words(each)}" for each in answer.parameters)
-        causes = " and ".join(answer.named)
-        lead = f"{case.words.title} found{f' with {causes}' if causes else ''}, not to be entered:"
-        yield doc.Section(None, doc.small(f"{lead} {found} (± U, 95 %)."), *open_blocks(case))
 
 
 def _differences(

@@ -90,7 +90,7 @@ def _page(result: Verification, identity: Identity) -> doc.Page:
         page,
         title=result.machine,
         notice=verification_notice(result),
-        sheet=(*page.sheet, _outcome(result), parameters_left(result)),
+        sheet=(_outcome(result), parameters_left(result), *page.sheet),
         sections=(
             *([_response(result, result.response)] if result.response else []),
             doc.Section("Traceability", doc.Facts(origin)),
