@@ -63,7 +63,7 @@ def export(
                 f"Choose one of {', '.join(known.controller_formats)}, or text.",
             )
         case = released(given, machine, method, force, details=json)
-        identity = identify([(case.source, given.model)], case.answer.method)
+        identity = identify([(case.source, given.model)], case.answer.method, machine)
         if format == "table":
             text = controller.as_table(compensation(given.model, points), case, identity)
         elif format in FIRMWARES:

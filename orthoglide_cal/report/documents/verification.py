@@ -305,7 +305,8 @@ def left_figure(result: Verification) -> doc.Figure:
     rows = [(e.difference, e.before_mm, e.promised_mm, e.expanded_mm, e.after_mm) for e in every]
     sizes = (result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm)
     limit = result.decision.limit_mm if result.decision else None
-    return differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit)
+    outcomes = [each.outcome.capitalize() for each in every if each.outcome]
+    return differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit, outcomes)
 
 
 def _response(result: Verification, response: Coefficient) -> doc.Section:
