@@ -240,8 +240,6 @@ def deviation_rows(
     order = "Found, expected and left" if measured else "Found and expected"
     finding = f"{order}, mm: {'; '.join(listed)}. {names[worst]} is left largest:"
     finding += f" {signed(last[worst], 3)} mm."
-    if limits:
-        finding += f" The limit is {limit_mm:g} mm."
     title = "Differences, before and after"
     return svg("deviations", _WIDE, bottom + _UNDER, title, finding, parts)
 
@@ -318,7 +316,7 @@ def residual_panels(
             means_um = ", ".join(f"{at} {signed(float(mean), 1)}" for at, mean in pairs)
             finding += f" Mean of the repeats, µm, {model}: {means_um}."
         name = f"residual-{AXES[one.direction]}{AXES[one.leg]}-{when.replace(' ', '-')}"
-        title = ", ".join(filter(None, ("Residuals", one.words, when)))
+        title = f"Residuals, {one.words}, {when}".removesuffix(", ")
         panels.append(svg(name, width, height, title, finding, parts, f"c-{AXES[one.leg]}"))
     return tuple(panels)
 

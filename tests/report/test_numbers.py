@@ -83,7 +83,7 @@ def drawn(case: Case) -> Iterator[float]:
     for row in case.answer.residuals:
         surfaces.setdefault(row.surface_mm, []).extend([] if row.distance else [row.measured_mm])
     for heights in filter(None, surfaces.values()):
-        yield from (1000.0 * abs(mm - sum(heights) / len(heights)) for mm in heights)
+        yield from (abs(mm - sum(heights) / len(heights)) for mm in heights)
     for rows in cells.values():
         yield from (1000.0 * abs(sum(own) / len(rows)) for own in zip(*rows, strict=True))
 

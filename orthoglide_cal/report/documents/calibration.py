@@ -106,8 +106,9 @@ def calibration_document(
         pages = [*_evidence(after, "as left")] if after else []
         pages += _evidence(case, "as found" if after else "")
         pages += [*_workspace(case, left, limit_mm), _origin(case, identity, left)]
-        for measured in filter(None, (after, case if answer.parameters else None)):
-            pages.append(readings_table(measured))
+        for measured, when in ((after, "as left"), (case, "as found" if after else "")):
+            if measured is not None and measured.answer.parameters:
+                pages.append(readings_table(measured, when))
         if answer.parameters:
             drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
             result = _result(case, left, named, drawn)
@@ -255,7 +256,7 @@ def _evidence(case: Case, when: str) -> Iterator[doc.Section]:
         found = [diagnosis_section(case)] if answer.verdict is not None else []
         sections[:0] = [left, *found, *budget_sections(case.machine, answer.budget, answer.total)]
     for section in sections:
-        yield doc.Section(", ".join(filter(None, (section.title, when))), *section.blocks)
+        yield doc.Section(f"{section.title}, {when}".removesuffix(", "), *section.blocks)
 
 
 def _workspace(
@@ -318,19 +319,15 @@ def _conditions(case: Case, when: str) -> doc.Section:
     }
     blocks: list[doc.Block] = [doc.Facts(rows)]
     if places:
-        blocks.append(_sketch(case, sorted(places), when))
+        orthoglide = case.given.model.orthoglide
+        size = orthoglide.leg_length_mm, orthoglide.joint_limits_mm
+        drawn = figures.machine_sketch(*size, sorted(places), when)
+        key = "○ dial: its reading grows when the leg moves towards it."
+        blocks.append(doc.Figure("Where the gauges stood", "", (drawn,), columns=0, key=key))
     if given.notes and answer.parameters:
         notes = [(str(line), doc.given(note)) for line, note in given.notes[:_MOST_NOTES]]
         blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
     return doc.Section(f"Conditions and {noise}s", *blocks)
-
-
-def _sketch(case: Case, places: list[tuple[int, int, float]], when: str) -> doc.Figure:
-    """The machine with its gauges."""
-    machine = case.given.model.orthoglide
-    drawn = figures.machine_sketch(machine.leg_length_mm, machine.joint_limits_mm, places, when)
-    key = "○ dial: its reading grows when the leg moves towards it."
-    return doc.Figure("Where the gauges stood", "", (drawn,), columns=0, key=key)
 
 
 def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Section:

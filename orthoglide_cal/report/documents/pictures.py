@@ -128,7 +128,7 @@ def cause_figure(case: Case, cause: FoundCause, shims: Sequence[Shim]) -> Iterat
     answer = case.answer
     panels: tuple[Html, ...] = ()
     key = "Dashed: as it should be. Solid: as it is, enlarged."
-    seen = [each for each in cause.parameters if abs(each.value) > each.expanded]
+    seen = (each for each in cause.parameters if abs(each.value) > each.expanded)
     drawn = [each for each in seen if set(each.name) <= {*AXES, "_"}]
     drawn = sorted(drawn, key=lambda each: -abs(each.value))[:_MOST_DRAWN]
     if shims:
@@ -161,19 +161,17 @@ def size_words(each: CauseParameter) -> str:
     return f"{value} {unit_words(each.unit)}"
 
 
-def readings_table(case: Case) -> doc.Section:
-    """Every reading as it was written down, and what the model leaves of it."""
+def readings_table(case: Case, when: str) -> doc.Section:
+    """Every reading as it was written down, and what the model leaves of it, named by `when`."""
     left, rows = [*_left(case).values()][-1], []
     for row, rest_mm in zip(case.answer.residuals, left.tolist(), strict=True):
-        place = row.posture
-        if row.x_mm is not None:
-            place = f"X{short(row.x_mm, 1)} Y{short(row.y_mm or 0.0, 1)}"
+        touched = f"X{short(row.x_mm or 0.0, 1)} Y{short(row.y_mm or 0.0, 1)}"
+        place = "distance" if row.distance else row.posture or touched
         series = figures.series_of(row).words if row.leg else None
         at = ", ".join(filter(None, (series, place, row.end, f"cycle {row.cycle}")))
         rows.append((str(row.order), at, short(row.measured_mm, 4), signed(rest_mm, 4)))
-    return doc.Section(
-        "Appendix: readings", doc.Grid(("no.", "at", "reading, mm", "left, mm"), rows, (1,))
-    )
+    grid = doc.Grid(("no.", "at", "reading, mm", "left, mm"), rows, words=(1,))
+    return doc.Section(f"Appendix: readings, {when}".removesuffix(", "), grid)
 
 
 def _on_bed(answer: Answer) -> bool:

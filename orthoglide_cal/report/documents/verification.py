@@ -90,7 +90,7 @@ def _page(result: Verification, identity: Identity) -> doc.Page:
         page,
         title=result.machine,
         notice=verification_notice(result),
-        sheet=(_outcome(result), parameters_left(result), *page.sheet),
+        sheet=(parameters_left(result), _outcome(result), *page.sheet),
         sections=(
             *([_response(result, result.response)] if result.response else []),
             doc.Section("Traceability", doc.Facts(origin)),
@@ -268,9 +268,7 @@ def parameters_left(result: Verification) -> doc.Section:
 def _outcome(result: Verification) -> doc.Section:
     """Predicted and measured, difference by difference or in all."""
     if result.differences:
-        figure = replace(left_figure(result), columns=1, sketch=())
-        blocks = _differences(result, full=True), figure, *rule_blocks(result)
-        return doc.Section("Predicted and measured", *blocks)
+        return doc.Section("Predicted and measured", *rule_blocks(result), left_figure(result))
     grid = doc.Grid(
         ("r.m.s. of the heights", "as found", "predicted", "as left", "could be"),
         (("touches, without their mean", *_sizes(result)),),
@@ -286,10 +284,10 @@ def rule_blocks(result: Verification) -> tuple[doc.Block, ...]:
     return (doc.small(f"Decision rule: {rule.rule}"),) if rule else ()
 
 
-def _differences(result: Verification, *, full: bool = False) -> doc.Grid:
-    """Deviations as measured and as predicted; on a screen only r.m.s. where they are many."""
+def _differences(result: Verification) -> doc.Grid:
+    """Deviations as measured and as predicted; only r.m.s. where they are many."""
     every = result.differences
-    rows = every if full or len(every) <= _MOST_DIFFERENCES else ()
+    rows = every if len(every) <= _MOST_DIFFERENCES else ()
     sizes = {
         "before": [*(each.before_mm for each in rows), result.rms_before_mm],
         "predicted": [*(each.promised_mm for each in rows), result.rms_promised_mm],
