@@ -209,13 +209,11 @@ def _causes(case: Case) -> Iterator[doc.Section]:
                 f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims
             ]
         caption = "xy: how far rail x lies above rail y, along z; and so on. " if shims else ""
-        others = " All others: within U." if len(sizes) < len(cause.parameters) else ""
-        caption += f"U: 95 %.{others}"
+        caption += "U: 95 %." + " All others: within U." * (len(sizes) < len(cause.parameters))
         blocks: list[doc.Block] = [doc.Grid.of(columns, range(len(columns)), caption)]
         if cause.remedy.rstrip(".") not in advised:
             blocks.append(cause.remedy)
-        title = case.title_of(cause.id)
-        title = f"{title[0].upper()}{title[1:]} ({cause.id})"
+        title = f"{case.title_of(cause.id).capitalize()} ({cause.id})"
         yield doc.Section(title, *blocks, *cause_figure(case, cause, shims))
 
 
