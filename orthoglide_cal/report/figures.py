@@ -266,7 +266,7 @@ def residual_panels(
         left_mm: under one or two models: measured − modelled, shape (n,). The last is filled.
         noise_mm: standard deviation of one reading; the band is twice as high.
         when: "as found", "as left"; "" of one measurement alone.
-        wrong: readings with a ring; then only the panels that have one.
+        wrong: the readings that are; then only their panels, and a ring around one alone.
     """
     series = [series_of(row) for row in rows]
     posture = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
@@ -304,7 +304,7 @@ def residual_panels(
                 points = [*zip(places, (up(float(values[k])) for k in repeats), strict=True)]
                 parts += [thread(points)] if last else []
                 parts += [mark(x, y, turn - 1, "mark" if last else "mark open") for x, y in points]
-                if values is microns[0]:
+                if values is microns[0] and len(wrong) == 1:
                     ringed = (p for k, p in zip(repeats, points, strict=True) if k in wrong)
                     parts += [tag("circle", cx=x, cy=y, r=9.0, class_="fault") for x, y in ringed]
         worst = max(chosen, key=lambda k: abs(microns[-1][k]))

@@ -209,7 +209,8 @@ def _causes(case: Case) -> Iterator[doc.Section]:
                 f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims
             ]
         caption = "xy: how far rail x lies above rail y, along z; and so on. " if shims else ""
-        caption += "U: 95 %." + " All others: within U." * (len(sizes) < len(cause.parameters))
+        caption += "U: 95 %." * bool(sizes)
+        caption += " All others: within U." * (len(sizes) < len(cause.parameters))
         blocks: list[doc.Block] = [doc.Grid.of(columns, range(len(columns)), caption)]
         if cause.remedy.rstrip(".") not in advised:
             blocks.append(cause.remedy)

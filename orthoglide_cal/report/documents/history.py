@@ -71,9 +71,8 @@ def _page(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
         kind="History",
         title=history.machine,
         notice=_notice(history),
-        sheet=[doc.next_steps(steps)],
+        sheet=[doc.Section("From session to session", _courses(history)), doc.next_steps(steps)],
         sections=[
-            doc.Section("Parameters from session to session", _courses(history)),
             doc.Section("What is left of each touch", *_shapes(history)),
             doc.Section("Sessions", _table(history, len(history.sessions)), *notes),
         ],

@@ -136,15 +136,15 @@ def cause_figure(case: Case, cause: FoundCause, shims: Sequence[Shim]) -> Iterat
         panels = (figures.rails_sketch(gaps, shims),)
         key = "The rails where they really are, the gaps enlarged. Arrows: move the mount there."
     elif drawn and not cause.where:
-        words = {each.name: f"{place_words(each.name)} {size_words(each)}" for each in drawn}
-        sizes = {each.name: (each.value, words[each.name]) for each in drawn}
+        sizes = {e.name: (e.value, f"{place_words(e.name)} {size_words(e)}") for e in drawn}
         panels = (figures.parameter_sketch(cause.id, sizes),)
     elif answer.input.kind == DataKind.READINGS and not _on_bed(answer):
         (alone, before), (both, after) = (left := _left(case)).items()
         wrong = np.flatnonzero(np.abs(after - before) > 0.5 * np.abs(after - before).max())
         noise = case.machine.instrument.noise_mm
         every = figures.residual_panels(answer.residuals, left, noise, cause.id, wrong.tolist())
-        panels, key = every[:_MOST_DRAWN], f"Residuals. Ringed: wrong ({alone}). Filled: {both}."
+        panels, key = every[:_MOST_DRAWN], f"Residuals. Open: {alone}. Filled: {both}."
+        key += " Ringed: wrong." * (len(wrong) == 1)
     if panels:
         yield doc.Figure(None, "", panels, columns=0, key=key)
 
