@@ -166,9 +166,9 @@ def readings_table(case: Case, when: str) -> doc.Section:
     left, rows = [*_left(case).values()][-1], []
     for row, rest_mm in zip(case.answer.residuals, left.tolist(), strict=True):
         touched = f"X{short(row.x_mm or 0.0, 1)} Y{short(row.y_mm or 0.0, 1)}"
-        place = "distance" if row.distance else row.posture or touched
-        series = figures.series_of(row).words if row.leg else None
-        at = ", ".join(filter(None, (series, place, row.end, f"cycle {row.cycle}")))
+        end = f", {row.end}" if row.end else ""
+        reading = f"{figures.series_of(row).words}, {row.posture}{end}, cycle {row.cycle}"
+        at = reading if row.leg else "distance" if row.distance else touched
         rows.append((str(row.order), at, short(row.measured_mm, 4), signed(rest_mm, 4)))
     grid = doc.Grid(("no.", "at", "reading, mm", "left, mm"), rows, words=(1,))
     return doc.Section(f"Appendix: readings, {when}".removesuffix(", "), grid)
