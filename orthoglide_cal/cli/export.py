@@ -65,7 +65,7 @@ def export(
             )
         check_measured(given)
         case = released(given, machine, method, force, details=json)
-        identity = identify([(case.source, given.model)], case.answer.method)
+        identity = identify([(case.source, given.model)], case.answer.method, machine)
         if format == "table":
             text = controller.as_table(compensation(given.model, points), case, identity)
         elif format in FIRMWARES:

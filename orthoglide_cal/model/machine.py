@@ -24,7 +24,7 @@ from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.schema import Day, Digest, Number, Schema, Word, told
+from orthoglide_cal.schema import Day, Digest, Number, Positive, Schema, Word, told
 
 LARGEST_OFFSET_MM = 1000.0  # nobody enters more
 # The home switch or index pulse of a carriage is set to within a few millimetres; an offset beyond
@@ -90,6 +90,7 @@ class OwnGauge(Schema):
 
     id: Word
     certificate: Word | None = None
+    expanded_mm: Positive | None = None  # U (95 %) that the certificate states
     due: Day | None = None
 
 
@@ -97,6 +98,7 @@ class Details(Schema):
     """What the people who read a report want to see on it; None where it is not given."""
 
     organisation: Word | None = None  # who calibrates
+    address: Word | None = None  # of that laboratory
     place: Word | None = None  # where
     serial_number: Word | None = None  # of the machine
     customer: Word | None = None  # whose it is

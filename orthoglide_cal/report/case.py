@@ -46,7 +46,7 @@ _DATA: Mapping[str, tuple[str, str]] = {
 # What makes a result worthless if it is overlooked: it stands first.
 INVALIDATING = ("overdue_gauge", "stale_mesh", "nozzle_lower")
 # What the owner of a machine wrote for its reports: who and which; how and with what.
-OWNER = ("organisation", "place", "customer", "serial_number")
+OWNER = ("organisation", "address", "place", "customer", "serial_number")
 MEANS = ("method", "traceability", "authorised_by", "gauge_due")
 _TAKING_METHODS = ("solve", "report", "export")
 _DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
@@ -278,8 +278,9 @@ def check_words(check: CheckReading) -> str:
             f" tool end must read {moves} more than the joint end {today}."
         )
     return (
-        f"Check: put the gauge at the middle of leg {check.leg}, along {check.direction}; drive"
-        f" from {first} to {second}; it must move by {moves} {today}."
+        f"Check: put the gauge {plain(check.gauge_mm or 0.0, 0)} mm from carriage {check.leg},"
+        f" along {check.direction}; drive from {first} to {second}; it must move by {moves}"
+        f" {today}."
     )
 
 
@@ -377,6 +378,8 @@ def _conditions(
         gauges += ["; " if gauges else "", doc.given(gauge.id)]
         if gauge.certificate:
             gauges += [", certificate ", doc.given(gauge.certificate)]
+        if gauge.expanded_mm is not None:
+            gauges.append(f", U {short(gauge.expanded_mm, 6)} mm")
         due = f"due {gauge.due}" if gauge.due else "due date not given"
         gauges += [", ", doc.doubtful(f"overdue: {due}") if gauge.overdue else due]
     known = {"start": validity.temperature_start_c, "end": validity.temperature_end_c}

@@ -183,6 +183,7 @@ class CheckReading(Schema):
     first_joints_mm: tuple[float, ...]
     second_joints_mm: tuple[float, ...]
     ends: bool = Field(description="the gauge moves from joint to tool end instead")
+    gauge_mm: float | None = Field(description="from the carriage joint along the leg; null: both")
     before_mm: float
     expected_mm: float
     expanded_mm: float

@@ -440,6 +440,7 @@ def _check(
         first_joints_mm=joints[0],
         second_joints_mm=joints[1],
         ends=posture is not None,
+        gauge_mm=None if posture else 0.5 * machine.leg_length_mm,
         before_mm=row.measured_mm,
         expected_mm=row.expected_mm,
         # The promise is of as many readings as were taken before; the check is of two.

@@ -129,6 +129,7 @@ class ComparedDifference(Schema):
     promised_expanded_mm: float
     after_mm: float
     expanded_mm: float = Field(description="U of the value measured after")
+    outcome: Outcome | None = Field(None, description="by the rule; null where no limit was given")
 
 
 class Conformity(Schema):
@@ -264,7 +265,7 @@ def verify(
     later = pose(after.measured, model, table_kind(before.measured))
     shown = {difference.name for difference in later.which}
     promise = [row for row in first.promised(applied, right) if row.name in shown]
-    rows = _differences(promise, later)
+    rows = _differences(promise, later, limit_mm)
     as_left = spread({row.difference: row.after_mm for row in rows})
     response = _respond(shared, first.offsets_mm, applied)
     apart = rms(np.array([row.after_mm - row.promised_mm for row in rows]))
@@ -290,14 +291,19 @@ def verify(
     )
 
 
+def _outcome(after_mm: float, expanded_mm: float, limit_mm: float) -> Outcome:
+    """Compare a deviation measured after the correction with the limit (ISO 14253-1)."""
+    if abs(after_mm) - expanded_mm > limit_mm:
+        return Outcome.FAIL
+    return Outcome.PASS if abs(after_mm) + expanded_mm <= limit_mm else Outcome.UNDECIDED
+
+
 def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
-    """Compare every deviation measured after the correction with the limit (ISO 14253-1)."""
+    """The limit is kept if each deviation keeps it."""
     largest = max(rows, key=lambda row: abs(row.after_mm))
-    outcome = Outcome.UNDECIDED
-    if any(abs(row.after_mm) - row.expanded_mm > limit_mm for row in rows):
-        outcome = Outcome.FAIL
-    elif all(abs(row.after_mm) + row.expanded_mm <= limit_mm for row in rows):
-        outcome = Outcome.PASS
+    outcomes = {row.outcome for row in rows}
+    order = Outcome.FAIL, Outcome.UNDECIDED, Outcome.PASS
+    outcome = next(each for each in order if each in outcomes)
     return Conformity(
         outcome=outcome,
         limit_mm=limit_mm,
@@ -410,7 +416,7 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
 
 
 def _differences(
-    promise: Sequence[PromisedDifference], later: Posed
+    promise: Sequence[PromisedDifference], later: Posed, limit_mm: float | None
 ) -> tuple[ComparedDifference, ...]:
     """The differences of Table 4 before, predicted and after; `later` holds at least those."""
     if not promise:
@@ -430,6 +436,7 @@ def _differences(
             promised_expanded_mm=row.expanded_mm,
             after_mm=measured[row.name][0],
             expanded_mm=measured[row.name][1],
+            outcome=None if limit_mm is None else _outcome(*measured[row.name], limit_mm),
         )
         for row in promise
     )

@@ -185,7 +185,7 @@ def test_what_to_measure_next() -> None:
 
 
 def test_a_verification() -> None:
-    case, found = as_left()
+    case, found, _ = as_left()
     screen(verification_document(found, identity_of(case)), MOST["verify"])
 
 

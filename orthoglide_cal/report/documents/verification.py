@@ -97,7 +97,7 @@ def _page(result: Verification, identity: Identity) -> doc.Page:
         page,
         title=result.machine,
         notice=verification_notice(result),
-        sheet=(*page.sheet, _outcome(result), parameters_left(result)),
+        sheet=(parameters_left(result), _outcome(result), *page.sheet),
         sections=(
             *([_response(result, result.response)] if result.response else []),
             doc.Section("Traceability", doc.Facts(origin)),
@@ -290,9 +290,7 @@ def parameters_left(result: Verification) -> doc.Section:
 def _outcome(result: Verification) -> doc.Section:
     """Predicted and measured, difference by difference or in all."""
     if result.differences:
-        figure = replace(left_figure(result), columns=1, sketch=())
-        blocks = _differences(result, full=True), figure, *rule_blocks(result)
-        return doc.Section("Predicted and measured", *blocks)
+        return doc.Section("Predicted and measured", *rule_blocks(result), left_figure(result))
     grid = doc.Grid(
         ("r.m.s. of the heights", "as found", "predicted", "as left", "could be"),
         (("touches, without their mean", *_sizes(result)),),
@@ -308,10 +306,10 @@ def rule_blocks(result: Verification) -> tuple[doc.Block, ...]:
     return (doc.small(f"Decision rule: {_says(result)(rule.rule)}"),) if rule else ()
 
 
-def _differences(result: Verification, *, full: bool = False) -> doc.Grid:
-    """Deviations as measured and as predicted; on a screen only r.m.s. where they are many."""
+def _differences(result: Verification) -> doc.Grid:
+    """Deviations as measured and as predicted; only r.m.s. where they are many."""
     every = result.differences
-    rows = every if full or len(every) <= _MOST_DIFFERENCES else ()
+    rows = every if len(every) <= _MOST_DIFFERENCES else ()
     sizes = {
         "before": [*(each.before_mm for each in rows), result.rms_before_mm],
         "predicted": [*(each.promised_mm for each in rows), result.rms_promised_mm],
@@ -327,7 +325,8 @@ def left_figure(result: Verification) -> doc.Figure:
     rows = [(e.difference, e.before_mm, e.promised_mm, e.expanded_mm, e.after_mm) for e in every]
     sizes = (result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm)
     limit = result.decision.limit_mm if result.decision else None
-    return differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit)
+    outcomes = [each.outcome.capitalize() for each in every if each.outcome]
+    return differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit, outcomes)
 
 
 def _response(result: Verification, response: Coefficient) -> doc.Section:
