@@ -9,7 +9,13 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
+
+from orthoglide_cal.words import listed
+
+_INDEX = re.compile(r"\[[0-9]+\]")
+# Kinds of faults that one screen has room for: a fault takes up to three lines.
+_MOST_KINDS = 6
 
 # Control characters, halves of pairs, private ones, and those that change the direction of what
 # follows: U+202E turns "exe.csv" around.
@@ -131,7 +137,27 @@ class InvalidFileError(InputError):
         self.problems = tuple(problems)
 
     def __str__(self) -> str:
-        return "\n".join(str(problem) for problem in self.problems)
+        kinds, others = fault_kinds(self.problems)
+        lines = [f"{fault}{f' {often}' if often else ''}" for fault, often in kinds]
+        return "\n".join([*lines, *others])
+
+
+def fault_kinds(faults: Sequence[Any]) -> tuple[list[tuple[Any, str]], list[str]]:
+    """The first fault of each kind with how many there are; then, how many are left out.
+
+    A fault has what, remedy and column.
+    """
+    kinds: dict[tuple[str, str], list[Any]] = {}
+    for fault in faults:
+        kinds.setdefault((fault.what, fault.remedy), []).append(fault)
+    shown = []
+    for first, *more in list(kinds.values())[:_MOST_KINDS]:
+        places = dict.fromkeys(_INDEX.sub("[]", each.column or "") for each in (first, *more))
+        also = f"; also in {listed([*places][1:])}" if len(places) > 1 else ""
+        often = f"The first of {len(more) + 1} such faults{also}." if more else ""
+        shown.append((first, often))
+    others = sum(map(len, list(kinds.values())[_MOST_KINDS:]))
+    return shown, [f"And {others} other faults: correct these first."] * bool(others)
 
 
 class PostureError(InputError):

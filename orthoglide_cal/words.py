@@ -133,7 +133,9 @@ def with_uncertainty(value: float, uncertainty: float) -> str:
 
 
 def chance(probability: float) -> str:
-    """A p-value: "p = 0.43" or "p < 0.001"."""
+    """A p-value: "p = 0.43", "p < 0.001" or "p > 0.99"."""
+    if probability > 0.99:
+        return "p > 0.99"
     return f"p = {probability:.2g}" if probability >= 0.001 else "p < 0.001"
 
 

@@ -16,7 +16,7 @@ from tests.cli.program import run
 from tests.session.terminal import Terminal
 
 SEED = 5
-PRACTICE = ("--gauge", "simulated", "--seed", str(SEED), "--cycles", "2")
+PRACTICE = {"--gauge": "simulated", "--seed": str(SEED), "--cycles": "2"}
 # What the machine hides: drawn here as the simulated gauge draws it, from the seed alone.
 HIDDEN = np.random.default_rng([SEED, 0]).uniform(-OFFSETS_MM, OFFSETS_MM, 3)
 
@@ -44,8 +44,8 @@ def typed(folder: Path, line: str, *answers: str) -> str:
 def measured(folder: Path, line: str) -> str:
     """Measure with the simulated gauge: Return at every prompt, also at that for the machine."""
     _, *command = shlex.split(line)
-    # Measured again, the screen itself names the simulated machine.
-    practice = PRACTICE[-2:] if "--gauge" in command else PRACTICE
+    # The screen itself names the simulated machine, measured again also its seed.
+    practice = [word for pair in PRACTICE.items() if pair[0] not in command for word in pair]
     with Terminal(folder, *practice, command=tuple(command), agreed=False) as terminal:
         terminal.expect(r"offsets > $")
         terminal.type("")
@@ -67,7 +67,7 @@ def suggested(screen: str, verb: str) -> str:
 
 
 def test_the_round_closes(tmp_path: Path) -> None:
-    new = suggested(typed(tmp_path, "orthocal"), "machine new")
+    new = suggested(typed(tmp_path, "orthocal"), "machine new --practice")
     made = typed(tmp_path, new, "Mill 3", "400", *[""] * 9)
     assert "Mill 3" in made
 

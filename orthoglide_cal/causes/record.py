@@ -140,10 +140,10 @@ class SwappedGauges(ExchangeCause):
     title = "the two gauges of one leg were exchanged"
     stage = Stage.RECORD
     sizes = MappingProxyType({Orthoglide: 1.0})
-    instrument = "one plunger pushed at a time: its own column must change"
+    instrument = "pushing each plunger alone: only its own column may change"
     advice = (
         "Check the cables or columns of the two gauges of {where}, and exchange them back, also in"
-        " the file. If they were right, the other two legs stand in each other's place."
+        " the file. If they were right, the readings of the other two legs are exchanged."
     )
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
@@ -170,7 +170,7 @@ class ExchangedColumns(ExchangeCause):
     stage = Stage.RECORD
     sizes = MappingProxyType({Orthoglide: 1.0})
     weight = CLERICAL
-    instrument = "one plunger pushed at a time: its own row must change"
+    instrument = "pushing each plunger alone: only its own row may change"
     advice = "Exchange the headings leg and direction in the file: nothing has to be measured."
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:

@@ -75,6 +75,8 @@ class _Commands(TyperGroup):
             common.tell_error(error, None if path is None else str(path), as_json)
             raise typer.Exit(error.exit_code) from error
         except TyperException as error:
+            # A choice is refused in the words of a library, too.
+            error.message = error.message.removeprefix("Value error, ")
             if not as_json or not hasattr(error, "format_message"):
                 raise
             common.tell_error(UsageError(error.format_message()), None, as_json)

@@ -153,6 +153,7 @@ def _entered(
     from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
+    from orthoglide_cal.results.application import check_measured
 
     file = None  # what is written to a printer needs none
     known = machine or (machine_of_controller(Path(), to) if to else None)
@@ -165,8 +166,9 @@ def _entered(
         written = command("apply", path, machine=machine, options="--to printer.cfg")
         remedy = f"See what to give it: {shown}; or write it: {written}"
         judged.check_recorded(remedy)
-    case = released(common.read_input(path, machine, data, rule_out), machine)
-    given, answer = case.given, case.answer
+    given = common.read_input(path, machine, data, rule_out)
+    check_measured(given, None if to else file)
+    answer = (case := released(given, machine)).answer
     file = file or new_machine_file(given.model, to.target if to else "")
     now = datetime.now().astimezone()
     return application(given, answer, file, now, to, lambda: firmware_values(case))

@@ -6,7 +6,9 @@ Heavy modules are imported inside the functions that need them, so that `--help`
 from __future__ import annotations
 
 import functools
+import math
 import os
+import re
 import shutil
 import sys
 import textwrap
@@ -24,10 +26,13 @@ from orthoglide_cal.errors import (
     InputError,
     OrthocalError,
     UsageError,
+    command,
     file_words,
     visible,
     visible_lines,
 )
+from orthoglide_cal.schema import parse_count, parse_number
+from orthoglide_cal.words import MM
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -45,11 +50,20 @@ Stored = Literal["calibration", "mesh"]
 NO_COLOUR = "no_colour"
 # Numbers on the command line are lengths in mm, or degrees: none of them is as large.
 _LARGEST = 1e5
+# What the help calls a number → the units that may follow it, each in that of the number alone.
+_UNITS: Mapping[str | None, Mapping[str, float]] = {
+    **dict.fromkeys(("MM", "DX DY DZ", "LOW HIGH"), MM),
+    "C": dict.fromkeys(("°C", "C"), 1.0),
+    "SHARE": {},
+    "DR DA DB": {},
+}
+_WHOLE = "N"
+_WITH_UNIT = re.compile(r"(.*[0-9.,])\s*(\D*)")
 SLOW_S = 2.0
 
 
 class PlainCommand(TyperCommand):
-    """Options hold plain numbers: `float` would take nan, inf and 1e300."""
+    """One command, with the program's own options and plain metavariables."""
 
     def get_params(self, ctx: Any) -> Any:
         parameters: list[Any] = super().get_params(ctx)
@@ -70,12 +84,6 @@ class PlainCommand(TyperCommand):
         if ctx.params.pop(NO_COLOUR):
             switch_colour_off()
         ctx.find_root().obj = ctx.params
-        for parameter in self.params:
-            given = ctx.params.get(parameter.name or "")
-            for value in given if isinstance(given, tuple) else (given,):
-                if isinstance(value, float) and not abs(value) <= _LARGEST:
-                    name = parameter.opts[0]
-                    raise UsageError(f"{name} cannot be {value:g}.", "Give a plain number.")
         return super().invoke(ctx)
 
 
@@ -87,8 +95,35 @@ def switch_colour_off() -> None:
 def option(
     metavar: str | None, help: str, *names: str, min: float | None = None, max: float | None = None
 ) -> object:
-    """An option with a value; its help says what holds without it. Its name is the parameter's."""
-    return typer.Option(*names, metavar=metavar, help=help, show_default=False, min=min, max=max)
+    """An option with a value; its help says what holds without it. Its name is the parameter's.
+
+    Numbers are read as in a session: with a point or a comma, and a unit where they have one.
+    """
+
+    def number(given: object) -> float:
+        text, units = str(given).strip(), _UNITS.get(metavar)
+        try:
+            if units is None:
+                value: float = parse_count(text, int(low))
+            else:
+                match = _WITH_UNIT.fullmatch(text)
+                digits, unit = match.groups() if match else (text, "")
+                if unit and unit not in units:
+                    known = f"Write {', '.join(units)} or none." if units else "Write none."
+                    raise InputError(f"The unit {unit!r} is not known here.", known)
+                value = parse_number(digits, decimal_comma=True) * units.get(unit, 1.0)
+            if not low <= value <= high:
+                limits = f"Give a number from {low:g} to {high:g}."
+                raise InputError("The number is too large or too small.", limits)
+        except InputError as error:
+            raise typer.BadParameter(f"{text!r}. {error.what} {error.remedy}") from error
+        return value
+
+    counts = metavar == _WHOLE
+    low = -_LARGEST if min is None else min
+    high = (math.inf if counts else _LARGEST) if max is None else max
+    parser = number if counts or metavar in _UNITS else None
+    return typer.Option(*names, metavar=metavar, help=help, show_default=False, parser=parser)
 
 
 def flag(name: str, help: str) -> object:
@@ -102,6 +137,8 @@ def argument(metavar: str, help: str, complete: Callable[[str], list[str]] | Non
 
 
 MEASURED = "Readings or differences (CSV), a session (YAML), or a printer's file (printer.cfg …)"
+# The first command in a folder for practice.
+PRACTISE = command("measure", "practice.yaml", options="--gauge simulated")
 # What may be left out.
 Text = str | None
 Texts = list[str] | None

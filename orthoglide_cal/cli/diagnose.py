@@ -1,5 +1,6 @@
 """`orthocal diagnose`: what else is wrong, how sure that is, and what to do."""
 
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import Annotated
@@ -101,6 +102,9 @@ def diagnose(
         try:
             diagnosed.require_recommended(accept)
             extended = inference.extend(given.measured, given.model, accept, date.today())
+            if answer.simulated:  # what is accepted from it is no knowledge of a machine
+                known = extended.machine.changed(practice=True)
+                extended = replace(extended, machine=known)
             write_text(target, machine_text(extended))
         except OrthocalError as error:
             # The diagnosis stands; only the extension is refused.

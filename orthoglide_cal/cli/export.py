@@ -48,6 +48,7 @@ def export(
     from orthoglide_cal.report import controller
     from orthoglide_cal.report.controller import FIRMWARES, as_firmware
     from orthoglide_cal.results import identify
+    from orthoglide_cal.results.application import check_measured
 
     if json and format != "text":
         raise UsageError(f"--json does not go with --format {format}.", "Choose one of them.")
@@ -62,8 +63,9 @@ def export(
                 f" of kind {known.kind}.",
                 f"Choose one of {', '.join(known.controller_formats)}, or text.",
             )
+        check_measured(given)
         case = released(given, machine, method, force, details=json)
-        identity = identify([(case.source, given.model)], case.answer.method)
+        identity = identify([(case.source, given.model)], case.answer.method, machine)
         if format == "table":
             text = controller.as_table(compensation(given.model, points), case, identity)
         elif format in FIRMWARES:

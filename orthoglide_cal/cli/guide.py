@@ -1,5 +1,6 @@
 """`orthocal guide`: the manual in the terminal; its pages are the Markdown files of `guide/`."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -42,7 +43,10 @@ def guide(
     # Colours of the terminal itself: rich's own are a dark patch on a light screen.
     with console.use_theme(Theme({"markdown.code": "bold cyan"})):
         page = Markdown(text, code_theme="ansi_dark")
-        console.print(page, width=min(console.width, _WIDEST))
+        # The pager of the system shows colours only if it is told to.
+        os.environ.setdefault("LESS", "-FRX")
+        with console.pager(styles=True):
+            console.print(page, width=min(console.width, _WIDEST))
 
 
 def _page(topic: str) -> Path:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 # Of a question: a name, a number, or several.
 Value = str | float | list[float]
 Answers = dict[str, Any]  # dotted key of the file → its value
+_BACK = "<"
 
 machine = typer.Typer(
     help="Make a machine file, or show one.",
@@ -70,6 +71,9 @@ def new(
             "Plausible size of a cause, such as axis_gap=0.3; 0 rules it out. May be repeated.",
         ),
     ] = None,
+    practice: Annotated[
+        bool, flag("--practice", "To practise: simulated readings may be recorded in this file.")
+    ] = False,
     yes: Annotated[
         bool, flag("--yes", "Ask nothing: take the prototype's values for what is not given.")
     ] = False,
@@ -104,6 +108,7 @@ def new(
             raise UsageError(what, "Leave it out; --help lists what there is.")
         answers |= {} if value is None else {own[0]: value}
     answers |= dict(map(_tolerance, tolerance or ()))
+    answers |= {"practice": True} if practice else {}
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError("`machine new` asks for what is not given.", "In a script, give --yes.")
     if target.exists():
@@ -114,15 +119,19 @@ def new(
         raise UsageError("\n".join(f"{f.column}: {_fault(f)}" for f in error.problems)) from error
     if not yes:
         common.tell(
-            "Return takes the value in brackets. It is the prototype's, scaled where that fits."
+            "Return takes the value in brackets. It is the prototype's, scaled where that fits.\n"
+            f"{_BACK} goes back one question."
         )
-        for key, question in asked.items():
-            _ask(answers, key, question, target)
+        _ask_all(answers, {k: text for k, text in asked.items() if k not in answers}, target)
         _ask_tolerances(answers, target)
     write_text(target, _text(answers, target))
     show(target, json)
+    for doubt in () if sys.stderr.isatty() else common.read_machine_file(target).remarks:
+        common.tell(doubt)
     common.tell(f"Written to {target}, with usual tolerances. Check its values.")
-    following = command(MACHINES[kind].first_steps[0][1])
+    guided = MACHINES[kind].vocabulary.measure
+    first = command(MACHINES[kind].first_steps[0][1])
+    following = common.PRACTISE if practice and guided else first
     common.tell(f"In this folder every command uses it. Next: {following}")
 
 
@@ -165,13 +174,14 @@ def _ask_tolerances(answers: Answers, target: Path) -> None:
     if typer.confirm("Take the usual tolerances", default=True, err=True):
         return
     common.tell("Return keeps the value; 0 rules the cause out. The causes: orthocal guide causes")
-    kind = MACHINES[answers["kind"]]
+    kind, questions = MACHINES[answers["kind"]], {}
     for cause in CAUSES.values():
         key = f"tolerances.{cause.id}"
         # What has no unit has no size: it happens or does not.
         if cause.usual(kind) is not None and cause.unit and key not in answers:
-            common.tell(f"{cause.title} ({cause.size_reason})")
-            _ask(answers, key, f"{cause.id}, {unit_words(cause.unit)}", target)
+            title = f"{cause.title} ({cause.size_reason})"
+            questions[key] = f"{title}\n{cause.id}, {unit_words(cause.unit)}"
+    _ask_all(answers, questions, target)
 
 
 def _tolerance(given: str) -> tuple[str, float]:
@@ -180,22 +190,33 @@ def _tolerance(given: str) -> tuple[str, float]:
 
     cause, _, size = given.partition("=")
     try:
-        return f"tolerances.{cause}", parse_number(size)
+        return f"tolerances.{cause}", parse_number(size, decimal_comma=True)
     except InputError as error:
         said = f"--tolerance {given}: {error.what}"
         raise UsageError(said, "Write it as axis_gap=0.3") from error
 
 
-def _ask(answers: Answers, key: str, question: str, target: Path) -> None:
-    """Ask, unless it is answered, until the answer makes a machine; it joins the others."""
-    usual = _usual(key, answers)
+def _ask_all(answers: Answers, questions: dict[str, str], target: Path) -> None:
+    """Ask one question after the other, or the one before it again; the answers are added."""
+    keys, place = [*questions], 0
+    while place < len(keys):
+        goes_on = _ask(answers, keys[place], questions[keys[place]], target)
+        place = place + 1 if goes_on else max(place - 1, 0)
+
+
+def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
+    """Ask until the answer makes a machine; it joins the others. False: go back one question."""
+    usual = _plain(answers[key]) if key in answers else _usual(key, answers)
     shown = " ".join(f"{each}" for each in (usual if isinstance(usual, list) else [usual]))
-    while key not in answers:
+    while True:
         said = typer.prompt(question, default=shown, type=str, err=True)
+        if said.strip() == _BACK:
+            return False
         try:
             value = said if key == "name" else _numbers(said, usual)
             _text({**answers, key: value}, target)
             answers[key] = value
+            return True
         except InputError as error:
             # What follows from a wrong answer is not asked yet.
             own = [fault for fault in error.problems if (fault.column or "").startswith(key)]
@@ -212,7 +233,7 @@ def _numbers(said: str, usual: Value) -> float | list[float]:
     """The number that was typed, or several. Raises InputError if there are not as many."""
     from orthoglide_cal.schema import parse_number
 
-    values = [parse_number(part, decimal_comma=True) for part in said.split()]
+    values = [parse_number(part, decimal_comma=True) for part in said.replace("mm", " ").split()]
     wanted = len(usual) if isinstance(usual, list) else 1
     if len(values) != wanted:
         what = "One number is needed." if wanted == 1 else f"{wanted} numbers are needed."

@@ -45,6 +45,10 @@ def measure(
     resume: Annotated[
         bool, flag("--resume", "Continue an unfinished session at its next reading.")
     ] = False,
+    discard: Annotated[
+        bool,
+        flag("--discard", "Give an unfinished session up; its file is kept as NAME.discarded."),
+    ] = False,
     protocol: common.Protocol = None,
     design: common.Design = None,
     then: Annotated[
@@ -106,7 +110,8 @@ def measure(
         ),
     ] = None,
     yes: Annotated[
-        bool, flag("--yes", "Answer yes to the questions before the first reading.")
+        bool,
+        flag("--yes", "Answer yes to the questions before the first reading, and of --discard."),
     ] = False,
     json: common.AsJson = False,
 ) -> None:
@@ -119,8 +124,15 @@ def measure(
     from orthoglide_cal.results import answer_to
     from orthoglide_cal.session.events import GaugeLabel
     from orthoglide_cal.session.keyboard import Keyboard
-    from orthoglide_cal.session.opening import Request, open_session
+    from orthoglide_cal.session.opening import Request, open_session, set_aside
 
+    if discard:
+        if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
+            what = "--discard asks before it gives a session up."
+            raise UsageError(what, "In a script, give --yes.")
+        kept = set_aside(session, Path(), lambda asked: yes or typer.confirm(asked, err=True))
+        common.tell(f"Given up; kept as {kept}." if kept else "Nothing was changed.")
+        return
     if until is not None and until <= 0.0:
         raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")
     texts = ([visible(text) for text in given or ()] for given in (gauge_id, certificate))

@@ -45,7 +45,7 @@ def report(
         raise UsageError("--applied goes with --after.", "Name the later readings.")
 
     def judge(path: str) -> int:
-        given, verification = common.read_input(path, machine, data, rule_out), None
+        given, verification, left = common.read_input(path, machine, data, rule_out), None, None
         with common.working(path):
             case = Case(given, answer_to(given, method, details=True), machine)
         no_differences = given.measured.kinds == (DataKind.READINGS,)
@@ -59,14 +59,15 @@ def report(
                     "The report of a printer shows one file.", f"Compare them: {compare}"
                 )
             with common.working(f"{path}, {after}"):
+                left = Case(later, answer_to(later, details=True), machine)
                 verification = verify(given, later, applied, limit).changed(
-                    workspace=answer_to(later, details=True).workspace
+                    workspace=left.answer.workspace
                 )
         inputs, options = (verification.inputs, verification.options) if verification else ((), ())
         options = options or (() if limit is None else (limit,))
         own = [(each.source, each.given.model) for each in (case, *case.others)]
-        identity = identify([*own, *inputs], case.answer.method, *options)
-        document = calibration_document(case, identity, verification, limit)
+        identity = identify([*own, *inputs], case.answer.method, machine, *options)
+        document = calibration_document(case, identity, verification, limit, left)
         common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
         failed = verification is not None and verification.failed
         usable = case.answer.release.usable and not failed

@@ -1,6 +1,7 @@
 """`orthocal` alone: what lies in this folder, and what to type next."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ from orthoglide_cal.errors import OrthocalError, command
 
 # So many characters of a digest are surely printed together.
 _DIGEST = 8
+_AFTER = ("after.yaml", *(f"after-{number}.yaml" for number in range(2, 100)))
 
 if TYPE_CHECKING:
     from orthoglide_cal.files.machine_file import StoredMachine
@@ -17,10 +19,11 @@ if TYPE_CHECKING:
 
 def start() -> None:
     """Show the machine, the sessions and the next command; nothing is changed."""
-    from orthoglide_cal.files.input import machine_in_folder, printers_in, sessions_in
+    from orthoglide_cal.files.input import machine_in_folder, printers_in, read_input, sessions_in
     from orthoglide_cal.report import document as doc
+    from orthoglide_cal.report.case import SIMULATED
     from orthoglide_cal.results import unwritten
-    from orthoglide_cal.session.opening import unfinished
+    from orthoglide_cal.session.opening import is_practice, unfinished
 
     here = Path()
     file = to = None
@@ -33,7 +36,9 @@ def start() -> None:
             known = f"{path}: {machine.name}, {machine.geometry_words}"
     except OrthocalError as error:
         known = str(error)
-    facts = [("Machine file", known), *(("Unfinished", each.name) for each in waiting)]
+    practices = [path for path in waiting if is_practice(path)]
+    names = ", ".join(f"{path.name}{' (practice)' * (path in practices)}" for path in waiting)
+    facts = [("Machine file", known), *([("Unfinished", names)] if names else [])]
     if printers:
         facts.append(("Printer", ", ".join(map(str, printers))))
     if sessions:
@@ -43,16 +48,31 @@ def start() -> None:
     if printers and not sessions:
         title = "calibration of a linear delta by its own probe"
     try:
-        found = list(_next(file, to, sessions, waiting, printers))
+        if not sessions or _is_simulated(sessions[-1]):
+            practices = []  # the practice is the round
+        real = [path for path in waiting if path not in practices]
+        found = list(_next(file, to, sessions, real, printers, busy=bool(practices)))
     except OrthocalError as error:
         found = [doc.Instruction(str(error), command("validate", str(sessions[-1])))]
+    for path in waiting:
+        name = str(path.with_suffix(".yaml"))
+        if path in practices:
+            typed = command("measure", name, options="--resume")
+            found.append(doc.Instruction("Continue the practice", typed))
+        given_up = command("measure", name, options="--discard")
+        found.append(doc.Instruction("Or give it up", given_up))
     if len(sessions) > 1 and not (waiting or to):
         found.append(doc.Instruction("Check whether the machine has changed", "orthocal history ."))
     steps = [each for each in found if isinstance(each, doc.Instruction)]
     said = [each for each in found if not isinstance(each, doc.Instruction)]
+    stamp = None
+    with suppress(OrthocalError):
+        if sessions and read_input(str(sessions[-1])).measured.source.simulated:
+            stamp = SIMULATED
     page = doc.Page(
         "orthocal",
         title,
+        stamp=stamp,
         facts=doc.Facts([(name, doc.given(value)) for name, value in facts]),
         sections=[
             doc.Section(None, *said),
@@ -69,10 +89,13 @@ def _next(
     sessions: list[Path],
     waiting: list[Path],
     printers: list[Path],
+    *,
+    busy: bool,
 ) -> "Iterator[doc.Instruction | doc.Block]":
     """What comes next in the round: machine, measure, enter, measure again, verify, report.
 
-    `to`: the controller's file of a change that is recorded and was not written.
+    `to`: the controller's file of a change that is recorded and was not written. `busy`: a
+    practice is unfinished, so that a new session needs a name.
     """
     from orthoglide_cal.files.input import read_input
     from orthoglide_cal.files.text import read_document
@@ -101,11 +124,16 @@ def _next(
             yield Instruction("Describe the machine", "orthocal machine new")
         kind = type(machine) if machine else LinearDelta if printers else Orthoglide
         here = {"printer.cfg": str(printers[-1])} if printers else {}
+        if machine and machine.practice and machine.vocabulary.measure:
+            yield Instruction("Practise without a machine", common.PRACTISE)
+            return
         for what, verb, usual, options in kind.first_steps:
             data = filter(None, [here.get(usual, usual)])
             yield Instruction(what, command(verb, *data, options=options))
     elif applied == last:
         again = measure_again(read_input(last).conditions)
+        if busy:
+            again = command("measure", next(f for f in _AFTER if not Path(f).exists()))
         yield Instruction("Its offsets are entered: measure again", again)
     elif applied and _reported(applied, last):
         yield "Nothing more to do: measured, entered, measured again and reported."
@@ -119,6 +147,14 @@ def _next(
         yield decision_notice(case)
         yield Instruction("See the numbers", case.typed("solve"))
         yield from to_do(case, brief=True)
+
+
+def _is_simulated(session: Path) -> bool:
+    """Whether the readings of a session came from a simulated gauge."""
+    from orthoglide_cal.files.input import read_input
+
+    conditions = read_input(str(session)).conditions
+    return any(text.startswith("simulated") for _, text in conditions.environment)
 
 
 def _reported(*sessions: str) -> bool:

@@ -78,7 +78,7 @@ def promise(
         anew = influence.source == Origin.GAUGE_PLACEMENT
         sources += [was, is_left] if anew else [is_left - was]
     if not problem.model.repeats:
-        # Another pace changes what time does in an accepted cause.
+        # The effect of a drift depends on the pace of measuring.
         slower = replace(problem.plan, hours=(1.0 + PACE) * problem.plan.hours)
         sources.append((replace(problem, plan=slower).predict(after) - left)[:, None])
     variance = scatter + (np.hstack(sources) ** 2).sum(axis=1)

@@ -32,7 +32,7 @@ from orthoglide_cal.schema import Reason
 # Below this chance the residuals are called larger than the gauge's noise.
 SUSPICIOUS = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, NEEDLESS_HOLD)
 # Below this one they are called larger than usual.
-UNUSUAL = 0.01
+UNUSUAL = 0.05
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,7 +87,11 @@ class ControllerFile:
             new = before + amount / self.unit_mm if self.adds else amount
             if abs(new - before) >= 0.5 * 10.0**-decimals:
                 shown = max(decimals, len(stands.before.partition(".")[2]))
-                values.append(stands.changed(after=plain(new, shown)))
+                after = plain(new, shown)
+                if not _NUMBER.fullmatch(after):  # it could not be read again, nor restored
+                    what = f"{self.target}: {stands.key} would become {after}."
+                    raise UsageError(what, f"Check the value there, {stands.before}.")
+                values.append(stands.changed(after=after))
         return self._replaced(values)
 
     def restored(self, written: Written) -> bytes:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path, PurePath
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -23,6 +23,7 @@ from orthoglide_cal.files.readings import (
     Conditions,
     conditions_in,
     differences_from_table,
+    doubted_temperatures,
     readings_from_table,
 )
 from orthoglide_cal.files.session_file import session_from_tree
@@ -105,6 +106,7 @@ class Check(Schema):
     input: CheckedFile
     machine: str | None = Field(None, description="that the file holds, or is judged by")
     valid: bool = True
+    simulated: bool = Field(False, description="some of it, or all")
     problems: tuple[Fault, ...] = Field((), description="everything that is wrong")
     remarks: tuple[str, ...] = Field((), description="to know although nothing is wrong")
     refused: str | None = Field(None, description="why sound data give no offsets")
@@ -170,7 +172,11 @@ def check_file(
     doubts = [str(doubt) for doubt in machine.instrument.doubts(measured)]
     if excerpt := measured.source.excerpt:
         doubts += filter(None, (excerpt.stale, excerpt.unused))
-    return Check(input=input, machine=machine.name, remarks=(*doubts, *measured.remarks)), given
+    doubts += map(str, machine.instrument.implausible())
+    doubts += doubted_temperatures(given.conditions.temperatures_c)
+    remarks = (*doubts, *measured.remarks)
+    simulated = measured.source.simulated
+    return Check(input=input, machine=machine.name, simulated=simulated, remarks=remarks), given
 
 
 def together(inputs: Sequence[Input]) -> Input:
@@ -189,7 +195,7 @@ def together(inputs: Sequence[Input]) -> Input:
     )
     reads = [given.measured for given in inputs if isinstance(given.measured, Readings)]
     sources = [read.source for read in reads]
-    doubts = {
+    doubts: dict[str, Any] = {
         name: " ".join(
             f"{PurePath(source.path).name}: {text}"
             for source in sources
@@ -203,6 +209,7 @@ def together(inputs: Sequence[Input]) -> Input:
         hashlib.sha256("".join(source.sha256 for source in sources).encode()).hexdigest(),
         replace(sources[-1].excerpt or Excerpt("", ""), words=words, **doubts),
         tuple(source.path for source in sources[:-1]),
+        any(source.simulated for source in sources),
     )
     changed = (
         f"{PurePath(before.measured.source.path).name} and"

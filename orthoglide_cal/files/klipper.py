@@ -404,7 +404,8 @@ def _reached(machine: LinearDelta, *stored: Sequence[Floats]) -> Stored | None:
         " height again before you print."
     )
     nozzle = remark if abs(trimmed) > _TRIMMED_MM else ""
-    return Stored(plan, value, line.astype(int), nozzle=nozzle)
+    lowers = max(-trimmed, 0.0) if nozzle else 0.0
+    return Stored(plan, value, line.astype(int), nozzle=nozzle, lowers_mm=lowers)
 
 
 def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Stored | None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from orthoglide_cal.errors import UsageError, system_words
 from orthoglide_cal.files.controller_file import ControllerFile
+from orthoglide_cal.files.moonraker import in_time
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.words import MM_PER_INCH
@@ -91,7 +92,8 @@ class Standing:
         """The words of an answer behind its name. Raises OSError."""
         self._line.write(question.encode() + b"\n")
         for _ in range(2):  # what was sent is echoed first
-            line = self._line.readline(400).decode("ascii", "replace").strip().upper()
+            read = in_time(lambda: self._line.readline(400), _TIMEOUT_S)
+            line = read.decode("ascii", "replace").strip().upper()
             if line.startswith(answer):
                 return line.removeprefix(answer).split()
             if not line.startswith(question.upper()):

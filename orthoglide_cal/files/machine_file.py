@@ -197,7 +197,8 @@ def machine_file_in(tree: Content) -> StoredMachine:
     if model is None or tree.problems:
         raise tree.error()
     remark = "It does not say `identified:`. Was it cut off? If not, add the line `identified: []`."
-    return StoredMachine(model, file, () if "identified" in value else (remark,))
+    remarks = (*map(str, model.machine.instrument.implausible()),)
+    return StoredMachine(model, file, remarks if "identified" in value else (remark, *remarks))
 
 
 def machine_from_text(content: str, path: str) -> Model:

@@ -6,8 +6,10 @@ sent to this server only.
 
 import os
 import re
+from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from threading import Thread
+from typing import TYPE_CHECKING, TypeVar
 
 from orthoglide_cal.errors import InputError, UsageError, system_words, visible
 
@@ -16,7 +18,9 @@ if TYPE_CHECKING:
 
 KEY = "MOONRAKER_API_KEY"
 PORT = 7125
-_TIMEOUT_S = 10.0
+_TIMEOUT_S = 10.0  # between two of its bytes
+WHOLE_S = 30.0  # for a question and all of its answer
+T = TypeVar("T")
 _LARGEST = 5_000_000  # bytes of an answer
 _LONGEST = 10_000  # bytes of a refusal
 _CONFIG = "/server/files/config/printer.cfg"
@@ -81,6 +85,25 @@ def restart(address: str) -> None:
     _request(address, "/printer/firmware_restart", b"")
 
 
+def in_time(exchange: Callable[[], T], seconds: float) -> T:
+    """The value of a call that may never end. Raises what it raises, or TimeoutError."""
+    from concurrent.futures import Future
+
+    future = Future[T]()
+
+    def run() -> None:
+        try:
+            future.set_result(exchange())
+        except Exception as error:
+            future.set_exception(error)
+
+    Thread(target=run, daemon=True).start()  # it ends with the program at the latest
+    try:
+        return future.result(seconds)
+    except TimeoutError:
+        raise TimeoutError("timed out") from None
+
+
 def _asked(address: str, path: str, *keys: str) -> object:
     """What an answer in JSON has under these keys of its `result`. Raises InputError."""
     import json
@@ -114,12 +137,17 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
     request = Request(address + path, data=body, headers={"Content-Type": kind} if kind else {})
     if key := os.environ.get(KEY):
         request.add_unredirected_header("X-Api-Key", key)
-    try:
+
+    def exchange() -> bytes:
         # A printer is in the same network: no proxy knows it.
         with build_opener(ProxyHandler({})).open(request, timeout=_TIMEOUT_S) as answer:
             data: bytes = answer.read(_LARGEST + 1)
             if len(data) < min(int(answer.headers.get("Content-Length", 0)), _LARGEST):
                 raise HTTPException("the answer was cut off")
+            return data
+
+    try:
+        data = in_time(exchange, WHOLE_S)
     except HTTPError as error:
         said = _message(error)
         what, remedy = f"The server answers {error.code} {error.reason}.", "Check the address."

@@ -9,7 +9,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.rows import ProbeRow, Rows, check_order
+from orthoglide_cal.files.rows import YES, ProbeRow, Rows, check_order
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, ProbePlan, touching
@@ -73,7 +73,7 @@ def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
         place[:, 2] - surface,
         np.array([checking.line(index) for index in range(len(rows))]),
         timed,
-        table.document.source,
+        checking.source,
         cycle=np.array([row.cycle or 1 for row in rows]),
         note=tuple(row.note or "" for row in rows),
         remarks=tuple(remarks),
@@ -90,11 +90,12 @@ def probe_points_csv(readings: Readings) -> str:
     """Touches as a CSV that can be read again."""
     plan = ProbePlan.require(readings.plan)
     columns = (plan.order + 1, 60.0 * plan.hours, *plan.place.T[:2], plan.surface, readings.value)
+    mark, marked = (",simulated", f",{YES}") if readings.source.simulated else ("", "")
     rows = [
-        f"{number},{minutes:.2f},{x:g},{y:g},{z:g},{value + z:.6f}"
+        f"{number},{minutes:.2f},{x:g},{y:g},{z:g},{value + z:.6f}{marked}"
         for number, minutes, x, y, z, value in zip(*(c.tolist() for c in columns), strict=True)
     ]
-    return "\n".join(("seq,minutes,x_mm,y_mm,z_mm,reading_mm", *rows)) + "\n"
+    return "\n".join((f"seq,minutes,x_mm,y_mm,z_mm,reading_mm{mark}", *rows)) + "\n"
 
 
 # --- files of a firmware, whichever it is ---------------------------------------------------------
@@ -111,6 +112,7 @@ class Stored(ReadOnly):
     remarks: tuple[str, ...] = ()  # what to know about it
     stale: str = ""  # as of `Excerpt`
     nozzle: str = ""  # as of `Excerpt`
+    lowers_mm: float = 0.0  # the same
 
     @classmethod
     def of_touches(cls, mesh: str, touches: Floats, trigger: float) -> "Stored":
@@ -245,6 +247,7 @@ def printer_readings(
         words += f" and {distances} distances"
     stale = found.stale or file.stale
     excerpt = Excerpt(chosen, words, file.firmware, stale, unused, found.nozzle, file.unknown)
+    excerpt = replace(excerpt, lowers_mm=found.lowers_mm)
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
     return Readings(
         replace(found.plan, precision=np.where(found.plan.distance, ratio, 1.0)),

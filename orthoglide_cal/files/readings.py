@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -17,6 +17,7 @@ from orthoglide_cal.files.rows import (
     KIND_WORDS,
     LATEST_MINUTES,
     TURNED,
+    YES,
     DifferenceRow,
     ReadingRow,
     Rows,
@@ -35,6 +36,12 @@ from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_num
 QUESTIONED = "kept although questioned (r {}): {}"
 _QUESTIONED = re.compile(r"kept although questioned \(r ([0-9]+)\): ([^;:]+)")
 _MINUTES_PER_READING = 0.4  # assumed where no times are given: 60 readings in 24 minutes
+
+
+def doubted_temperatures(known: Iterable[float | None]) -> list[str]:
+    """The first temperature that no workshop has [°C], in a sentence; none if all are plausible."""
+    wild = (c for c in known if c is not None and not -40.0 <= c <= 60.0)
+    return [f"A workshop of {c:g} °C? Temperatures are in °C, from -40 to 60." for c in wild][:1]
 
 
 class GaugeIdentity(Schema):
@@ -147,7 +154,7 @@ def readings_in(
     _check_parts(rows)
     checked = rows.checked()
     lines = [rows.line(index) for index in range(len(checked))]
-    readings = readings_of(checked, machine, content.document.source, lines)
+    readings = readings_of(checked, machine, rows.source, lines)
     return replace(readings, remarks=(*remarks, *_remarks(readings, rows.cells, machine)))
 
 
@@ -240,6 +247,7 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
                 "temperature_c": None if math.isnan(t) else t,
                 "gauge": gauges[k],
                 "note": readings.note[k],
+                "simulated": YES if readings.source.simulated else None,
             }
         )
         for k, t in enumerate(readings.temperature.tolist())
@@ -353,7 +361,7 @@ def differences_from_table(table: Table, machine: Orthoglide) -> Differences:
         )
     which = tuple(known[name] for name in values)
     value = np.array(list(values.values()))
-    return Differences(kind, which, value, table.document.source, remarks=tuple(remarks))
+    return Differences(kind, which, value, rows.source, remarks=tuple(remarks))
 
 
 def _kind(rows: Rows[DifferenceRow]) -> DataKind:

@@ -7,6 +7,7 @@ here; what only shows across rows, where the rows become arrays.
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Annotated, ClassVar, Generic, TypeVar
@@ -26,13 +27,14 @@ from pydantic import (
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import WORDS, Content, Steps
 from orthoglide_cal.files.text import number_text
-from orthoglide_cal.model.measured import DIFFERENCES, DataKind
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Source
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.schema import Count, Moment, Schema, text_that, whole_number, yaml_number
 from orthoglide_cal.words import MM_PER_INCH
 
 LATEST_MINUTES = 1e6  # two years
 TURNED = "turned"
+YES = "yes"
 _POSTURES = {posture.value for posture in Posture}
 _MISSING = "The value is missing."
 _AXIS = "Write x, y or z."
@@ -110,6 +112,14 @@ Bar = Annotated[
         f"Write {TURNED} where it was turned half round; otherwise leave the cell empty.",
     ),
 ]
+Simulated = Annotated[
+    Name,
+    text_that(
+        YES.__eq__,
+        "This does not say whether it was simulated.",
+        f"Write {YES} where a simulator made the row; otherwise leave the cell empty.",
+    ),
+]
 Minutes = Annotated[Cell, Field(ge=0.0, le=LATEST_MINUTES)]
 
 
@@ -160,6 +170,7 @@ class ReadingRow(Row):
     # In the controller since the first reading, x, y, z [mm].
     entered: Annotated[tuple[float, float, float], BeforeValidator(_entered)] | None = None
     note: str | None = None
+    simulated: Simulated | None = None  # "yes" where no machine was measured
     timestamp: Moment | None = None
     reason: str | None = None  # why it was replaced or left out
 
@@ -203,6 +214,7 @@ class ProbeRow(Row):
     cycle: Count | None = None
     minutes: Minutes | None = None
     note: str | None = None
+    simulated: Simulated | None = None
 
     needed: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("x_mm", "y_mm", "reading_mm"), "Give it, or remove the row."
@@ -236,6 +248,7 @@ class DifferenceRow(Row):
 
     difference: Annotated[str, AfterValidator(difference_name)]
     value_mm: Length = Field(validation_alias=AliasChoices("value_mm", "value_in"))
+    simulated: Simulated | None = None
 
     noun = "difference"
     inches = "value_in"
@@ -311,6 +324,12 @@ class Rows(Generic[R]):
     def line(self, index: int) -> int:
         """The line at which a row begins."""
         return self.content.lines[*self.path, index]
+
+    @property
+    def source(self) -> Source:
+        """Where they come from: the file, simulated if any of them is."""
+        simulated = any("simulated" in cells for cells in self.cells)
+        return replace(self.content.document.source, simulated=simulated)
 
     def note(self, index: int, column: str, what: str, remedy: str) -> None:
         """Note a fault in row `index`."""

@@ -1,6 +1,7 @@
 """Session files (`orthocal guide files`): the schema, read and written."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Annotated
 
 from pydantic import ConfigDict, InstanceOf, PlainSerializer, ValidationError
@@ -101,6 +102,9 @@ def session_from_tree(
         "retaken": len(session.retaken),
         "skipped": len(session.skipped),
     }
+    origins = (environment.get(name) or "" for name in ("readings_from", "source"))
+    if any(origin.startswith("simulated") for origin in origins):
+        readings = replace(readings, source=replace(readings.source, simulated=True))
     return readings, judge, conditions.changed(**given), recorded
 
 

@@ -94,17 +94,19 @@ def check_size(size: int, path: str, limit: int) -> None:
 def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> None:
     """Write a file, in UTF-8, through a temporary one beside it, synchronised to the disk.
 
-    A file that is replaced keeps its mode; without `overwrite` none is replaced.
+    A file that is replaced keeps its owner and mode; one that has several names is not replaced,
+    and without `overwrite` none is.
 
     Raises:
         UsageError: the file exists and may not be replaced.
         InputError: the file cannot be written (no such folder, no permission, disk full).
     """
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
-    # What writes that were killed left behind goes, once nobody can be writing it.
-    for left in path.parent.glob(".*.tmp"):
+    # Remove temporary files of interrupted writes, once nobody can be writing them; also a second
+    # name of this file.
+    for left in filter(lambda left: _LEFT.fullmatch(left.name), path.parent.glob(".*.tmp")):
         with suppress(OSError):
-            if _LEFT.fullmatch(left.name) and time.time() - left.stat().st_mtime > _ABANDONED_S:
+            if time.time() - left.stat().st_mtime > _ABANDONED_S or left.samefile(path):
                 left.unlink()
     try:
         there = path.exists()
@@ -112,11 +114,15 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
             raise FileExistsError
         if there and not path.stat().st_mode & stat.S_IWUSR:
             raise PermissionError(errno.EACCES, "it is read-only")
+        if there and path.stat().st_nlink > 1:
+            several = "it has several names (hard links), which would no longer be one file"
+            raise PermissionError(errno.EMLINK, several)
         with temporary.open("xb") as file:
             file.write(text if isinstance(text, bytes) else text.encode())
             file.flush()
             os.fsync(file.fileno())
         if there:
+            SYSTEM.keep_owner(path, temporary)
             shutil.copymode(path, temporary)
         if overwrite:
             temporary.replace(path)

@@ -49,7 +49,7 @@ UNKNOWN_PACE = 3.0
 UNSEEN = 0.1
 # No larger, in plausible sizes, is tried together with another fault; scales grow.
 BESIDE = 12.0
-# Offsets are not judged by their size: one standard deviation of their prior [mm].
+# Standard deviation of the prior of the offsets, so wide that their size is not judged [mm].
 OFFSETS_MM = 10.0
 
 
@@ -285,8 +285,8 @@ def _places(
     """Where each extra may act, whatever the data, and W·pattern of all places of a pattern cause.
 
     Each place with ln of what the density of the data there is multiplied by: its prior share; and
-    where the data were put into another unit, the factor of each number beyond the offsets: those
-    are not judged by their size, in no unit.
+    where the data were put into another unit, the factor of each number beyond the offsets: the
+    size of the offsets is judged in no unit.
     """
     plan, machine, matrix = problem.plan, problem.model.machine, problem.matrix
     every = []

@@ -54,8 +54,8 @@ MISFIT = surprising(UNLISTED / (ONE_CAUSE + TWO_CAUSES), OPEN_ANSWER, NEEDLESS_H
 WORTH_A_FIT, FITS = 8.0, 3
 # What was dismissed by its linear score is fitted down to this share of its bound.
 FAR_BELOW = 0.03
-# Where all else together is likelier than nothing wrong by no more than this share of what it takes
-# to be something, no fit is looked for that would add to it.
+# No further fit is sought while the odds of all faults together against none stay below this
+# share of the odds that establish a fault.
 SURELY = 0.5
 # A cause less probable than this relative to nothing wrong is not fitted: it moves no digit of U.
 WEIGHS = 0.01

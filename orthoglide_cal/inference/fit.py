@@ -147,10 +147,10 @@ class Fit(ReadOnly):
 def fit_explanations(scores: Sequence[Hypothesis], scale_factor: float | None = None) -> list[Fit]:
     """Fit explanations by Gauss–Newton with their priors, then judge each there.
 
-    First with the linear model that it was scored with; where that leads farther than noise would,
-    and be it the offsets beside a misreading, with that of the fit this gives, which is enough for
-    ranking; of causes far beyond their size again. `scale_factor` is as of `Fit`; as large as
-    these data make it if None.
+    First with the linear model that it was scored with. Where that moves any parameter (even
+    only the offsets) farther than noise would, again with the linear model at that fit: enough
+    for ranking; once more for causes far beyond their size. `scale_factor`: see `Fit`; None: as
+    large as these data make it.
     """
     searches = [_Search(score.replanned or score, scale_factor) for score in scores]
     # One simulation gives the next linear models of all; the second is enough but for large causes.

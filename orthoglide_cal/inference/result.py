@@ -61,7 +61,7 @@ class Parameter(Schema):
     found: float | None = Field(description="true = indicated + found; null if not determined")
     std: float = Field(description="standard uncertainty u")
     expanded: float = Field(description="expanded uncertainty U = k u")
-    enter: float | None = Field(None, description="what to type in; null unless released")
+    enter: float | None = Field(None, description="what to enter; null unless released")
     determined: bool = Field(default_factory=lambda known: known["found"] is not None)
 
     @classmethod

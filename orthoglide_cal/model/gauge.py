@@ -33,6 +33,10 @@ _TOO_MUCH = 2.0
 _MEDIAN = 0.6745  # of |x| of a normal x, in standard deviations
 _EQUAL_MM = 1e-9  # readings that differ by less are equal but for the rounding of a computer
 
+# Dial indicators repeat within five divisions; the coarsest have tenths, the longest 100 mm.
+_MOST_DIVISIONS, _FEWEST_DIVISIONS = 5.0, 20.0
+_COARSEST_MM, _LONGEST_MM = 0.1, 100.0
+
 # A unit that may have been taken for millimetres [mm] → what happened, and the remedy.
 UNITS: Mapping[float, tuple[str, str]] = MappingProxyType(
     {
@@ -87,6 +91,22 @@ class Gauge(Instrument):
         if isinstance(measured, Readings):
             return tuple(_doubt_readings(measured, self))
         return tuple(_doubt_differences(measured.value, self))
+
+    def implausible(self) -> tuple[Suspicion, ...]:
+        step, travel, repeats = self.resolution_mm, self.range_mm, self.repeatability_mm
+        wrong = {
+            f"repeatability of {repeats:g} mm with divisions of {step:g} mm": repeats
+            > _MOST_DIVISIONS * step,
+            f"division of {step:g} mm": step > _COARSEST_MM,
+            f"range of {travel:g} mm": not _FEWEST_DIVISIONS * step <= travel <= _LONGEST_MM,
+            f"turn of {self.turn_mm:g} mm within a range of {travel:g} mm": self.turn_mm > travel,
+        }
+        remedy = "Check the unit: lengths are in mm."
+        return tuple(
+            Suspicion(f"No dial indicator has a {words}.", remedy)
+            for words, found in wrong.items()
+            if found
+        )
 
     def mistaken_unit(self, measured: Measured) -> float | None:
         """Differences do not show it."""

@@ -300,8 +300,8 @@ class LinearDelta(Machine):
     # Belts have lost motion whatever else is wrong.
     companions = MappingProxyType(
         {
-            "backlash": "These touches depend on the approach direction. That lost motion of the"
-            " carriages is the reason is not established."
+            "backlash": "These touches depend on the approach direction. Lost motion of the"
+            " carriages may be the cause; this is not certain."
         }
     )
     # No firmware has a setting for these, yet once they are known what is calibrated is found right
@@ -323,8 +323,8 @@ class LinearDelta(Machine):
         beyond="no printer is that far off (up to {limit} is plausible).",
         recheck="Check the unit of the readings and the numbers of the machine: arm lengths,"
         " radius, endstops.",
-        more="Probe more places, spread over the whole bed; if that does not do, the same places"
-        " again on blocks of two known heights, or measure distances on a printed object.",
+        more="Probe more places, spread over the whole bed. If that is not enough, repeat the"
+        " same places on blocks of two known heights, or measure distances on a printed object.",
         fewest="Touch at least seven places spread over the whole bed: the middle and six near the"
         " edge, evenly around. More places, or heights, show how sure that is. A series at one"
         " place says how the probe scatters and drifts once it stands with them in one file.",
@@ -590,7 +590,8 @@ class LinearDelta(Machine):
         shown = gauge.shown(height + local + gauge.repeatability_mm * rng.standard_normal(n))
         value = np.round(shown, 6) - plan.surface
         lines = np.arange(2, n + 2)
-        return Readings(touched, value, lines, timed=True, source=Source("simulate", ""))
+        source = Source("simulate", "", simulated=True)
+        return Readings(touched, value, lines, timed=True, source=source)
 
     def further(self, plan: ProbePlan) -> Iterator[tuple[str, ProbePlan, float]]:
         """What can be touched next: in words, its plan, and its minutes.

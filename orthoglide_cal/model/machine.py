@@ -24,7 +24,7 @@ from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.schema import Day, Digest, Number, Schema, Word, told
+from orthoglide_cal.schema import Day, Digest, Number, Positive, Schema, Word, told
 
 LARGEST_OFFSET_MM = 1000.0  # nobody enters more
 # The home switch or index pulse of a carriage is set to within a few millimetres; an offset beyond
@@ -90,6 +90,7 @@ class OwnGauge(Schema):
 
     id: Word
     certificate: Word | None = None
+    expanded_mm: Positive | None = None  # U (95 %) that the certificate states
     due: Day | None = None
 
 
@@ -97,6 +98,7 @@ class Details(Schema):
     """What the people who read a report want to see on it; None where it is not given."""
 
     organisation: Word | None = None  # who calibrates
+    address: Word | None = None  # of that laboratory
     place: Word | None = None  # where
     serial_number: Word | None = None  # of the machine
     customer: Word | None = None  # whose it is
@@ -163,6 +165,10 @@ class Instrument(Schema):
 
     def doubts(self, measured: Measured) -> tuple[Suspicion, ...]:
         """What it can hardly have shown; nothing is known of how firmware writes what it read."""
+        return ()
+
+    def implausible(self) -> tuple[Suspicion, ...]:
+        """What is stated of it that no such instrument has, though it may be written."""
         return ()
 
     def mistaken_unit(self, measured: Measured) -> float | None:
@@ -303,6 +309,8 @@ class Machine(Schema):
     report: Annotated[Details, BeforeValidator(empty)] = Details()
     gauges: Annotated[tuple[OwnGauge, ...], BeforeValidator(lambda given: given or ())] = ()
     history: Annotated[tuple[Entered, ...], BeforeValidator(lambda given: given or ())] = ()
+    # It is there to practise: what was simulated may be recorded in its file, and in no other.
+    practice: bool = False
 
     def __hash__(self) -> int:
         return hash((self.kind, self.name, self.active))
@@ -449,7 +457,7 @@ class Machine(Schema):
         """The machine by which readings are judged that were taken when it was as `then`."""
 
     def check_same(self, later: Machine) -> None:
-        """Raises UsageError for a machine that no calibration makes of this one."""
+        """Raises UsageError for a machine that calibration cannot make of this one."""
 
     def further(self, plan: AnyPlan) -> Iterator[tuple[str, Plan, float]]:
         """What can be measured next besides its protocols: in words, its plan, its minutes."""

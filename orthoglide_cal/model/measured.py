@@ -63,6 +63,7 @@ class Excerpt:
     unused: str = ""  # why the other data of the file were not used, in sentences
     nozzle: str = ""  # how entering what is found moves the nozzle, in sentences
     unknown: str = ""  # why the settings in force are not known, in a sentence
+    lowers_mm: float = 0.0  # by which entering the result lets the nozzle down
 
 
 @dataclass(frozen=True)
@@ -73,6 +74,7 @@ class Source:
     sha256: str  # hex digest of the bytes that were read
     excerpt: Excerpt | None = None  # what of the file was read; None for all that it holds
     earlier: tuple[str, ...] = ()  # other files that were read together with it, oldest first
+    simulated: bool = False  # a simulator made some of it, or all
 
 
 @dataclass(frozen=True, eq=False)

@@ -107,7 +107,7 @@ class Orthoglide(Machine):
     )
     first_steps = (
         ("Measure", "measure", "", ""),
-        ("Or try it without a gauge", "measure", "practice.yaml", "--gauge simulated"),
+        ("Or practise first, in a folder of its own", "machine new", "", "--practice"),
     )
     noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")
@@ -377,7 +377,7 @@ class Orthoglide(Machine):
             posture=tuple(str(self.posture_at(d) or f"{d:g}") for d in plan.displacement.tolist()),
             line=np.arange(2, len(plan) + 2),
             timed=True,
-            source=Source("simulate", ""),
+            source=Source("simulate", "", simulated=True),
         )
 
     def uncertain(self, plan: GaugePlan, predict: Predicted) -> Iterator[Influence]:

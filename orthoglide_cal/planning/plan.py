@@ -114,6 +114,7 @@ class MeasurementPlan(Schema):
     # Plungers that leave their bar in this session, or nearly; None if all stay.
     bar_warning: Suspicion | None = Field(default=None, exclude=True)
     schema_version: Literal[1] = 1
+    simulated: bool = Field(False, description="the readings that there are already")
     machine: str  # its name
     protocol: str  # of a machine that has layouts the name of one
     gauges: int | None = None  # that are read side by side; None without any

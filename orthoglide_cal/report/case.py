@@ -33,6 +33,8 @@ from orthoglide_cal.words import (
 
 # Instead of "may be entered", where there is nothing to change.
 NOT_NEEDED = "Nothing to enter: the machine is calibrated within U"
+# The first line of all that is made of simulated readings.
+SIMULATED = "SIMULATED: no machine was measured."
 # Kind of data, or of file → what one entry is, and of what.
 _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.READINGS: ("reading", ""),
@@ -41,8 +43,10 @@ _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.TWELVE: ("difference", " from the isotropic posture"),
     DataKind.SINGLE: ("difference", ", tool end − joint end"),
 }
+# What makes a result worthless if it is overlooked: it stands first.
+INVALIDATING = ("overdue_gauge", "stale_mesh", "nozzle_lower")
 # What the owner of a machine wrote for its reports: who and which; how and with what.
-OWNER = ("organisation", "place", "customer", "serial_number")
+OWNER = ("organisation", "address", "place", "customer", "serial_number")
 MEANS = ("method", "traceability", "authorised_by", "gauge_due")
 _TAKING_METHODS = ("solve", "report", "export")
 _DIAGNOSING = ("solve", "diagnose", "report", "export", "apply")
@@ -60,6 +64,17 @@ class Case:
     def source(self) -> Source:
         """Where the data came from."""
         return self.given.measured.source
+
+    @property
+    def stamp(self) -> str | None:
+        """The first line of its pages; None where a machine was measured."""
+        return SIMULATED if self.answer.simulated else None
+
+    @property
+    def invalidating(self) -> str:
+        """What makes parameters worthless that are released, in one sentence; "" for nothing."""
+        found = (r for r in self.answer.release.cautions if r.code in INVALIDATING)
+        return next(map(self.says, found), "")
 
     @property
     def machine(self) -> Machine:
@@ -147,9 +162,11 @@ class Case:
 
     def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
         """Steps instead of entering the parameters; with `verb` only those with that command."""
-        for remedy in self.answer.release.remedies:
-            if verb in (None, remedy.verb):
-                yield doc.Instruction(self.says(remedy.sentence), self.remedied(remedy))
+        remedies = self.answer.release.remedies
+        steps = ((self.says(each.sentence), self.remedied(each), each.verb) for each in remedies)
+        for text, typed, own in dict.fromkeys(steps):  # two reasons may have one remedy
+            if verb in (None, own):
+                yield doc.Instruction(text, typed)
 
     @property
     def verify(self) -> str:
@@ -211,7 +228,11 @@ def decision_notice(case: Case) -> doc.Notice:
         tone = doc.Tone.OPEN
     if release.usable:
         tone = doc.Tone.WARN if cautions else doc.Tone.GOOD
-    return doc.Notice(tone, title, (*lines, *map(case.says, reasons)), case.about)
+    lines += map(case.says, reasons)
+    if first := case.invalidating:
+        lines = [f"{title}.", *(line for line in lines if line != first)]
+        title = first.rstrip(".")
+    return doc.Notice(tone, title, tuple(lines), case.about)
 
 
 def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
@@ -225,11 +246,14 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
     else:
         yield from case.remedies("measure" if brief and causes else None)
     if brief and causes:
-        yield doc.Instruction("See the cause and its remedy", case.typed("diagnose"))
+        decided = verdict is Verdict.NAMED
+        see = "See the cause and its remedy" if decided else "See the causes, and what decides"
+        yield doc.Instruction(see, case.typed("diagnose"))
 
 
 def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     words, check, excerpt = case.words, case.answer.check, case.source.excerpt
+    simulated = case.answer.simulated
     format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
     export = case.typed("export", f"--format {format}")
     recorded = recording(case.given)
@@ -239,9 +263,9 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
         )
     elif case.record is not None:
         yield doc.Instruction(f"{words.entering}, then", case.record)
-    else:
+    elif not simulated:
         yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
-    if not brief and recorded != "elsewhere":
+    if not brief and recorded != "elsewhere" and not simulated:
         yield doc.Instruction("Or print the lines for the controller's file", export)
     if check is not None:
         yield doc.Instruction(check_words(check))
@@ -265,8 +289,9 @@ def check_words(check: CheckReading) -> str:
             f" tool end must read {moves} more than the joint end {today}."
         )
     return (
-        f"Check: put the gauge at the middle of leg {check.leg}, along {check.direction}; drive"
-        f" from {first} to {second}; it must move by {moves} {today}."
+        f"Check: put the gauge {plain(check.gauge_mm or 0.0, 0)} mm from carriage {check.leg},"
+        f" along {check.direction}; drive from {first} to {second}; it must move by {moves}"
+        f" {today}."
     )
 
 
@@ -346,7 +371,7 @@ def signed_page(
         scope=f"This report holds for the machine and the {words.instruments} that it names, as"
         f" they were when they were measured, and for the {words.positions} and conditions stated"
         " in it; for nothing else. It is valid only with all its pages: reproduce it only in full.",
-        stamp="SIMULATED" if simulated else None,
+        stamp=SIMULATED if simulated else None,
     )
 
 
@@ -364,6 +389,8 @@ def _conditions(
         gauges += ["; " if gauges else "", doc.given(gauge.id)]
         if gauge.certificate:
             gauges += [", certificate ", doc.given(gauge.certificate)]
+        if gauge.expanded_mm is not None:
+            gauges.append(f", U {short(gauge.expanded_mm, 6)} mm")
         due = f"due {gauge.due}" if gauge.due else "due date not given"
         gauges += [", ", doc.doubtful(f"overdue: {due}") if gauge.overdue else due]
     known = {"start": validity.temperature_start_c, "end": validity.temperature_end_c}

@@ -180,7 +180,8 @@ class Page:
     sections: Sequence[Section] = ()  # the evidence, from the second page on
     signatures: Sequence[str] = ()  # lines to sign on, at the end of the first page
     scope: str | None = None  # for what it holds; stands at its end
-    stamp: str | None = None  # one word across the first page; None for what may be relied on
+    # The first line, its first word also across a printed page; None for what may be relied on.
+    stamp: str | None = None
 
     @property
     def in_characters(self) -> list[Section]:

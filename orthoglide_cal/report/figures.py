@@ -18,12 +18,12 @@ from orthoglide_cal.model.plan import Bools, Floats, Ints
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.report.escape import Html, tag
-from orthoglide_cal.results.answer import Residual
-from orthoglide_cal.words import plain, signed
+from orthoglide_cal.results.answer import Residual, Shim
+from orthoglide_cal.words import plain, signed, two_figures
 
 # --- parts of figures: lengths are CSS pixels at natural size, colours are classes of the page ---
 
-_LETTER = 6.3  # width of a letter or digit
+_LETTER = 7.0  # width of a letter or digit
 
 
 @dataclass(frozen=True)
@@ -119,6 +119,15 @@ def thread(points: Sequence[tuple[float, float]]) -> Html:
     return tag("polyline", points=_path(points), class_="thread")
 
 
+def arrow(start: Floats, stop: Floats) -> Html:
+    """A line with a head at its end, which says in which direction something is to be moved."""
+    along = (stop - start) / np.linalg.norm(stop - start)
+    across = 4.0 * np.array([-along[1], along[0]])
+    behind = stop - 8.0 * along
+    head = _path([tuple(stop), tuple(behind + across), tuple(behind - across)])
+    return tag("g", line(start, behind, "fault"), tag("polygon", points=head, class_="head"))
+
+
 def rectangle(x: float, y: float, width: float, height: float, class_: str) -> Html:
     """A filled rectangle."""
     return tag("rect", x=x, y=y, width=max(width, 0.0), height=max(height, 0.0), class_=class_)
@@ -144,7 +153,7 @@ def apart(places: Sequence[float], texts: Sequence[str]) -> list[int]:
     The last is always written, then from it backwards what has room; `places`, in ascending order,
     are the middles of the texts.
 
-    >>> apart([0.0, 10.0, 60.0, 120.0], ["2026-01", "2026-02", "2026-03", "2026-04"])
+    >>> apart([0.0, 10.0, 65.0, 120.0], ["2026-01", "2026-02", "2026-03", "2026-04"])
     [1, 2, 3]
     """
     chosen: list[int] = []
@@ -169,10 +178,13 @@ _WIDE, _TOP, _ROW, _UNDER = 356.0, 24.0, 22.0, 30.0  # of a picture with a line 
 Deviation = tuple[str, float, float, float, float | None]
 
 
-def deviation_rows(rows: Sequence[Deviation], limit_mm: float | None = None) -> Html:
-    """A row for each difference: as found ○ → expected ■ → measured ●, with U of the last.
+def deviation_rows(
+    rows: Sequence[Deviation], limit_mm: float | None = None, outcomes: Sequence[str] = ()
+) -> Html:
+    """A row for each difference: as found ○ → expected ■ → as left ●, with U of the last.
 
-    `limit_mm` is the largest size that is allowed; None if nobody said.
+    `limit_mm` is the largest size that is allowed; None if nobody said. With the `outcomes` of
+    what was measured afterwards there is no room for the numbers that were expected.
     """
     names, found, expected, expanded, after = zip(*rows, strict=True)
     measured = after[0] is not None
@@ -182,10 +194,12 @@ def deviation_rows(rows: Sequence[Deviation], limit_mm: float | None = None) -> 
     # Columns of numbers, by their right edges.
     heads = {_WIDE - 108.0: "found", _WIDE - 2.0: "expected ± U"}
     if measured:
-        heads = {192.0: "found", 250.0: "expected", _WIDE - 2.0: "measured ± U"}
+        heads = {192.0: "found", 250.0: "expected", _WIDE - 2.0: "as left ± U"}
+    if outcomes:
+        heads = {186.0: "found", 290.0: "as left ± U", _WIDE - 2.0: f"± {limit_mm:g}"}
     across = Scale.around([*found, *expected, *ends, -0.02, 0.02], 42.0, min(heads) - 50.0)
     top, bottom = _TOP - 4.0, _TOP + _ROW * len(rows)
-    places, kinds, texts = zip(*across.ticks(3), strict=True)
+    places, kinds, texts = zip(*across.ticks(4), strict=True)
     band = [
         rectangle(across(low), top, across(high) - across(low), bottom - top, "allowed")
         for low, high in itertools.pairwise(limits)
@@ -197,6 +211,7 @@ def deviation_rows(rows: Sequence[Deviation], limit_mm: float | None = None) -> 
         words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
         *(words(x, 12, head, "end", "muted") for x, head in heads.items()),
     ]
+    listed = []
     for k, (name, value, half) in enumerate(zip(names, last, expanded, strict=True)):
         y = _TOP + _ROW * (k + 0.5)
         start, stop = across(found[k]), across(expected[k])
@@ -204,6 +219,9 @@ def deviation_rows(rows: Sequence[Deviation], limit_mm: float | None = None) -> 
         numbers = [signed(found[k], 3), f"{signed(value, 3)} ± {plain(half, 3)}"]
         if measured:
             numbers.insert(1, signed(expected[k], 3))
+        listed.append(f"{name} {', '.join([*numbers, *outcomes[k : k + 1]])}")
+        if outcomes:
+            numbers = [numbers[0], numbers[2], outcomes[k]]
         parts += [
             words(2, y + 4, name, class_="strong"),
             *(words(x, y + 4, text, "end") for x, text in zip(heads, numbers, strict=True)),
@@ -219,7 +237,9 @@ def deviation_rows(rows: Sequence[Deviation], limit_mm: float | None = None) -> 
             ),
         ]
     worst = max(range(len(rows)), key=lambda k: abs(last[k]))
-    finding = f"Of the differences {names[worst]} is left largest: {signed(last[worst], 3)} mm."
+    order = "Found, expected and left" if measured else "Found and expected"
+    finding = f"{order}, mm: {'; '.join(listed)}. {names[worst]} is left largest:"
+    finding += f" {signed(last[worst], 3)} mm."
     title = "Differences, before and after"
     return svg("deviations", _WIDE, bottom + _UNDER, title, finding, parts)
 
@@ -233,7 +253,11 @@ def series_of(row: Residual) -> Series:
 
 
 def residual_panels(
-    rows: Sequence[Residual], left_mm: Mapping[str, Floats], noise_mm: float
+    rows: Sequence[Residual],
+    left_mm: Mapping[str, Floats],
+    noise_mm: float,
+    when: str = "",
+    wrong: Collection[int] = (),
 ) -> tuple[Html, ...]:
     """One panel for each leg and direction, all on one scale: residuals by posture and cycle.
 
@@ -241,6 +265,8 @@ def residual_panels(
         rows: n readings at legs.
         left_mm: under one or two models: measured − modelled, shape (n,). The last is filled.
         noise_mm: standard deviation of one reading; the band is twice as high.
+        when: "as found", "as left"; "" of one measurement alone.
+        wrong: the readings that are; then only their panels, and a ring around one alone.
     """
     series = [series_of(row) for row in rows]
     posture = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
@@ -249,7 +275,7 @@ def residual_panels(
     largest = max(band, *(float(np.abs(values).max()) for values in microns)) * 1.08
     up = Scale(-largest, largest, height - 32.0, 26.0)
     panels = []
-    for one in sorted(set(series)):
+    for one in sorted({series[k] for k in wrong} or set(series)):
         chosen = sorted(
             (k for k, each in enumerate(series) if each == one),
             key=lambda k: (rows[k].displacement_mm or 0.0, posture[k]),
@@ -278,11 +304,19 @@ def residual_panels(
                 points = [*zip(places, (up(float(values[k])) for k in repeats), strict=True)]
                 parts += [thread(points)] if last else []
                 parts += [mark(x, y, turn - 1, "mark" if last else "mark open") for x, y in points]
+                if values is microns[0] and len(wrong) == 1:
+                    ringed = (p for k, p in zip(repeats, points, strict=True) if k in wrong)
+                    parts += [tag("circle", cx=x, cy=y, r=9.0, class_="fault") for x, y in ringed]
         worst = max(chosen, key=lambda k: abs(microns[-1][k]))
         where = f"posture {posture[worst]}, cycle {rows[worst].cycle}"
-        finding = f"Residuals of {one.words}: the largest is at {where}."
-        name = f"residual-{AXES[one.direction]}{AXES[one.leg]}"
-        title = f"Residuals, {one.words}"
+        finding = f"The largest is at {where}: {signed(float(microns[-1][worst]), 1)} µm."
+        for model, values in zip(left_mm, microns, strict=True):
+            means = [np.mean([values[k] for k in chosen if posture[k] == at]) for at in postures]
+            pairs = zip(postures, means, strict=True)
+            means_um = ", ".join(f"{at} {signed(float(mean), 1)}" for at, mean in pairs)
+            finding += f" Mean of the repeats, µm, {model}: {means_um}."
+        name = f"residual-{AXES[one.direction]}{AXES[one.leg]}-{when.replace(' ', '-')}"
+        title = f"Residuals, {one.words}, {when}".removesuffix(", ")
         panels.append(svg(name, width, height, title, finding, parts, f"c-{AXES[one.leg]}"))
     return tuple(panels)
 
@@ -325,7 +359,7 @@ def _axes(left: float, above: float, size: float, ends_mm: tuple[float, float]) 
 
 def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) -> Iterator[Html]:
     """The scale of the colours, with the number of every limit that has room."""
-    box = 30.0
+    box = 32.0
     places = [left + k * box for k in range(CLASSES + 1)]
     texts = [tick_text(float(limit), float(limits[1] - limits[0])) for limit in limits]
     for k in range(CLASSES):
@@ -349,24 +383,27 @@ def workspace_maps(
     """
     before = found.maps
     assert before is not None
-    pictures = [("as found", before.before_mm, found.worst_before_mm)]
+    pictures = [("as found", before.before_mm, found.before_mm, found.worst_before_mm)]
     if after is None:
-        pictures.append(("expected", before.after_mm, found.worst_after_mm))
+        pictures.append(("expected", before.after_mm, found.after_mm, found.worst_after_mm))
     else:
         assert after.maps is not None
-        pictures.append(("measured", after.maps.before_mm, after.worst_before_mm))
-    limits = class_limits(max(float(error.max()) for _, error, _ in pictures))
+        pictures.append(("as left", after.maps.before_mm, after.before_mm, after.worst_before_mm))
+    limits = class_limits(max(float(error.max()) for _, error, *_ in pictures))
     ends, panels = (float(before.axis_mm[0]), float(before.axis_mm[-1])), []
     across = Scale(*ends, 0.0, _SIZE)
-    for when, error, (x_mm, y_mm, z_mm) in pictures:
+    for when, error, worst_mm, (x_mm, y_mm, z_mm) in pictures:
         for k in reversed(range(len(before.levels_mm))):
             level = float(before.levels_mm[k])
             title = f"{when}, z = {tick_text(level, 1.0)} mm"
-            finding = f"Tool-position error in a slice of the workspace, {when}."
+            most = two_figures(worst_mm)
+            finding = f"Tool-position error in a slice of the workspace, {when}. It is at most"
+            finding += f" {most} mm, at X{x_mm:.0f} Y{y_mm:.0f} Z{z_mm:.0f}."
             body = [
                 *_cells(_classes(error[k], limits)),
                 *([] if limit_mm is None else _contour(error[k] > limit_mm)),
-                words(_LEFT, 14, title, class_="strong"),
+                words(2.0, 14, title, class_="strong"),
+                words(_LEFT + _SIZE, 14, f"≤ {most}", "end"),
                 *_axes(_LEFT, _ABOVE, _SIZE, ends),
             ]
             if abs(z_mm - level) < 1e-6:
@@ -376,7 +413,7 @@ def workspace_maps(
             panels.append(svg(name, 216.0, _ABOVE + _SIZE + 20.0, title, finding, body, "map"))
     title, finding = "Colours of the maps", "From zero upwards, in mm."
     colours = _colours(14.0, 2.0, limits, "mm", "h")
-    return tuple(panels), svg("workspace-colours", 260.0, 30.0, title, finding, colours, "map")
+    return tuple(panels), svg("workspace-colours", 276.0, 30.0, title, finding, colours, "map")
 
 
 def _cells(number: Ints) -> Iterator[Html]:
@@ -407,14 +444,16 @@ def bed_maps(
     left_mm: Mapping[str, Floats],
     bed_mm: float,
     towers_deg: Sequence[float],
+    largest_um: float | None = None,
 ) -> tuple[Html, ...]:
-    """Residuals of the touches of a bed: one map for each model, with its own scale.
+    """Residuals of the touches of a bed: one map for each model.
 
     Args:
         title: of all of them.
         place_mm: of n touches, shape (n, 2).
         left_mm: model → measured − modelled, shape (n,).
         bed_mm, towers_deg: radius of the bed, directions of towers a, b and c.
+        largest_um: the end of the scale of several maps; None: each map has its own.
     """
     reach = max(float(np.abs(place_mm).max(initial=1.0)), bed_mm)
     scale, x0, y0 = 0.5 * _BED / reach, _BESIDE + _BED / 2.0, _OVER + _BED / 2.0
@@ -425,7 +464,7 @@ def bed_maps(
         microns = 1000.0 * left
         usual = 1.4826 * float(np.median(np.abs(microns - np.median(microns))))
         out = np.abs(microns) > max(_RINGED * usual, 1.0)
-        most = float(np.abs(microns[~out]).max(initial=1.0))
+        most = largest_um or float(np.abs(microns[~out]).max(initial=1.0))
         limits = class_limits(most, around_zero=True)
         dots: list[Html] = []
         colours = _classes(microns, limits).tolist()
@@ -435,7 +474,10 @@ def bed_maps(
             dots += [tag("circle", cx=x, cy=y, r=size + 2.5, class_="ring")] if ringed else []
         name = f"bed-{number}-{title.replace(' ', '-')}".rstrip("-")
         heading = ", ".join(filter(None, (model, title)))
-        finding = f"What is left of each touch, {heading}; {int(out.sum())} stand out, ringed."
+        largest = int(np.argmax(np.abs(microns)))
+        at = " ".join(f"{axis}{mm:.0f}" for axis, mm in zip("XY", place_mm[largest], strict=True))
+        finding = f"What is left of each touch: at most {signed(float(microns[largest]), 1)} µm,"
+        finding += f" at {at}; {int(out.sum())} stand out, ringed."
         body = [tag("circle", cx=x0, cy=y0, r=scale * bed_mm, class_="bed"), *dots]
         for tower, angle in zip("abc", map(math.radians, towers_deg), strict=True):
             x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
@@ -462,16 +504,14 @@ def machine_sketch(
     leg_length_mm: float,
     joint_limits_mm: tuple[float, float],
     gauges: Sequence[tuple[int, int, float]],
-    faults: Collection[tuple[int, int]] = (),
-    rails: Collection[int] = (),
+    when: str = "",
 ) -> Html:
     """Isometric sketch at the isotropic posture.
 
     Args:
         leg_length_mm, joint_limits_mm: L, and the travel from the isotropic posture.
         gauges: (leg, direction, place along the leg from carriage 0 to tool 1).
-        faults: (leg, direction) whose readings a fault spoils: a ring around their gauges.
-        rails: those in which a fault is: a line beside them.
+        when: as in `residual_panels`.
     """
     parts: list[Html] = []
     for leg, axis in enumerate(AXES):
@@ -490,8 +530,6 @@ def machine_sketch(
             tag("rect", x=x, y=y, width=14, height=14, rx=2, class_="carriage"),
             words(at, below + 4.0, axis, "middle", "axis"),
         ]
-        if leg in rails:
-            drawn.append(line(start + 2.5 * side, stop + 2.5 * side, "fault"))
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
     x, y = _CENTRE
     parts.append(tag("circle", cx=x, cy=y, r=8.0, class_="tool"))
@@ -506,31 +544,29 @@ def machine_sketch(
         dials.append(dial)
         x, y = dial
         drawn = [line(touch + 5.0 * toward, dial - 12.0 * toward, "plunger")]
-        if (leg, direction) in faults:
-            drawn.append(tag("circle", cx=x, cy=y, r=17.0, class_="fault"))
         drawn.append(tag("circle", cx=x, cy=y, r=12.0, class_="dial"))
         drawn.append(words(x, y + 4, f"+{AXES[direction]}", "middle"))
         parts.append(tag("g", *drawn, class_=f"c-{AXES[leg]}"))
     finding = "Three legs run from the tool in the middle to carriages on the rails x, y and z."
-    marked = [f"axis {AXES[rail]}" for rail in sorted(rails)]
-    marked += [f"readings of {Series(*fault).words}" for fault in sorted(faults)]
-    if marked:
-        finding += f" Marked, because of a fault: {'; '.join(marked)}."
-    return svg("machine", 328.0, 232.0, "The machine and its gauges", finding, parts)
+    stood = (f"{Series(leg, axis).words} at {place:g}" for leg, axis, place in gauges)
+    finding += f" Gauges, from carriage 0 to tool 1: {'; '.join(stood)}."
+    name = f"machine-{when.replace(' ', '-')}"
+    return svg(name, 328.0, 232.0, "The machine and its gauges", finding, parts)
 
 
 def _at(leg: int, fraction: float) -> Floats:
     return np.asarray(_CENTRE + fraction * _LEG * _ON_PAPER[leg])
 
 
-_NEAR, _FAR = 72.0, 96.0  # size of the largest gap, and length of half a rail in the picture
+_NEAR, _FAR = 52.0, 80.0  # size of the largest gap, and length of half a rail in the picture
 
 
-def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
-    """The three rails where they really pass each other, the gaps enlarged, and each gap.
+def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
+    """The three rails where they really pass each other, the gaps enlarged, and what closes them.
 
     Args:
         gaps_mm: "xy" → how far rail x lies above rail y, along z; and so on.
+        shims: how each rail is to be moved at its mount: an arrow with its length.
     """
     most = max(map(abs, gaps_mm.values())) or 1.0
     pairs = [[AXES.index(axis) for axis in name] for name in gaps_mm]
@@ -539,35 +575,94 @@ def rails_sketch(gaps_mm: Mapping[str, float]) -> Html:
         through[first, 3 - first - second] += 0.5 * _NEAR * gap / most
         through[second, 3 - first - second] -= 0.5 * _NEAR * gap / most
     parts: list[Html] = []
+    taken: list[Floats] = []  # places on the paper where something is drawn
     for rail, axis in enumerate(AXES):
         places = (-_FAR, _FAR, _FAR + 12.0)
         start, stop, behind = (_paper(through[rail] + far * np.eye(3)[rail]) for far in places)
         x, y = behind
-        drawn = line(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")
+        drawn = [line(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")]
+        drawn.append(rectangle(start[0] - 6.0, start[1] - 6.0, 12.0, 12.0, "carriage"))
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
-    taken: list[Floats] = []
+        taken += [*np.linspace(start, stop, 29)]
+        for shim in (each for each in shims if each.rail == axis):
+            way = _ON_PAPER[AXES.index(shim.along[-1])] * (-1.0 if "-" in shim.along else 1.0)
+            x, y = start + 46.0 * way / np.linalg.norm(way)
+            parts.append(arrow(start + 9.0 * way, start + 34.0 * way))
+            parts.append(words(x, y + 4, f"{plain(shim.mm, 2)} mm", "middle", "halo"))
+    middles: list[Floats] = []
     for first, second in pairs:
         # The common perpendicular: where each rail passes the other.
         ends = through[[first, second]].copy()
         ends[0, first], ends[1, second] = through[second, first], through[first, second]
         one, other = map(_paper, ends)
-        taken += [one, other, (one + other) / 2.0]
+        taken += [*np.linspace(one, other, 9)]
+        middles.append((one + other) / 2.0)
         parts.append(line(one, other, "fault"))
-    for k, name in enumerate(gaps_mm):
-        turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-        around_it = taken[3 * k + 2] + 17.0 * np.stack((np.cos(turns), np.sin(turns)), axis=-1)
-        # Where nothing else is near.
-        free = np.linalg.norm(around_it[:, None] - np.array(taken), axis=-1).min(axis=1)
-        taken.append(around_it[np.argmax(free)])
-        x, y = taken[-1]
+    turns = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    circle = np.stack((np.cos(turns), np.sin(turns)), axis=-1)
+    around = np.concatenate([size * circle for size in (16.0, 24.0, 32.0)])
+    for name, middle in zip(gaps_mm, middles, strict=True):
+        # Where nothing else is near, and near the gap itself.
+        free = np.linalg.norm((middle + around)[:, None] - np.array(taken), axis=-1).min(axis=1)
+        x, y = place = middle + around[np.argmax(np.minimum(free, 13.0))]
+        taken.append(place)
         parts.append(words(x, y + 4, name, "middle", "strong halo"))
-    finding = "Three rails that should meet in one point, and the gap between each two of them."
-    return svg("rails", 328.0, 294.0, "The rails where they pass each other", finding, parts)
+    gaps = ", ".join(f"{name} {signed(gap, 3)}" for name, gap in gaps_mm.items())
+    moved = (f"rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims)
+    finding = (
+        f"Three rails that should meet in one point. Gaps, mm: {gaps}. Move {', '.join(moved)}."
+    )
+    return svg("rails", 328.0, 244.0, "The rails where they pass each other", finding, parts)
 
 
 def _paper(place: Floats) -> Floats:
     """Where a point (3,) [px] is on the paper."""
-    return np.asarray(np.array([164.0, 156.0]) + place @ _ON_PAPER)
+    return np.asarray(np.array([164.0, 120.0]) + place @ _ON_PAPER)
+
+
+_PART = 84.0  # height of the picture of one parameter
+
+
+def parameter_sketch(name: str, sizes: Mapping[str, tuple[float, str]]) -> Html:
+    """Where an axis, a bar or a carriage should be (dashed) and where it is, enlarged.
+
+    Args:
+        name: of the cause.
+        sizes: "y_x" (a bar of leg x, along y), "xy" (by how much the angle between two axes is
+            less than 90°) or "x" (a carriage) → its size, and the same in words.
+    """
+    most = max(abs(size) for size, _ in sizes.values()) or 1.0
+    parts = []
+    for k, (parameter, (size, text)) in enumerate(sizes.items()):
+        top = words(2.0, k * _PART + 14.0, text, class_="strong")
+        drawn = _parameter(parameter, size / most, (k + 1) * _PART - 14.0)
+        parts.append(tag("g", top, *drawn, class_=f"c-{parameter[-1]}"))
+    finding = f"Dashed as it should be, solid as it is: {'; '.join(t for _, t in sizes.values())}."
+    return svg(f"sketch-{name}", 328.0, _PART * len(sizes) + 6.0, name, finding, parts)
+
+
+def _parameter(parameter: str, share: float, base: float) -> Iterator[Html]:
+    """One of them; `share` of the largest size, upwards from the height `base`."""
+    start, end = np.array([40.0, base]), np.array([280.0, base])
+    if "_" in parameter:  # a bar, from the carriage to the tool
+        yield line(start, end, "ideal")
+        yield line(start, end - [0.0, 18.0 * share], "bar")
+        yield rectangle(start[0] - 7.0, base - 7.0, 14.0, 14.0, "carriage")
+        yield words(end[0] + 24.0, base - 4.0, f"+{parameter[0]} ↑", "middle")
+    elif len(parameter) > 1:  # the second of two axes
+        x, y = start[0] + 14.0 * share, base - 44.0
+        yield line(start, (130.0, base), "ink")
+        yield line(start, (start[0], y), "ideal")
+        yield line(start, (x, y), "bar")
+        yield words(142.0, base + 5.0, parameter[0], "middle", "axis")
+        yield words(x + 14.0, y + 10.0, parameter[1], "middle", "axis")
+    else:  # a carriage along its rail
+        moved, above = np.array([34.0 * share, 0.0]), np.array([149.0, base - 20.0])
+        yield line(start, end, "rail")
+        yield rectangle(140.0, base - 9.0, 18.0, 18.0, "ideal")
+        yield rectangle(140.0 + moved[0], base - 9.0, 18.0, 18.0, "outline")
+        yield arrow(above, above + moved)
+        yield words(end[0] + 14.0, base + 5.0, parameter, "middle", "axis")
 
 
 # --- causes that can be distinguished -----------------------------------------------------------

@@ -14,6 +14,7 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.escape import Html, join, tag
 
 _COLUMNS = {0: "half", 1: "one", 2: "two", 3: "three"}
+MOST_NARROW = 4  # columns that a telephone has room for: of more each cell stands below its title
 MOST_PANELS = 3  # of a picture in half the width of a wide screen
 # What must not break: a date, a coordinate behind its sign, a value before its uncertainty.
 _WHOLE = re.compile(r"(\d{4}-\d\d-\d\d|(?<![\w.])[A-Z]?[-+−]\d[\d.]*(?: ± \d[\d.]*)?|± \d[\d.]*)")
@@ -56,7 +57,9 @@ def html(page: doc.Page) -> str:
     )
     body = tag(
         "body",
-        page.stamp and tag("div", class_="stamp", data_word=page.stamp, aria_hidden="true"),
+        page.stamp
+        and tag("div", class_="stamp", data_word=page.stamp.split(":")[0], aria_hidden="true"),
+        page.stamp and tag("p", page.stamp, class_="kind"),
         tag("header", tag("p", page.kind, class_="kind"), title, *top),
         main,
         tag("footer", *(tag("p", line) for line in page.closing or (page.name,))),
@@ -126,17 +129,18 @@ def _table(grid: doc.Grid) -> Html:
         for title, kind in zip(grid.head, kinds, strict=True)
     ]
     head = tag("thead", tag("tr", *heads)) if any(grid.head) else None
+    many = "many" if len(kinds) > MOST_NARROW or head is None else None
     rows = []
     for first, *others in grid.rows:
         named = bool(first) and 0 in grid.words
         scope = "row" if named else None
         cells = [tag("th" if named else "td", _line(first), scope=scope, class_=kinds[0])]
-        pairs = zip(others, kinds[1:], strict=True)
-        cells += (tag("td", _line(cell), class_=kind) for cell, kind in pairs)
+        for cell, kind, title in zip(others, kinds[1:], grid.head[1:], strict=True):
+            cells.append(tag("td", _line(cell), class_=kind, data_head=title or None))
         rows.append(tag("tr", *cells))
     return tag(
         "div",
-        tag("table", head, tag("tbody", *rows)),
+        tag("table", head, tag("tbody", *rows), class_=many),
         class_="scroll",
         tabindex="0",
         role="region",

@@ -13,8 +13,8 @@ _BLANK = "\\_\\_\\_\\_\\_\\_\\_\\_\\_"
 def markdown(page: doc.Page) -> str:
     """The page's text."""
     title = f": {in_markdown(page.title)}" if page.title is not None else ""
-    parts = [f"# {in_markdown(page.kind)}{title}"]
-    parts += [f"**{in_markdown(page.stamp)}**"] if page.stamp else []
+    parts = [f"**{in_markdown(page.stamp)}**"] if page.stamp else []
+    parts += [f"# {in_markdown(page.kind)}{title}"]
     parts += [_block(block) for block in (page.facts, page.notice) if block is not None]
     for section in page.in_characters:
         if section.title is not None:

@@ -14,6 +14,7 @@ from orthoglide_cal.inference import FoundPattern
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
+    chance,
     counted,
     percent,
     plain,
@@ -34,6 +35,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "with": " with ".join,
     "causes": lambda ids: " and ".join(ids) or "this",
     "two": two_figures,
+    "p": chance,
     "tenths": lambda value: plain(value, 1),
     "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
     "place": lambda where: f" ({where})" if where else "",
@@ -77,13 +79,13 @@ def _undecided(machine: Machine, data: Data) -> str:
     names = [" with ".join(data["ids"]) or "a cause", *map(" with ".join, rivals[:1])]
     if len(rivals) > 1:
         names.append(counted(len(rivals) - 1, "other"))
-    elif not rivals:
+    if data["unlisted"] or not rivals:
         names.append("something that is not on the list")
     either = " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
     return (
         f"Something {'may be' if sound else 'is'} wrong besides the {machine.vocabulary.many}:"
         f" {either}. These data cannot distinguish them"
-        f"{', nor from a sound machine' if sound else ''}."
+        f"{' from each other or from a sound machine' if sound else ''}."
     )
 
 
@@ -234,10 +236,10 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "gauge_doubt": "{what}",
     # What the diagnosis has against it.
     "undecided": _undecided,
-    "few_readings": "With so few readings nearly anything fits.",
+    "few_readings": "With so few readings, nearly any cause fits.",
     "cause_found": "{ids:and} was found.",
-    "unshown_fault": "If {cause.title} as well{where:place}, which these readings would not show,"
-    " the {words.many} change by up to {change:.3f} {unit}.",
+    "unshown_fault": "These readings would not show if {cause.title}{where:place}. In that case the"
+    " {words.many} change by up to {change:.3f} {unit}.",
     "offsets_wrong": _offsets_wrong,
     "unexplained": "No listed cause of usual size explains these data: they leave {left_mm:.3f} mm"
     " r.m.s., where the {words.noise}'s noise{words.also} would leave {expected_mm:.3f} mm.",
@@ -248,8 +250,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "other_data_contradict": "The {data} in the same file contradicts these values beyond U:"
     " {apart:moves}.",
     # What to know although it may be entered.
-    "within_u": "With {ids:and} the {words.many} change by at most {change:.3f} {unit}, which is"
-    " within U.",
+    "within_u": "With {ids:and} the {words.many} change by at most {change:.3f} {unit}, less than"
+    " U.",
     "beyond_list": lambda machine, data: (
         "The reason is not known: "
         f"{'; '.join(pattern_words(machine, one) for one in data['patterns'])}."
@@ -260,7 +262,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "other_data": _other_data,
     "stale_mesh": "{text}",
     "unused_data": "{text}",
-    "simulated": "Simulated: no machine was measured.",
+    "nozzle_lower": "Entering this lowers the nozzle by {mm:.2f} mm: set its height again.",
     "overdue_gauge": "Gauge {id} is overdue: its calibration was due on {due}.",
     "temperature_changed": "The temperature changed by {kelvin:tenths} K while measuring.",
     # The residuals, judged.
@@ -270,10 +272,10 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
         "larger than", " (%s): the model leaves something out, and U does not cover it."
     ),
     "residuals_unusual": _residuals(
-        "larger than usual for", ", not large enough to call the model wrong (%s; p < 0.01)."
+        "larger than usual for", ", not large enough to call the model wrong (%s; {p_value:p})."
     ),
     "residuals_agree": "The residuals agree with the {words.noise}'s noise{words.also}"
-    " (p = {p_value:.2g}).",
+    " ({p_value:p}).",
     # What is missing, and two measurements compared.
     "not_recorded": "Not recorded: {missing:names}.",
     "of_session": _of_session,
@@ -301,17 +303,17 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "two_would_follow": "{ids:with} would also fit it, but two causes fit nearly any"
     " pattern. To check them, repeat with {words.further}.",
     "perhaps_also": "These readings cannot show whether {ids:and} is also present.",
-    "perhaps_alone": "{id} alone is also possible (probability {probability:.2g}): it is not"
-    " certain that {others:and} is present.",
+    "perhaps_alone": "{id} alone is also possible (probability {probability:.2g}): {others:and}"
+    " may be absent.",
     "few_differences": "{count} differences leave {spare} numbers beyond the three offsets, and"
     " this answer has {unknowns} unknowns: the name rests on plausible sizes, not on the data"
-    " alone. Raw readings, with more postures, say more.",
+    " alone. Raw readings with more postures would show more.",
     "measure_again": "Correct a fault of the measurement by measuring again, not in the"
     " controller.",
     "recalibrated": _recalibrated,
     "origin_moved": _origin_moved,
-    "maps_repeat": "The residual maps of these dates repeat (r = {correlation:.2f}): what the"
-    " parameters leave is a shape that lasts, not noise.",
+    "maps_repeat": "The residual maps of these dates repeat (r = {correlation:.2f}): the"
+    " parameters leave a lasting shape, not noise.",
     "local_residual": "Unexplained: {left_mm:µm} r.m.s., of which {noise_mm:µm} are the probe's"
     " noise: {beyond_mm:µm} are local, shared by neighbouring places, and no evidence for any"
     " cause.",
@@ -323,8 +325,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "again": "{words.again}",
     "beyond_remedy": lambda _, data: pattern_remedy(data["pattern"]),
     "accept": "{cause.advice} Or accept {id} as part of the machine:",
-    "look": "Check whether {cause.title}{where:place}. What shows it: {cause.instrument}. If all"
-    " is in order, say so:",
+    "look": "Check whether {cause.title}{where:place}. What shows it: {cause.instrument}. If"
+    " nothing is wrong there, rule it out:",
     "retake": _retake,
     "probe_both": "Calibrate and probe a mesh one after the other, with nothing changed in between;"
     " then compare again.",

@@ -57,6 +57,8 @@ class _Lines:
 
     def of(self, page: doc.Page) -> Iterator[Text]:
         headed, begun = page.title is not None, page.notice is not None
+        if page.stamp is not None:
+            yield from self._flow(doc.doubtful(page.stamp))
         if headed:
             yield from self._flow(doc.strong(f"{page.kind}: {page.title}"))
         if page.facts is not None:

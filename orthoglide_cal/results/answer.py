@@ -184,6 +184,7 @@ class CheckReading(Schema):
     first_joints_mm: tuple[float, ...]
     second_joints_mm: tuple[float, ...]
     ends: bool = Field(description="the gauge moves from joint to tool end instead")
+    gauge_mm: float | None = Field(description="from the carriage joint along the leg; null: both")
     before_mm: float
     expected_mm: float
     expanded_mm: float
@@ -266,6 +267,11 @@ class Answer(Schema):
         (), exclude=True, description="to the other data of the same file; `report` shows them"
     )
     notes: tuple[Sentence, ...] = Field((), description="cautions, and those of the diagnosis")
+
+    @computed_field(description="a simulator made readings: never exported, nor written")
+    @property
+    def simulated(self) -> bool:
+        return self.validity.simulated
 
     @property
     def named(self) -> Ids:

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Literal
 
-from orthoglide_cal.errors import UsageError, command
+from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import StoredMachine, differing, with_history
@@ -34,6 +34,7 @@ class Application:
     conditions: Conditions | None = None  # of the measurement; None where it is taken back
     controller: ControllerFile | None = None  # as it is; None where it is not written
     data: bytes = b""  # of the controller's file, as they will be
+    simulated: bool = False  # the measurement; recorded to practise
 
     @property
     def changes(self) -> bool:
@@ -66,6 +67,7 @@ def apply(
             does not hold what it held when that was measured.
     """
     sha256, adds = given.measured.source.sha256, controller is None or controller.adds
+    simulated = given.measured.source.simulated
     machine = file.model.machine
     if controller is not None and controller.format not in machine.controller_formats:
         kind = "a LinuxCNC" if adds else "Klipper"
@@ -110,7 +112,17 @@ def apply(
     after = JointOffsets(*(p.new(decimals) for p in answer.parameters)) if adds else None
     entry = entry.changed(after=after, written=written)
     then = with_history(file, entry.after, *file.model.machine.history, entry)
-    return Application(file, entry, False, then, given.conditions, controller, data)
+    return Application(file, entry, False, then, given.conditions, controller, data, simulated)
+
+
+def check_measured(given: Input, file: StoredMachine | None = None) -> None:
+    """Raise UnusableResultError for simulated readings, unless the machine file is for practice."""
+    if given.measured.source.simulated and not (file and file.model.machine.practice):
+        raise UnusableResultError(
+            "These readings are simulated: they go into no controller, and only into a machine file"
+            " that was made for practice.",
+            "Measure the machine; or practise in another folder: orthocal machine new --practice",
+        )
 
 
 def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
@@ -127,7 +139,8 @@ def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
         return "nowhere"
     if file.model.machine.entered_from(given.measured.source.sha256):
         return "done"
-    with suppress(UsageError):
+    with suppress(UsageError, UnusableResultError):
+        check_measured(given, file)
         _check_recordable(given, file)
         return "due"
     return "nowhere"

@@ -10,7 +10,7 @@ from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
-from itertools import chain, pairwise, zip_longest
+from itertools import chain, compress, pairwise, zip_longest
 from pathlib import PurePath
 from typing import Literal
 
@@ -47,7 +47,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.validity import STEP_K
 from orthoglide_cal.schema import Reason, Schema, Sentence
-from orthoglide_cal.words import listed, signed
+from orthoglide_cal.words import counted, listed, signed
 
 PLAIN = 0.2  # readings that noise leaves so often are not searched for causes
 LOG_LASTING = math.log(0.03)  # log prior of a lasting cause
@@ -103,6 +103,7 @@ class History(Schema):
     schema_version: Literal[1] = 1
     machine: str
     kind: str
+    simulated: bool = Field(description="all sessions are; otherwise those that are were left out")
     dated: bool = Field(description="false: the order given counts")
     sessions: tuple[DatedSession, ...]
     verdict: Trend
@@ -318,7 +319,7 @@ def compare(
     """Compare the sessions of a machine.
 
     Args:
-        inputs: two or more sessions of it.
+        inputs: two or more sessions of it; simulated ones count only where no other is there.
         dates: of them, in the order given; () for what they say themselves.
         limit_mm: largest change that is allowed of a length; None for no limit.
 
@@ -326,11 +327,17 @@ def compare(
         UsageError: not one machine, or dates that do not fit.
         UnusableResultError: a session does not determine the parameters.
     """
-    if len(inputs) < 2:
-        raise UsageError("A history needs two sessions or more.", "Name files, or their folder.")
     if len(dates) not in (0, len(inputs)):
         what = f"There are {len(dates)} dates for {len(inputs)} sessions."
         raise UsageError(what, "Give --dates one date for each, in the order of the files.")
+    measured = [not given.measured.source.simulated for given in inputs]
+    notes = []
+    if 0 < sum(measured) < len(inputs):
+        notes.append(f"Left out: {counted(measured.count(False), 'simulated session')}.")
+        inputs, dates = [*compress(inputs, measured)], [*compress(dates, measured)]
+    if len(inputs) < 2:
+        what = " ".join(("A history needs two sessions or more.", *notes))
+        raise UsageError(what, "Name files, or their folder.")
     if limit_mm is not None and limit_mm <= 0.0:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     moments = [at for given, day in zip_longest(inputs, dates) if (at := moment_of(given, day))]
@@ -341,7 +348,7 @@ def compare(
         inputs, moments = [inputs[k] for k in order], [moments[k] for k in order]
         times = np.array([(moment - moments[0]) / timedelta(days=1) for moment in moments])
     machine = inputs[-1].model.machine
-    notes = [] if dated else ["Not every file has a date: the order given counts."]
+    notes += [] if dated else ["Not every file has a date: the order given counts."]
     notes += _one_machine([given.model for given in inputs])
     diagnosed = []
     for given in inputs:
@@ -404,6 +411,7 @@ def compare(
     return History(
         machine=machine.name,
         kind=machine.kind,
+        simulated=not any(measured),
         dated=dated,
         sessions=tuple(sessions),
         verdict=verdict,

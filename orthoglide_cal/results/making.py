@@ -450,6 +450,7 @@ def _check(
         first_joints_mm=joints[0],
         second_joints_mm=joints[1],
         ends=posture is not None,
+        gauge_mm=None if posture else 0.5 * machine.leg_length_mm,
         before_mm=row.measured_mm,
         expected_mm=row.expected_mm,
         # The promise is of as many readings as were taken before; the check is of two.
@@ -480,9 +481,11 @@ def _explanations(
 ) -> Iterator[Explanation]:
     """Those not dismissed; the parameters alone are those of the solution."""
     bound = DISMISSED * diagnosis.explanations[0].probability
+    # What is open is compared with the parameters alone, however improbable.
+    decided = diagnosis.verdict in (Verdict.CONSISTENT, Verdict.NAMED)
     for explanation in diagnosis.explanations:
         if not explanation.parameters and explanation.probability < (
-            WORTH_SAYING if explanation.sound else bound
+            WORTH_SAYING * decided if explanation.sound else bound
         ):
             continue
         if explanation.sound:
@@ -576,7 +579,13 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
 def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
     ids, sound = [cause.id for cause in diagnosis.causes], nothing_wrong(diagnosis.explanations)
     reasons = [
-        Reason.of("undecided", ids=ids, rivals=diagnosis.rivals, sound=sound is not None),
+        Reason.of(
+            "undecided",
+            ids=ids,
+            rivals=diagnosis.rivals,
+            sound=sound is not None,
+            unlisted=any(each.pattern for each in diagnosis.explanations),
+        )
     ]
     advice = [*map(_advice, diagnosis.causes)] or [Reason.of("more_readings")]
     if following is not None:

@@ -9,6 +9,7 @@ from pydantic import AwareDatetime, Field
 from orthoglide_cal import __version__
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
+from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.schema import Reason, Schema, Sentence
@@ -21,6 +22,7 @@ class UsedGauge(Schema):
 
     id: str
     certificate: str | None = None
+    expanded_mm: float | None = Field(None, description="U that its certificate states, 95 %")
     due: str | None = Field(None, description="day on which it is to be calibrated again")
     overdue: bool = Field(description="that day was past when it was used")
     resolution_mm: float | None = None
@@ -50,41 +52,40 @@ def validity(given: Input) -> Validity:
     owned = {gauge.id: gauge for gauge in reversed(machine.gauges)}
     gauges = []
     for gauge in conditions.gauges:
-        known = owned.get(gauge.id, gauge)
+        known = owned.get(gauge.id, OwnGauge(id=gauge.id))
         due = gauge.due or known.due or machine.report.gauge_due
         used, last = (day and datetime.fromisoformat(day).date() for day in (measured, due))
         gauges.append(
             UsedGauge(
                 id=gauge.id,
                 certificate=gauge.certificate or known.certificate,
+                expanded_mm=known.expanded_mm,
                 due=due,
                 overdue=bool(used and last and used > last),
                 resolution_mm=gauge.resolution_mm,
             )
         )
-    environment = dict(conditions.environment)
-    sources = (environment.get(name) or "" for name in ("readings_from", "source"))
     recorded = Validity(
         measured=measured,
         operator=conditions.operator,
         gauges=tuple(gauges),
         temperature_start_c=conditions.temperature_start_c,
         temperature_end_c=conditions.temperature_end_c,
-        simulated=any(source.startswith("simulated") for source in sources),
+        simulated=given.measured.source.simulated,
         reservations=(),
     )
     return recorded.changed(reservations=tuple(_reservations(given, recorded)))
 
 
 def _reservations(given: Input, conditions: Validity) -> Iterator[Reason]:
-    if conditions.simulated:
-        yield Reason.of("simulated")
     for gauge in conditions.gauges:
         if gauge.overdue:
             yield Reason.of("overdue_gauge", id=gauge.id, due=gauge.due)
     excerpt = given.measured.source.excerpt
     if excerpt and excerpt.stale:
         yield Reason.of("stale_mesh", text=excerpt.stale)
+    if excerpt and excerpt.lowers_mm:
+        yield Reason.of("nozzle_lower", mm=excerpt.lowers_mm)
     if excerpt and excerpt.unused:
         yield Reason.of("unused_data", text=excerpt.unused)
     known = given.conditions.temperatures_c
@@ -136,22 +137,21 @@ class Identity(Schema):
 def identify(
     inputs: Iterable[tuple[Source, Model]], *options: object, issued: datetime | None = None
 ) -> Identity:
-    """Identity of a result.
-
-    What was entered in the controller later changes no result: it is not part of the number.
+    """Identity of a result: another number for whatever a report shows otherwise.
 
     Args:
         inputs: each file, with the machine that it is judged by.
-        options: whatever else changes the result; their `str` distinguishes them.
+        options: whatever else changes the content; their `str` distinguishes them.
         issued: time of issue; now if None.
     """
     software = f"orthocal {__version__}"
     parts = [
         (
+            source.path,
             source.sha256,
             *([source.excerpt.data] if source.excerpt else []),
             *model.ruled_out,
-            {key: value for key, value in machine_values(model).items() if key != "history"},
+            machine_values(model),
         )
         for source, model in inputs
     ]

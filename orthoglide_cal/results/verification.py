@@ -28,7 +28,7 @@ from pydantic import Field, computed_field
 from scipy.linalg import block_diag
 from scipy.special import fdtrc
 
-from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
 from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
@@ -44,6 +44,7 @@ from orthoglide_cal.model.plan import Floats, ReadOnly, joined
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.answer import InputFile, Spread
+from orthoglide_cal.results.history import moment_of
 from orthoglide_cal.results.making import remainder, spread
 from orthoglide_cal.results.validity import Validity, compare_reservations, validity
 from orthoglide_cal.schema import Reason, Schema, Sentence
@@ -130,6 +131,7 @@ class ComparedDifference(Schema):
     promised_expanded_mm: float
     after_mm: float
     expanded_mm: float = Field(description="U of the value measured after")
+    outcome: Outcome | None = Field(None, description="by the rule; null where no limit was given")
 
 
 class Conformity(Schema):
@@ -141,6 +143,7 @@ class Conformity(Schema):
     largest_difference: str
     expanded_mm: float
     coverage_factor: float
+    passable: bool = Field(description="false: U is beyond the limit, so nothing can pass")
     rule: Sentence = Reason.of("guard_band")
 
 
@@ -158,6 +161,12 @@ class Verification(Schema):
     kind: str = Field(description="what is compared: readings, differences (six, ...) or heights")
     compared: int = Field(description="independent changes, or touches afterwards")
     kept: bool = Field(description="the correction worked as predicted")
+    apart_mm: float | None = Field(
+        default=None, description="of differences: r.m.s. of measured less predicted"
+    )
+    apart_expanded_mm: float | None = Field(
+        default=None, description="r.m.s. of the U of both together; beyond it not as predicted"
+    )
     moved: bool = Field(False, description="worse than before, although nothing was entered")
     reservations: tuple[Sentence, ...] = Field(description="what to know before relying on it")
     rms_before_mm: float
@@ -191,10 +200,16 @@ class Verification(Schema):
         default=None, description="of the machine as measured afterwards: its before_mm; reports"
     )
 
+    @computed_field(description="of one of the two, or both")
+    @property
+    def simulated(self) -> bool:
+        return self.before.validity.simulated or self.after.validity.simulated
+
     @property
     def failed(self) -> bool:
-        """True if a deviation is beyond the limit."""
-        return self.decision is not None and self.decision.outcome is Outcome.FAIL
+        """True if it is not as predicted, or a deviation is beyond the limit."""
+        beyond = self.decision is not None and self.decision.outcome is Outcome.FAIL
+        return beyond or not self.kept
 
     @property
     def options(self) -> tuple[object, ...]:
@@ -218,10 +233,15 @@ def verify(
         limit_mm: largest deviation allowed in any difference; None for no decision.
 
     Raises:
-        UsageError: different machines, nobody says what was applied or nothing was, an option
-            that says nothing of such data, or the two have nothing in common.
+        UsageError: the second was measured first, different machines, nobody says what was applied
+            or nothing was, an option that says nothing of such data, or the two have nothing in
+            common.
         RankDeficientError, NotConvergedError: one of them does not determine the parameters.
     """
+    if _swapped(before, after):
+        paths = [given.measured.source.path for given in (after, before)]
+        remedy = f"Name it first: {command('verify', *paths)}"
+        raise UsageError("{} was measured before {}.".format(*paths), remedy)
     # Heights are compared where no differences can be made of what was read.
     heights = [given.measured.kinds == (DataKind.READINGS,) for given in (before, after)]
     if all(heights):
@@ -250,14 +270,18 @@ def verify(
     later = pose(after.measured, model, table_kind(before.measured))
     shown = {difference.name for difference in later.which}
     promise = [row for row in first.promised(applied, right) if row.name in shown]
-    rows = _differences(promise, later)
+    rows = _differences(promise, later, limit_mm)
     as_left = spread({row.difference: row.after_mm for row in rows})
     response = _respond(shared, first.offsets_mm, applied)
+    apart = rms(np.array([row.after_mm - row.promised_mm for row in rows]))
+    both = rms(np.array([np.hypot(row.promised_expanded_mm, row.expanded_mm) for row in rows]))
     return Verification(
         **_common((before, after), (first, second), applied.tolist()),
         kind=shared.kind,
         compared=len(shared.change),
-        kept=response["answer"] is Behaviour.AS_MODELLED,
+        kept=response["answer"] is Behaviour.AS_MODELLED and apart <= both,
+        apart_mm=apart,
+        apart_expanded_mm=both,
         rms_before_mm=rms(np.array([row.before_mm for row in rows])),
         rms_promised_mm=rms(np.array([row.promised_mm for row in rows])),
         rms_after_mm=as_left.rms_mm,
@@ -272,14 +296,19 @@ def verify(
     )
 
 
+def _outcome(after_mm: float, expanded_mm: float, limit_mm: float) -> Outcome:
+    """Compare a deviation measured after the correction with the limit (ISO 14253-1)."""
+    if abs(after_mm) - expanded_mm > limit_mm:
+        return Outcome.FAIL
+    return Outcome.PASS if abs(after_mm) + expanded_mm <= limit_mm else Outcome.UNDECIDED
+
+
 def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
-    """Compare every deviation measured after the correction with the limit (ISO 14253-1)."""
+    """The limit is kept if each deviation keeps it."""
     largest = max(rows, key=lambda row: abs(row.after_mm))
-    outcome = Outcome.UNDECIDED
-    if any(abs(row.after_mm) - row.expanded_mm > limit_mm for row in rows):
-        outcome = Outcome.FAIL
-    elif all(abs(row.after_mm) + row.expanded_mm <= limit_mm for row in rows):
-        outcome = Outcome.PASS
+    outcomes = {row.outcome for row in rows}
+    order = Outcome.FAIL, Outcome.UNDECIDED, Outcome.PASS
+    outcome = next(each for each in order if each in outcomes)
     return Conformity(
         outcome=outcome,
         limit_mm=limit_mm,
@@ -287,6 +316,7 @@ def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
         largest_difference=largest.difference,
         expanded_mm=largest.expanded_mm,
         coverage_factor=half_width(np.inf),
+        passable=all(row.expanded_mm <= limit_mm for row in rows),
     )
 
 
@@ -412,7 +442,7 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
 
 
 def _differences(
-    promise: Sequence[PromisedDifference], later: Posed
+    promise: Sequence[PromisedDifference], later: Posed, limit_mm: float | None
 ) -> tuple[ComparedDifference, ...]:
     """The differences of Table 4 before, predicted and after; `later` holds at least those."""
     if not promise:
@@ -432,9 +462,27 @@ def _differences(
             promised_expanded_mm=row.expanded_mm,
             after_mm=measured[row.name][0],
             expanded_mm=measured[row.name][1],
+            outcome=None if limit_mm is None else _outcome(*measured[row.name], limit_mm),
         )
         for row in promise
     )
+
+
+def _swapped(before: Input, after: Input) -> bool:
+    """True if dates, or else what was entered and when, say that the second was measured first."""
+    earlier, later = map(moment_of, (before, after))
+    if earlier and later and earlier != later:
+        return earlier > later
+    if before.keeper is None:
+        return False
+    history = before.keeper.model.machine.history
+    digests = [entry.data_sha256 for entry in history]
+    first, second = (given.measured.source.sha256 for given in (before, after))
+    if second in digests:
+        return first not in digests or digests.index(second) < digests.index(first)
+    # With what was entered active in the first and not yet in the second.
+    held, then = (given.model.machine.active for given in (before, after))
+    return any((entry.before, entry.after) == (then, held) for entry in history if then != held)
 
 
 def _recorded(before: Input, after: Input) -> Floats:

@@ -19,7 +19,7 @@ from orthoglide_cal.words import counted
 POLL_S = 0.05  # the keyboard is awaited so long before the gauge is looked at again [s]
 RECONNECT_S = 0.5
 ANSWER_S = 1.5  # a gauge that is asked answers sooner [s]
-# A gauge that sends by itself sends the next message sooner: what is alone so long counts [s].
+# A line that nothing follows for so long is an answer: a gauge that sends by itself is faster [s].
 ALONE_S = 0.5
 WIDEST = 80
 # A button pressed twice, or bouncing, is over by then; reading the other dial takes longer [s].
@@ -168,7 +168,8 @@ class Asker:
             self._drop(line.text, line.ended, self._keys)
             pasted += not self._strict
         if pasted:
-            self._break_in(f"ignored: {counted(pasted, 'line')} typed too soon", Style.ASIDE)
+            lines = f"{counted(pasted, 'line')} typed before it was asked for"
+            self._break_in(f"ignored: {lines}", Style.ASIDE)
         if self.gauge is not None and self._lost_since is None:
             with suppress(GaugeLost):  # the next look reports it
                 for item in self.gauge.poll(asked=False):
@@ -282,9 +283,11 @@ class Asker:
         gone = source.ignore(at)
         if self._sending is source or source.unasked > STREAM:
             return
-        when = "before it was asked for" if gone is None else f"{gone:.2f} s after the last one"
+        when = "before it was asked for"
+        if gone is not None:
+            when = f"{gone:.2f} s after the last reading"
         what = visible(text.strip())[:24] or "Return"
-        self._break_in(f"ignored: {what} arrived {when}", Style.ASIDE)
+        self._break_in(f"ignored: {what} came {when}; if meant, give it again", Style.ASIDE)
 
     def _end_line(self) -> None:
         """Go on below the line of the prompt, if it is open."""

@@ -1,6 +1,6 @@
 """Live checks: is this reading what the readings before it, and the model, lead to expect?
 
-A reading is questioned when a reading as far off is as rare as one beyond LIMIT standard errors,
+A reading is questioned when its deviation is as improbable as one beyond LIMIT standard errors,
 and the question names the blunder that explains it best. Nothing is altered.
 """
 

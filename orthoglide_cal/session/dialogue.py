@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from orthoglide_cal.errors import InputError, system_words, visible
+from orthoglide_cal.errors import InputError, command, system_words, visible
 from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
 from orthoglide_cal.files.session_file import session_text
 from orthoglide_cal.files.text import write_text
@@ -39,7 +39,15 @@ if TYPE_CHECKING:
 UNLESS = "95 % if nothing else is wrong"
 WAIT_S = 0.3  # how often a machine that is followed is looked at
 
-_KEY = re.compile(r"(?P<key>[urnstqURNSTQ?])(?:\s+(?P<words>.+))?")
+# Keys as words, too.
+_KEYS = {
+    **{key: key for key in "urnstq?"},
+    **{"undo": "u", "back": "u", "retake": "r", "note": "n", "skip": "s", "help": "?"},
+    **dict.fromkeys(("quit", "exit"), "q"),
+}
+_KEY = re.compile(
+    rf"(?P<key>{'|'.join(map(re.escape, _KEYS))})(?:\s+(?P<words>.+))?", re.IGNORECASE
+)
 
 
 class Quit(Exception):
@@ -159,7 +167,12 @@ class Dialogue:
             ends = [at for at, event in enumerate(records, 1) if isinstance(event, events.Ended)]
             before = [ReadingsSoFar(replay(records[:at]), self.setting).session for at in ends]
             mine = there in [session_text(session).encode() for session in before]
-            write_text(self.path, text, overwrite=mine)
+            try:
+                write_text(self.path, text, overwrite=mine)
+            except InputError as error:
+                again = command("measure", str(self.path), options="--resume")
+                error.remedy += f" The readings are safe in the journal; then: {again}"
+                raise
         state, first = self.state, self.setting.first
         counts = f"{len(state.accepted)} readings"
         for number, word in ((len(state.replaced), "replaced"), (len(state.skipped), "skipped")):
@@ -246,7 +259,7 @@ class Dialogue:
             if not keyboard.live:
                 time.sleep(WAIT_S)
             elif (line := keyboard.read(WAIT_S)) is not None:
-                if line.text.strip().lower() == "q":
+                if _KEYS.get(line.text.strip().lower()) == "q":
                     raise Quit
                 return
 
@@ -262,8 +275,8 @@ class Dialogue:
             asked += f"\n  Or was step {number} wrong? r {number} reads both again."
         self.asker.say(asked, Style.QUESTION)
         moved = ", m the stand moved" if may_move else ""
-        hint = f", {self.asker.gauge.hint}" if self.asker.gauge else ""
-        prompt = f"{asked}\n{step.number}. k keep it{moved}, or read it again{hint} > "
+        hint = f" ({self.asker.gauge.hint})" if self.asker.gauge else ""
+        prompt = f"{asked}\n{step.number}. k keep{moved}, or read again{hint} > "
         answer = self.asker.ask(prompt, step, self.state.takes(step.number))
         word, _, why = answer.partition(" ") if isinstance(answer, str) else ("", "", "")
         word = word.lower()
@@ -276,7 +289,7 @@ class Dialogue:
             self._keep(pending)
         elif word == "m" and may_move:
             self._keep(pending, moved=True)
-        elif word == "u":
+        elif _KEYS.get(word or "") == "u":
             self.write(events.Answered(at=self.now(), keep=False))
         else:
             self._receive(answer, step)
@@ -291,9 +304,10 @@ class Dialogue:
         if isinstance(answer, Unasked):
             self._take_back(answer)
         text = _clean(answer) if isinstance(answer, str) else ""
-        if text == "q":
+        key = _KEYS.get(text.lower())
+        if key == "q":
             raise Quit
-        if text == "?":
+        if key == "?":
             self.asker.say("Type a few words; Return alone goes back; q saves and quits.")
             return self._words(prompt)
         return text
@@ -307,7 +321,7 @@ class Dialogue:
         elif isinstance(answer, Token):
             self._read(step, answer)
         elif (key := _KEY.fullmatch(answer)) is not None:
-            self._obey(key["key"].lower(), _clean(key["words"] or ""), step)
+            self._obey(_KEYS[key["key"].lower()], _clean(key["words"] or ""), step)
         elif not answer:
             self.asker.say("Type the reading, or ? for help.")
         else:
@@ -329,7 +343,7 @@ class Dialogue:
             self.write(events.Undone(at=self.now()))
             taken += 1
         if taken:
-            self.asker.say(f"{_are(taken)} taken back: the gauge sent that by itself.")
+            self.asker.say(f"{_are(taken)} taken back: it came with them.")
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
@@ -371,7 +385,9 @@ class Dialogue:
         self.write(asked)
         self.asker.rest(driving=False)
         near = 3.0 * readings.sigma_mm
-        if doubt is not Doubt.PLACE and any(abs(value - old) <= near for old in before):
+        # Read again it stays wrong: the plunger cannot reach it, or the machine stands elsewhere.
+        again = doubt not in (Doubt.PLACE, Doubt.RANGE)
+        if again and any(abs(value - old) <= near for old in before):
             self.asker.say("Read again, and the same: kept, with a note.")
             self._keep(asked)
 
@@ -463,8 +479,9 @@ class Dialogue:
                     f"Skipped: {why}" if why else "Not skipped: a reason in words is needed."
                 )
             case "t":
-                lines = [f"The last readings of {len(self.state.accepted)}:"]
-                for number, item in list(self.state.accepted.items())[-20:]:
+                last = list(self.state.accepted.items())[-20:]
+                lines = [f"The last {counted(len(last), 'reading')}:"]
+                for number, item in last:
                     take = item.take
                     name = step_name(self.setting.steps[number - 1])
                     kept = "  kept although questioned" if isinstance(take, Questioned) else ""

@@ -54,7 +54,8 @@ class Token(NamedTuple):
         unit = groups.get("unit")
         if _ERROR_CODES.fullmatch(digits):
             return cls(raw, channel=channel)
-        return cls(raw, float(digits), _UNITS[unit.lower()] if unit else None, channel)
+        # A reading of -0 is 0.
+        return cls(raw, float(digits) + 0.0, _UNITS[unit.lower()] if unit else None, channel)
 
     def mm(self, default: Unit) -> float | None:
         """The value in mm; `default` is its unit where the gauge gave none."""
@@ -391,7 +392,7 @@ class SimulatedGauge(LiveGauge):
     on from others, steps count from theirs on, and every part has its own zeros.
     """
 
-    hint = "press Return to read it"
+    hint = "press Return"
     reads_itself = True
 
     def __init__(self, setting: Setting, seed: int) -> None:

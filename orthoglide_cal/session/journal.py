@@ -17,7 +17,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.errors import InputError, UsageError, command
 from orthoglide_cal.files.text import write_text
 from orthoglide_cal.session.events import RECORD, Event, Opened
 from orthoglide_cal.system import SYSTEM
@@ -116,8 +116,8 @@ class Journal:
                     os.fsync(self._descriptor)
             raise InputError(
                 f"The last entry could not be saved: {error.strerror or error}.",
-                "All earlier entries are on the disk. Free some space, or plug the drive in again;"
-                " then continue with --resume.",
+                "The readings so far are safe. Free some space, or plug the drive in again; then:"
+                f" {command('measure', str(self.path.with_suffix('.yaml')), options='--resume')}",
                 file=str(self.path),
             ) from error
         self._size = self._file_size = self._size + len(line)
@@ -131,7 +131,7 @@ class Journal:
 def decode(data: bytes, path: str | Path) -> Journal:
     """The journal that these bytes are; it cannot be continued.
 
-    Raises InputError if it is none, or damaged before its last record.
+    Raises InputError if there is none, or it is damaged before its last record.
     """
     events: list[Event] = []
     checksum, size = 0, 0
@@ -161,15 +161,16 @@ def decode(data: bytes, path: str | Path) -> Journal:
 
 
 def _decode_line(line: bytes, checksum: int) -> tuple[Event, int]:
-    match = _LINE.fullmatch(line)
+    match, step = _LINE.fullmatch(line), re.search(rb'"step":([0-9]+)', line)
+    entry = f"the entry of step {int(step[1])}" if step else "an entry"
     if match is None:
-        raise ValueError("not a record")
+        raise ValueError(f"{entry} is cut off or altered")
     after = zlib.crc32(match[2], checksum)
     if match[1] != b"%08x" % after:
-        raise ValueError("the checksum does not match")
+        raise ValueError(f"{entry} does not match its checksum")
     try:
         return RECORD.validate_json(match[2]), after
     except ValidationError as error:
         fault = error.errors()[0]
         where = ".".join(map(str, fault["loc"]))
-        raise ValueError(f"{where or 'the record'}: {fault['msg'].lower()}") from error
+        raise ValueError(f"{where or entry} is not as this version writes it") from error

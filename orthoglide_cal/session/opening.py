@@ -7,6 +7,7 @@ import os
 import re
 import secrets
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import chain, count
@@ -17,6 +18,7 @@ import numpy as np
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.readings import doubted_temperatures
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
@@ -39,10 +41,10 @@ from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Show, Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.gauges import LiveGauge, SerialGauge, SimulatedGauge
-from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.session.journal import Journal, decode
 from orthoglide_cal.session.keyboard import Keyboard
 from orthoglide_cal.session.readings import PriorReadings, Setting
-from orthoglide_cal.words import Unit
+from orthoglide_cal.words import Unit, counted
 
 TYPED, SIMULATED = "typed", "simulated"
 JOURNAL = ".journal"
@@ -134,6 +136,8 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
 def _check_options(request: Request) -> None:
     """Raises UsageError if what is asked for does not go together."""
     path, following = request.path, request.following
+    for doubt in doubted_temperatures([request.temperature_c]):
+        raise UsageError(doubt, "Correct it, or leave it out.")
     if following is None:
         if request.choice is not None:
             raise UsageError("--choice needs a recommendation.", "Name its data: --then FILE")
@@ -179,8 +183,8 @@ def _confirmed(
             plan, following, change = recommended.measured_with(model.orthoglide.offsets_mm)
         careful = require_on_bar(plan, model.orthoglide)
         asker.say(wording.machine(model))
-        if careful:
-            asker.say(str(careful), Style.BAD)
+        for doubt in filter(None, (careful, *model.machine.instrument.implausible())):
+            asker.say(str(doubt), Style.BAD)
         if change:
             asker.say(change, Style.BAD)
         if following:
@@ -464,6 +468,40 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
         what = f"{journal} holds a session that is not finished."
         raise UsageError(what, f"Continue it: {command('measure', str(path), options='--resume')}")
     return path
+
+
+def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -> str | None:
+    """Give up an unfinished session if its operator `agrees`; the name that its journal has then.
+
+    Raises UsageError: there is none, it is finished, or in use; InputError: it cannot be renamed.
+    """
+    path = session_file(given, folder, resume=True)
+    journal, readings = path.with_suffix(JOURNAL), "readings, but is damaged"
+    if path.exists() or not journal.exists():
+        what = f"There is no unfinished session {path}: nothing is given up."
+        raise UsageError(what, "See what lies here: orthocal")
+    with suppress(InputError):
+        opened = Journal.resume(journal)
+        readings = counted(len(events.replay(opened.events).accepted), "reading")
+        opened.close()
+    names = chain((path.stem,), (f"{path.stem}-{number}" for number in count(2)))
+    aside = next(p for name in names if not (p := path.with_name(f"{name}.discarded")).exists())
+    fate = f"It will be kept as {aside}, not to be resumed.\nGive it up?"
+    if not agrees(f"{journal} holds {readings}. {fate}"):
+        return None
+    try:
+        journal.rename(aside)
+    except OSError as error:
+        what = f"{journal} cannot be renamed: {error.strerror}."
+        raise InputError(what, "Check the folder and its permissions.") from error
+    return str(aside)
+
+
+def is_practice(journal: Path) -> bool:
+    """True if an unfinished session reads a simulated machine; False if it cannot be read."""
+    with suppress(OrthocalError, OSError):
+        return events.replay(decode(journal.read_bytes(), journal).events).opened.seed is not None
+    return False
 
 
 def unfinished(folder: Path) -> list[Path]:

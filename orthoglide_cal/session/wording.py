@@ -10,7 +10,7 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Contact, other_axes
 from orthoglide_cal.planning.steps import SessionStep, posture_name
 from orthoglide_cal.session.readings import Setting
-from orthoglide_cal.words import MM_PER_INCH, Unit
+from orthoglide_cal.words import MM_PER_INCH, Unit, plain, typed
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -25,12 +25,13 @@ A reading that looks wrong is questioned once:
   k            keep it anyway
   m            the stand did move: keep it, with a new zero from here on
   or give the reading again.
+The words undo, retake, note, skip, quit and help do the same.
 Every accepted reading is on the disk before the next prompt."""
 
 STREAM = """\
-The gauge sends by itself: none of it is recorded. Switch off its
-continuous output (also: AUTO, STREAM, INTERVAL), so that it sends when its
-button is pressed; then press once."""
+Many readings at once: a gauge that sends by itself, or pasted lines. None of
+it is recorded. Switch off the gauge's continuous output (also: AUTO, STREAM,
+INTERVAL), so that it sends when its button is pressed; type one at a time."""
 
 
 def machine(model: Model) -> str:
@@ -100,7 +101,8 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
         # A gauge on the + side reads more when the leg is pushed towards +.
         places = ", ".join(f"{name} on the +{name} side" for name in names)
         words += [
-            f"1. Drive to the isotropic posture. Stand{s} on the base, not on a moving part.",
+            "1. Drive to the isotropic posture: each leg lies along its own axis.",
+            f"   Put the stand{s} on the base, not on a moving part.",
             f"2. Plunger{s} on leg {leg}, {half}{place}, square to the leg.",
             f"3. Gauge {places}: leg pushed to + must read more.",
             f"4. The leg stays under the plunger{s} from {min(moved):+g} to {max(moved):+g} mm."
@@ -158,8 +160,8 @@ def duration(minutes: float) -> str:
 
 
 def value_text(value_mm: float, unit: Unit, sign: str = "+") -> str:
-    """A reading in a unit: "+0.127 mm", "+0.0050 in (+0.127 mm)"; `sign` as in a format."""
-    metric = f"{value_mm:{sign}.3f} mm"
+    """A reading in a unit: "+0.127 mm", "+0.0050 in (+0.127 mm)"; without `sign` a size."""
+    metric = f"{typed(value_mm, 3) if sign else plain(value_mm, 3)} mm"
     if unit is Unit.MM:
         return metric
     inches = f"{value_mm / MM_PER_INCH:{sign}.5f}"  # no dial divides an inch more finely

@@ -7,6 +7,7 @@ Every system has the same functions; which are there the type checker sees at ea
                               OSError if it is locked
     publish(temporary, path)  give a finished file its name; raises FileExistsError if another file
                               has it
+    keep_owner(path, other)   give another file its owner and group; raises OSError if nobody may
     sync_folder(folder)       make new names in a folder survive a power loss, as far as the system
                               can
 """

@@ -107,6 +107,16 @@ def publish(temporary: Path, path: Path) -> None:
         temporary.rename(path)
 
 
+def keep_owner(path: Path, other: Path) -> None:
+    """See `chosen`."""
+    wanted, stands = path.stat(), other.stat()
+    if (wanted.st_uid, wanted.st_gid) != (stands.st_uid, stands.st_gid):
+        try:
+            os.chown(other, wanted.st_uid, wanted.st_gid)
+        except PermissionError as error:
+            raise PermissionError(error.errno, "it belongs to another user or group") from error
+
+
 def sync_folder(folder: Path) -> None:
     """See `chosen`."""
     with suppress(OSError):

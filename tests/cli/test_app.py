@@ -143,12 +143,25 @@ def test_every_error_has_its_code_and_with_json_is_an_object(
         "measure --until nan",
         "machine new --leg-length nan --yes",
         "plan --target nan",
+        "measure --temperature 20F",
+        "measure --cycles 3.5",
+        "simulate --gauge-at 1.2",
     ],
 )
 def test_options_are_plain_numbers(command: str) -> None:
     said = refused(2, *worded(command))
-    assert "cannot be" in said
+    assert "Input should" not in said
+    assert "number" in said or "unit" in said
     assert any(name in said for name in command.split() if name.startswith("--"))
+
+
+@pytest.mark.parametrize("typed", ["0,1 -0,254 0", "0.1mm -0.01in 0", "100um \u22120.254 0.0cm"])
+def test_options_take_commas_and_units_as_a_session_does(typed: str) -> None:
+    plain, told = (
+        run("simulate", "--seed", "1", "--offsets", *offsets.split())
+        for offsets in ("0.1 -0.254 0", typed)
+    )
+    assert (told.exit_code, told.stdout) == (0, plain.stdout)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")

@@ -37,6 +37,12 @@ def applied() -> None:
     done("apply", "before.csv", "--yes")
 
 
+def to_practise() -> None:
+    """Simulated sessions may be recorded in the machine file."""
+    text = Path("machine.yaml").read_text(encoding="utf-8")
+    Path("machine.yaml").write_text(f"{text}practice: true\n", encoding="utf-8")
+
+
 def measured_again(moved: float = 0.0) -> None:
     """The same machine, corrected by what its controller holds, its axes moved since [mm]."""
     left = replace(FIRST, offsets=FIRST.offsets + moved - active())
@@ -73,6 +79,8 @@ def test_new_values_are_absolute_and_nobody_says_what_was_applied() -> None:
         assert joint["enter"] == pytest.approx(FIRST.offsets[k], abs=0.01)
         assert abs(parameters(solved)[axis]["found"]) < 0.01
     verified = answer("verify", "before.csv", "after.csv")
+    said = refused(2, "verify", "after.csv", "before.csv")
+    assert said.endswith("Name it first: orthocal verify before.csv after.csv")
     np.testing.assert_allclose(list(verified["applied_mm"].values()), active(), atol=1e-9)
     assert verified["answer"] == "as modelled"
     again = answer("verify", "before.csv", "after.csv", "--applied", *map(str, active()))
@@ -127,6 +135,7 @@ def test_what_is_refused_changes_nothing(arguments: str, code: int, words: str) 
 @pytest.mark.parametrize(("started", "code"), [(None, 2), ("2000", 2), ("2999", 0)])
 def test_a_session_from_before_the_last_entry_is_refused(started: str | None, code: int) -> None:
     """Measured with other offsets in the controller; nothing newer is overwritten."""
+    to_practise()
     run("simulate", "--offsets", "0.3", "0", "0", "--seed", "3", "--output", "old.yaml")
     applied()
     entered = machine_file()
@@ -140,11 +149,11 @@ def test_a_session_from_before_the_last_entry_is_refused(started: str | None, co
 
 
 def test_a_session_of_another_machine_is_refused() -> None:
+    simulated_session()
     other = str(shipped_folder() / "orthoglide_prototype.yaml")
     run("simulate", "--seed", "3", "--machine", other, "--output", "other.yaml")
     assert "name, leg_length_mm" in refused(2, "apply", "other.yaml", "--yes")
     # Naming another machine's file does not make a session that machine's.
-    simulated_session()
     text = Path("machine.yaml").read_text(encoding="utf-8")
     changed = text.replace(f"leg_length_mm: {truth.LARGE.leg}", "leg_length_mm: 421.5")
     Path("machine.yaml").write_text(changed, encoding="utf-8")
@@ -172,14 +181,15 @@ def test_offsets_changed_by_hand_are_not_taken_back() -> None:
 
 def test_sessions_say_themselves_what_was_active() -> None:
     """Of two sessions, and with the machine file's offsets changed since."""
+    to_practise()
     run("simulate", "--offsets", "0.4", "0", "0", "--seed", "1", "--output", "one.yaml")
     done("apply", "one.yaml", "--yes")
     entered = active()
     left = np.array([0.4, 0.0, 0.0]) - entered
     run("simulate", "--offsets", *map(str, left), "--seed", "2", "--output", "two.yaml")
     run("apply", "--undo", "--yes")
-    exported = answer("export", "two.yaml", "--machine", "machine.yaml")
-    assert parameters(exported)["x"]["active"] == entered[0]
+    solved = answer("solve", "two.yaml", "--machine", "machine.yaml")
+    assert parameters(solved)["x"]["active"] == entered[0]
     verified = answer("verify", "one.yaml", "two.yaml")
     assert verified["applied_mm"]["x"] == pytest.approx(entered[0], abs=1e-9)
     # They need no machine file: nothing that lies around may stop them.
@@ -188,7 +198,8 @@ def test_sessions_say_themselves_what_was_active() -> None:
 
 
 def simulated_session() -> None:
-    """s.yaml, as `measure --gauge simulated --seed 4` leaves one."""
+    """s.yaml, as `measure --gauge simulated --seed 4` leaves one, to be recorded for practice."""
+    to_practise()
     done("simulate", "--offsets", "1", "-0.8", "0.6", "--seed", "3", "-o", "s.yaml")
     content = yaml.safe_load(Path("s.yaml").read_text(encoding="utf-8"))
     content["environment"] = {**(content.get("environment") or {}), "seed": "4"}

@@ -17,7 +17,7 @@ from tests.files.test_controller_file import CFG, INI
 from tests.linuxcnc import LinuxCnc, missing
 
 from .program import FIRST, answer, done, refused, run, words
-from .test_apply import history
+from .test_apply import history, to_practise
 
 PROGRAM = (sys.executable, "-m", "orthoglide_cal", "apply", "--to", "mill.ini", "--yes")
 
@@ -188,3 +188,32 @@ def test_a_real_linuxcnc_moves_by_what_was_promised() -> None:
             assert "homing" not in told.stdout + told.stderr
             done("apply", "--undo", "--to", str(path), "--yes")
             assert machine.home() == pytest.approx(before, abs=2e-5)
+
+
+@pytest.mark.parametrize("form", ["csv", "yaml"])
+def test_what_was_simulated_reaches_no_machine(form: str) -> None:
+    """Nor does a file of which one row was, with whatever option; a file for practice takes it."""
+    name, before = f"s.{form}", Path("machine.yaml").read_bytes()
+    done("simulate", "--offsets", "1", "-0.8", "0.6", "--seed", "3", "-o", name)
+    rows = Path(name).read_text(encoding="utf-8")
+    one_only = rows.replace("yes", "", rows.count("yes") - 1)
+    if form == "yaml":
+        one_only = rows.replace("simulated, seed", "seed").replace(", simulated: 'yes'", "", 59)
+    assert "yes" in one_only
+    Path("mixed.csv").write_text(one_only, encoding="utf-8")
+    Path("mill.ini").write_text(INI, encoding="utf-8")
+    for file in (name, "mixed.csv"):
+        solved = run("solve", file).stdout
+        assert solved.startswith("SIMULATED: no machine was measured.\n✔ The offsets may be")
+        assert "orthocal apply" not in solved
+        assert answer("solve", file)["simulated"] is True
+        for more in ((), ("--force",), ("--format", "table", "--force")):
+            assert "are simulated" in refused(4, "export", file, *more)
+        assert "are simulated" in refused(4, "apply", file, "--yes")
+        assert "are simulated" in refused(4, "apply", file, "--yes", "--to", "mill.ini")
+    assert Path("machine.yaml").read_bytes() == before
+    to_practise()
+    assert "are simulated" in refused(4, "apply", name, "--yes", "--to", "mill.ini")
+    assert Path("mill.ini").read_text(encoding="utf-8") == INI
+    assert done("apply", name, "--yes").startswith("SIMULATED")
+    assert len(history()) == 1

@@ -112,3 +112,18 @@ def test_what_is_refused():
     assert "1 dates for 2" in refused(2, "history", DOUBLE, SESSION, "--dates", "2026-03-02")
     assert "no date" in refused(2, "history", DOUBLE, SESSION, "--dates", "2026-03-02,may")
     assert "greater than zero" in refused(2, "history", DOUBLE, SESSION, "--limit", "0")
+
+
+def test_what_was_simulated_is_no_history():
+    for number in (1, 2, 3):
+        done("simulate", "--seed", str(number), "-o", f"s{number}.csv")
+    dates = ("--dates", "2026-03-02,2026-03-03,2026-04-01,2026-05-01")
+    marked = Path("s3.csv").read_text(encoding="utf-8")
+    for number in (3, 4):
+        Path(f"m{number}.csv").write_text(marked.replace("yes", ""), encoding="utf-8")
+    shown = words(done("history", "s1.csv", "s2.csv", "m3.csv", "m4.csv", *dates))
+    assert "Unchanged in 2 sessions, 2026-04-01 to 2026-05-01" in shown
+    assert "Left out: 2 simulated sessions." in shown
+    assert done("history", "s1.csv", "s2.csv").startswith("SIMULATED")
+    assert answer("history", "s1.csv", "s2.csv")["simulated"] is True
+    assert "Left out: 1 simulated session." in refused(2, "history", "s1.csv", "m3.csv")

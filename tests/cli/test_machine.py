@@ -1,5 +1,6 @@
 """`orthocal machine` and `template`: files that the program itself reads; the folder's machine."""
 
+import contextlib
 import re
 from pathlib import Path
 
@@ -8,8 +9,10 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import default_machine, new_machine, read_machine_file
 from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.session.journal import Journal, decode
 from tests.printers import CONFIG
 from tests.session.terminal import Terminal
+from tests.session.virtual import opened, taken
 
 from .program import SESSION, SIX, answer, done, refused, run
 
@@ -90,7 +93,7 @@ def test_an_existing_file_and_a_script_without_yes() -> None:
     [
         (("--leg-length", "1e4", "--limits", "-2e4", "5"), "beyond the leg's length"),
         (("--resolution", "1e-30"), "at least 1e-06"),
-        (("--leg-length", "nan"), "--leg-length cannot be nan"),
+        (("--leg-length", "nan"), "'--leg-length': 'nan'"),
         (("--kind", "crane"), "kind of machine is not known"),
         (("--name", ""), "empty"),
         (("--tolerance", "axis_gap"), "--tolerance axis_gap: "),
@@ -133,9 +136,11 @@ def test_a_template_is_a_file_that_the_program_takes(kind: str) -> None:
 
 def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
     assert "orthocal machine new" in done()
-    run("machine", "new", "--name", "Mill 3", "--yes")
+    run("machine", "new", "--name", "Mill 3", "--yes", "--practice")
+    plain = Path("machine.yaml").read_text().replace("practice: true\n", "")
     assert "Mill 3" in done()
     assert "orthocal machine new" not in done()
+    assert "orthocal measure practice.yaml --gauge simulated" in done()
     Path("begun.journal").write_text("")
     assert "orthocal measure begun.yaml --resume" in done()
     Path("begun.journal").unlink()
@@ -144,6 +149,24 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
     done("apply", "one.yaml", "--yes")
     assert "orthocal measure\n" in done()
     assert "orthocal apply" not in done()
+    # What is practised does not hold up what was measured.
+    real = Path("one.yaml").read_text().replace("simulated, seed", "bench")
+    real = real.replace(", simulated: 'yes'", "")
+    Path("real").mkdir()
+    with contextlib.chdir("real"):
+        Path("one.yaml").write_text(real)
+        Path("machine.yaml").write_text(plain)
+        done("apply", "one.yaml", "--yes")
+        begun = opened(source=("simulated",), seed=1)
+        Journal.create(Path("practice.journal"), begun, taken(1, 0.1)).close()
+        first, second, third = re.findall("orthocal .*(?=\n)", done().partition("Next")[2])
+        assert first == "orthocal measure after.yaml"
+        assert second == "orthocal measure practice.yaml --resume"
+        assert third == "orthocal measure practice.yaml --discard"
+        assert "asks before" in refused(2, *third.split()[1:])
+        assert run(*third.split()[1:], "--yes").stderr == "Given up; kept as practice.discarded.\n"
+        assert len(decode(Path("practice.discarded").read_bytes(), "j").events) == 2
+        assert "no unfinished session" in refused(2, *third.split()[1:], "--yes")
     run("simulate", "--seed", "2", "--output", "two.yaml")
     assert "orthocal verify one.yaml two.yaml" in done()
     Path("second.yaml").write_text(Path("machine.yaml").read_text())
@@ -151,7 +174,8 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
 
 
 def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
-    answers = ("Mill 3", "abc", "-5", "620,5", "", "", "-100", "-700 20", "-150 90", *[""] * 6)
+    wrong = ("Mill 2", "<", "Mill 3", "abc", "-5", "620,5 mm")
+    answers = (*wrong, "", "", "-100", "-700 20", "-150 90", *[""] * 6)
     with Terminal(tmp_path, command=("machine", "new"), agreed=False) as terminal:
         for answer in answers:
             terminal.expect(r"\]: $")
@@ -163,7 +187,7 @@ def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
     assert "[-200 120]" in terminal.seen  # offered, as they follow from the leg, too
     for words in ("This is not a number.", "greater than zero", "beyond the leg's length"):
         assert words in " ".join(terminal.seen.split())
-    assert terminal.seen.count("L, length of a leg") == 3
+    assert terminal.seen.count("L, length of a leg") == 4
     assert "workspace_mm" not in terminal.seen
 
 

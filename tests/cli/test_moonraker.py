@@ -1,5 +1,9 @@
 """A printer behind a Moonraker server: read, written, restarted; and servers that are none."""
 
+import socket
+import threading
+import time
+from contextlib import suppress
 from dataclasses import replace
 from http.server import BaseHTTPRequestHandler
 from pathlib import Path
@@ -172,3 +176,24 @@ def test_how_the_nozzle_moves_is_said_before_it_is_entered() -> None:
     said = done("apply", "printer.cfg", "--to", "printer.cfg", "--yes")
     assert stands in words(said)
     assert words(said).index(stands) < words(said).index("1. Restart the firmware")
+
+
+def test_a_server_that_never_comes_to_an_end_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A byte now and then, in the head or in the body: there is always something to wait for."""
+    monkeypatch.setattr("orthoglide_cal.files.moonraker.WHOLE_S", 0.3)
+    for beginning in (b"", b"HTTP/1.0 200 OK\r\n\r\n"):
+        with socket.create_server(("127.0.0.1", 0)) as server:
+
+            def drip(server: socket.socket = server, beginning: bytes = beginning) -> None:
+                connection, _ = server.accept()
+                with connection, suppress(OSError):
+                    connection.sendall(beginning)
+                    for _ in range(100):
+                        connection.sendall(b"x")
+                        time.sleep(0.05)
+
+            threading.Thread(target=drip, daemon=True).start()
+            begun = time.monotonic()
+            said = refused(3, "solve", f"http://127.0.0.1:{server.getsockname()[1]}")
+            assert "no answer in time" in said
+            assert time.monotonic() - begun < 3.0

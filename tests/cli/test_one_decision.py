@@ -68,7 +68,7 @@ FILES: dict[str, tuple[Callable[[Path], None], str, bool, str]] = {
     "steady.yaml": (lambda path: write(replace(session(TRUE, 3), value=np.full(60, 0.12)), NOMINAL,
                                        path), "bad", True, "gauge_doubt"),
     "calibrated.yaml": (calibrated, "good", False, ""),
-    "printer.cfg": (printer(OFF), "good", True, ""),
+    "printer.cfg": (printer(OFF), "warn", True, "nozzle_lower"),
     "leaning.cfg": (printer(LEANING), "warn", True, "other_data"),
     "right.cfg": (printer(Truth()), "good", False, ""),
 }  # fmt: skip

@@ -413,7 +413,7 @@ def test_the_report_is_written_whole() -> None:
         ("export right.csv --format klipper", ("Nothing to enter",), ()),
         # One spare reading: any cause fits it, and that nothing is wrong is likelier than each.
         ("diagnose seven.csv",
-         ("Undecided: nothing wrong (", "so few readings nearly anything fits",
+         ("Undecided: nothing wrong (", "so few readings, nearly any cause fits",
           "1. Probe more places"), ("Likeliest", "Something is wrong")),
         ("solve seven.csv", ("or from a sound machine",), ()),
         # Without a touch to spare the model is not said to fit.
@@ -449,7 +449,7 @@ def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
     assert all(abs(each["found"]) < 0.7 * each["expanded"] for each in solved["parameters"])
     assert not solved["release"]["settled"]
     planned = page("plan", "tilted.csv", *MACHINE)
-    assert planned.index("To reduce U: about") < planned.index(" Next ")
+    assert planned.index("no further probe readings lower U") < planned.index(" Next ")
     assert "telling: " not in planned.partition(" Next ")[0]
 
 
@@ -528,14 +528,17 @@ def test_a_report_judges_the_data_selected_and_shows_the_others() -> None:
     for data, other in (("calibration", "mesh"), ("mesh", "calibration")):
         assert both[data]["answer"]["input"]["data"] == data
         assert [each["input"]["data"] for each in both[data]["others"]] == [other]
-    assert both["calibration"]["answer"]["release"]["codes"] == ["other_data"]
+    codes = ["other_data", "nozzle_lower"]
+    assert both["calibration"]["answer"]["release"]["codes"] == codes
     whole = answer("report", "printer.cfg")
     assert whole["answer"] == both["calibration"]["answer"]
     assert len({each["identity"]["number"] for each in both.values()}) == 2
     shown = run("report", "printer.cfg")
     assert shown.exit_code == 0
     first, _, rest = shown.stdout.partition("Also judged: ")
-    assert "! The parameters may be entered, with care" in first
+    # What would crash into the bed stands first.
+    assert "! Entering this lowers the nozzle by" in first
+    assert "The parameters may be entered, with care." in first
     assert "points of a mesh" in rest
     assert "orthocal report printer.cfg --data mesh" in rest
 
@@ -559,7 +562,8 @@ def test_other_data_that_are_refused_are_a_caution_on_every_screen(
         shown = words(done(verb, "printer.cfg"))
         assert "The mesh in the same file was not used. " in shown, verb
         assert said in shown, verb
-    assert answer("solve", "printer.cfg")["release"]["codes"] == ["unused_data"]
+    codes = ["nozzle_lower", "unused_data"]
+    assert answer("solve", "printer.cfg")["release"]["codes"] == codes
     assert said in refused(3, "solve", "printer.cfg", "--data", "mesh")
 
 
@@ -577,7 +581,7 @@ def test_other_data_that_contradict_hold_the_release() -> None:
     calibration = kept[kept.index("#*# [delta_calibrate]") : parts[0]]
     Path("printer.cfg").write_text(mesh + calibration)
     release = answer("solve", "printer.cfg")["release"]
-    assert (release["usable"], release["codes"]) == (True, ["other_data"])
+    assert (release["usable"], release["codes"]) == (True, ["other_data", "nozzle_lower"])
     release = answer("solve", "printer.cfg", "--data", "mesh")["release"]
     assert "stale_mesh" in release["codes"] or not release["usable"]
 

@@ -160,10 +160,12 @@ def test_the_sample_sessions_are_what_their_readme_says(tmp_path: Path) -> None:
     for file in (DOUBLE, SINGLE):
         texts = ((tmp_path / Path(file).name).read_text("utf-8"), Path(file).read_text("utf-8"))
         made, kept = (list(csv.DictReader(text.splitlines())) for text in texts)
+        assert [row.pop("simulated") for row in made] == ["yes"] * len(kept)
         assert made == kept
     made, kept = (
         yaml.safe_load(Path(file).read_text()) for file in (tmp_path / "session.yaml", SESSION)
     )
+    assert [row.pop("simulated") for row in made["readings"]] == ["yes"] * 60
     assert made["readings"] == kept["readings"]
 
 

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import re
 import shlex
 from pathlib import Path
 
@@ -11,7 +12,18 @@ import pytest
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine, machine_text
 from orthoglide_cal.results import Answer
-from tests.cli.program import DOUBLE, SESSION, SINGLE, SIX, answer, lines, process, refused, run
+from tests.cli.program import (
+    DOUBLE,
+    SAMPLES,
+    SESSION,
+    SINGLE,
+    SIX,
+    answer,
+    lines,
+    process,
+    refused,
+    run,
+)
 
 
 @pytest.mark.parametrize("file", [SIX, DOUBLE, SINGLE, SESSION])
@@ -91,9 +103,31 @@ def test_text_shows_the_papers_table_4() -> None:
     assert shown[at].split()[2:] == names
     measured, expected = shown[at + 1].split(), shown[at + 2].split()
     assert " ".join(measured[1:]) == "−0.43 −0.37 +0.42 −0.18 −1.14 −0.70 0.62"
-    assert expected[:3] == ["would", "be", "left"]
-    assert " ".join(expected[3:]) == "−0.28 +0.25 +0.21 −0.14 −0.13 +0.09 0.20"
+    assert expected[:2] == ["if", "entered"]
+    assert " ".join(expected[2:]) == "−0.28 +0.25 +0.21 −0.14 −0.13 +0.09 0.20"
     assert "0.6219 mm r.m.s. before, 0.1953 after" in shown[at + 4]
+
+
+@pytest.mark.parametrize(
+    ("number", "printed"),
+    [
+        (1, "+2.17 +1.69 −1.42, 1.188 → 0.745"),
+        (2, "−0.53 +0.59 −1.76, 0.622 → 0.195"),
+        (3, "+0.07 +0.14 0.00, 0.213 → 0.205"),
+    ],
+)
+def test_what_is_refused_shows_the_papers_numbers_too(number: int, printed: str) -> None:
+    """Offsets of Table 5 to a unit of the last digit: the paper's own were rounded on the way."""
+    shown = run("solve", str(SAMPLES / f"experiment{number}.csv")).stdout
+    line = next(line for line in shown.splitlines() if "As in the paper" in line)
+    told, paper = (
+        [float(value) for value in re.findall(r"[-+]?\d\.\d+", text.replace("−", "-"))]
+        for text in (line, printed)
+    )
+    assert told == pytest.approx(paper, abs=0.0101)
+    assert told[3:] == paper[3:]
+    assert "measured" in shown
+    assert "if entered" in shown
 
 
 def test_text_puts_the_sigmas_side_by_side() -> None:

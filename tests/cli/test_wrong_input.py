@@ -180,9 +180,36 @@ def test_the_end_of_measure_is_one_screen(tmp_path: Path, protocol: str, kept: b
 def test_where_nothing_is_determined_no_table_is_empty(words: str, code: int) -> None:
     """One number is of another place. Nor does a history follow such a session."""
     wild = ("--cycles", "1", "--seed", "1", "--cause", "misread@20=-123")
-    done("simulate", *wild, "-o", "wild.csv")
+    made = done("simulate", *wild)
+    Path("wild.csv").write_text(made.replace("yes", ""), encoding="utf-8")
     result = run(*(word.format("wild.csv", six=SIX) for word in words.split()))
     assert result.exit_code == code, result.output
     told = "wild.csv: The offsets would be" if "history" in words else "There is no result"
     assert told in result.output
     assert "r.m.s." not in result.output
+
+
+def test_equal_faults_are_one_and_a_screen_holds_all_kinds(tmp_path: Path) -> None:
+    table = Path(DOUBLE).read_text(encoding="utf-8").replace("0.", "0:")
+    Path("colons.csv").write_text(table, encoding="utf-8")
+    cells = [cell for line in table.splitlines()[1:] for cell in line.split(",")]
+    count = sum("0:" in cell for cell in cells)
+    said = refused(3, "solve", "colons.csv")
+    assert said.count("This is not a number.") == 1
+    assert said.endswith(f"The first of {count} such faults; also in minutes.")
+
+    kinds = (
+        "schema_version: 7",
+        "tool_offset_mm: -1",
+        "joint_limits_mm: 3",
+        "workspace_mm: much",
+        "offsets_mm: []",
+        "history: 1",
+        "identified: 2",
+        "gauge: 3",
+        *(f"key_{k}: 1" for k in range(9)),
+    )
+    Path("keys.yaml").write_text("\n".join(kinds), encoding="utf-8")
+    shown = run("validate", "keys.yaml").stdout.splitlines()
+    assert len(shown) <= 20
+    assert "other faults" in shown[-1]

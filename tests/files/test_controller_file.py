@@ -71,6 +71,13 @@ def test_values_are_in_the_order_of_the_joints(tmp_path: Path) -> None:
     assert texts == ["0.500", "-12.25", "0"]
 
 
+def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+    path = tmp_path / "mill.ini"
+    path.write_text(INI.replace("-12.25", "999999"), encoding="utf-8")
+    with pytest.raises(UsageError, match=r"HOME_OFFSET would become 1000000\.361"):
+        controller_file(str(path)).changed({"y": 1.361}, 3)
+
+
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
 @pytest.mark.parametrize("encoding", ["utf-8", "latin-1"])
 @pytest.mark.parametrize(("unit", "factor"), [("mm", 1.0), ("inch", 25.4), ("Imperial", 25.4)])

@@ -377,3 +377,9 @@ def test_readings_that_were_replaced_are_checked_for_it_too(tmp_path):
     path.write_text(path.read_text().replace(", reason:", " 0, reason:"))
     (problem,) = check_file(str(path))[0].problems
     assert "Three numbers are needed" in problem.what
+
+
+def test_one_simulated_row_marks_all_that_is_made_of_the_file(tmp_path):
+    read = readings(tmp_path, f"{HEAD},simulated\nx,iso,y,1,\nx,max,y,2,Yes\n")
+    assert read.source.simulated
+    assert readings_csv(read).count("yes") == 2

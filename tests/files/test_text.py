@@ -108,3 +108,34 @@ def test_a_file_system_without_links(tmp_path, monkeypatch):
     with pytest.raises(UsageError):
         write_text(tmp_path / "a", "y")
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_owner_mode_and_names_stay_or_it_is_refused(tmp_path, monkeypatch):
+    path, other = tmp_path / "a.ini", tmp_path / "b.ini"
+    path.write_text("before")
+    path.chmod(0o640)
+    other.hardlink_to(path)
+    with pytest.raises(InputError, match="hard links"):
+        write_text(path, "after", overwrite=True)
+    assert other.read_text() == "before"
+    other.unlink()
+    # A write that was killed between its two last steps leaves a second name, which is none.
+    (tmp_path / ".a.ini.0123456789ab.tmp").hardlink_to(path)
+    wanted = path.stat()
+    if os.getuid() == 0:
+        os.chown(path, 4321, 1234)
+        wanted = path.stat()
+    write_text(path, "after", overwrite=True)
+    assert (path.stat().st_uid, path.stat().st_gid) == (wanted.st_uid, wanted.st_gid)
+    assert (path.stat().st_mode, path.read_text()) == (wanted.st_mode, "after")
+    assert [each.name for each in tmp_path.iterdir()] == ["a.ini"]
+
+    def may_not(*_):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "chown", may_not)
+    now = path.stat()
+    other_group = os.stat_result((*now[:5], now.st_gid + 1, *now[6:]))
+    monkeypatch.setattr(Path, "stat", lambda self, **_: other_group if self == path else now)
+    with pytest.raises(InputError, match="another user or group"):
+        write_text(path, "later", overwrite=True)

@@ -120,6 +120,6 @@ def test_a_second_cause_that_may_be_chance_is_said_to_be_open() -> None:
     assert 0.01 < shares[alone] < 0.5 * shares[both]
     (note,) = [note for note in sentences(found.notes) if "alone" in note]
     assert note.startswith("stand_shift alone is also possible")
-    assert "that encoder_scale is present" in note
+    assert "encoder_scale may be absent" in note
     clear = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("gauge_slip", "axis_gap"))
     assert not [note for note in sentences(diagnose(*known(clear)).notes) if "alone" in note]

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation import solve
+from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.model.gauge import Gauge, chance_of_less_scatter
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.making import release
 from tests import truth
@@ -232,3 +234,36 @@ def test_every_command_says_so(tmp_path: Path) -> None:
     assert run("export", str(path)).exit_code == 4
     path.write_text(text.replace("reading_mm", "reading_in"), encoding="utf-8")
     assert run("export", str(path)).exit_code == 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"repeatability_mm": 0.051}, "repeatability of 0.051 mm with divisions of 0.01 mm"),
+        ({"repeatability_mm": 6.0}, "repeatability of 6 mm"),
+        ({"resolution_mm": 0.5}, "division of 0.5 mm"),
+        ({"range_mm": 0.1, "revolution_mm": None}, "range of 0.1 mm"),
+        ({"range_mm": 1000.0}, "range of 1000 mm"),
+        ({"revolution_mm": 100.0}, "turn of 100 mm within a range of 10 mm"),
+    ],
+)
+def test_a_gauge_that_does_not_exist_is_questioned(
+    wrong: dict[str, float], words: str, tmp_path: Path
+) -> None:
+    """When a file is checked, made or, before the first reading, used; but it can be written."""
+    assert not PROTOTYPE.gauge.implausible()
+    gauge = PROTOTYPE.gauge.changed(**wrong)
+    (doubt, *_) = gauge.implausible()
+    assert words in str(doubt)
+    path = tmp_path / "machine.yaml"
+    machine = PROTOTYPE.changed(gauge=gauge)
+    path.write_text(machine_text(Model(machine)), encoding="utf-8")
+    (checked,) = lines(run("validate", str(path), "--json"))
+    assert checked["valid"] is True
+    assert str(doubt) in checked["remarks"]
+    if wrong == {"repeatability_mm": 6.0}:
+        made = ("machine", "new", "--yes", "--repeatability", "6", "-o", str(tmp_path / "m.yaml"))
+        assert words in run(*made).stderr
+        session = ("measure", str(tmp_path / "s.yaml"), "--machine", str(path))
+        assert words in run(*session).stdout
+        assert "A workshop of 61 °C?" in run(*session, "--temperature", "61").stderr

@@ -40,8 +40,8 @@ def report_of(case: Case) -> Document:
 
 def as_left() -> Document:
     """The report of a machine that was adjusted and measured again."""
-    case, left = cases.as_left()
-    return calibration_document(case, identity_of(case), left)
+    case, left, after = cases.as_left()
+    return calibration_document(case, identity_of(case), left, after=after)
 
 
 def verified() -> Document:

@@ -73,7 +73,7 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
     found = json.loads(run("report", healthy, "--json", "--after", after, *applied).stdout)
     assert found["after"]["answer"] == "as modelled"
     page = run("report", healthy, "--after", after, *applied, "--limit", 0.05)
-    assert "found  expected  measured" in page.stdout
+    assert "found  expected   as left" in page.stdout
     assert "Pass: limit 0.05 mm" in page.stdout
     assert "The correction worked as predicted" in page.stdout
     assert "Nothing more: keep this report with the machine." in page.stdout
@@ -101,7 +101,8 @@ def test_verify_prints_what_the_paper_prints():
     applied = ("--applied", -0.53, 0.59, -1.76)
     found = program.done("verify", *EXPERIMENTS[1:], *map(str, applied))
     assert "Predicted 0.20 mm, measured 0.21 mm (r.m.s.; before 0.62 mm)." in found
-    assert "The machine responded as the model says: response 1.03 [0.91, 1.14]" in found
+    assert "The machine moved by 1.03 [0.91, 1.14] times what was entered, as modelled." in found
+
     numbers = json.loads(run("verify", *EXPERIMENTS[1:], *applied, "--json").stdout)
     assert numbers["response"]["agrees"] is True
     assert numbers["decision"] is None

@@ -65,7 +65,7 @@ def test_linuxcnc_snippet_is_an_ini_with_one_offset_per_joint(released: Case) ->
     assert [len(settings[name]) for name in settings.sections()] == [1, 1, 1]
     assert "re-home all three axes" in text
     assert "previous +0.100" in text
-    assert "Check: put the gauge at the middle of leg" in text
+    assert "Check: put the gauge 155 mm from carriage" in text
 
 
 def test_text_says_what_the_controller_says_and_what_is_true(released: Case) -> None:

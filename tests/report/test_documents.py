@@ -75,13 +75,15 @@ def test_the_green_tick_is_for_what_the_offsets_put_right() -> None:
     assert not any("--format table" in command for command in commands(sound))
 
 
-def test_what_is_faulty_is_marked_on_the_machine() -> None:
-    page = repr(report_of(cases.named_in_machine()).page())
-    assert "Marked: axis_gap: " in page
-    assert "Marked, because of a fault: axis" in page
-    marked = repr(report_of(cases.named_in_measurement()).page())
-    assert "Marked: misread: leg x, direction z, min, cycle 2 (reading 12)." in marked
-    assert marked.count('class="fault"') == 1
+def test_what_is_found_is_drawn_on_the_first_sheet() -> None:
+    gaps, wrong = (report_of(make()).page() for make in (cases.named_in_machine,
+                                                         cases.named_in_measurement))  # fmt: skip
+    shims = repr(gaps.sheet)
+    assert "The actuator axes do not meet in one point (axis_gap)" in shims
+    assert shims.count('class="head"') == 3  # how to move each mount
+    marked = repr(wrong.sheet)
+    assert "leg x, direction z, min, cycle 2 (reading 12)" in marked
+    assert marked.count('class="fault"') == 1  # around the reading
     assert 'class="fault"' not in repr(report_of(cases.healthy()).page())
 
 

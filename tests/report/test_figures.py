@@ -11,7 +11,7 @@ from orthoglide_cal import errors, words
 from orthoglide_cal.report import case, figures
 from orthoglide_cal.report.documents.pictures import _sign, _signs
 from orthoglide_cal.report.figures import Scale, mark, tick_text
-from orthoglide_cal.results.answer import Residual
+from orthoglide_cal.results.answer import Residual, Shim
 
 BED = 100.0, (210.0, 330.0, 90.0)
 
@@ -51,19 +51,25 @@ def test_residual_panels_one_scale_and_named_worst():
     ]  # fmt: skip
     drawn = figures.residual_panels(rows, {"offsets only": left}, 0.003)
     assert len(drawn) == 2
-    assert "the largest is at posture iso, cycle 2" in drawn[1]
+    assert "The largest is at posture iso, cycle 2: +40.0 µm" in drawn[1]
+    assert "offsets only: min +10.0, iso +20.0, max 0.0." in drawn[1]
     # Both panels have the same scale: the same residual stands at the same height.
     grid = [re.findall(r'<line x1="40" y1="([\d.]+)"', panel) for panel in drawn]
     assert grid[0] == grid[1]
     assert drawn[0].index(">min<") < drawn[0].index(">iso<") < drawn[0].index(">max<")
     both = figures.residual_panels(rows, {"a": left, "b": 0.5 * left}, 0.003)
     assert (drawn[0].count('class="mark open"'), both[0].count('class="mark open"')) == (0, 4)
+    # What is wrong is circled, and only that panel is shown.
+    (ringed,) = figures.residual_panels(rows, {"a": left, "b": 0.5 * left}, 0.003, "", [7])
+    ((x, y),) = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="9" class="fault"', ringed)
+    assert (float(x), float(y)) in marks(ringed.replace(' r="9"', ""))
+    assert "direction z" in ringed
 
 
 def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
     rows = [("dx_y", 0.5, 0.0, 0.02, 0.1), ("dz_x", 0.4, -0.1, 0.04, -0.3)]
     drawn = figures.deviation_rows(rows, 0.2)
-    assert "measured ± U" in drawn
+    assert "as left ± U" in drawn
     assert "+0.100 ± 0.020" in drawn
     assert "dz_x is left largest: −0.300 mm" in drawn
     ((start, width),) = re.findall(
@@ -81,6 +87,9 @@ def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
     alone = figures.deviation_rows([(*row[:4], None) for row in rows])
     assert 'class="allowed"' not in alone
     assert "−0.100 ± 0.040" in alone
+    judged = figures.deviation_rows(rows, 0.2, ["Pass", "Fail"])
+    assert [judged.count(f">{word}<") for word in ("Pass", "Fail", "± 0.2")] == [1, 1, 1]
+    assert "dz_x +0.400, −0.100, −0.300 ± 0.040, Fail" in judged
 
 
 def test_classes_of_colours_hold_all_values_in_round_steps():
@@ -118,7 +127,8 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
             axis_mm=axis, levels_mm=np.array([-20.0]), before_mm=before, after_mm=after
         )
         corner = (70.0, -70.0, worst)
-        return SimpleNamespace(maps=maps, worst_before_mm=corner, worst_after_mm=corner)
+        return SimpleNamespace(maps=maps, worst_before_mm=corner, worst_after_mm=corner,
+                               before_mm=before.max(), after_mm=after.max())  # fmt: skip
 
     found = errors(error, error / 10.0, -20.0)
     (before, after), legend = figures.workspace_maps(found)
@@ -139,7 +149,8 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
     # What was measured afterwards takes the place of what was expected; the limit is a circle.
     later = errors(error / 2.0, error, 3.0)
     (_, measured), _ = figures.workspace_maps(found, later, 0.35)
-    assert "measured, z = −20 mm" in measured
+    assert "as left, z = −20 mm" in measured
+    assert "≤ 0.49" in measured
     assert marks(measured) == []  # its worst point lies in no slice
     edges = re.findall('<line x1="([0-9.]+)" y1="([0-9.]+)"[^>]*class="due"', measured)
     away = [np.hypot(float(x) - 126.0, float(y) - 106.0) for x, y in edges]
@@ -177,28 +188,47 @@ def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():
 def test_rails_pass_each_other_as_they_do_in_space():
     """Drawn from the gaps alone: each common perpendicular is as long as its gap."""
     gaps = {"xy": 0.3, "yz": -0.2, "zx": 0.1}
-    drawn = figures.rails_sketch(gaps)
+    shims = [Shim(rail="y", along="+z", mm=0.3, expanded_mm=0.02)]
+    drawn = figures.rails_sketch(gaps, shims)
     found = re.findall(
         '<line x1="([-0-9.]+)" y1="([-0-9.]+)" x2="([-0-9.]+)" y2="([-0-9.]+)" class="fault"', drawn
     )
-    lengths = [float(np.hypot(c - a, d - b)) for a, b, c, d in (map(float, each) for each in found)]
+    gap_lines = [map(float, each) for each in found[-3:]]
+    lengths = [float(np.hypot(c - a, d - b)) for a, b, c, d in gap_lines]
     on_paper = [1.0, np.hypot(0.84, 0.5), np.hypot(0.84, 0.5)]  # of 1 px along z, x and y
     wanted = [abs(gap) * scale for gap, scale in zip(gaps.values(), on_paper, strict=True)]
     assert np.array(lengths) / lengths[0] == pytest.approx(np.array(wanted) / wanted[0], rel=1e-3)
     # Rail x lies above rail y: on the paper upwards.
-    assert float(found[0][1]) < float(found[0][3])
+    assert float(found[-3][1]) < float(found[-3][3])
+    assert float(found[0][1]) > float(found[0][3])  # the arrow at the mount of rail y: towards +z
+    assert ">0.30 mm<" in drawn
 
 
-def test_the_machine_shows_every_gauge_and_what_is_faulty():
+def test_what_is_found_of_a_machine_is_drawn_to_its_sign():
+    """Bar, angle and carriage: the largest is off by most, a negative one the other way."""
+    line = r'<line x1="([\d.]+)" y1="([\d.]+)" x2="([\d.]+)" y2="([\d.]+)" class="{}"'
+
+    def lines(sizes: dict[str, tuple[float, str]], style: str) -> list[list[float]]:
+        drawn = figures.parameter_sketch("cause", sizes)
+        return [list(map(float, found)) for found in re.findall(line.format(style), drawn)]
+
+    bars = {"y_x": (2.0, "leg x, direction y +2.0 mrad"), "z_y": (-1.0, "-1.0 mrad")}
+    (_, y1, _, y2), (_, z1, _, z2) = lines(bars, "bar")
+    assert y1 - y2 == pytest.approx(-2.0 * (z1 - z2))  # upwards along +, half as much downwards
+    assert y1 > y2
+    ((x1, _, x2, _),) = lines({"xy": (3.0, "xy")}, "bar")
+    assert x2 > x1  # less than a right angle
+    ((start, _, end, _),) = lines({"x": (-0.08, "x −0.080 mm")}, "fault")
+    assert end < start
+    assert "x −0.080 mm" in figures.parameter_sketch("cause", {"x": (-0.08, "x −0.080 mm")})
+
+
+def test_the_machine_shows_every_gauge():
     gauges = [(0, 1, 0.5), (2, 0, 0.25)]
     drawn = figures.machine_sketch(310.25, (-100.0, 60.0), gauges)
     assert drawn.count('class="dial"') == 2
     assert "+y" in drawn
-    assert "fault" not in drawn
-    marked = figures.machine_sketch(310.25, (-100.0, 60.0), gauges, [(2, 0)], [1])
-    assert marked.count('class="fault"') == 2
-    assert "readings of leg z, direction x" in marked
-    assert "axis y" in marked
+    assert "leg z, direction x at 0.25" in drawn
 
 
 @pytest.mark.parametrize("module", [errors, case, figures, words])

@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterable, Iterator
 from decimal import Decimal
 from html import unescape
+from itertools import chain
 from pathlib import Path
 
 import pytest
@@ -25,7 +26,7 @@ from tests.machines import NOMINAL
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import printer
 from tests.report.cases import documents, report_of
-from tests.results.cases import CASES, case_of
+from tests.results.cases import CASES, as_left, case_of
 from tests.truth.delta import TOLERANCES, V400
 
 # "> 99 %" stands for any larger share.
@@ -69,7 +70,7 @@ def written(page: str) -> Iterator[tuple[str, str]]:
 
 
 def drawn(case: Case) -> Iterator[float]:
-    """What a table of residuals says: measured − modelled [mm], and means of repeats [µm]."""
+    """What a table of readings says: measured, − modelled [mm], where; means of repeats [µm]."""
     cells: dict[object, list[tuple[float, ...]]] = {}
     for row in case.answer.residuals:
         key = row.leg, row.direction, row.end, row.gauge_at, row.part, row.posture
@@ -77,6 +78,12 @@ def drawn(case: Case) -> Iterator[float]:
         left = tuple(row.measured_mm - modelled for modelled in models)
         cells.setdefault(key, []).append(left)
         yield from map(abs, (*left, row.measured_mm, row.modelled_mm))
+        yield from map(abs, (row.order, row.cycle, row.x_mm or 0.0, row.y_mm or 0.0))
+    surfaces: dict[float | None, list[float]] = {}
+    for row in case.answer.residuals:
+        surfaces.setdefault(row.surface_mm, []).extend([] if row.distance else [row.measured_mm])
+    for heights in filter(None, surfaces.values()):
+        yield from (abs(mm - sum(heights) / len(heights)) for mm in heights)
     for rows in cells.values():
         yield from (1000.0 * abs(sum(own) / len(rows)) for own in zip(*rows, strict=True))
 
@@ -103,7 +110,8 @@ def missing(document: Document, more: Iterable[float] = ()) -> list[str]:
 
 @pytest.mark.parametrize("name", [*CASES, "as_left", "verified"])
 def test_every_number_of_a_report_is_in_its_json(name: str) -> None:
-    assert missing(documents()[name]()) == []
+    shown = [CASES[name]()] if name in CASES else [as_left()[0], as_left()[2]]
+    assert missing(documents()[name](), chain(*map(drawn, shown))) == []
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name != "failed"])
@@ -117,7 +125,8 @@ def test_every_number_of_a_solution_and_of_a_diagnosis_is_in_its_json(name: str)
 def test_every_number_of_a_printer_is_in_its_json(tmp_path: Path, data: str) -> None:
     path = tmp_path / "printer.cfg"
     path.write_text(printer_cfg(V400, OFF), encoding="utf-8")
-    assert missing(report_of(case_of(read_input(str(path), stored=data)))) == []
+    case = case_of(read_input(str(path), stored=data))
+    assert missing(report_of(case), drawn(case)) == []
 
 
 @pytest.mark.parametrize(

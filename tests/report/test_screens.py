@@ -37,7 +37,7 @@ slow = pytest.mark.slow
 SINGLE = [(), *((cause,) for cause in truth.CAUSES)]
 PAIRS = [("axis_gap", "swapped_gauges"), ("bar_skew", "misread"), ("encoder_scale", "axis_gap")]
 PRINTER_PAIRS = [("tower_lean", "bed_shape"), ("bed_shape", "misread")]
-MOST = {"solve": 24, "refused": 11, "diagnose": 30, "undecided": 20, "plan": 24, "verify": 24}
+MOST = {"solve": 24, "refused": 20, "diagnose": 30, "undecided": 20, "plan": 24, "verify": 24}
 
 
 def screen(document: doc.Document, most: int) -> list[str]:
@@ -58,7 +58,7 @@ def both_screens(case: Case) -> str:
     said = ""
     if answer.parameters:
         usable = answer.release.usable
-        few = MOST["refused"] + len(answer.parameters)
+        few = MOST["refused"] + len(answer.parameters) - 3
         lines = screen(solution_document(case), MOST["solve"] if usable else few)
         enter = usable and not answer.release.settled
         assert any(re.search(r" {2}enter( |$)", line) for line in lines) == enter, lines
@@ -118,6 +118,23 @@ def test_of_several_faults_that_do_not_show_the_screen_has_the_names() -> None:
     assert re.search(told, " ".join(said.split()))
 
 
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_what_is_undecided_adds_up(number: int) -> None:
+    """The most probable first, 100 % in all; the offsets alone lead the table."""
+    path = str(SAMPLES / f"experiment{number}.csv")
+    case = answered(read_input(path, None, lambda: NOMINAL))
+    lines = screen(diagnosis_document(case), MOST["undecided"])
+    title = " ".join(lines).partition("Undecided: ")[2].partition(" Orthoglide")[0]
+    shares = [int(share) for share in re.findall(r"\((\d+) %\)", title)]
+    assert sum(shares) == 100
+    assert shares[:3] == sorted(shares[:3], reverse=True)
+    patterns = [each.probability for each in case.answer.explanations if each.pattern]
+    unlisted = f"none of the listed causes ({100 * sum(patterns):.0f} %)"
+    assert (unlisted in title) == bool(patterns)
+    head = next(k for k, line in enumerate(lines) if "r.m.s. left" in line)
+    assert lines[head + 1].startswith("  offsets only ")
+
+
 def test_what_a_named_cause_asks_for() -> None:
     """The record before the machine, how a reading is wrong, and no offset before that."""
     said = both_screens(of_orthoglide(("misread",), 1, "micron", None))
@@ -170,7 +187,7 @@ def test_what_to_measure_next() -> None:
 
 
 def test_a_verification() -> None:
-    case, found = as_left()
+    case, found, _ = as_left()
     screen(verification_document(found, identity_of(case)), MOST["verify"])
 
 

@@ -16,6 +16,8 @@ from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
 from orthoglide_cal.model.plan import without_zeros
 from orthoglide_cal.model.readings import GaugePlan, Posture
+from orthoglide_cal.report.documents.verification import verification_document
+from orthoglide_cal.results import identify
 from orthoglide_cal.results.verification import (
     Outcome,
     _respond,
@@ -27,7 +29,7 @@ from tests.estimation.sessions import of_values
 from tests.inference.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, extended
 from tests.readings import readings_of
-from tests.results.cases import GAPED
+from tests.results.cases import GAPED, ISSUED
 from tests.results.sessions import FINE, TRUE, given, session
 from tests.sentences import sentences
 from tests.truth import again
@@ -182,8 +184,14 @@ def test_a_change_of_the_machine_is_noticed():
     first = given(session(TRUE, 12, FINE), FINE)
     same = given(session(TRUE * 0.0, 14, FINE), FINE)
     other = given(session(TRUE * 0.0, 13, GAPED), FINE)
-    change = verify(first, other, TRUE).other_change
+    changed = verify(first, other, TRUE)
+    change = changed.other_change
     assert change.found
+    # The offsets do what they should; the machine is still not as predicted.
+    assert changed.answer is Behaviour.AS_MODELLED
+    assert changed.failed
+    assert changed.apart_mm > 2.0 * changed.apart_expanded_mm
+    assert not verify(first, same, TRUE).failed
     assert change.rms_mm > 3.0 * change.noise_mm
     assert not verify(first, same, TRUE).other_change.found
 
@@ -223,6 +231,26 @@ def test_decision_rule_with_guard_band(limit, outcome):
     noise = PROTOTYPE.gauge.noise_mm
     assert result.decision.expanded_mm == pytest.approx(1.95996 * 2**0.5 * noise, rel=1e-4)
     assert result.decision.outcome is outcome
+    assert result.decision.passable
+
+
+def test_a_limit_below_u_can_never_be_kept():
+    result = verify(paper(2), paper(3), TRUE, limit_mm=0.018)
+    assert result.decision is not None
+    assert not result.decision.passable
+    page = verification_document(result, identify([], issued=ISSUED)).page()
+    assert "Nothing can pass: U exceeds the limit." in str(page.notice.lines)
+
+
+def test_the_order_of_two_dates_is_known():
+    first, second = before(3), after(TRUE, 4)
+    dated = [
+        replace(one, conditions=Conditions(started=f"2026-03-0{day}T08:00:00+01:00"))
+        for one, day in ((first, 1), (second, 2))
+    ]
+    assert verify(*dated, TRUE).kept
+    with pytest.raises(UsageError, match="was measured before"):
+        verify(*dated[::-1], TRUE)
 
 
 def test_what_was_entered_is_what_two_sessions_record():

@@ -179,7 +179,8 @@ def test_a_line_in_the_dead_time_is_said_and_not_taken(driving: bool, second: st
     asker.rest(driving)
     assert asker.ask(ASKED, STEP) == "0.5"
     said = [text for text, style in screen.shown if style is Style.ASIDE]
-    assert said == [f"ignored: {second or 'Return'} arrived {0.97 * dead:.2f} s after the last one"]
+    when = f"{0.97 * dead:.2f} s after the last reading"
+    assert said == [f"ignored: {second or 'Return'} came {when}; if meant, give it again"]
     assert screen.text.endswith(f"{PLACE}\n{PROMPT}")  # shown again
 
 
@@ -203,7 +204,7 @@ def test_a_gauge_in_the_dead_time_of_a_typed_reading_is_not_heard() -> None:
     asker.ask(ASKED, STEP)
     asker.rest(driving=True)
     assert asker.ask(ASKED, STEP) == READ
-    assert screen.text.count("ignored: -0.64 arrived 0.50 s after") == 1
+    assert screen.text.count("ignored: -0.64 came 0.50 s after") == 1
 
 
 @pytest.mark.parametrize("period", [0.02, 0.1, 0.3, 0.6, 1.1])

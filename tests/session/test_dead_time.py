@@ -27,7 +27,7 @@ def test_a_second_press_is_no_reading(tmp_path: Path) -> None:
         terminal.type("-0.64")
         time.sleep(0.12)
         terminal.type("-0.64")
-        terminal.expect(r"ignored: \S+ arrived \d\.\d\d s after the last one")
+        terminal.expect(r"ignored: \S+ came \d\.\d\d s after the last reading")
         terminal.expect("Drive to")
         assert terminal.step() == 2
         assert kept(tmp_path) == {1: -0.64}
@@ -44,7 +44,7 @@ def test_a_gauge_in_continuous_output_stores_nothing(tmp_path: Path) -> None:
         while time.monotonic() < until:
             terminal.type("0.41")
             time.sleep(0.03)
-        terminal.expect(r"Switch off its\s+continuous output")
+        terminal.expect(r"Switch off the\s+gauge's continuous")
         assert terminal.seen.count("ignored: ") <= 8
         assert kept(tmp_path) == {}
         terminal.expect("The gauge is quiet now")
@@ -63,7 +63,7 @@ def test_a_number_begun_before_its_prompt_is_not_taken_for_its_end(tmp_path: Pat
         assert terminal.step() == 2
         time.sleep(BETWEEN_GAUGES_S + 0.2)
         terminal.type("1")
-        terminal.expect("ignored: 0.41 arrived before it was asked for")
+        terminal.expect("ignored: 0.41 came before it was asked for")
         assert terminal.step() == 2
     assert kept(tmp_path) == {1: -0.64}
 
@@ -76,7 +76,7 @@ def test_what_is_ignored_is_said_on_standard_error(tmp_path: Path) -> None:
         assert terminal.step() == 2
     assert "ignored" not in terminal.seen
     said = (tmp_path / "e").read_text().splitlines()[0]
-    assert re.fullmatch(r"ignored: -0\.64 arrived \d\.\d\d s after the last one", said)
+    assert re.fullmatch(r"ignored: -0\.64 came \d\.\d\d s after the last reading; .+", said)
 
 
 # ---- the rule itself

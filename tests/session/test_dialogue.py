@@ -67,6 +67,14 @@ def test_every_screenful_fits_24_lines(tmp_path: Path) -> None:
     assert all(f"\n  {key} " in help_text for key in "unstq?km")
 
 
+def test_keys_are_words_too_and_minus_zero_is_zero(tmp_path: Path) -> None:
+    dialogue, screen = answered(tmp_path / "s.journal", ["-0", "0.1", "UNDO", "help", "quit"])
+    assert [item.take.value_mm for item in dialogue.state.accepted.values()] == [0.0]
+    assert "saved 0.000 mm" in screen.text
+    assert screen.text.count("Type the reading, e.g.") == 1
+    assert "not a reading" not in screen.text
+
+
 def test_one_uncertainty_from_the_first_posture_to_the_end(tmp_path: Path) -> None:
     """What is shown is U of the end, but for what is asked at the end only; it says so."""
     path = tmp_path / "s.journal"
@@ -309,3 +317,11 @@ def test_a_clock_that_is_set_back_does_not_turn_the_order_around(tmp_path: Path)
     late = opened(at="2025-03-01T19:00:00.000+01:00")  # the clock shows 9 in the morning
     dialogue, _ = answered(tmp_path / "t.journal", ["-0.64"], first=late)
     assert dialogue.so_far.minutes.tolist() == [0.0]
+
+
+def test_what_the_plunger_cannot_reach_is_not_kept_for_being_typed_twice(tmp_path: Path) -> None:
+    lines = [*typed(readings_of(steps_of()))[:4], "55.5", "55.5", "55.5"]
+    dialogue, screen = answered(tmp_path / "s.journal", lines)
+    assert len(dialogue.state.accepted) == 4
+    assert "kept" not in screen.text
+    assert dialogue.state.pending is not None

@@ -52,7 +52,7 @@ def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_pat
     assert new.plan.order.tolist() == list(range(len(new)))
     # The zeros are new ones, and all that is known of the first readings is still there.
     assert not set(new.plan.setup[:n]) & set(new.plan.setup[n:])
-    rows = content(first)["readings"]
+    rows = [{**row, "simulated": "yes"} for row in content(first)["readings"]]
     assert content(tmp_path / "b.yaml")["readings"][:n] == rows
 
 
@@ -223,7 +223,8 @@ def test_offsets_that_were_applied_meanwhile_are_no_error(
 
 def test_the_machine_file_says_what_was_applied_meanwhile(tmp_path: Path) -> None:
     """And, once that is taken back, the other way round."""
-    (tmp_path / "machine.yaml").write_text((ROOT / "configs/orthoglide_prototype.yaml").read_text())
+    machine = (ROOT / "configs/orthoglide_prototype.yaml").read_text()
+    (tmp_path / "machine.yaml").write_text(f"{machine}practice: true\n")
     finished(tmp_path, "a.yaml", "--cycles", "1", *SIMULATED)
     with contextlib.chdir(tmp_path):
         done("apply", "a.yaml", "--yes")

@@ -136,6 +136,9 @@ def test_removed_and_exchanged_records_are_noticed() -> None:
     lines = written(eventful())[0].splitlines(keepends=True)
     with pytest.raises(InputError, match="line 3"):
         decode(b"".join(lines[:2] + lines[3:]), "j")
+    altered = written([opened(), taken(1, -0.64), taken(2, 0.4)])[0].replace(b"-0.64", b"-0.65")
+    with pytest.raises(InputError, match=r"line 2.* the entry of step 1 does not match"):
+        decode(altered, "j")
     with pytest.raises(InputError, match="line 4"):
         decode(b"".join([*lines[:3], lines[4], lines[3], *lines[5:]]), "j")
 

@@ -142,8 +142,8 @@ def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
         (("s.yaml", "--gauge", "nothing:/dev/x"), "sylvac"),
         (("s.yaml", "--gauge", "plain:/dev/ttyNOPE", "--yes"), "cannot be reached"),
         (("s.yaml", "--gauge", "typed", "--gauge", "simulated"), "do not go together"),
-        *((("s.yaml", "--offsets-active", value, "0", "0"), f"--offsets-active cannot be {shown}")
-          for value, shown in (("nan", "nan"), ("inf", "inf"), ("1e300", "1e+300"))),
+        *((("s.yaml", "--offsets-active", value, "0", "0"), f"'--offsets-active': '{value}'")
+          for value in ("nan", "inf", "1e300")),
         (("s.yaml", "--offsets-active", "310.25", "0", "0"), "not three joint offsets"),
         (("missing/s.yaml",), "No such file or directory"),
         *(((name, *resume), "file") for resume in ((), ("--resume",))

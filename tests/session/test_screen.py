@@ -48,9 +48,9 @@ def test_a_table_has_the_last_readings(tmp_path: Path) -> None:
     _, screen = answered(tmp_path / "s.journal", given, unit=Unit.INCH)
     assert f"saved +{given[0]} in ({25.4 * float(given[0]):+.3f} mm)" in screen.text
     assert value_text(-0.00127, Unit.INCH) == "-0.00005 in (-0.001 mm)"
-    (text,) = (text for text, _ in screen.shown if text.startswith("The last readings"))
+    (text,) = (text for text, _ in screen.shown if text.startswith("The last "))
     shown = text.splitlines()
-    assert (len(shown), shown[0]) == (21, "The last readings of 26:")
+    assert (len(shown), shown[0]) == (21, "The last 20 readings:")
     assert re.fullmatch(r" +21  leg Y, ISO, cycle 1, gauge X  \S+ in \(\S+ mm\)", shown[15])
     assert float(shown[15].split()[-4]) == pytest.approx(float(lines[20]) / 25.4, abs=6e-5)
 

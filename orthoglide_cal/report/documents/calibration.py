@@ -1,9 +1,9 @@
 """The calibration report: one session, its result, and what to do.
 
-The first sheet is what is pinned to the machine: may the parameters be entered, under which
-conditions that holds, what to do, the parameters with U, each difference as found and as left. Of a
-result that is refused it says what is wrong, and nothing to sign for an adjustment. Behind it
-stands what that rests on.
+The first sheet is what is pinned to the machine: may the parameters be entered, the parameters with
+U, each difference as found and as left, what to do, under which conditions that holds. Of a result
+that is refused it says what is wrong, and nothing to sign for an adjustment. Behind it stands what
+that rests on.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
-from orthoglide_cal.model.readings import AXES, Series
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import (
@@ -29,12 +29,19 @@ from orthoglide_cal.report.case import (
     to_do,
 )
 from orthoglide_cal.report.documents.diagnosis import diagnosis_section, headline
-from orthoglide_cal.report.documents.pictures import differences_figure, residual_blocks
+from orthoglide_cal.report.documents.pictures import (
+    cause_figure,
+    differences_figure,
+    place_words,
+    readings_table,
+    residual_blocks,
+    size_words,
+)
 from orthoglide_cal.report.documents.solution import (
     alone_block,
     budget_sections,
+    common_unit,
     fit_facts,
-    found_words,
     open_blocks,
     parameters_grid,
     parameters_title,
@@ -47,13 +54,11 @@ from orthoglide_cal.report.documents.verification import (
     verification_notice,
     verification_steps,
 )
-from orthoglide_cal.results import Answer, Identity
+from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import Verification
-from orthoglide_cal.words import plain, short, two_figures, unit_words, with_uncertainty
+from orthoglide_cal.words import plain, short, two_figures, unit_words
 
 _MOST_NOTES = 40
-# A parameter of a cause that many standard deviations from zero is marked on the sketch.
-_SEEN = 2.0
 
 
 def calibration_document(
@@ -61,12 +66,14 @@ def calibration_document(
     identity: Identity,
     left: Verification | None = None,
     limit_mm: float | None = None,
+    after: Case | None = None,
 ) -> doc.Document:
     """The document; as data the answer, and what only a report says.
 
     Args:
         case, identity: the result and its number.
-        left: of the session measured after the adjustment; None without one.
+        left, after: comparison with the session measured after the adjustment, and its result;
+            None without one.
         limit_mm: largest deviation allowed; None where none is given.
     """
     given, answer = case.given.conditions, case.answer
@@ -74,17 +81,19 @@ def calibration_document(
     def data() -> dict[str, object]:
         return {
             "schema_version": answer.schema_version,
+            "simulated": answer.simulated,
             "identity": identity.model_dump(mode="json"),
             "machine": machine_values(case.given.model),
             "conditions": {
                 **vars(given),
                 "environment": dict(given.environment),
-                "gauges": [gauge.model_dump(mode="json") for gauge in given.gauges],
+                "gauges": [gauge.model_dump(mode="json") for gauge in answer.validity.gauges],
                 "notes": [{"line": line, "note": note} for line, note in given.notes],
             },
             "limit_mm": limit_mm,
             "answer": case.data(),
             "after": left.model_dump(mode="json", context=case.says) if left else None,
+            "as_left": after.data() if after else None,
             "others": [other.data() for other in case.others],
         }
 
@@ -94,33 +103,25 @@ def calibration_document(
         if left is not None:
             recorded = [(side, side.validity) for side in (left.before, left.after)]
         frame = signed_page("Calibration report", machine, identity, recorded)
-        sheet = [*frame.sheet]
-        pages: list[doc.Section] = []
         released = answer.release.usable or left is not None
-        origin = [
-            _conditions(case),
-            *_workspace(case, left, limit_mm),
-            _origin(case, identity, left),
-        ]
+        pages = [*_evidence(after, "as left")] if after else []
+        pages += _evidence(case, "as found" if after else "")
+        pages += [*_workspace(case, left, limit_mm), _origin(case, identity, left)]
+        for measured, when in ((after, "as left"), (case, "as found" if after else "")):
+            if measured is not None and measured.answer.parameters:
+                pages.append(readings_table(measured, when))
         if answer.parameters:
-            drawn = _differences(case, left, limit_mm)
-            if not released:
-                sheet += _gap(answer)
-            sheet += _result(case, left, drawn if released else ())
-            if (excerpt := case.source.excerpt) and released:
-                sheet.append(doc.Section(None, excerpt.nozzle))
-            if drawn and not released:
-                # Where the rails are drawn, the first sheet is full.
-                chosen = pages if answer.shims else sheet
-                chosen.append(doc.Section("What would be left if the result were entered", *drawn))
-            sheet += map(_other, case.others)
-            pages.append(doc.Section("Residuals (measured − model)", *residual_blocks(case)))
-            if answer.verdict is not None:
-                pages.append(diagnosis_section(case))
-            pages += [*budget_sections(machine, answer.budget, answer.total), *origin]
+            drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
+            result = _result(case, left, named, drawn)
+            sheet = [*result, *frame.sheet, *map(_other, case.others)]
+            if (excerpt := case.source.excerpt) and excerpt.nozzle and released:
+                sheet.insert(len(result), doc.Section(None, excerpt.nozzle))
+            if named and not released:
+                pages.insert(0, _parameters(case, drawn))
         else:
             # There is nothing to pin to the machine, and one sheet of paper says it all.
-            sheet += [doc.next_steps(to_do(case)), *map(_other, case.others), *origin]
+            sheet = [doc.next_steps(to_do(case)), *frame.sheet, *map(_other, case.others), *pages]
+            pages = []
         authorised = machine.report.authorised_by
         roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
         return replace(
@@ -169,49 +170,55 @@ def _wrong(case: Case) -> str:
     return title[:1].upper() + title[1:]
 
 
-def _gap(answer: Answer) -> Iterator[doc.Section]:
-    """The rails at their true places, and the shims that make them meet."""
-    if not answer.shims:
-        return
-    both = ((cause.id, each) for cause in answer.causes for each in cause.parameters)
-    gaps = [gap for id, gap in both if CAUSES[id].shim(gap.name, gap.value)]
-    columns: dict[str, Sequence[doc.Blank]] = {
-        "rails": [doc.strong(gap.name) for gap in gaps],
-        "gap ± U": [f"{with_uncertainty(gap.value, gap.expanded)} mm" for gap in gaps],
-        "shim": [
-            f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in answer.shims
-        ],
-    }
-    caption = "Shim all three, then measure again. xy: how far rail x lies above rail y, along z;"
-    caption += " and so on. U: 95 %."
-    grid = doc.Grid.of(columns, (0, 1, 2), caption)
-    picture = figures.rails_sketch({gap.name: gap.value for gap in gaps})
-    key = "The rails where they really are, their gaps enlarged."
-    figure = doc.Figure(None, "", (picture,), columns=0, key=key)
-    yield doc.Section("Where the rails pass each other", grid, figure)
-
-
 def _result(
-    case: Case, left: Verification | None, drawn: Sequence[doc.Block]
-) -> Iterator[doc.Section]:
-    """Next steps, and the parameters with U next to the differences; in small print where they
-    must not be entered.
-    """
-    answer = case.answer
+    case: Case, left: Verification | None, named: Sequence[doc.Section], drawn: Sequence[doc.Block]
+) -> Sequence[doc.Section]:
+    """What was found, and the next steps; of a refused result the causes come first."""
     if left is not None:
         steps = verification_steps(left, case.machine_file)
-        yield doc.next_steps(steps, *rule_blocks(left), *drawn)
-        yield parameters_left(left)
-        return
-    yield doc.next_steps(to_do(case))
-    if answer.release.usable:
-        blocks = *open_blocks(case), *alone_block(case), *drawn
-        yield doc.Section(parameters_title(case), parameters_grid(case), *blocks)
-    else:
-        found = ", ".join(f"{each.name} {found_words(each)}" for each in answer.parameters)
-        causes = " and ".join(answer.named)
-        lead = f"{case.words.title} found{f' with {causes}' if causes else ''}, not to be entered:"
-        yield doc.Section(None, doc.small(f"{lead} {found} (± U, 95 %)."), *open_blocks(case))
+        return parameters_left(left), doc.next_steps(steps, *rule_blocks(left), *drawn)
+    next_steps = doc.next_steps(to_do(case))
+    if case.answer.release.usable:
+        return _parameters(case, drawn), *named, next_steps
+    # Where the causes are drawn, the first sheet is full.
+    return (*named, next_steps) if named else (next_steps, _parameters(case, drawn))
+
+
+def _parameters(case: Case, drawn: Sequence[doc.Block]) -> doc.Section:
+    """The parameters with U next to the differences."""
+    title, usable = parameters_title(case), case.answer.release.usable
+    if not usable:
+        causes = f" with {' and '.join(case.answer.named)}" if case.answer.named else ""
+        title = f"Not to be entered: {case.words.many}{causes}{common_unit(case.machine)}"
+    alone = alone_block(case) if usable else ()
+    return doc.Section(title, parameters_grid(case), *open_blocks(case), *alone, *drawn)
+
+
+def _causes(case: Case) -> Iterator[doc.Section]:
+    """Each cause that was found: where, how large with U, drawn, and what to do about it."""
+    answer, release = case.answer, case.answer.release
+    advised = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
+    for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
+        sizes, about = cause.parameters, CAUSES[cause.id]
+        shims = answer.shims if any(about.shim(each.name, each.value) for each in sizes) else ()
+        if not shims:
+            sizes = tuple(each for each in sizes if abs(each.value) > each.expanded) or sizes
+        places = [cause.where] if cause.where else [place_words(each.name) for each in sizes]
+        columns: dict[str, Sequence[doc.Blank]] = {"": [doc.strong(place) for place in places]}
+        if sizes:
+            columns["size ± U"] = [size_words(each) for each in sizes]
+        if shims:
+            columns["shim"] = [
+                f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims
+            ]
+        caption = "xy: how far rail x lies above rail y, along z; and so on. " if shims else ""
+        caption += "U: 95 %." * bool(sizes)
+        caption += " All others: within U." * (len(sizes) < len(cause.parameters))
+        blocks: list[doc.Block] = [doc.Grid.of(columns, range(len(columns)), caption)]
+        if cause.remedy.rstrip(".") not in advised:
+            blocks.append(cause.remedy)
+        title = f"{case.title_of(cause.id).capitalize()} ({cause.id})"
+        yield doc.Section(title, *blocks, *cause_figure(case, cause, shims))
 
 
 def _differences(
@@ -241,6 +248,17 @@ def _other(case: Case) -> doc.Section:
 
 
 # --- the evidence -----------------------------------------------------------------------------
+
+
+def _evidence(case: Case, when: str) -> Iterator[doc.Section]:
+    """Residuals, diagnosis, uncertainty and conditions of one measurement, named by `when`."""
+    answer, sections = case.answer, [_conditions(case, when)]
+    if answer.parameters:
+        left = doc.Section("Residuals (measured − model)", *residual_blocks(case, when))
+        found = [diagnosis_section(case)] if answer.verdict is not None else []
+        sections[:0] = [left, *found, *budget_sections(case.machine, answer.budget, answer.total)]
+    for section in sections:
+        yield doc.Section(f"{section.title}, {when}".removesuffix(", "), *section.blocks)
 
 
 def _workspace(
@@ -277,7 +295,7 @@ def _workspace(
 # --- conditions and origin --------------------------------------------------------------------
 
 
-def _conditions(case: Case) -> doc.Section:
+def _conditions(case: Case, when: str) -> doc.Section:
     """How it was measured, and where the gauges stood; blank where not given."""
     given, machine, answer = case.given.conditions, case.machine, case.answer
     gauge, noise = machine.instrument, machine.vocabulary.noise
@@ -303,38 +321,15 @@ def _conditions(case: Case) -> doc.Section:
     }
     blocks: list[doc.Block] = [doc.Facts(rows)]
     if places:
-        blocks.append(_sketch(case, sorted(places)))
+        orthoglide = case.given.model.orthoglide
+        size = orthoglide.leg_length_mm, orthoglide.joint_limits_mm
+        drawn = figures.machine_sketch(*size, sorted(places), when)
+        key = "○ dial: its reading grows when the leg moves towards it."
+        blocks.append(doc.Figure("Where the gauges stood", "", (drawn,), columns=0, key=key))
     if given.notes and answer.parameters:
         notes = [(str(line), doc.given(note)) for line, note in given.notes[:_MOST_NOTES]]
         blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
     return doc.Section(f"Conditions and {noise}s", *blocks)
-
-
-def _sketch(case: Case, places: list[tuple[int, int, float]]) -> doc.Figure:
-    """The machine with its gauges, and a ring around those whose readings a cause spoils."""
-    machine = case.given.model.orthoglide
-    series = {Series(leg, direction) for leg, direction, _ in places}
-    faults: set[tuple[int, int]] = set()
-    rails: set[int] = set()
-    marked = []
-    for cause in case.answer.causes:
-        # Parameters that stand clear of their uncertainty; of axes or of series.
-        seen = [
-            each.name
-            for each in cause.parameters
-            if set(each.name) <= {*AXES, "_"} and abs(each.value) > _SEEN * each.std
-        ]
-        if cause.in_machine:
-            rails |= {AXES.index(axis) for name in seen for axis in name if axis in AXES}
-        else:
-            faults |= {one for one in series if one.name in seen or one.words in cause.where}
-        if cause.where or seen:
-            marked.append(f"{cause.id}: {cause.where or ', '.join(seen)}")
-    limits = machine.joint_limits_mm
-    drawn = figures.machine_sketch(machine.leg_length_mm, limits, places, faults, rails)
-    finding = f"Marked: {'; '.join(marked)}." if marked else ""
-    key = "○ dial: its reading grows when the leg moves towards it."
-    return doc.Figure("Where the gauges stood", finding, (drawn,), columns=0, key=key)
 
 
 def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Section:

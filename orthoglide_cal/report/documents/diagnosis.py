@@ -25,6 +25,7 @@ from orthoglide_cal.report.documents.pictures import brief_residuals, residual_s
 from orthoglide_cal.report.documents.solution import (
     alone_block,
     common_unit,
+    offsets_only,
     open_blocks,
     parameters_grid,
     parameters_title,
@@ -46,9 +47,10 @@ from orthoglide_cal.words import (
     unit_words,
 )
 
-_NOTHING = "nothing wrong"
+_NOTHING, _UNLISTED = "nothing wrong", "none of the listed causes"
 # What one screen has room for.
 _MOST_OPEN = 4  # explanations
+_MOST_LIKELY = 3  # of them in the title
 _MOST_CELLS = 3  # sizes side by side
 _MOST_SIZES = 6  # of one cause; of more the largest are shown
 _DECIDED, _UNDECIDED = 30, 20  # lines of its screen
@@ -57,8 +59,8 @@ _DECIDED, _UNDECIDED = 30, 20  # lines of its screen
 def diagnosis_document(case: Case) -> doc.Document:
     """The whole answer."""
     if not case.answer.parameters:
-        sections = (doc.next_steps(to_do(case)),)
-        page = doc.Page("Diagnosis", notice=decision_notice(case), sections=sections)
+        page = doc.Page("Diagnosis", notice=decision_notice(case), stamp=case.stamp)
+        page = replace(page, sections=(doc.next_steps(to_do(case)),))
         return doc.Document(case.data, lambda: page)
     return doc.Document(case.data, partial(_page, case), partial(_screen, case))
 
@@ -89,7 +91,9 @@ def _screen(case: Case) -> doc.Page:
             groups = [decisive, [_rms_grid(case), *baselines]]
         sections = [doc.Section(None, *blocks) for blocks in (*groups, *residuals)]
         last = doc.next_steps([*steps, *again], *notes, case.more("diagnose"))
-        page = doc.Page("Diagnosis", notice=_notice(case), sections=(*sections, last))
+        page = doc.Page(
+            "Diagnosis", stamp=case.stamp, notice=_notice(case), sections=(*sections, last)
+        )
         if height(page) <= (_UNDECIDED if undecided else _DECIDED):
             return page
         for spare in (notes, baselines, again, residuals, steps):
@@ -115,14 +119,7 @@ def _notice(case: Case) -> doc.Notice:
         else:
             title = f"{title.rstrip('.')} ({ids[0]}, {percent(share, 1)})"
     elif answer.verdict is Verdict.AMBIGUOUS:
-        names = [f"{_name(each)} ({percent(each.probability)})" for each in _open(answer)]
-        if len(names) == 1:
-            beyond = sum(each.probability for each in answer.explanations if each.pattern)
-            names.append(f"something that is not on the list ({percent(beyond)})")
-        # By name: none comes first that the data do not carry.
-        first = sorted(names[:2], key=lambda text: (not text.startswith(_NOTHING), text))
-        title = f"Undecided: {', or '.join(first)}" if len(names) > 1 else title
-        title += f", or {counted(len(names) - 2, 'other')}" if len(names) > 2 else ""
+        title = f"Undecided: {_shares(answer)}"
     lines = [f"{notice.title}.", *notice.lines]
     reason = release.reasons[0].code if release.reasons else ""
     if answer.alone is not None and reason in ("offsets_wrong", "cause_found"):
@@ -141,6 +138,8 @@ def _notice(case: Case) -> doc.Notice:
         u = two_figures(max(each.expanded for each in answer.parameters))
         why = f": until that is decided they may be wrong by {u} {answer.parameters[0].unit}"
         lines[:2] = [f"{notice.title}{why if common_unit(case.machine) else ''}."]
+    if case.invalidating:
+        title, lines[0] = notice.title, f"{title.rstrip('.')}."
     return replace(notice, title=title, lines=tuple(lines))
 
 
@@ -249,18 +248,32 @@ def _name(each: Explanation) -> str:
     return f"{first} with {' and '.join(others)}" if others else first
 
 
+def _shares(answer: Answer) -> str:
+    """The most probable explanations and the share of all others, 100 % in all."""
+    shares = {_name(each): each.probability for each in answer.explanations if not each.pattern}
+    shares[_UNLISTED] = sum(each.probability for each in answer.explanations if each.pattern)
+    likely = sorted(shares.items(), key=lambda pair: -pair[1])[:_MOST_LIKELY]
+    whole = {name: round(100.0 * share) for name, share in likely}
+    shown = [f"{name} ({share} %)" for name, share in whole.items() if share]
+    if rest := 100 - sum(whole.values()):
+        shown.append(f"or others ({rest} %)")
+    return ", ".join(shown)
+
+
 def _open_grid(case: Case) -> doc.Grid:
     """Residuals and parameters under each open explanation."""
     rows = []
     names = [each.name for each in case.answer.parameters]
-    for each in _open(case.answer)[:_MOST_OPEN]:
+    others = [each for each in _open(case.answer) if not each.sound][:_MOST_OPEN]
+    for each in (*filter(None, [offsets_only(case.answer)]), *others):
         values = {
             one.name: signed(one.found, decimals_for(2.0 * one.std))
             for one in each.parameters
             if one.found is not None
         }
         left = "" if each.rms_mm is None else plain(each.rms_mm, 4)
-        rows.append((_name(each), left, *(values.get(name, "") for name in names)))
+        name = f"{case.words.many} only" if each.sound else _name(each)
+        rows.append((name, left, *(values.get(name, "") for name in names)))
     head = f"{case.words.many}{common_unit(case.machine)}"
     return doc.Grid((head, "r.m.s. left, mm", *names), rows)
 
@@ -323,6 +336,7 @@ def _page(case: Case) -> doc.Page:
     blocks += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
     return doc.Page(
         kind="Diagnosis",
+        stamp=case.stamp,
         notice=_notice(case),
         sheet=(doc.next_steps(_steps(case)),),
         sections=(

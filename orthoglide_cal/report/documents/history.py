@@ -13,6 +13,7 @@ from orthoglide_cal.inference.result import CauseParameter
 from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
+from orthoglide_cal.report.case import SIMULATED
 from orthoglide_cal.report.figures import below, line, thread, words
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import height
@@ -54,7 +55,8 @@ def _screen(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
     for most in range(max(min(len(history.sessions), _HIGH), 3), 2, -1):
         table = doc.Section(None, _table(history, most), *history.notes[:3])
         sections = table, doc.next_steps(steps, more)
-        page = doc.Page("History", notice=_notice(history), sections=sections)
+        stamp = SIMULATED if history.simulated else None
+        page = doc.Page("History", stamp=stamp, notice=_notice(history), sections=sections)
         if height(page) <= _HIGH:
             break
     return page
@@ -71,11 +73,11 @@ def _page(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
         notes.append(f"With {counted(count, 'further session')}, U of the best values: {known}.")
     return doc.Page(
         kind="History",
+        stamp=SIMULATED if history.simulated else None,
         title=history.machine,
         notice=_notice(history),
-        sheet=[doc.next_steps(steps)],
+        sheet=[doc.Section("From session to session", _courses(history)), doc.next_steps(steps)],
         sections=[
-            doc.Section("Parameters from session to session", _courses(history)),
             doc.Section("What is left of each touch", *_shapes(history)),
             doc.Section("Sessions", _table(history, len(history.sessions)), *notes),
         ],
@@ -209,7 +211,10 @@ def _courses(history: History) -> doc.Figure:
         for x, (value, half, _) in zip(places, rows, strict=True):
             parts.append(line((x, up(value - half)), (x, up(value + half)), "whisker"))
             parts.append(figures.mark(x, up(value), 0, "mark", 3.0))
-        finding = f"{now.name} of {len(rows)} sessions, {labels[0]} to {labels[-1]}."
+        sizes = (with_uncertainty(value, half) for value, half, _ in rows)
+        finding = (
+            f"{now.name}, {unit_words(now.unit)}, from session to session: {', '.join(sizes)}."
+        )
         name = "course-" + "".join(letter if letter.isalnum() else "-" for letter in now.name)
         axis = "c-" + dict(zip("xyzabc", "xyzxyz", strict=True)).get(now.name, "x")
         panels.append(figures.svg(name, wide, bottom + 26.0, now.name, finding, parts, axis))
@@ -224,8 +229,10 @@ def _shapes(history: History) -> Iterator[doc.Figure]:
         return
     (place, first, seen), (other, last, _) = history.shapes
     bed = seen.radius_mm, seen.tower_angles_deg
-    maps = figures.bed_maps("first", place, {"": first}, *bed)
-    maps += figures.bed_maps("last", other, {"": last}, *bed)
+    largest = 1000.0 * max(float(np.abs(left).max()) for left in (first, last))
+    maps = figures.bed_maps("first", place, {"": first}, *bed, largest)
+    maps += figures.bed_maps("last", other, {"": last}, *bed, largest)
     if np.array_equal(place, other):
-        maps += figures.bed_maps("difference", place, {"": last - first}, *bed)
-    yield doc.Figure(None, "", maps, columns=2)
+        maps += figures.bed_maps("difference", place, {"": last - first}, *bed, largest)
+    key = f"All on one scale, up to {largest:.0f} µm. Ringed: what stands out."
+    yield doc.Figure(None, "", maps, columns=2, key=key)

@@ -1,16 +1,19 @@
 """Residuals, in characters for a terminal and as figures for a page."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from orthoglide_cal.inference.result import CauseParameter, FoundCause
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import Case, comparison_words
-from orthoglide_cal.results.answer import Answer, Residual
-from orthoglide_cal.words import plain, signed
+from orthoglide_cal.report.escape import Html
+from orthoglide_cal.results.answer import Answer, Residual, Shim
+from orthoglide_cal.words import plain, short, signed, unit_words, with_uncertainty
 
 SIGNS = "· noise, + − over 2σ, ▲ ▼ over 4σ"
 LEG_LEGEND = f"Mean of the repeats, then one sign for each: {SIGNS}."
@@ -21,6 +24,7 @@ BED_LEGEND = (
 # More signs than this would not fit beside a name: the largest deviations of each stand for all.
 _SIGNS = 30
 _MOST_SERIES = 6  # on a screen, each in half as many postures
+_MOST_DRAWN = 2  # parameters of a cause
 _CELLS = 17  # of a bed in signs, along x and along y
 
 
@@ -65,33 +69,37 @@ def differences_figure(
     rms_mm: Sequence[float],
     single: bool,
     limit_mm: float | None,
+    outcomes: Sequence[str] = (),
 ) -> doc.Figure:
-    """Each difference on one axis: as found, as expected, as measured afterwards.
+    """Each difference on one axis: as found, as expected, as left.
 
     Args:
         rows: the differences.
-        rms_mm: of all as found, expected and measured.
+        rms_mm: of all as found, expected and left.
         single: they are of the tool end against the joint end.
         limit_mm: largest deviation allowed; None where nobody said.
+        outcomes: by the limit, of each that was measured afterwards.
     """
     measured = rows[0][-1] is not None
-    sketch = [f"            found  expected{'  measured' * measured}    ± U"]
+    sketch = [f"            found  expected{'   as left' * measured}    ± U"]
     for name, first, second, reach, last in rows:
         shown = (first, second) if last is None else (first, second, last)
         numbers = "".join(f"{signed(value, 3):>10}" for value in shown)
-        sketch.append(f"{name:<7}{numbers}  {plain(reach, 3)}")
+        outcome = "".join(f"  {word}" for word in outcomes[len(sketch) - 1 :][:1])
+        sketch.append(f"{name:<7}{numbers}  {plain(reach, 3)}{outcome}")
     kind, meaning = comparison_words(single)
-    key = "○ as found → ■ expected" + (" → ● measured" if measured else " once entered")
+    key = "○ as found → ■ expected" + (" → ● as left" if measured else " once entered")
     key += f", with U (95 %). {meaning}"
     if limit_mm is not None:
-        key += f" Green: within the limit of {limit_mm:g} mm."
+        key += f" Dashed: the limit, ±{limit_mm:g} mm."
     title = f"Differences of readings, {kind}, mm"
     finding = f"r.m.s. {' → '.join(plain(size, 3) for size in rms_mm)}."
-    return doc.Figure(title, finding, [figures.deviation_rows(rows, limit_mm)], 0, key, sketch)
+    picture = figures.deviation_rows(rows, limit_mm, outcomes)
+    return doc.Figure(title, finding, [picture], 0, key, sketch)
 
 
-def residual_blocks(case: Case) -> list[doc.Block]:
-    """The same as figures; nothing of differences, which have a figure of their own."""
+def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
+    """The same as figures, named by `when`; of differences none, they have one of their own."""
     answer, sigma = case.answer, case.machine.instrument.noise_mm
     if answer.input.kind != DataKind.READINGS:
         return []
@@ -100,7 +108,7 @@ def residual_blocks(case: Case) -> list[doc.Block]:
     if not _on_bed(answer):
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
-        return [doc.Figure(None, "", figures.residual_panels(rows, left, sigma), key=key)]
+        return [doc.Figure(None, "", figures.residual_panels(rows, left, sigma, when), key=key)]
     bed, places = case.machine.bed, _places(answer)
     measured = np.array([row.measured_mm for row in rows])
     blocks: list[doc.Block] = []
@@ -113,6 +121,57 @@ def residual_blocks(case: Case) -> list[doc.Block]:
         key = "Each map has its own scale. Ringed: beyond four robust standard deviations."
         blocks.append(doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch))
     return [*blocks, _distances(answer)]
+
+
+def cause_figure(case: Case, cause: FoundCause, shims: Sequence[Shim]) -> Iterator[doc.Figure]:
+    """A cause as a drawing: the readings that it spoils, or how the machine differs by it."""
+    answer = case.answer
+    panels: tuple[Html, ...] = ()
+    key = "Dashed: as it should be. Solid: as it is, enlarged."
+    seen = (each for each in cause.parameters if abs(each.value) > each.expanded)
+    drawn = [each for each in seen if set(each.name) <= {*AXES, "_"}]
+    drawn = sorted(drawn, key=lambda each: -abs(each.value))[:_MOST_DRAWN]
+    if shims:
+        gaps = {each.name: each.value for each in cause.parameters}
+        panels = (figures.rails_sketch(gaps, shims),)
+        key = "The rails where they really are, the gaps enlarged. Arrows: move the mount there."
+    elif drawn and not cause.where:
+        sizes = {e.name: (e.value, f"{place_words(e.name)} {size_words(e)}") for e in drawn}
+        panels = (figures.parameter_sketch(cause.id, sizes),)
+    elif answer.input.kind == DataKind.READINGS and not _on_bed(answer):
+        (alone, before), (both, after) = (left := _left(case)).items()
+        wrong = np.flatnonzero(np.abs(after - before) > 0.5 * np.abs(after - before).max())
+        noise = case.machine.instrument.noise_mm
+        every = figures.residual_panels(answer.residuals, left, noise, cause.id, wrong.tolist())
+        panels, key = every[:_MOST_DRAWN], f"Residuals. Open: {alone}. Filled: {both}."
+        key += " Ringed: wrong." * (len(wrong) == 1)
+    if panels:
+        yield doc.Figure(None, "", panels, columns=0, key=key)
+
+
+def place_words(name: str) -> str:
+    """Where the parameter of a cause is: "y_x" is "leg x, direction y"."""
+    direction, _, leg = name.partition("_")
+    return Series(AXES.index(leg), AXES.index(direction)).words if leg in AXES else name
+
+
+def size_words(each: CauseParameter) -> str:
+    """Value, U and unit; whole numbers have no U."""
+    value = with_uncertainty(each.value, each.expanded) if each.std else signed(each.value, 0)
+    return f"{value} {unit_words(each.unit)}"
+
+
+def readings_table(case: Case, when: str) -> doc.Section:
+    """Every reading as it was written down, and what the model leaves of it, named by `when`."""
+    left, rows = [*_left(case).values()][-1], []
+    for row, rest_mm in zip(case.answer.residuals, left.tolist(), strict=True):
+        touched = f"X{short(row.x_mm or 0.0, 1)} Y{short(row.y_mm or 0.0, 1)}"
+        end = f", {row.end}" if row.end else ""
+        reading = f"{figures.series_of(row).words}, {row.posture}{end}, cycle {row.cycle}"
+        at = reading if row.leg else "distance" if row.distance else touched
+        rows.append((str(row.order), at, short(row.measured_mm, 4), signed(rest_mm, 4)))
+    grid = doc.Grid(("no.", "at", "reading, mm", "left, mm"), rows, words=(1,))
+    return doc.Section(f"Appendix: readings, {when}".removesuffix(", "), grid)
 
 
 def _on_bed(answer: Answer) -> bool:

@@ -72,10 +72,16 @@ def plan_document(
     if begun is not None and plan.next:
         # The largest U of the lengths that there are; None if there are none to be entered.
         found = (each.expanded for each in begun.answer.parameters if each.unit == "mm")
-        plan = plan.changed(now_mm=max(found, default=None))
+        plan = plan.changed(now_mm=max(found, default=None), simulated=begun.answer.simulated)
     going_on = begun if plan.next else None
+    stamp = going_on.stamp if going_on else None
     absent = None if plan.next else {"next"}
     data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent)
+    if going_on is not None and going_on.answer.release.usable:
+        # Nothing is advised that does not lower U.
+        now = math.inf if plan.now_mm is None else round(plan.now_mm, decimals_for(plan.now_mm))
+        worst = ((each, max(each.expanded_mm.values())) for each in plan.next)
+        plan = plan.changed(next=tuple(o for o, u in worst if round(u, decimals_for(u)) < now))
 
     def screen() -> doc.Page:
         if going_on is not None:
@@ -89,7 +95,7 @@ def plan_document(
             ]
         to_do = _to_do(plan, machine_file, begun)
         sections.append(doc.next_steps(to_do, "More: the same with --details"))
-        return doc.Page("Plan", notice=notice, sections=sections)
+        return doc.Page("Plan", stamp=stamp, notice=notice, sections=sections)
 
     def page() -> doc.Page:
         machine = plan.model.machine
@@ -100,8 +106,9 @@ def plan_document(
         facts, notice = doc.Facts(session), _notice(plan)
         sections: list[doc.Section] = []
         if going_on is not None:
-            ranking = _next_grid(plan, plan.next, full=True)
-            sections.append(doc.Section("What to measure next, best first", ranking))
+            if plan.next:
+                ranking = _next_grid(plan, plan.next, full=True)
+                sections.append(doc.Section("What to measure next, best first", ranking))
             sections.append(doc.Section("A separate session would give", facts, notice))
             given = going_on.answer.input
             data = f"{file_words(visible(given.path))}, {given.readings}"
@@ -116,6 +123,7 @@ def plan_document(
         sections += [*budget_sections(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
             kind="Plan",
+            stamp=stamp,
             title=plan.machine,
             facts=facts,
             notice=notice,
@@ -131,7 +139,12 @@ def _to_do(
 ) -> Iterator[doc.Instruction]:
     """Measure what is best next, or the session."""
     chosen, machine = plan.chosen, plan.model.machine
-    if plan.next and begun:
+    if begun and begun.answer.release.usable:
+        yield doc.Instruction("See what to enter", begun.typed("solve"))
+        for best in plan.next[:1]:
+            further = begun.further(best.session)
+            yield doc.Instruction(f"Or, to reduce U: {best.what}", further)
+    elif plan.next and begun:
         best = plan.next[0]
         yield doc.Instruction(best.what, begun.further(best.session))
     elif plan.bar_warning is not None and plan.bar_warning.size > 0.0 and plan.design is not None:
@@ -394,6 +407,11 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
 
 def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
     """The best measurement in addition to the data that there are, and its gain."""
+    if not plan.next:
+        none = (
+            f"Nothing is undecided, and no further {plan.model.machine.vocabulary.noise} readings"
+        )
+        return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (f"{none} lower U.",))
     best, now = plan.next[0], plan.now_mm
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
     today = "Now it is" if common_unit(plan.model.machine) else "The largest is now"

@@ -4,14 +4,14 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from orthoglide_cal.errors import UnusableResultError, command, file_words
+from orthoglide_cal.errors import UnusableResultError, command, fault_kinds, file_words
 from orthoglide_cal.files.input import Check
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, stated
+from orthoglide_cal.report.case import MEANS, OWNER, SIMULATED, data_words, measure_again, stated
 from orthoglide_cal.results import Application
 from orthoglide_cal.words import counted, plain, short, signed
 
@@ -90,14 +90,18 @@ def check_document(
     elif check.valid and kind is not None:
         word = "which give no offsets" if refused else "fine"
         data = data_words(source, kind, check.input.readings)
+        data += ", SIMULATED" if check.simulated else ""
         lines = [f"{path}: {data}, {word} (for {check.machine})"]
-    for problem in check.problems:
+    kinds, others = fault_kinds(check.problems)
+    for problem, often in kinds:
         line = f"line {problem.line}" if problem.line is not None else ""
         column = f"column {problem.column}" if problem.column is not None else ""
         where = ", ".join(filter(None, (line, column)))
         value = f" ({problem.value!r})" if problem.value is not None else ""
         lines.append(f"  {where}{': ' if where else ''}{problem.what}{value}")
-        lines += [f"    → {problem.remedy}"] if problem.remedy else []
+        advice = f"{problem.remedy} {often}".strip()
+        lines += [f"    → {advice}"] if advice else []
+    lines += [f"  {text}" for text in others]
     lines += [f"  {refused.what}", f"    → {refused.remedy}"] if refused else []
     lines += [f"  note: {remark}" for remark in check.remarks]
     page = doc.Page("Validation", sections=[doc.Section(None, doc.Listing(lines))])
@@ -121,6 +125,7 @@ def application_document(
         before, after = (dict(zip(AXES, each, strict=False)) for each in offsets)
         return {
             "schema_version": 1,
+            "simulated": application.simulated,
             "machine_file": application.file.document.path,
             "machine": machine.name,
             "undone": application.undone,
@@ -165,7 +170,8 @@ def application_document(
             steps = [doc.Instruction("The controller must hold the last column again; re-home.")]
         grid = doc.Grid(head, rows, caption=caption)
         section = doc.Section(None, grid, doc.Instructions(steps))
-        return doc.Page(title, machine.name, sections=[section])
+        stamp = SIMULATED if application.simulated else None
+        return doc.Page(title, machine.name, sections=[section], stamp=stamp)
 
     return doc.Document(data, page)
 

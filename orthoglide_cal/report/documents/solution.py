@@ -10,11 +10,13 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
+from orthoglide_cal.inference.result import Explanation
 from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.measured import DataKind, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, comparison_words, decision_notice, to_do
-from orthoglide_cal.results import Parameter
+from orthoglide_cal.report.terminal import height
+from orthoglide_cal.results import Answer, Parameter
 from orthoglide_cal.words import (
     counted,
     coverage_words,
@@ -41,6 +43,7 @@ _METHODS = {
 # A screen has room for so many differences, or else for the largest.
 _MOST_DIFFERENCES = 6
 _LARGEST_DIFFERENCES = 3
+_MOST_LINES = 24
 # Source → in words, and what would reduce it.
 _SOURCES: Mapping[str, tuple[str, str]] = {
     Origin.NOISE: (
@@ -91,21 +94,40 @@ def _refused(case: Case) -> doc.Page:
 
 
 def _screen(case: Case) -> doc.Page:
+    """The numbers that decide; where a screen has too few lines, what they mean gives way."""
     answer, release = case.answer, case.answer.release
-    wanted = release.usable and release.needed
     found: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
-    if answer.budget and wanted:
-        found.append(_largest_words(case))
-    found += [f"Note: {case.says(warning)}" for warning in answer.warnings]
-    return doc.Page(
-        kind="Solution",
-        notice=decision_notice(case),
-        sections=(
-            doc.Section(None, *found),
-            doc.Section(None, *(_improvement(case) if wanted else ())),
-            doc.next_steps(to_do(case, brief=True), case.more("solve")),
-        ),
-    )
+    notes = [f"Note: {case.says(warning)}" for warning in answer.warnings]
+    if "gauge_doubt" in release.codes:
+        notes = []  # it says the same
+    numbers = [] if release.settled else [*_improvement(case)]
+    largest = [_largest_words(case)] if answer.budget and release.usable and release.needed else []
+    last = doc.next_steps(to_do(case, brief=True), case.more("solve"))
+    for meant in ([*largest, _meaning(case)], largest, []):
+        own, words = meant[: len(largest)], meant[len(largest) :]
+        blocks = [[*found, *own, *notes], [*numbers, *words]]
+        if not answer.deviations:  # one line needs no section
+            blocks = [[*found, *own, *notes, *numbers]]
+        page = doc.Page(
+            kind="Solution",
+            stamp=case.stamp,
+            notice=decision_notice(case),
+            sections=(*(doc.Section(None, *part) for part in blocks), last),
+        )
+        if height(page) <= _MOST_LINES:
+            break
+    return page
+
+
+def _meaning(case: Case) -> str:
+    """The names and letters of a screen, each in words."""
+    answer, check = case.answer, case.answer.check
+    words = [comparison_words(check is not None and check.ends)[1]] if answer.deviations else []
+    if answer.budget and not (answer.release.usable and answer.release.needed):
+        words.append("U: expanded uncertainty, 95 %.")
+    if answer.judgement and answer.judgement.code == "residuals_agree" and answer.release.usable:
+        words.append("p: probability that noise alone leaves more.")
+    return " ".join(words)
 
 
 def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
@@ -114,18 +136,26 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
     raw = answer.input.kind == DataKind.READINGS
     if len(rows) > _MOST_DIFFERENCES and not full:
         rows = tuple(sorted(rows, key=lambda each: -abs(each.measured_mm))[:_LARGEST_DIFFERENCES])
+    refused = not answer.release.usable
     if rows and answer.as_found is not None and answer.expected is not None:
         names = [each.name for each in rows]
-        after = "expected after" if answer.release.usable else "would be left"
+        after = "if entered" if refused else "expected after"
         measured = *(each.measured_mm for each in rows), answer.as_found.rms_mm
         expected = *(each.expected_mm for each in rows), answer.expected.rms_mm
-        reach = [each.expanded_mm for each in rows]
+        reach = {} if refused and not full else {"± U": tuple(each.expanded_mm for each in rows)}
         digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
-        yield deviations_grid(names, digits, {"measured": measured, after: expected, "± U": reach})
-    if answer.rms is not None:
+        yield deviations_grid(names, digits, {"measured": measured, after: expected} | reach)
+    if answer.rms is None:
+        return
+    paper = offsets_only(answer) if answer.input.kind == DataKind.SIX and refused else None
+    if full or paper is None:
         of_what = f"{'readings' if raw else 'differences'}{weighing(case.given.measured)}"
         before, left = (plain(mm, 4) for mm in (answer.rms.before_mm, answer.rms.after_mm))
         yield f"Residuals of the {of_what}: {before} mm r.m.s. before, {left} after."
+    if paper is not None:
+        values = " ".join(signed(each.found or 0.0, 2) for each in paper.parameters)
+        rms = " → ".join(plain(mm, 3) for mm in (answer.rms.before_mm, paper.rms_mm or 0.0))
+        yield f"As in the paper (six equations): {values}, {rms} mm r.m.s."
 
 
 def _page(case: Case) -> doc.Page:
@@ -139,6 +169,7 @@ def _page(case: Case) -> doc.Page:
         notes.append(case.says(answer.judgement))
     return doc.Page(
         kind="Solution",
+        stamp=case.stamp,
         notice=decision_notice(case),
         sheet=(doc.next_steps(to_do(case)),),
         sections=(
@@ -234,7 +265,8 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
         columns["unit"] = unit
     if alone is None:
         columns["active"] = [plain(each.active, answer.decimals) for each in every]
-        columns["found" if brief else words.found] = found(every)
+        head = "found" if enter or answer.release.settled else "if entered"
+        columns[head if brief else words.found] = found(every)
     else:
         columns[f"{words.many} alone"] = found(alone.parameters)
         columns[f"allowing for {' and '.join(answer.named)}"] = found(every)
@@ -288,13 +320,23 @@ def _largest_words(case: Case) -> str:
     name, size = largest.source, _size(largest).replace(" (assumed)", ", assumed")
     if name in _SOURCES:
         name = source_words(name, case.machine)[0]
-    source = f"{'possible: ' * largest.possible}{name}"
-    return f"Largest contribution to U (95 %): {', ± '.join(filter(None, (source, size)))}."
+    source = f"{name}{', if present' * largest.possible}"
+    contribution = ", ± ".join(filter(None, (source, size)))
+    return f"U: expanded uncertainty, 95 %. Largest contribution: {contribution}."
 
 
 def _adds(line: Contribution) -> float:
     """Variance that a source adds to all parameters together."""
     return sum(std**2 for std in line.std)
+
+
+def offsets_only(answer: Answer) -> Explanation | None:
+    """The parameters if nothing else is wrong, with what they leave; None if no answer has them."""
+    if answer.alone is not None:
+        left, parameters = answer.alone.rms_after_mm, answer.alone.parameters
+        return Explanation(probability=0.0, rms_mm=left, parameters=parameters)
+    sound = (each for each in answer.explanations if each.sound and each.parameters)
+    return next(sound, None)
 
 
 def alone_block(case: Case) -> Iterator[doc.Block]:

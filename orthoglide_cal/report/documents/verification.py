@@ -12,7 +12,13 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import data_words, reserved, signed_page
+from orthoglide_cal.report.case import (
+    INVALIDATING,
+    SIMULATED,
+    data_words,
+    reserved,
+    signed_page,
+)
 from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.documents.solution import common_unit, deviations_grid, sizes, sizes_grid
 from orthoglide_cal.report.sentences import sentence
@@ -63,6 +69,7 @@ def _screen(result: Verification) -> doc.Page:
     both = f"{before} before and after" if before == after else f"{before} and {after}"
     return doc.Page(
         kind="Verification",
+        stamp=SIMULATED if result.simulated else None,
         notice=replace(verification_notice(result), aside=f"{result.machine}, {both}"),
         sections=(
             doc.Section(None, *([_differences(result)] if result.differences else [])),
@@ -90,7 +97,7 @@ def _page(result: Verification, identity: Identity) -> doc.Page:
         page,
         title=result.machine,
         notice=verification_notice(result),
-        sheet=(*page.sheet, _outcome(result), parameters_left(result)),
+        sheet=(parameters_left(result), _outcome(result), *page.sheet),
         sections=(
             *([_response(result, result.response)] if result.response else []),
             doc.Section("Traceability", doc.Facts(origin)),
@@ -123,13 +130,22 @@ def verification_notice(result: Verification) -> doc.Notice:
         tone = doc.Tone.GOOD if result.kept else doc.Tone.WARN
     elif not result.kept:
         tone, title = doc.Tone.BAD, "The correction did not work as predicted"
+        if result.answer is Behaviour.AS_MODELLED:
+            title = "The offsets act as entered, but the machine is not as predicted"
     elif outcome is Outcome.FAIL:
         tone, title = doc.Tone.BAD, "The correction worked, but a deviation is beyond the limit"
     elif outcome is not Outcome.PASS or (result.other_change and result.other_change.found):
         tone, title = doc.Tone.WARN, "The correction worked, with a reservation"
     if result.reservations and tone is doc.Tone.GOOD:
         tone, title = doc.Tone.WARN, f"{title}, with a reservation"
-    return reserved(doc.Notice(tone, title, lines), [*map(says, result.reservations)])
+    known = [*map(says, result.reservations)]
+    for reservation, first in zip(result.reservations, known, strict=True):
+        of = reservation.data.get("reason")
+        if tone is not doc.Tone.BAD and isinstance(of, Reason) and of.code in INVALIDATING:
+            title, lines = first.rstrip("."), (f"{title}.", *lines)
+            known.remove(first)
+            break
+    return reserved(doc.Notice(tone, title, lines), known)
 
 
 def _digits(result: Verification) -> int:
@@ -159,6 +175,9 @@ def verification_steps(
     if not result.kept:
         if remedy := _remedy(result):
             yield doc.Instruction(remedy)
+        elif result.answer is Behaviour.AS_MODELLED:
+            typed = command("diagnose", result.after.path, machine=machine_file)
+            yield doc.Instruction("Find what else changed, or was wrong before", typed)
         yield doc.Instruction("Measure again, and compare again")
     elif result.decision is not None and result.decision.outcome is Outcome.FAIL:
         yield doc.Instruction(
@@ -177,7 +196,9 @@ def _answer(result: Verification) -> str:
     """How the machine responded, in one sentence; nothing where that was not looked at."""
     if result.response is None or result.answer is None:
         return ""
-    size = f"response {_interval(result.response)}"
+    apart, both = result.apart_mm or 0.0, result.apart_expanded_mm or 0.0
+    differ = f", yet they differ by {plain(apart, 3)} mm, U of both {plain(both, 3)} mm"
+    size = f"moved by {_interval(result.response)} times what was entered"
     acted_as = _triple(result.acted_as_mm or {}, result)
     moves = [
         f"{axis.upper()} moved {signed(row.found_mm, 3)} of {signed(row.applied_mm, 3)} mm"
@@ -185,7 +206,7 @@ def _answer(result: Verification) -> str:
         if row.otherwise
     ]
     return {
-        Behaviour.AS_MODELLED: f"The machine responded as the model says: {size}, expected 1.",
+        Behaviour.AS_MODELLED: f"The machine {size}, as modelled{'' if result.kept else differ}.",
         Behaviour.OPPOSITE: f"The correction acted with the opposite sign ({size}).",
         Behaviour.EXCHANGED: f"The correction acted as if {acted_as} had been entered (x, y, z).",
         Behaviour.NO_RESPONSE: f"The machine did not respond ({size}).",
@@ -237,10 +258,11 @@ def _decision(result: Verification) -> str:
     made = result.decision
     if made is None:
         return ""
+    never = "" if made.passable else " Nothing can pass: U exceeds the limit. Take more cycles."
     return (
         f"{made.outcome.capitalize()}: limit {made.limit_mm:g} mm, largest deviation"
         f" {plain(made.largest_mm, 3)} ± {plain(made.expanded_mm, 3)} mm"
-        f" ({made.largest_difference}; U with {coverage_words(made.coverage_factor)}, 95 %)."
+        f" ({made.largest_difference}; U with {coverage_words(made.coverage_factor)}, 95 %).{never}"
     )
 
 
@@ -272,9 +294,7 @@ def parameters_left(result: Verification) -> doc.Section:
 def _outcome(result: Verification) -> doc.Section:
     """Predicted and measured, difference by difference or in all."""
     if result.differences:
-        figure = replace(left_figure(result), columns=1, sketch=())
-        blocks = _differences(result, full=True), figure, *rule_blocks(result)
-        return doc.Section("Predicted and measured", *blocks)
+        return doc.Section("Predicted and measured", *rule_blocks(result), left_figure(result))
     grid = doc.Grid(
         ("r.m.s. of the heights", "as found", "predicted", "as left", "could be"),
         (("touches, without their mean", *_sizes(result)),),
@@ -290,10 +310,10 @@ def rule_blocks(result: Verification) -> tuple[doc.Block, ...]:
     return (doc.small(f"Decision rule: {_says(result)(rule.rule)}"),) if rule else ()
 
 
-def _differences(result: Verification, *, full: bool = False) -> doc.Grid:
-    """Deviations as measured and as predicted; on a screen only r.m.s. where they are many."""
+def _differences(result: Verification) -> doc.Grid:
+    """Deviations as measured and as predicted; only r.m.s. where they are many."""
     every = result.differences
-    rows = every if full or len(every) <= _MOST_DIFFERENCES else ()
+    rows = every if len(every) <= _MOST_DIFFERENCES else ()
     sizes = {
         "before": [*(each.before_mm for each in rows), result.rms_before_mm],
         "predicted": [*(each.promised_mm for each in rows), result.rms_promised_mm],
@@ -309,7 +329,8 @@ def left_figure(result: Verification) -> doc.Figure:
     rows = [(e.difference, e.before_mm, e.promised_mm, e.expanded_mm, e.after_mm) for e in every]
     sizes = (result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm)
     limit = result.decision.limit_mm if result.decision else None
-    return differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit)
+    outcomes = [each.outcome.capitalize() for each in every if each.outcome]
+    return differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit, outcomes)
 
 
 def _response(result: Verification, response: Coefficient) -> doc.Section:
@@ -324,7 +345,7 @@ def _response(result: Verification, response: Coefficient) -> doc.Section:
     }
     grid = doc.Grid.of(columns, caption="Change of each joint, mm, fitted together.")
     lead = (
-        "Response coefficient, all axes together: ",
+        "Response (measured change / entered change), all axes together: ",
         doc.strong(_interval(response)),
         f". Expected: 1. (95 % interval, {result.response_dof} degrees of freedom.)",
     )
