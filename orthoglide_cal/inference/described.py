@@ -12,11 +12,12 @@ from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern
 from orthoglide_cal.inference.patterns import Ground, fits_of
 from orthoglide_cal.inference.result import FoundPattern, PatternParameter
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import Bools, Floats
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, Where, without_zeros
 
 MINUTES = 60.0  # in an hour
 # Pattern → name of the parameter of its shapes.
 _SHAPE_NAMES = {"drifts": "period", "settles": "time_constant", "steps": "moment"}
+_PLACE = ("leg", "direction", "posture", "cycle")  # of a reading, in words
 
 _Fits = Sequence[tuple[float, Ground, slice]]
 
@@ -46,22 +47,31 @@ def described(
         for name, value, spread, span in gauges
         for by in [span if kelvin else 1.0]
     ]
-    start = None
+    start, late = None, None
+    between: tuple[Where, ...] = ()
     if pattern.how in _SHAPE_NAMES:
         shapes = np.array([shape.parameter or 0.0 for _, shape, _ in pattern.shapes])
         known = _mean_and_std(np.array([share for share, _, _ in fits]), MINUTES * shapes)
         columns = {"name": _SHAPE_NAMES[pattern.how], "unit": "min"}
         parameters.append(PatternParameter(**columns, value=known[0], std=known[1]))
+        late = _heldout(rows, before, after, _last_third(white.plan))
         start = {
             "steps": known[0],
             "settles": MINUTES * float(white.plan.hours[rows].min()),
         }.get(pattern.how)
+        if pattern.how == "steps" and isinstance(measured, Readings):
+            between = tuple(_between(measured, rows, *known))
     left = before if pattern.how == "scatters" else after
-    heldout = _heldout(rows, before, after, measured)
+    heldout = None
+    effect: list[tuple[float, ...]] = [(), ()]
+    if isinstance(measured, Readings):
+        effect = [tuple(values.tolist()) for values in _effect(pattern, fits, rows)]
+        heldout = _heldout(rows, before, after, measured.cycle)
     return FoundPattern(
         how=pattern.how,
         where=where,
         from_minutes=start,
+        between=between,
         size_mm=abs(size),
         expanded_mm=half_width(np.inf) * std,
         parameters=parameters,
@@ -73,7 +83,51 @@ def described(
         heldout_before_mm=heldout and heldout[0],
         heldout_after_mm=heldout and heldout[1],
         heldout_ratio=heldout and heldout[1] / heldout[0],
+        last_third_before_mm=late and late[0],
+        last_third_after_mm=late and late[1],
+        effect_mm=effect[0],
+        effect_expanded_mm=effect[1],
     )
+
+
+def _effect(pattern: Pattern, fits: _Fits, rows: Bools) -> tuple[Floats, Floats]:
+    """What it adds to each reading, and U of that, both (n,) [mm]; more noise adds U alone."""
+    shares = np.array([share for share, _, _ in fits])
+    values = np.zeros((len(fits), len(rows)))
+    if pattern.how == "scatters":
+        variances = np.outer([size**2 for _, _, size in pattern.shapes], rows)
+    else:
+        plan, columns = fits[0][1].at.white.plan, [shape.columns for _, shape, _ in pattern.shapes]
+        if pattern.how == "repeats":  # of a gauge the zero hides their mean
+            columns = [without_zeros(plan, one.T).T for one in columns]
+        known = [ground.amplitudes(own) for _, ground, own in fits]
+        values = np.array([one @ mean for one, (mean, _) in zip(columns, known, strict=True)])
+        spreads = ((one @ spread) * one for one, (_, spread) in zip(columns, known, strict=True))
+        variances = np.array([spread.sum(axis=1) for spread in spreads])
+    mean = shares @ values
+    return mean, half_width(np.inf) * np.sqrt(shares @ ((values - mean) ** 2 + variances))
+
+
+def _between(measured: Readings, rows: Bools, minutes: float, std: float) -> Iterator[Where]:
+    """The last of some readings before a moment, and the first after it, as far as it is known."""
+    plan, reach = measured.plan, half_width(np.inf) * std
+    ranks = np.flatnonzero(rows[plan.in_time])
+    times = MINUTES * plan.hours[plan.in_time[ranks]] + 1e-6
+    for rank in (*ranks[times < minutes - reach][-1:], *ranks[times >= minutes + reach][:1]):
+        k = int(plan.in_time[rank])
+        own = {"posture": measured.posture[k], "cycle": measured.cycle[k], **plan.entry(k)}
+        place = {name: str(own[name]) for name in _PLACE if "leg" in own}
+        yield {"order": str(rank + 1), **place}
+
+
+def _last_third(plan: Plan) -> Ints:
+    """0 for the readings in the last third of each set-up, −1 for the others, (n,)."""
+    rows, first = plan.sequence
+    setup = np.cumsum(first) - 1
+    rank, count = np.arange(len(rows)) - np.flatnonzero(first)[setup], np.bincount(setup)[setup]
+    cells = np.empty(len(rows), np.intp)
+    cells[rows] = np.where(3 * rank >= 2 * count, 0, -1)
+    return cells
 
 
 def _gauges(
@@ -117,17 +171,15 @@ def _mean_and_std(
     return mean, math.sqrt(float(shares @ ((values - mean) ** 2 + variances)))
 
 
-def _heldout(
-    rows: Bools, before: Ground, after: Ground, measured: Measured
-) -> tuple[float, float] | None:
-    """Errors of predicting some readings, one cycle left out at a time, r.m.s. [mm].
+def _heldout(rows: Bools, before: Ground, after: Ground, cells: Ints) -> tuple[float, float] | None:
+    """Errors of predicting some readings, one of the cells (n,) left out at a time, r.m.s. [mm].
 
-    Without and with the pattern; None where no reading has another cycle.
+    Those of a cell below 0 stay. Without and with the pattern; None where no reading has another
+    cell.
     """
-    if not isinstance(measured, Readings):
-        return None
-    blocks = left_out(before.white, (), measured.cycle)
-    if len(np.unique(measured.cycle)) < 2 or not blocks:
+    blocks = [block[cells[block[:, 0]] >= 0] for block in left_out(before.white, (), cells)]
+    blocks = [block for block in blocks if len(block)]
+    if len(np.unique(cells)) < 2 or not blocks:
         return None
     errors = []
     for ground in (before, after):

@@ -26,6 +26,7 @@ from orthoglide_cal.inference.fit import (
     moved_origin,
     predict_later,
 )
+from orthoglide_cal.inference.patterns import fits_of
 from orthoglide_cal.inference.result import (
     CauseParameter,
     Diagnosis,
@@ -139,6 +140,12 @@ def diagnose(
         unshown = _unshown(found, offsets, half_width(np.inf) * np.sqrt(np.diag(covariance)))
         matter = {fault.id for fault in unshown if fault.matters}
         nominal = _predicted(white, measured, found.belief.at.residuals[0])
+        patterns, wrong = tuple(_patterns(found, measured)), accepted.wrong_readings
+        explained = nominal
+        if accepted.effects:
+            explained = _predicted(white, measured, accepted.left, accepted.effects)
+        if any(pattern.accepted for pattern in patterns):
+            explained, wrong = _with_patterns(found, measured)
         return Diagnosis(
             measured=measured,
             model=model,
@@ -158,13 +165,12 @@ def diagnose(
             covariance_mm2=covariance,
             alone_mm=found.belief.at.offsets[0],
             nominal_mm=nominal,
-            explained_mm=_predicted(white, measured, accepted.left, accepted.effects)
-            if accepted.effects
-            else nominal,
+            explained_mm=explained,
+            wrong_readings=wrong,
             sensitivity=MappingProxyType(changes),
             explanations=_explanations(found),
             unshown=unshown,
-            patterns=tuple(_patterns(found, measured)),
+            patterns=patterns,
             enterable=found.enterable if found.verdict is Verdict.UNEXPLAINED else 0.0,
             beyond_tolerance=tuple(
                 TimesStated(id=id, times=times) for id, times in found.beyond_tolerance
@@ -378,6 +384,24 @@ def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
             )
             if numbers is not None:
                 yield numbers
+
+
+def _with_patterns(found: Decision, measured: Measured) -> tuple[Floats, tuple[int, ...]]:
+    """Prediction by the likeliest explanation beyond the list, (n,) [mm], and wrong readings.
+
+    More noise predicts nothing.
+    """
+    hypothesis = found.beyond_list[0][1]
+    fit, white = found.belief.fit(hypothesis.ids), found.belief.at.white
+    acting = tuple(one for one in hypothesis.patterns if one.how != "scatters")
+    left, wrong = fit.left, list(fit.wrong_readings)
+    if acting:
+        fits = fits_of(replace(hypothesis, patterns=acting), fit)
+        left = np.sum([share * ground.fit.left for share, ground, _ in fits], axis=0)
+    for one in acting:
+        if one.how in CAUSES and CAUSES[one.how].hides_reading:
+            wrong += np.flatnonzero(one.shapes[0][1].columns.any(axis=1)).tolist()
+    return _predicted(white, measured, left, fit.effects), tuple(wrong)
 
 
 def _parameters(white: Whitened, effect: Effect) -> Iterator[CauseParameter]:

@@ -181,6 +181,9 @@ class FoundPattern(Schema):
     how: Literal["repeats", "drifts", "settles", "steps", "scatters", "hysteresis", "temperature"]
     where: Where = Field(description="leg, direction, posture, as far as they apply")
     from_minutes: float | None = Field(description="when it steps, or begins to settle")
+    between: tuple[Where, ...] = Field(
+        (), description="the last reading before a step and the first after it, order: rank in time"
+    )
     size_mm: float = Field(
         description="largest peak-to-peak effect on the readings of one gauge; of scatters the"
         " standard deviation of the additional noise"
@@ -198,6 +201,13 @@ class FoundPattern(Schema):
     )
     heldout_after_mm: float | None = Field(description="and with it")
     heldout_ratio: float | None = Field(description="the latter by the former; null: one cycle")
+    last_third_before_mm: float | None = Field(
+        None, description="the same error in the last third of each set-up, of patterns in time"
+    )
+    last_third_after_mm: float | None = None
+    # What it adds to each reading, and U of that, shape (n,); empty for a table of differences.
+    effect_mm: tuple[float, ...] = Field((), exclude=True)
+    effect_expanded_mm: tuple[float, ...] = Field((), exclude=True)
 
 
 class UnshownFault(Schema):
@@ -257,7 +267,7 @@ class Diagnosis(ReadOnly):
     # Offsets where the offsets-only model fits these data best, all readings alike, shape (3,).
     alone_mm: Floats
     nominal_mm: Floats  # prediction of the offsets-only model with fitted zeros, shape (n,)
-    explained_mm: Floats  # prediction of the accepted model, shape (n,)
+    explained_mm: Floats  # prediction of the accepted model, or with patterns, shape (n,)
     # With all tolerances "halved" and "doubled"; empty if it was not asked for.
     sensitivity: Mapping[str, Otherwise]
     # Every one tried, best first, those that are left open with their parameters.
@@ -267,6 +277,7 @@ class Diagnosis(ReadOnly):
     # Beyond the list, best first; empty unless the verdict is that something is.
     patterns: tuple[FoundPattern, ...] = ()
     enterable: float = 0.0  # probability of patterns that falsify no offsets
+    wrong_readings: tuple[int, ...] = ()  # their indices, by what explains these data best
     # What refuted the causes that explain the data best; None where nothing did.
     refuted: Reason | None = None
     # Causes that would explain what is unexplained, far beyond their size.

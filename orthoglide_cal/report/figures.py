@@ -286,15 +286,12 @@ def residual_panels(
         widest = [max(text.split(), key=len, default="") for text in postures]
         parts = [
             rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band"),
-            *(line((40.0, y), (width - 6.0, y), kind) for y, kind, _ in up.ticks(4)),
-            *(words(36.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4)),
-            words(2.0, 14.0, "µm", class_="muted"),
+            *_upright(up, width, one.words),
             *(
                 words(columns[k], up.start + 12.0 * (n + 1) + 1.0, word, "middle")
                 for k in apart(columns, widest)
                 for n, word in enumerate(postures[k].split())
             ),
-            words(width - 6, 14.0, one.words, "end", "strong"),
         ]
         for values in microns:
             last = values is microns[-1]
@@ -318,6 +315,73 @@ def residual_panels(
         name = f"residual-{AXES[one.direction]}{AXES[one.leg]}-{when.replace(' ', '-')}"
         title = f"Residuals, {one.words}, {when}".removesuffix(", ")
         panels.append(svg(name, width, height, title, finding, parts, f"c-{AXES[one.leg]}"))
+    return tuple(panels)
+
+
+def _upright(up: Scale, width: float, title: str) -> Iterator[Html]:
+    """The axis of residuals [µm] of a panel with a title."""
+    yield from (line((40.0, y), (width - 6.0, y), kind) for y, kind, _ in up.ticks(4))
+    yield from (words(36.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4))
+    yield words(2.0, 14.0, "µm", class_="muted")
+    yield words(width - 6.0, 14.0, title, "end", "strong")
+
+
+def pattern_panels(
+    rows: Sequence[Residual],
+    number: int,
+    over: Floats,
+    axis: str,
+    values_mm: Floats,
+    finding: str,
+    when: str,
+) -> tuple[Html, ...]:
+    """What is left of readings over what a pattern depends on; a panel for each gauge it acts on.
+
+    Args:
+        rows: n readings.
+        number: of the pattern among theirs: drawn as a line, its U as a band.
+        over: what it depends on, shape (n,), named `axis`; NaN where it is not known.
+        values_mm: measured − modelled without that pattern, shape (n,).
+        finding, when: the pattern in words; as of `residual_panels`.
+    """
+    width, height, panels = 216.0, 168.0, []
+    effect = 1e3 * np.array([row.pattern_mm[number] for row in rows])
+    reach = 1e3 * np.array([row.pattern_expanded_mm[number] for row in rows])
+    microns, series = 1e3 * values_mm, [series_of(row) for row in rows]
+    acting = {series[k] for k in np.flatnonzero(reach)}
+    some = [k for k, one in enumerate(series) if one in acting]
+    extent = np.stack((microns, effect - reach, effect + reach))[:, some]
+    up = Scale.around(extent.ravel().tolist(), height - 32.0, 26.0)
+    shown = sorted((k for k in some if math.isfinite(over[k])), key=over.__getitem__)
+    for one in sorted({series[k] for k in shown}):
+        own = [k for k in shown if series[k] == one]
+        across = Scale.around(over[own].tolist(), 40.0, width - 6.0)
+        ticks = across.ticks(4)
+        parts = [
+            *below([at for at, *_ in ticks], [text for *_, text in ticks], height - 18.0),
+            words(width - 6.0, height - 4.0, axis, "end", "muted"),
+        ]
+        setups: dict[object, list[int]] = {}
+        for k in own:
+            setups.setdefault((rows[k].part, rows[k].gauge_at), []).append(k)
+        for drawn in setups.values():
+            low, middle, high = (
+                [(across(over[k]), up(effect[k] + side * reach[k])) for k in drawn]
+                for side in (-1.0, 0.0, 1.0)
+            )
+            band = tag("polygon", points=_path([*low, *reversed(high)]), class_="band")
+            parts += [band, thread(middle)]
+        name = one.words if rows[0].leg else "all touches"
+        parts += _upright(up, width, name)
+        for k in own:
+            x, y = across(over[k]), up(microns[k])
+            parts.append(mark(x, y, rows[k].cycle - 1))
+            if rows[k].wrong:
+                parts.append(tag("circle", cx=x, cy=y, r=9.0, class_="fault"))
+        gauge = f"{AXES[one.direction]}{AXES[one.leg]}"
+        title = f"Pattern, {name}, over {axis}, {when}".removesuffix(", ")
+        id = f"pattern-{number}-{gauge}-{when.replace(' ', '-')}"
+        panels.append(svg(id, width, height, title, finding, parts, f"c-{gauge[1]}"))
     return tuple(panels)
 
 

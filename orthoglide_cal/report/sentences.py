@@ -132,16 +132,16 @@ def _origin_moved(_: Machine, data: Data) -> str:
 # How readings deviate → what they do, of one gauge and of several; the effect's short name; remedy.
 _HOWS: Mapping[str, tuple[str, str, str, str]] = {
     "repeats": (
-        "deviates in the same way in each cycle",
-        "deviate in the same way in each cycle",
+        "deviates in the same way each time",
+        "deviate in the same way each time",
         "deviation",
-        "Look for what returns with the posture at {where}: wear, a bent bar, a cable that pulls.",
+        "Look for what returns each time at {where}: wear, a bent bar, a cable that pulls.",
     ),
     "drifts": (
         "drifts smoothly in time",
         "drift smoothly in time",
         "drift",
-        "Let machine and stands of {where} come to rest: clamp them, close doors, warm up. Then"
+        "Let machine and what holds {where} come to rest: clamp it, close doors, warm up. Then"
         " measure there again.",
     ),
     "settles": (
@@ -154,14 +154,14 @@ _HOWS: Mapping[str, tuple[str, str, str, str]] = {
         "steps at one moment",
         "step at one moment",
         "step",
-        "Find what was knocked at {moment:.1f} min, between two readings of {where}; measure there"
+        "Find what was knocked at {moment:.1f} min, between {between} of {where}; measure there"
         " again.",
     ),
     "scatters": (
         "scatters more than its noise",
         "scatter more than their noise",
         "scatter",
-        "Check clamp, vibration and plunger of {where}; measure there again.",
+        "Check clamp, tip and vibration of {where}; measure there again.",
     ),
     "hysteresis": (
         "lags behind the movement of its plunger",
@@ -179,9 +179,11 @@ _HOWS: Mapping[str, tuple[str, str, str, str]] = {
 }
 
 
-def where_words(pattern: FoundPattern) -> str:
+def where_words(machine: Machine, pattern: FoundPattern) -> str:
     """The gauges, or readings, that deviate."""
     where = pattern.where
+    if not machine.vocabulary.measure:
+        return "the probe"
     if "posture" in where:
         return f"the readings at {where['posture']}"
     place = f" of leg {where['leg']}" if "leg" in where else ""
@@ -193,7 +195,7 @@ def where_words(pattern: FoundPattern) -> str:
 def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
     """What deviates, how, and by how much."""
     one, several, _, _ = _HOWS[pattern.how]
-    subject = where_words(pattern) if machine.vocabulary.measure else "the touches"
+    subject = where_words(machine, pattern)
     numbers = [f"{with_uncertainty(pattern.size_mm, pattern.expanded_mm).lstrip('+')} mm"]
     numbers += [
         f"{two_figures(abs(each.value))} {each.unit}"
@@ -202,7 +204,8 @@ def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
     ]
     if pattern.how == "steps" and pattern.from_minutes is not None:
         numbers.append(f"at {plain(pattern.from_minutes, 1)} min")
-    return f"{subject} {one if len(pattern.where) == 2 else several} ({', '.join(numbers)})"
+    single = len(pattern.where) == 2 or not machine.vocabulary.measure
+    return f"{subject} {one if single else several} ({', '.join(numbers)})"
 
 
 def pattern_name(pattern: FoundPattern) -> str:
@@ -210,12 +213,19 @@ def pattern_name(pattern: FoundPattern) -> str:
     return _HOWS[pattern.how][2]
 
 
-def pattern_remedy(pattern: FoundPattern) -> str:
+def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
     """What to do about it."""
     known = {each.name: each.value for each in pattern.parameters}
     rest = math.ceil(RESTING * known.get("time_constant", 0.0))
     text = _HOWS[pattern.how][3]
-    return text.format(where=where_words(pattern), rest=rest, moment=pattern.from_minutes or 0.0)
+    between = "two readings"
+    if len(pattern.between) > 1:
+        first, last = pattern.between
+        place = ", ".join(f"{name} {text}" for name, text in first.items() if name != "order")
+        place = f" ({place})" * bool(place)
+        between = f"readings {first['order']}{place} and {last['order']}"
+    moment, where = pattern.from_minutes or 0.0, where_words(machine, pattern)
+    return text.format(where=where, rest=rest, moment=moment, between=between)
 
 
 def _retake(_: Machine, data: Data) -> str:
@@ -323,7 +333,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "recheck": "{words.recheck}",
     "more_readings": "{words.more}",
     "again": "{words.again}",
-    "beyond_remedy": lambda _, data: pattern_remedy(data["pattern"]),
+    "beyond_remedy": lambda machine, data: pattern_remedy(machine, data["pattern"]),
     "accept": "{cause.advice} Or accept {id} as part of the machine:",
     "look": "Check whether {cause.title}{where:place}. What shows it: {cause.instrument}. If"
     " nothing is wrong there, rule it out:",

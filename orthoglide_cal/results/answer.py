@@ -159,10 +159,22 @@ class Residual(Schema):
     distance: bool = Field(False, description="a measured distance instead of a height")
     cycle: int = 1
     order: int = Field(description="rank in time, from 1")
+    minutes: float | None = Field(None, description="since the session began")
+    temperature_c: float | None = None
+    moved_mm: float | None = Field(
+        None, description="since the gauge's reading before; null: the first of its set-up"
+    )
     weight: float = Field(1.0, description="1: as precise as most")
     measured_mm: float
     modelled_mm: float = Field(description="with the parameters alone")
-    with_causes_mm: float | None = Field(None, description="with the causes that were found")
+    with_causes_mm: float | None = Field(
+        None, description="with the causes, or patterns, that were found"
+    )
+    pattern_mm: tuple[float, ...] = Field(
+        (), description="what each pattern that is accepted adds, in their order"
+    )
+    pattern_expanded_mm: tuple[float, ...] = Field((), description="U of that")
+    wrong: bool = Field(False, description="called wrong by itself: nothing else rests on it")
 
 
 class Undetermined(Schema):

@@ -396,12 +396,14 @@ def _residuals(
 ) -> Iterator[schema.Residual]:
     """Every reading, in the order of the file."""
     with_causes: list[float | None] = [None] * len(measured)
-    if diagnosis is not None and diagnosis.causes:
+    patterns = [one for one in diagnosis.patterns if one.accepted] if diagnosis else []
+    if diagnosis is not None and (diagnosis.causes or patterns):
         with_causes = [*diagnosis.explained_mm.tolist()]
     values = zip(measured.value.tolist(), solution.predicted_mm.tolist(), with_causes, strict=True)
-    in_time = np.arange(len(measured))
+    in_time, moved = np.arange(len(measured)), np.full(len(measured), np.nan)
     if not isinstance(measured, Differences):
-        in_time = measured.plan.in_time
+        in_time, (rows, first) = measured.plan.in_time, measured.plan.sequence
+        moved[rows] = np.where(first, np.nan, np.diff(measured.value[rows], prepend=0.0))
     order, weight = (np.argsort(in_time, kind="stable") + 1).tolist(), measured.weight.tolist()
     for k, (value, modelled, explained) in enumerate(values):
         if isinstance(measured, Differences):
@@ -411,6 +413,14 @@ def _residuals(
         else:
             own = {"cycle": int(measured.cycle[k]), "weight": weight[k]}
             own |= {"posture": measured.posture[k] or None, **measured.plan.entry(k)}
+            recorded = {"moved_mm": moved[k], "temperature_c": measured.temperature[k]}
+            own |= {name: float(mm) for name, mm in recorded.items() if np.isfinite(mm)}
+            own |= {
+                "minutes": 60.0 * float(measured.plan.hours[k]),
+                "pattern_mm": [one.effect_mm[k] for one in patterns],
+                "pattern_expanded_mm": [one.effect_expanded_mm[k] for one in patterns],
+                "wrong": diagnosis is not None and k in diagnosis.wrong_readings,
+            }
         left = {"measured_mm": value, "modelled_mm": modelled, "with_causes_mm": explained}
         yield schema.Residual.model_validate({**own, "order": order[k], **left})
 

@@ -191,8 +191,8 @@ def _beyond(answer: Answer) -> list[FoundPattern]:
     return [each for each in answer.patterns if each.accepted]
 
 
-def _rms_grid(case: Case) -> doc.Grid:
-    """Residuals without and with the causes, of readings fitted and not."""
+def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
+    """Residuals without and with the causes, of readings fitted and not; `late`: last ones too."""
     answer, lack = case.answer, case.answer.lack_of_fit
     left: dict[str, tuple[float, ...]] = {}
     for first in answer.causes[:1]:
@@ -202,6 +202,8 @@ def _rms_grid(case: Case) -> doc.Grid:
         left["fitted"] = best.rms_before_mm, best.rms_after_mm or best.rms_before_mm
         if best.heldout_before_mm is not None and best.heldout_after_mm is not None:
             left["cycles left out, there"] = best.heldout_before_mm, best.heldout_after_mm
+        if late and best.last_third_before_mm and best.last_third_after_mm:
+            left["last third, there"] = best.last_third_before_mm, best.last_third_after_mm
     if lack is not None:
         left.setdefault("fitted", (lack.left_mm,))
         left[f"{case.words.noise}'s noise{case.words.also} would leave"] = (lack.expected_mm,)
@@ -307,7 +309,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             )
     elif known := _beyond(answer):
         for pattern in known:
-            yield doc.Instruction(pattern_remedy(pattern), case.further(None))
+            yield doc.Instruction(pattern_remedy(case.machine, pattern), case.further(None))
     elif not release.usable:
         yield from case.remedies()
         if answer.next_measurement is not None and any(each.matters for each in answer.unshown):
@@ -402,6 +404,8 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
     answer = case.answer
     if answer.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED) and _open(answer):
         yield _open_grid(case)
+    if _beyond(answer):
+        yield _rms_grid(case, late=True)
     if not answer.causes:
         return
     yield from _sizes(case)

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from orthoglide_cal.inference.result import CauseParameter, FoundCause
+from orthoglide_cal.inference.result import CauseParameter, FoundCause, FoundPattern
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Series
@@ -12,6 +12,7 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import Case, comparison_words
 from orthoglide_cal.report.escape import Html
+from orthoglide_cal.report.sentences import pattern_name, pattern_words
 from orthoglide_cal.results.answer import Answer, Residual, Shim
 from orthoglide_cal.words import plain, short, signed, unit_words, with_uncertainty
 
@@ -25,6 +26,12 @@ BED_LEGEND = (
 _SIGNS = 30
 _MOST_SERIES = 6  # on a screen, each in half as many postures
 _MOST_DRAWN = 2  # parameters of a cause
+# What a pattern depends on if not on time: column of the residuals, and name of the axis.
+_OVER = {
+    "repeats": ("displacement_mm", "carriage at, mm"),
+    "hysteresis": ("moved_mm", "plunger moved by, mm"),
+    "temperature": ("temperature_c", "°C"),
+}
 _CELLS = 17  # of a bed in signs, along x and along y
 
 
@@ -105,10 +112,13 @@ def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
         return []
     rows = answer.residuals
     left = _left(case)
+    known = (each for each in answer.patterns if each.accepted)
+    beyond = [_pattern_figure(case, each, number, when) for number, each in enumerate(known)]
     if not _on_bed(answer):
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
-        return [doc.Figure(None, "", figures.residual_panels(rows, left, sigma, when), key=key)]
+        panels = figures.residual_panels(rows, left, sigma, when)
+        return [*beyond, doc.Figure(None, "", panels, key=key)]
     bed, places = case.machine.bed, _places(answer)
     measured = np.array([row.measured_mm for row in rows])
     blocks: list[doc.Block] = []
@@ -120,7 +130,20 @@ def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
         sketch = _signs(places[touches], left[list(left)[-1]][touches], sigma)
         key = "Each map has its own scale. Ringed: beyond four robust standard deviations."
         blocks.append(doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch))
-    return [*blocks, _distances(answer)]
+    return [*beyond, *blocks, _distances(answer)]
+
+
+def _pattern_figure(case: Case, pattern: FoundPattern, number: int, when: str) -> doc.Figure:
+    """What a pattern of that number describes, over what it depends on."""
+    rows = case.answer.residuals
+    column, axis = _OVER.get(pattern.how if rows[0].leg else "", ("minutes", "min"))
+    over = np.array([getattr(row, column) for row in rows], np.float64)
+    values = [*_left(case).values()][-1] + [row.pattern_mm[number] for row in rows]
+    key = f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: measured, less all"
+    key += " else that was found." + " Ringed: wrong, left out." * any(row.wrong for row in rows)
+    words = pattern_words(case.machine, pattern)
+    panels = figures.pattern_panels(rows, number, over, axis, values, words, when)
+    return doc.Figure(None, "", panels, key=key)
 
 
 def cause_figure(case: Case, cause: FoundCause, shims: Sequence[Shim]) -> Iterator[doc.Figure]:
@@ -182,6 +205,9 @@ def _left(case: Case) -> dict[str, Floats]:
     """Model → measured − modelled, shape (n,) [mm]."""
     rows = case.answer.residuals
     ids = " and ".join(cause.id for cause in case.answer.causes)
+    ids = ids or " and ".join(
+        f"the {pattern_name(each)}" for each in case.answer.patterns if each.accepted
+    )
     left = {
         f"{case.words.many} only": np.array([row.measured_mm - row.modelled_mm for row in rows])
     }
