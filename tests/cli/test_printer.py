@@ -449,7 +449,7 @@ def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
     assert all(abs(each["found"]) < 0.7 * each["expanded"] for each in solved["parameters"])
     assert not solved["release"]["settled"]
     planned = page("plan", "tilted.csv", *MACHINE)
-    assert planned.index("no further probe readings lower U") < planned.index(" Next ")
+    assert planned.index("To reduce U: about") < planned.index(" Next ")
     assert "telling: " not in planned.partition(" Next ")[0]
 
 

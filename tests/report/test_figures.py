@@ -66,6 +66,32 @@ def test_residual_panels_one_scale_and_named_worst():
     assert "direction z" in ringed
 
 
+def test_a_pattern_is_a_line_with_its_uncertainty_where_it_acts():
+    rows = [
+        Residual(leg="y", direction=direction, order=k + 1, measured_mm=0.0, modelled_mm=0.0,
+                 pattern_mm=(0.01 * k,), pattern_expanded_mm=(0.002 * (direction == "x"),),
+                 wrong=k == 2)
+        for k, direction in enumerate("xxxxz")
+    ]  # fmt: skip
+    over, values = np.array([np.nan, 3.0, 2.0, 1.0, 1.0]), 0.01 * np.arange(5.0) + 0.001
+    (drawn,) = figures.pattern_panels(rows, 0, over, "min", values, "It drifts.", "as found")
+    assert "direction x" in drawn
+    assert 'id="pattern-0-xy-as-found-t"' in drawn
+    line, band = (
+        [tuple(map(float, pair.split(","))) for pair in re.findall(pattern, drawn)[0].split()]
+        for pattern in (r'<polyline points="([^"]*)', r'<polygon points="([^"]*)" class="band"')
+    )
+    # From left to right by what it depends on; readings are 1 µm above it, U is ± 2 µm.
+    assert [x for x, _ in line] == sorted(x for x, _ in line)
+    points = sorted(marks(re.sub(r'<circle[^>]*"fault"', "", drawn)))
+    for (x, y), (at, middle), low, high in zip(points, line, band[:3], band[:2:-1], strict=True):
+        assert x == pytest.approx(at, abs=0.06)
+        assert (low[1] - y) / (middle - y) == pytest.approx(3.0, abs=0.3)
+        assert (y - high[1]) / (middle - y) == pytest.approx(1.0, abs=0.3)
+    ((x, _),) = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="9" class="fault"', drawn)
+    assert float(x) == pytest.approx(line[1][0], abs=0.06)
+
+
 def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
     rows = [("dx_y", 0.5, 0.0, 0.02, 0.1), ("dz_x", 0.4, -0.1, 0.04, -0.3)]
     drawn = figures.deviation_rows(rows, 0.2)

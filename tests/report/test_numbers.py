@@ -22,14 +22,11 @@ from orthoglide_cal.report.documents.diagnosis import diagnosis_document
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.html import html
-from tests import truth
-from tests.inference.sessions import given
 from tests.machines import NOMINAL
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import printer
 from tests.report.cases import documents, report_of
 from tests.results.cases import CASES, as_left, case_of
-from tests.truth.beyond import draw_beyond
 from tests.truth.delta import TOLERANCES, V400
 
 # "> 99 %" stands for any larger share.
@@ -122,14 +119,6 @@ def test_every_number_of_a_solution_and_of_a_diagnosis_is_in_its_json(name: str)
     case = CASES[name]()
     assert missing(solution_document(case)) == []
     assert missing(diagnosis_document(case), drawn(case)) == []
-
-
-def test_every_number_of_a_pattern_is_in_its_json() -> None:
-    hidden = draw_beyond(3, truth.PROTOTYPE, truth.DIAL, "settles", "leg")
-    case = case_of(given(hidden.session))
-    assert missing(report := report_of(case), drawn(case)) == []
-    assert missing(diagnosis_document(case), drawn(case)) == []
-    assert html(report.page()).count('aria-labelledby="pattern-0-') == 2  # both gauges of the leg
 
 
 @pytest.mark.parametrize("data", ["calibration", "mesh"])
