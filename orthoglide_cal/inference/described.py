@@ -17,7 +17,6 @@ from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, Where, without_
 MINUTES = 60.0  # in an hour
 # Pattern → name of the parameter of its shapes.
 _SHAPE_NAMES = {"drifts": "period", "settles": "time_constant", "steps": "moment"}
-_PLACE = ("leg", "direction", "posture", "cycle")  # of a reading, in words
 
 _Fits = Sequence[tuple[float, Ground, slice]]
 
@@ -115,9 +114,9 @@ def _between(measured: Readings, rows: Bools, minutes: float, std: float) -> Ite
     times = MINUTES * plan.hours[plan.in_time[ranks]] + 1e-6
     for rank in (*ranks[times < minutes - reach][-1:], *ranks[times >= minutes + reach][:1]):
         k = int(plan.in_time[rank])
-        own = {"posture": measured.posture[k], "cycle": measured.cycle[k], **plan.entry(k)}
-        place = {name: str(own[name]) for name in _PLACE if "leg" in own}
-        yield {"order": str(rank + 1), **place}
+        own = {**plan.entry(k), "posture": measured.posture[k], "cycle": measured.cycle[k]}
+        names = ("leg", "direction", "posture", "cycle") if "leg" in own else ()
+        yield {"order": str(rank + 1)} | {name: str(own[name]) for name in names}
 
 
 def _last_third(plan: Plan) -> Ints:

@@ -392,7 +392,7 @@ def _with_patterns(found: Decision, measured: Measured) -> tuple[Floats, tuple[i
     More noise predicts nothing.
     """
     hypothesis = found.beyond_list[0][1]
-    fit, white = found.belief.fit(hypothesis.ids), found.belief.at.white
+    fit = found.belief.fit(hypothesis.ids)
     acting = tuple(one for one in hypothesis.patterns if one.how != "scatters")
     left, wrong = fit.left, list(fit.wrong_readings)
     if acting:
@@ -401,7 +401,7 @@ def _with_patterns(found: Decision, measured: Measured) -> tuple[Floats, tuple[i
     for one in acting:
         if one.how in CAUSES and CAUSES[one.how].hides_reading:
             wrong += np.flatnonzero(one.shapes[0][1].columns.any(axis=1)).tolist()
-    return _predicted(white, measured, left, fit.effects), tuple(wrong)
+    return _predicted(found.belief.at.white, measured, left, fit.effects), tuple(wrong)
 
 
 def _parameters(white: Whitened, effect: Effect) -> Iterator[CauseParameter]:

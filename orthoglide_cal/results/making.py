@@ -414,9 +414,9 @@ def _residuals(
             own = {"cycle": int(measured.cycle[k]), "weight": weight[k]}
             own |= {"posture": measured.posture[k] or None, **measured.plan.entry(k)}
             recorded = {"moved_mm": moved[k], "temperature_c": measured.temperature[k]}
-            own |= {name: float(mm) for name, mm in recorded.items() if np.isfinite(mm)}
+            own |= {name: known for name, known in recorded.items() if np.isfinite(known)}
             own |= {
-                "minutes": 60.0 * float(measured.plan.hours[k]),
+                "minutes": 60.0 * measured.plan.hours[k],
                 "pattern_mm": [one.effect_mm[k] for one in patterns],
                 "pattern_expanded_mm": [one.effect_expanded_mm[k] for one in patterns],
                 "wrong": diagnosis is not None and k in diagnosis.wrong_readings,

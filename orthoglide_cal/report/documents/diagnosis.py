@@ -53,7 +53,7 @@ _MOST_OPEN = 4  # explanations
 _MOST_LIKELY = 3  # of them in the title
 _MOST_CELLS = 3  # sizes side by side
 _MOST_SIZES = 6  # of one cause; of more the largest are shown
-_DECIDED, _UNDECIDED = 30, 20  # lines of its screen
+_DECIDED, _BEYOND, _UNDECIDED = 30, 24, 20  # lines of its screen
 
 
 def diagnosis_document(case: Case) -> doc.Document:
@@ -73,6 +73,7 @@ def _screen(case: Case) -> doc.Page:
     """
     answer = case.answer
     undecided = answer.verdict is Verdict.AMBIGUOUS
+    most = _UNDECIDED if undecided else _BEYOND if _beyond(answer) else _DECIDED
     baselines, steps = [*_baselines(case)], [*_steps(case)]
     named = answer.verdict is Verdict.NAMED
     residuals = [brief_residuals(case)] if named else []
@@ -94,7 +95,7 @@ def _screen(case: Case) -> doc.Page:
         page = doc.Page(
             "Diagnosis", stamp=case.stamp, notice=_notice(case), sections=(*sections, last)
         )
-        if height(page) <= (_UNDECIDED if undecided else _DECIDED):
+        if height(page) <= most:
             return page
         for spare in (notes, baselines, again, residuals, steps):
             if len(spare) > (spare is steps):  # one step stays

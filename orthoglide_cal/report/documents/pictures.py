@@ -204,10 +204,8 @@ def _on_bed(answer: Answer) -> bool:
 def _left(case: Case) -> dict[str, Floats]:
     """Model → measured − modelled, shape (n,) [mm]."""
     rows = case.answer.residuals
-    ids = " and ".join(cause.id for cause in case.answer.causes)
-    ids = ids or " and ".join(
-        f"the {pattern_name(each)}" for each in case.answer.patterns if each.accepted
-    )
+    beyond = (f"the {pattern_name(each)}" for each in case.answer.patterns if each.accepted)
+    ids = " and ".join((*(cause.id for cause in case.answer.causes), *beyond))
     left = {
         f"{case.words.many} only": np.array([row.measured_mm - row.modelled_mm for row in rows])
     }
