@@ -77,7 +77,7 @@ def test_pasted_lines_are_not_lost_in_silence(tmp_path: Path) -> None:
     with Terminal(tmp_path, "s.yaml", "--gauge", "simulated", "--seed", "1") as terminal:
         terminal.step()
         terminal.type("0.1\r0.2\r0.3")
-        terminal.expect(r"ignored: [123] lines? typed too soon")
+        terminal.expect(r"ignored: [123] lines? typed before")
         terminal.expect("Drive to")
         terminal.step()
 

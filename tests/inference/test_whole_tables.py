@@ -196,4 +196,4 @@ def test_two_legs_written_for_each_other_are_the_third_ones_gauges(gauge: truth.
         text = "\n".join((header, *(",".join(cell) for cell in cells))) + "\n"
         found = diagnose(read(text, model), model)
         assert ("swapped_gauges", "leg z") in [(c.id, c.where) for c in found.causes]
-        assert "other two legs stand in each other's place" in found.causes[0].remedy
+        assert "readings of the other two legs are exchanged" in found.causes[0].remedy

@@ -43,7 +43,8 @@ _METHODS = {
 # A screen has room for so many differences, or else for the largest.
 _MOST_DIFFERENCES = 6
 _LARGEST_DIFFERENCES = 3
-_MOST_LINES = 24
+# `measure` says before them where it has written, and after them what a simulation hid.
+_MOST_LINES = 23
 # Source → in words, and what would reduce it.
 _SOURCES: Mapping[str, tuple[str, str]] = {
     Origin.NOISE: (
@@ -114,7 +115,7 @@ def _screen(case: Case) -> doc.Page:
             notice=decision_notice(case),
             sections=(*(doc.Section(None, *part) for part in blocks), last),
         )
-        if height(page) <= _MOST_LINES:
+        if height(page) <= _MOST_LINES - (case.stamp is not None):
             break
     return page
 
