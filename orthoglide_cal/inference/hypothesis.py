@@ -223,13 +223,19 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis]) -> dict[Ids, Hypoth
 
 
 def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
-    """The score with as many wrong readings as make it likeliest: one more, again and again."""
-    most = min(len(at.white.plan) // SHARE_WRONG, MOST_WRONG)
-    while score.extra is not None and len(score.extra.others) + 1 < most:
-        further = _further(at, score, (*score.extra.others, score.extra.number))
-        if further.log_evidence <= score.log_evidence:
+    """The score with as many wrong readings as make it likeliest: one more, again and again.
+
+    One that adds nothing is passed once: some show only if the next is taken out, too.
+    """
+    most, best = min(len(at.white.plan) // SHARE_WRONG, MOST_WRONG), score
+    for count in range(2, most + 1):
+        assert score.extra is not None
+        score = _further(at, score, (*score.extra.others, score.extra.number))
+        if score.log_evidence > best.log_evidence:
+            best = score
+        elif best.extra and count > len(best.extra.others) + 2:
             break
-        score = further
+    score = best
     # What stood for others at first may be right.
     for number in score.extra.others if score.extra else ():
         extra = score.extra
