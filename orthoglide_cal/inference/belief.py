@@ -109,8 +109,8 @@ class Belief:
         fitted alone would stand where the pattern acts.
         """
         at, nothing = self.at, self.fit(())
-        patterns = {one.label: one for one in score_patterns(at, nothing, fine=True)}
         every = tried(at, course_of(at, nothing, fine=True))
+        patterns = {one.label: one for one in combined(self.hypotheses[()], nothing, every)}
         ordered = sorted(patterns.values(), key=weight_of)
         likely = {one.patterns[0].how: one for one in ordered} | {
             one.label: one for one in ordered[-LIKELY:-1]
