@@ -26,7 +26,6 @@ from orthoglide_cal.inference.patterns import (
     combined,
     course_of,
     placed_causes,
-    score_patterns,
     tried,
     weight_of,
 )
@@ -86,9 +85,8 @@ class Belief:
         spots = len(np.unique(plan.repeats[plan.touches]))
         at = Linearised.of(white, Candidates.of(white.problem.model, white.raw, spots))
         hypotheses = score_all(at)
-        (nothing,) = fit_explanations([hypotheses[()]])
-        patterns = {scored.label: scored for scored in score_patterns(at, nothing)}
-        return cls(at, hypotheses, patterns, {(): nothing})
+        belief = cls(at, hypotheses, {}).refined([()])
+        return replace(belief, patterns={one.label: one for one in belief.beside(())})
 
     def scaled(self, factor: float) -> Belief:
         """The same data and patterns with the plausible sizes of all causes multiplied."""
@@ -101,6 +99,11 @@ class Belief:
         fits = fit_explanations([self.hypotheses[ids] for ids in missing])
         return replace(self, fits={**self.fits, **dict(zip(missing, fits, strict=True))})
 
+    def beside(self, ids: Ids) -> list[Hypothesis]:
+        """Every pattern in addition to a set of causes, not looked at closely."""
+        every = tried(self.at, course_of(self.at, self.fit(()), fine=False))
+        return combined(self.hypotheses[ids], self.fit(ids), every)
+
     def closely(self) -> Belief:
         """The belief with patterns looked at closely, also in addition to each other.
 
@@ -109,8 +112,8 @@ class Belief:
         fitted alone would stand where the pattern acts.
         """
         at, nothing = self.at, self.fit(())
-        patterns = {one.label: one for one in score_patterns(at, nothing, fine=True)}
         every = tried(at, course_of(at, nothing, fine=True))
+        patterns = {one.label: one for one in combined(self.hypotheses[()], nothing, every)}
         ordered = sorted(patterns.values(), key=weight_of)
         likely = {one.patterns[0].how: one for one in ordered} | {
             one.label: one for one in ordered[-LIKELY:-1]

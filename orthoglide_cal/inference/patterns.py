@@ -12,11 +12,11 @@ S is taken as large as the noise: for each σ of the grid the S of the stated on
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ import numpy as np
 from scipy.special import erf
 
 from orthoglide_cal.causes import PatternCause
+from orthoglide_cal.estimation import Problem
 from orthoglide_cal.estimation.gaussian import condition, log_sum, shrinking
 from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
@@ -84,11 +85,11 @@ class Course:
     def by_gauge(self, values: Floats, parameters: Floats | None = None) -> Made:
         """Values (n,), or (n, v, b), in columns of their own for each set-up of a gauge."""
         shared = self.plan.shared
-        _, first = np.unique(shared, return_index=True)
-        member = (shared[:, None] == shared[first])[:, None, :, None]
+        gauges = np.unique(shared)
+        member = (shared[:, None] == gauges)[:, None, :, None]
         wide = values.reshape(len(shared), 1 if parameters is None else len(parameters), 1, -1)
         columns = (member * wide).reshape(*wide.shape[:2], -1)
-        return Made(columns, np.repeat(first, wide.shape[-1]), parameters)
+        return Made(columns, np.repeat(gauges, wide.shape[-1]), parameters)
 
     @cached_property
     def since(self) -> Floats:
@@ -102,14 +103,14 @@ class Made(NamedTuple):
     """Columns of a how at every where: of each where those whose readings it selects."""
 
     columns: Floats  # of unit size, in v shapes, shape (n, v, q) [mm]
-    reading: Ints  # one that each column is of, shape (q,)
+    gauge: Ints  # number of the set-up of a gauge that each column is of, shape (q,)
     parameters: Floats | None = None  # of each shape, (v,): its moment, time constant, or span
 
 
 def _repeats(course: Course) -> Made:
     """The same in each cycle."""
     columns = course.plan.returning
-    return Made(columns[:, None], np.abs(columns).argmax(axis=0))
+    return Made(columns[:, None], course.plan.shared[np.abs(columns).argmax(axis=0)])
 
 
 def _drifts(course: Course) -> Made:
@@ -161,93 +162,104 @@ HOWS: Mapping[str, Callable[[Course], Made]] = MappingProxyType(
     }
 )
 UNORDERED = ("repeats",)  # needs no order in time
+MEASURED = ("hysteresis", "temperature")  # follow what was measured, not the plan alone
 # What does not return with its posture, whenever that is read again.
 PASSING = frozenset(("drifts", "settles", "steps", "scatters", "temperature"))
 
 
-class Tried(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Tried:
     """A how at some wheres, as far as it shows there, and shows nothing else."""
 
+    at: Linearised
     how: str
-    columns: Floats  # in v shapes, shape (n, v, q)
-    parameters: Floats | None
+    made: Made
     wheres: Sequence[Where]
     chosen: Bools  # which columns of which shape belong to each where, shape (w, v, q)
     sizes: Floats  # at which it is tried, in standard deviations of a reading, (s,)
     log_prior: float  # ln prior weight at each where
-    log_share: Floats  # and of each shape there, (w, v)
+    # Numbers of wheres → `log_share`, worked out when first asked for.
+    _log_share: dict[int, Floats] = field(default_factory=dict)
 
-    @property
-    def where_shown(self) -> Tried:
-        """The same without wheres at which nothing shows."""
-        kept = np.asarray(self.chosen.any(axis=(1, 2)))
-        names = [where for where, shows in zip(self.wheres, kept, strict=True) if shows]
-        share = self.log_share[kept]
-        return self._replace(wheres=names, chosen=self.chosen[kept], log_share=share)
+    def log_share(self, number: int) -> Floats:
+        """ln weight of each shape at a where, (v,): less if a listed cause makes it at a gauge."""
+        if number not in self._log_share:
+            chosen, log = self.chosen[number], np.zeros(self.chosen.shape[1])
+            columns, shapes = chosen.any(axis=0), np.flatnonzero(chosen.any(axis=1))
+            if self.how in HOWS and len(np.unique(self.made.gauge[columns])) == 1:
+                some = self.made.columns[:, shapes][:, :, columns]
+                shown = self.at.white.matrix @ some.reshape(len(some), -1)
+                log[shapes] = LISTED * _is_listed(self.at, shown.reshape(-1, *some.shape[1:]))
+            self._log_share[number] = log
+        return self._log_share[number]
 
 
 def tried(at: Linearised, course: Course) -> list[Tried]:
     """Every how at every where."""
-    selections = list(course.plan.wheres(course.ordered))
-    wheres, selected = (
-        [where for where, _ in selections],
-        np.stack([rows for _, rows in selections]),
-    )
+    wheres, selected = _wheres(course.plan, course.ordered)
     hows = [how for how in HOWS if course.ordered or how in UNORDERED]
     share = math.log(UNLISTED / (len(hows) + 1) / len(wheres))
-    made = {how: HOWS[how](course) for how in hows}
-    made = {how: one for how, one in made.items() if 0 < one.columns.shape[2] <= MOST_COLUMNS}
-    flat = {how: one.columns.reshape(len(course.plan), -1) for how, one in made.items()}
-    ends = np.cumsum([0, *(columns.shape[1] for columns in flat.values())])
-    shown = at.white.matrix @ np.hstack([*flat.values(), selected[:0].T])
-    # Of each where those columns of which it holds all readings.
-    chosen = ((shown**2).sum(axis=0) * SIZES[-1] ** 2 > 1.0) & ~np.hstack(
-        [~selected @ (columns != 0.0) for columns in flat.values()]
-    )
-    by_how = [
-        chosen[:, start:end].reshape(len(wheres), *one.columns.shape[1:])
-        for (start, end), one in zip(pairwise(ends.tolist()), made.values(), strict=True)
-    ]
-    gauges = course.plan.shared
     every = []
-    for (how, one), own, start in zip(made.items(), by_how, ends, strict=False):
-        # What shows the same as a narrower where is no other pattern.
-        code = own @ (1 << np.arange(own.shape[2]))
-        for number in range(len(code)):
-            own[number, np.any(code[:number] == code[number], axis=0)] = False
-        values = shown[:, start : start + own[0].size].reshape(-1, *own.shape[1:])
-        log_share = np.zeros(own.shape[:2])
-        single: dict[int, list[tuple[int, Ints, Floats]]] = {}
-        for where in np.flatnonzero(own.any(axis=(1, 2))):
-            columns = own[where].any(axis=0)
-            if len(np.unique(gauges[one.reading[columns]])) == 1:
-                tries = np.flatnonzero(own[where].any(axis=1))
-                some = values[:, tries][:, :, columns].swapaxes(0, 1)
-                single.setdefault(some.shape[2], []).append((int(where), tries, some))
-        for group in single.values():  # as many columns each: together
-            ways = [np.full(len(tries), where) for where, tries, _ in group]
-            moments = np.concatenate([tries for _, tries, _ in group])
-            listed = _is_listed(at, np.concatenate([some for *_, some in group]))
-            log_share[np.concatenate(ways), moments] = LISTED * listed
-        every.append(Tried(how, one.columns, one.parameters, wheres, own, SIZES, share, log_share))
+    for how in hows:
+        if how in MEASURED:
+            made, chosen = _made(at.white.problem, course, how)
+        else:
+            made, chosen = _made_of_plan(at.white.problem, course.ordered, course.fine, how)
+        every.append((how, made, chosen, SIZES))
     # More noise is no column: the readings that have it.
     several, columns = selected.sum(axis=1) > 2, selected.T[:, None].astype(np.float64)
-    own = np.diag(several)[:, None]
     noisier = NOISIER[:: 1 if course.fine else 2]
-    nothing = np.zeros(own.shape[:2])
-    every.append(Tried("scatters", columns, None, wheres, own, noisier, share, nothing))
-    return [one.where_shown for one in every]
+    made = Made(columns, np.zeros(len(wheres), np.intp))
+    every.append(("scatters", made, np.diag(several)[:, None], noisier))
+    return [
+        Tried(at, how, made, [wheres[k] for k in shown], chosen[shown], sizes, share)
+        for how, made, chosen, sizes in every
+        for shown in [np.flatnonzero(chosen.any(axis=(1, 2)))]
+        if len(shown)
+    ]
+
+
+@functools.lru_cache(maxsize=8)
+def _wheres(plan: Plan, ordered: bool) -> tuple[list[Where], Bools]:
+    """Wheres of a plan, and the readings of each, shape (w, n)."""
+    wheres, selected = zip(*plan.wheres(ordered), strict=True)
+    return list(wheres), np.stack(selected)
+
+
+@functools.lru_cache(maxsize=32)
+def _made_of_plan(problem: Problem, ordered: bool, fine: bool, how: str) -> tuple[Made, Bools]:
+    """`_made` of what follows the plan alone."""
+    nothing = np.zeros(len(problem.plan))
+    return _made(problem, Course(problem.plan, ordered, nothing, nothing, fine), how)
+
+
+def _made(problem: Problem, course: Course, how: str) -> tuple[Made, Bools]:
+    """Columns of a how, and which of them show at each where and at no narrower, (w, v, q)."""
+    made, (wheres, selected) = HOWS[how](course), _wheres(course.plan, course.ordered)
+    n, v, q = made.columns.shape
+    if not 0 < q <= MOST_COLUMNS:
+        return made, np.zeros((len(wheres), v, q), np.bool_)
+    flat = made.columns.reshape(n, -1)
+    shows = ((problem.matrix @ flat) ** 2).sum(axis=0) * SIZES[-1] ** 2 > 1.0
+    # Of each where those columns of which it holds all readings.
+    outside = (~selected).astype(np.float64) @ (flat != 0.0)
+    chosen = (shows & (outside == 0.0)).reshape(-1, v, q)
+    # What shows the same as a narrower where is no other pattern.
+    code = chosen @ (1 << np.arange(q))
+    narrower = np.tri(len(code), k=-1, dtype=np.bool_)[..., None]
+    repeated = np.any(narrower & (code[:, None] == code), axis=1)
+    return made, chosen & ~repeated[..., None]
 
 
 def _is_listed(at: Linearised, shown: Floats) -> Bools:
-    """Which columns (v, k, q) can follow what a listed cause does at one of its places, (v,)."""
-    axes, size, _ = np.linalg.svd(shown, full_matrices=False)
+    """Which columns (k, v, q) can follow what a listed cause does at one of its places, (v,)."""
+    axes, size, _ = np.linalg.svd(shown.swapaxes(0, 1), full_matrices=False)
     axes = axes * (size > ROUNDING * size[:, :1])[:, None]
-    flat, made = axes.swapaxes(0, 1).reshape(shown.shape[1], -1), np.zeros(len(shown), np.bool_)
+    flat, made = axes.swapaxes(0, 1).reshape(len(shown), -1), np.zeros(len(axes), np.bool_)
     for places in (placed.patterns for placed in at.extras.values() if placed.patterns is not None):
-        match = (places.products(flat) ** 2).reshape(len(shown), -1, len(places)).sum(axis=1)
+        match = (places.products(flat) ** 2).reshape(len(axes), -1, len(places)).sum(axis=1)
         made |= np.any(match > ALIKE**2 * places.power, axis=1)
-    broad = np.hstack([shown[0, :, :0], *at.jacobians.values()])
+    broad = np.hstack([shown[:, 0, :0], *at.jacobians.values()])
     match = ((axes.swapaxes(-1, -2) @ broad) ** 2).sum(axis=1)
     return np.asarray(made | np.any(match > ALIKE**2 * (broad**2).sum(axis=0), axis=1))
 
@@ -337,8 +349,8 @@ class Ground:
 
     def gains(self, one: Tried) -> Floats:
         """Gain of ln p at each where by each shape at each size and σ, (w, v, s, g)."""
-        (n, v, q), sizes = one.columns.shape, one.sizes
-        own = self.whitened(self.white.matrix @ one.columns.reshape(n, -1)).reshape(-1, v, q)
+        (n, v, q), sizes = one.made.columns.shape, one.sizes
+        own = self.whitened(self.white.matrix @ one.made.columns.reshape(n, -1)).reshape(-1, v, q)
         own = own.swapaxes(0, 1)
         turned = own.swapaxes(-1, -2)
         power, match = turned @ own, turned @ self.whitened(self._residual)
@@ -359,7 +371,7 @@ class Ground:
     def gains_of_noise(self, one: Tried) -> Floats:
         """The same of readings with more noise, (w, 1, s, g)."""
         factors = one.sizes
-        rows = one.columns[:, 0] @ one.chosen[:, 0].T > 0.0
+        rows = one.made.columns[:, 0] @ one.chosen[:, 0].T > 0.0
         everywhere = rows.all(axis=0)
         gains = np.full((rows.shape[1], len(factors), len(self.noise.sigma)), ABSENT)
         wider = (replace(self.noise, sigma=math.hypot(1.0, f) * self.noise.sigma) for f in factors)
@@ -389,11 +401,11 @@ class Ground:
     def extended(self, pattern: Pattern, number: int = 0) -> tuple[Ground, slice]:
         """With one of a pattern's likeliest shapes; and which of the unknowns are its own."""
         fit, white, noise = self.fit, self.white, self.noise
-        _, shape, size = pattern.shapes[number]
+        shape = pattern.shapes[number]
         columns, linear, sizes = fit.columns, self._residual, fit.sizes
         own = slice(self._start, self._start)
         if pattern.how == "scatters":
-            weight = 1.0 / np.hypot(1.0, size / noise.stated * shape.columns[:, 0])
+            weight = 1.0 / np.hypot(1.0, shape.size / noise.stated * shape.columns[:, 0])
             if np.ptp(weight):
                 contrasts = white.matrix
                 assert isinstance(contrasts, Contrasts)
@@ -417,7 +429,7 @@ class Ground:
             more = white.matrix @ shape.columns
             own = slice(self._start, self._start + more.shape[1])
             columns = np.insert(columns, [self._start], more, axis=1)
-            sizes = np.insert(sizes, self._start, np.full(more.shape[1], size))
+            sizes = np.insert(sizes, self._start, np.full(more.shape[1], shape.size))
         before = self._solved[: fit.offsets.size]
         centre = np.insert(fit.centre, self._start, np.zeros(own.stop - own.start))
         draft = replace(
@@ -475,19 +487,22 @@ class Ground:
         scored = []
         noise = self._least_by_noise - log_sum(self.by_noise)
         for one in every:
-            if not one.wheres:
-                continue
             sizes = one.sizes
             gains = self.gains_of_noise(one) if one.how == "scatters" else self.gains(one)
-            by_shape = log_sum(gains + noise, 3) + one.log_share[..., None]
+            by_shape = log_sum(gains + noise, 3)
             # Shapes that do not show at a where are none.
             number = np.log(len(sizes) * np.count_nonzero(one.chosen.any(axis=2), axis=1))
-            logs = self.fit.log_evidence + log_sum(by_shape, (1, 2)) - number
-            for k, (where, log) in enumerate(zip(one.wheres, logs.tolist(), strict=True)):
+            gained = log_sum(by_shape, (1, 2)) - number
+            for k, where in enumerate(one.wheres):
+                gain, log_shape = gained[k], by_shape[k]
+                if gain > 0.0:  # else whatever makes it is not there
+                    log_shape = log_shape + one.log_share(k)[:, None]
+                    gain = log_sum(log_shape) - number[k]
                 pattern = Pattern(
-                    one.how, where, one.log_prior, one.columns, one.chosen[k], one.parameters,
-                    sizes * self.noise.stated, by_shape[k],
+                    one.how, where, one.log_prior, one.made.columns, one.chosen[k],
+                    one.made.parameters, sizes * self.noise.stated, log_shape,
                 )  # fmt: skip
+                log = self.fit.log_evidence + float(gain)
                 scored.append(Hypothesis(self.at, log, patterns=(pattern,)))
         return scored
 
@@ -508,8 +523,8 @@ def placed_causes(at: Linearised) -> list[Tried]:
         columns = unit * places.patterns.columns(slice(None))[:, :, None]
         shown, sizes = np.full((1, *columns.shape[1:]), True), np.array(BLUNDER_SCALES)
         log_prior = at.candidates.log_prior[(id,)]
-        share = np.zeros(shown.shape[:2])
-        every.append(Tried(id, columns, None, [{}], shown, sizes, log_prior, share))
+        made = Made(columns, np.zeros(columns.shape[2], np.intp))
+        every.append(Tried(at, id, made, [{}], shown, sizes, log_prior))
     return every
 
 
@@ -531,11 +546,6 @@ def course_of(at: Linearised, fit: Fit, *, fine: bool) -> Course:
     return course
 
 
-def score_patterns(at: Linearised, fit: Fit, *, fine: bool = False) -> list[Hypothesis]:
-    """Every pattern in addition to the offsets, of which `fit` is."""
-    return Ground.of(at, fit).scores(tried(at, course_of(at, fit, fine=fine)))
-
-
 def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Ground, slice]]:
     """Fits with a hypothesis' patterns, at each likely shape of the last of them.
 
@@ -545,10 +555,10 @@ def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Ground, slice
     *before, last = hypothesis.patterns
     for pattern in before:
         ground, _ = ground.extended(pattern)
-    total = sum(share for share, _, _ in last.shapes)
+    total = sum(shape.share for shape in last.shapes)
     return [
-        (share / total, *ground.extended(last, number))
-        for number, (share, _, _) in enumerate(last.shapes)
+        (shape.share / total, *ground.extended(last, number))
+        for number, shape in enumerate(last.shapes)
     ]
 
 

@@ -105,7 +105,7 @@ def test_only_what_was_tried_was_assumed(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("how", "factor", "cause", "seed"),
-    [("halved", 0.5, "axis_squareness", 8), ("doubled", 2.0, "bar_skew", 5)],
+    [("halved", 0.5, "axis_squareness", 8), ("doubled", 2.0, "encoder_scale", 15)],
 )
 def test_it_is_the_answer_with_those_sizes(
     how: str, factor: float, cause: str, seed: int, tmp_path: Path
