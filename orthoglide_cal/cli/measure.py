@@ -157,8 +157,8 @@ def measure(
     )
     standing = Standing(follow) if follow else None
     aside = common.console(stderr=True)
-    show = _show_on(aside if json else common.console(), aside)
-    with ExitStack() as left, _saved_when_interrupted() as running:
+    show = show_on(aside if json else common.console(), aside)
+    with ExitStack() as left, saved_when_interrupted("measure") as running:
         with closing(Keyboard()) as keyboard:
             dialogue = open_session(request, Path(), keyboard, show)
             left.callback(dialogue.close)
@@ -178,8 +178,10 @@ def measure(
 
 
 @contextmanager
-def _saved_when_interrupted() -> "Iterator[list[Dialogue]]":
+def saved_when_interrupted(verb: str, options: str = "") -> "Iterator[list[Dialogue]]":
     """End a session, whatever interrupts it, with exit code 130 and how to go on.
+
+    That is by this command, with further options besides --resume.
 
     The session is put into the list that this gives, once there is one.
     """
@@ -196,7 +198,7 @@ def _saved_when_interrupted() -> "Iterator[list[Dialogue]]":
         message = "\nNo session was started."
         if running:
             saved = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
-            again = command("measure", str(running[0].path), options="--resume")
+            again = command(verb, str(running[0].path), options=f"{options} --resume".strip())
             message = f"{saved} Continue with:\n  {again}"
     except OSError as error:
         if error.errno != errno.EIO:  # the terminal was closed
@@ -215,14 +217,16 @@ def _saved_when_interrupted() -> "Iterator[list[Dialogue]]":
     raise typer.Exit(INTERRUPTED)
 
 
-def _show_on(console: "Console", aside: "Console") -> "Show":
+def show_on(console: "Console", aside: "Console") -> "Show":
     """Shows a session on one console, and on the other what arrived unasked."""
     from orthoglide_cal.session.asking import Style
 
     def show(text: str, style: Style = Style.PLAIN, end: str = "\n") -> None:
         # Lines are ready as they are: rich would spend more time on them than all checks together.
         shown = visible_lines(text)
-        if shown and style and console.color_system:
+        if style is Style.ABOVE:
+            shown = f"\x1b[{style}{shown}"
+        elif shown and style and console.color_system:
             shown = f"\x1b[{style}m{shown}\x1b[0m"
         file = aside.file if style is Style.ASIDE else console.file
         file.write(shown + end)

@@ -45,6 +45,14 @@ class Estimate(NamedTuple):
     unit: str
 
 
+class Screw(NamedTuple):
+    """What a technician loosens to correct one parameter of a cause."""
+
+    leg: int  # whose rail, or what is on whose leg: it alone is moved, the gauge is on this leg
+    loosen: str  # in words
+    move: str  # what is pushed then, in words
+
+
 PER_HOUR = "mm/h"  # unit of rates
 # What of a cause may be worded otherwise at another kind of machine.
 _WORDED = {"title", "instrument", "advice", "no_setting"}
@@ -140,6 +148,10 @@ class Cause:
 
     def shim(self, name: str, value: float) -> tuple[str, str] | None:
         """The rail to be moved, and which way, to undo a parameter; None if no shim undoes it."""
+        return None
+
+    def adjustment(self, name: str) -> Screw | None:
+        """What is loosened to correct a parameter; None if no screw or shim corrects it."""
         return None
 
     def admissible(self, value: float) -> float:

@@ -93,7 +93,7 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
         InputError: a file cannot be used.
         GaugeLost: the gauge cannot be reached.
     """
-    serial = _serial_gauge(request.source)
+    serial = serial_gauge(request.source)
     _check_options(request)
     path = session_file(request.path, folder, request.resume)
     if request.resume:
@@ -114,7 +114,7 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
         gauge: LiveGauge | None = None
         if source == (SIMULATED,):
             gauge = SimulatedGauge(setting, state.opened.seed or 0)
-        elif serial := serial or _serial_gauge(source):
+        elif serial := serial or serial_gauge(source):
             serial.open()
             gauge = serial
         asker = Asker(keyboard, show, gauge)
@@ -371,7 +371,7 @@ def _setting(journal: Journal, state: events.State) -> Setting:
     return Setting(model, steps, planned.following if planned else None)
 
 
-def _serial_gauge(source: Sequence[str]) -> SerialGauge | None:
+def serial_gauge(source: Sequence[str]) -> SerialGauge | None:
     """The serial gauges that --gauge names, not opened yet. Raises UsageError."""
     if tuple(source) in ((), (TYPED,), (SIMULATED,)):
         return None
