@@ -1,4 +1,4 @@
-"""`orthocal adjust`: correct what a diagnosis names with its screw, live."""
+"""`orthocal adjust`: correct a named cause with its screw, live."""
 
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -9,8 +9,7 @@ import typer
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import Text, Texts, argument, flag, option
 from orthoglide_cal.cli.measure import saved_when_interrupted, show_on
-from orthoglide_cal.errors import UnusableResultError, UsageError, command
-from orthoglide_cal.words import Unit
+from orthoglide_cal.errors import UnusableResultError, UsageError
 
 
 def adjust(
@@ -22,47 +21,48 @@ def adjust(
         bool, flag("--resume", "Continue an adjustment at its next reading.")
     ] = False,
     gauge: Annotated[
-        Texts,
-        option("SOURCE", "Where readings come from: typed, or FORMAT:PORT as of measure."),
+        Texts, option("SOURCE", "Where readings come from: typed, or as of measure FORMAT:PORT.")
     ] = None,
-    unit: Annotated[
-        Unit, option(None, "Unit of readings typed without a unit. Default: mm.")
-    ] = Unit.MM,
     machine: common.MachineFile = None,
     json: common.AsJson = False,
 ) -> None:
-    """Correct a named cause with its screw or shim: how far, and which way, after each reading."""
+    """Correct a named cause with its screw or shim: which way, and how far, after each reading."""
+    from orthoglide_cal.files.text import read_document
     from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning.adjustment import choose_adjustments
+    from orthoglide_cal.report.case import measure_again
     from orthoglide_cal.report.documents.adjustment import adjustment_document
-    from orthoglide_cal.session.adjusting import open_adjustments
+    from orthoglide_cal.results.answer import InputFile, MachineName
+    from orthoglide_cal.session.adjusting import AdjustmentAnswer, open_adjustments
     from orthoglide_cal.session.asking import Asker
     from orthoglide_cal.session.keyboard import Keyboard
-    from orthoglide_cal.session.opening import Request
 
     if session == "-":
         raise UsageError("adjust needs a file; standard input is the keyboard.", "Name the file.")
     given = common.read_input(session, machine)
-    diagnosis = diagnose(given.measured, given.model)
-    id, adjustments = choose_adjustments(diagnosis, cause)
-    sha256 = given.measured.source.sha256
-    if given.keeper and given.keeper.model.machine.entered_from(sha256):
-        what = f"The offsets of {session} were entered since: the machine is another one now."
+    known = given.model.machine
+    if given.keeper and given.keeper.model.machine.entered_from(given.measured.source.sha256):
+        what = f"The offsets of {session} were entered: that is not the machine any more."
         raise UnusableResultError(what, "Measure again, then adjust by the new session.")
+    id, adjustments = choose_adjustments(diagnose(given.measured, given.model), cause)
     aside = common.console(stderr=True)
     show = show_on(aside if json else common.console(), aside)
-    options = f"--cause {id}"
-    with ExitStack() as left, saved_when_interrupted("adjust", options) as running:
+    with ExitStack() as left, saved_when_interrupted("adjust", f"--cause {id}") as running:
         with closing(Keyboard()) as keyboard:
-            request = Request(resume=resume, source=tuple(gauge or ()), unit=unit)
-            asker = Asker(keyboard, show)
-            dialogue = open_adjustments(Path(session), diagnosis, id, adjustments, request, asker)
+            dialogue = open_adjustments(
+                Path(session), read_document(session), given.model, id, adjustments,
+                tuple(gauge or ()), resume, Asker(keyboard, show),
+            )  # fmt: skip
             left.callback(dialogue.close)
             running.append(dialogue)
             dialogue.greet()
             dialogue.run()
-        answer = dialogue.answer(given)
-        document = adjustment_document(answer, command("verify", session, "AFTER"))
-        common.deliver(document, as_json=json)
+        answer = AdjustmentAnswer(
+            input=InputFile.of(given),
+            machine=MachineName(name=known.name, kind=known.kind),
+            cause=id,
+            adjustments=dialogue.adjusted,
+        )
+        common.deliver(adjustment_document(answer, measure_again(given.conditions)), as_json=json)
         if answer.failed:
             raise typer.Exit(UnusableResultError.exit_code)

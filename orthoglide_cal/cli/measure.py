@@ -225,7 +225,8 @@ def show_on(console: "Console", aside: "Console") -> "Show":
         # Lines are ready as they are: rich would spend more time on them than all checks together.
         shown = visible_lines(text)
         if style is Style.ABOVE:
-            shown = f"\x1b[{style}{shown}"
+            moves = console.is_terminal and not console.is_dumb_terminal
+            shown = f"\x1b[{style}{shown}" if moves else shown
         elif shown and style and console.color_system:
             shown = f"\x1b[{style}m{shown}\x1b[0m"
         file = aside.file if style is Style.ASIDE else console.file

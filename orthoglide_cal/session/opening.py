@@ -107,7 +107,7 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
         journal = Journal.create(path.with_suffix(JOURNAL), *records)
     try:
         state = events.replay(journal.events)
-        setting = _setting(journal, state)
+        setting = setting_in(journal, state)
         if request.resume:
             _refuse_changes(state.opened, setting.held, request)
         source = request.source or state.source
@@ -351,7 +351,7 @@ def _first_records(
     return [opened, planned] if steps else [opened]
 
 
-def _setting(journal: Journal, state: events.State) -> Setting:
+def setting_in(journal: Journal, state: events.State) -> Setting:
     """Machine, steps and earlier readings of a session. Raises InputError."""
     path, opened, planned = str(journal.path), state.opened, state.planned
     model = machine_file.machine_from_text(opened.machine, path)
