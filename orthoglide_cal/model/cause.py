@@ -154,6 +154,11 @@ class Cause:
         """What is loosened to correct a parameter; None if no screw or shim corrects it."""
         return None
 
+    @property
+    def adjustable(self) -> bool:
+        """True if a screw or shim corrects any of its parameters."""
+        return any(map(self.adjustment, self.names))
+
     def admissible(self, value: float) -> float:
         """The nearest value that a parameter can have: a width is not negative."""
         return max(value, 0.0) if self.positive else value

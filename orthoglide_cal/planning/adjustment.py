@@ -81,7 +81,7 @@ def choose_adjustments(diagnosis: Diagnosis, id: str | None) -> tuple[str, tuple
     Raises UsageError: no screw corrects this cause, or the machine is not read with gauges;
     UnusableResultError: it is not named, or nothing of it is beyond its U.
     """
-    having = [id for id, cause in CAUSES.items() if any(map(cause.adjustment, cause.names))]
+    having = [id for id, cause in CAUSES.items() if cause.adjustable]
     if id is not None and id not in having:
         what = f"No screw or shim corrects {id!r}."
         raise UsageError(what, f"Choose one of {', '.join(having)}.")

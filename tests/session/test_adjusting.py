@@ -27,7 +27,7 @@ from tests.truth.forward import PARTS
 from .terminal import Terminal
 from .virtual import AT, opened
 
-ADJUSTABLE = [id for id, cause in CAUSES.items() if any(map(cause.adjustment, cause.names))]
+ADJUSTABLE = [id for id, cause in CAUSES.items() if cause.adjustable]
 MACHINES = truth.PROTOTYPE, truth.LARGE
 MOST = 6  # readings while it is loose and once it is tightened
 FEEL, SLIP = 0.25, 0.005  # std. dev. of a push, of its size; and of what tightening moves [mm]
