@@ -1,7 +1,6 @@
 """`orthocal adjust`: correct a named cause with its screw, live."""
 
 from contextlib import ExitStack, closing
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -27,7 +26,6 @@ def adjust(
     json: common.AsJson = False,
 ) -> None:
     """Correct a named cause with its screw or shim: which way, and how far, after each reading."""
-    from orthoglide_cal.files.text import read_document
     from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning.adjustment import choose_adjustments
     from orthoglide_cal.report.case import measure_again
@@ -49,10 +47,8 @@ def adjust(
     show = show_on(aside if json else common.console(), aside)
     with ExitStack() as left, saved_when_interrupted("adjust", f"--cause {id}") as running:
         with closing(Keyboard()) as keyboard:
-            dialogue = open_adjustments(
-                Path(session), read_document(session), given.model, id, adjustments,
-                tuple(gauge or ()), resume, Asker(keyboard, show),
-            )  # fmt: skip
+            asker, source = Asker(keyboard, show), tuple(gauge or ())
+            dialogue = open_adjustments(given, id, adjustments, source, resume, asker)
             left.callback(dialogue.close)
             running.append(dialogue)
             dialogue.greet()

@@ -4,6 +4,7 @@ Each parameter has five steps in the journal, one for each phase; what is pushed
 again. Where one stands follows from what was read, whatever interrupted it.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -12,9 +13,9 @@ from typing import Literal
 from pydantic import Field, computed_field
 
 from orthoglide_cal.errors import InputError, UsageError, command
+from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_text
-from orthoglide_cal.files.text import FileText
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.files.text import read_document
 from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.model.readings import AXES, Contact
 from orthoglide_cal.planning.adjustment import Adjustment
@@ -64,41 +65,44 @@ _ASKED = {
 
 
 class Adjusted(Schema):
-    """One adjustment as far as it has come: readings of the gauge; null: not read yet."""
+    """One adjustment as far as it has come."""
 
     adjustment: Adjustment
+    readings_mm: Mapping[Phase, float] = Field(description="of the gauge, the last of each phase")
     left: bool = Field(description="as it is: the operator wished so")
-    loose_mm: float | None = Field(None, description="before anything was loosened")
-    pushed_mm: float | None = Field(None, description="the last one before it was tightened")
-    tight_mm: float | None = Field(None, description="tightened, within U of the target")
-    here_mm: float | None = Field(None, description="the same with the drives on")
-    there_mm: float | None = Field(None, description="at the second posture")
 
     @classmethod
     def of(cls, state: State, adjustment: Adjustment, begin: int) -> "Adjusted":
         """What a journal has of an adjustment; its first step is the one after `begin`."""
-        steps = {number: f"{phase}_mm" for number, phase in enumerate(PHASES, begin + 1)}
+        steps = dict(enumerate(PHASES, begin + 1))
         read = {steps[n]: item.take.value_mm for n, item in state.accepted.items() if n in steps}
-        return cls(adjustment=adjustment, left=not steps.keys().isdisjoint(state.skipped), **read)
+        left = not steps.keys().isdisjoint(state.skipped)
+        return cls(adjustment=adjustment, readings_mm=read, left=left)
 
     @computed_field(description="reading at which the parameter is zero")
     @property
     def target_mm(self) -> float | None:
-        return None if self.loose_mm is None else self.loose_mm + self.adjustment.change_mm
+        loose = self.readings_mm.get(Phase.LOOSE)
+        return None if loose is None else loose + self.adjustment.change_mm
+
+    @computed_field(description="reading there less reading here, tightened")
+    @property
+    def check_mm(self) -> float | None:
+        here, there = map(self.readings_mm.get, (Phase.HERE, Phase.THERE))
+        return None if here is None or there is None else there - here
 
     @computed_field(description="check failed: something moved in another way")
     @property
     def status(self) -> Literal["adjusted", "check failed", "left as it is", "not finished"]:
-        if self.left or self.here_mm is None or self.there_mm is None:
+        if self.left or self.check_mm is None:
             return "left as it is" if self.left else "not finished"
-        off = self.there_mm - self.here_mm - self.adjustment.check_mm
+        off = self.check_mm - self.adjustment.check_mm
         return "adjusted" if abs(off) <= self.adjustment.check_expanded_mm else "check failed"
 
     @property
     def now_mm(self) -> float:
-        """The last reading while it was loose."""
-        read = self.pushed_mm if self.pushed_mm is not None else self.loose_mm
-        return 0.0 if read is None else read
+        """The last reading before it was tightened."""
+        return self.readings_mm.get(Phase.PUSHED, self.readings_mm.get(Phase.LOOSE, 0.0))
 
     def to_go_mm(self, now: float) -> float:
         """How far the gauge must move from a reading, with its sign; 0 within U."""
@@ -108,14 +112,11 @@ class Adjusted(Schema):
     @property
     def next(self) -> Phase | None:
         """What is read next; None once it is done or left."""
-        missing = [phase for phase in PHASES if getattr(self, f"{phase}_mm") is None]
-        if self.left or not missing:
-            return None
-        outside = missing[0] is Phase.TIGHT and self.to_go_mm(self.now_mm)
-        return Phase.PUSHED if outside else missing[0]
+        phase = next((phase for phase in PHASES if phase not in self.readings_mm), None)
+        return None if self.left or phase is None else self.counts_as(phase, self.now_mm)
 
     def counts_as(self, phase: Phase, value: float) -> Phase:
-        """The phase of a reading: outside U when it was tightened, it has to be pushed again."""
+        """The phase of a reading: what is outside U is pushed, also once it was tightened."""
         return Phase.PUSHED if phase is Phase.TIGHT and self.to_go_mm(value) else phase
 
 
@@ -187,7 +188,7 @@ class AdjustingDialogue(Dialogue):
 
     def _introduce(self, step: SessionStep, phase: Phase, one: Adjusted) -> None:
         """Say, once, what has to be done before a reading; ask that nothing can fall."""
-        asker, plan, begun = self.asker, one.adjustment, one.loose_mm is not None
+        asker, plan, begun = self.asker, one.adjustment, Phase.LOOSE in one.readings_mm
         drives_off = phase not in (Phase.HERE, Phase.THERE)
         if self._shown == (step.setup, phase):
             return
@@ -219,7 +220,8 @@ class AdjustingDialogue(Dialogue):
         """Record a reading; only one that the gauge cannot show is refused."""
         k, at = divmod(step.number - 1, len(PHASES))
         taken, one, most = self._taken(step, token), self.adjusted[k], self.setting.machine.gauge
-        if one.loose_mm is not None and abs(taken.value_mm - one.loose_mm) > most.range_mm:
+        loose = one.readings_mm.get(Phase.LOOSE, taken.value_mm)
+        if abs(taken.value_mm - loose) > most.range_mm:
             far = f"That is farther away than the gauge's travel of {most.range_mm:g} mm"
             self.asker.say(f"{far}: not recorded.", Style.BAD)
             return
@@ -252,23 +254,22 @@ def _lines(one: Adjusted) -> tuple[str, str]:
 
 
 def open_adjustments(
-    session: Path,
-    data: FileText,
-    model: Model,
+    given: Input,
     cause: str,
     adjustments: tuple[Adjustment, ...],
     source: tuple[str, ...],
     resume: bool,
     asker: Asker,
 ) -> AdjustingDialogue:
-    """Begin the adjustments of a cause that a session names, or go on with them.
+    """Begin the adjustments of a cause that an input names, or go on with them.
 
-    Raises UsageError: they are begun already, or not yet, or the session holds no readings;
+    Raises UsageError: they are begun already, or not yet, or the input holds no readings;
     InputError: a file cannot be used; GaugeLost: the gauge cannot be reached.
     """
     if SIMULATED in source:
         what = "A simulated gauge does not see what you push."
         raise UsageError(what, "Leave out --gauge to type the readings, or name a real one.")
+    session = Path(given.measured.source.path)
     target = session.with_suffix(f".{cause}{JOURNAL}")
     if target.exists() and not resume:
         again = command("adjust", str(session), options=f"--cause {cause} --resume")
@@ -277,24 +278,25 @@ def open_adjustments(
     if gauge := serial_gauge(source):
         gauge.open()  # a missing gauge leaves no file behind
     following = events.Following(
-        data=data, what=cause, minutes=0.0, continues=False, entered=NOTHING_ENTERED
-    )
-    cells = [
+        data=read_document(str(session)), what=cause, minutes=0.0, continues=False,
+        entered=NOTHING_ENTERED,
+    )  # fmt: skip
+    cells = tuple(
         PlannedReading(one.leg, one.direction, at, Contact.FIXED, gauge_at=one.gauge_at)
         for one in adjustments
-        for at in (one.here_mm,) * (len(PHASES) - 1) + (one.there_mm,)
-    ]
-    planned = events.Planned(at=clock(), readings=tuple(cells), following=following)
+        for at in (*[one.here_mm] * PHASES.index(Phase.THERE), one.there_mm)
+    )
+    planned = events.Planned(at=clock(), readings=cells, following=following)
     opened = events.Opened(
-        at=clock(), version=2, protocol=MeasuringProtocol.DOUBLE, machine=machine_text(model),
-        cycles=1, order=Order.PAPER, stands=1, source=source or (TYPED,), seed=None, operator="",
-        temperature_c=None, gauges=(),
+        at=clock(), version=2, protocol=MeasuringProtocol.DOUBLE, cycles=1, order=Order.PAPER,
+        machine=machine_text(given.model), stands=1, source=source or (TYPED,), seed=None,
+        operator="", temperature_c=None, gauges=(),
     )  # fmt: skip
     journal = Journal.resume(target) if resume else Journal.create(target, opened, planned)
     try:
         state = events.replay(journal.events)
         then = state.planned
-        if then is None or (then.readings, then.following) != (planned.readings, following):
+        if then is None or (then.readings, then.following) != (cells, following):
             what = "This is the journal of another adjustment, or of other readings."
             raise InputError(what, "Measure again, then adjust.", file=str(target))
         if gauge is None and (gauge := serial_gauge(state.source)):

@@ -52,7 +52,7 @@ def adjusted(seed: int, machine: truth.Machine, cause: str) -> Iterator[tuple[in
         while (phase := (one := Adjusted.of(state, plan, begin)).next) is not None:
             if phase is Phase.PUSHED:
                 to_go = one.to_go_mm(one.now_mm)
-                wrong += one.pushed_mm is not None and to_go * (target - here()) < 0.0
+                wrong += Phase.PUSHED in one.readings_mm and to_go * (target - here()) < 0.0
                 loose.push(slot, here, to_go * (1.0 + rng.normal(scale=FEEL)))
             elif phase is Phase.TIGHT:
                 loose.push(slot, here, rng.normal(scale=SLIP))
@@ -150,7 +150,8 @@ def test_an_interrupted_adjustment_ends_like_any_other(folder: Path) -> None:
     code, whole = piped(folder, ANSWERS)
     assert code == 0
     (one,) = json.loads(whole)["adjustments"]
-    assert (one["status"], one["tight_mm"], one["there_mm"]) == ("adjusted", -0.05, 0.11)
+    read = {"loose": 0.31, "pushed": -0.05, "tight": -0.05, "here": -0.06, "there": 0.11}
+    assert (one["status"], one["readings_mm"]) == ("adjusted", read)
     assert one["target_mm"] == pytest.approx(0.31 + one["adjustment"]["change_mm"])
     assert piped(folder, (), "--resume") == (0, whole), "it has ended: it is only shown again"
     (folder / "before.axis_squareness.adjust").unlink()

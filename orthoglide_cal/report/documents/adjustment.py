@@ -4,7 +4,7 @@ from functools import partial
 
 from orthoglide_cal.errors import command
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.session.adjusting import AdjustmentAnswer
+from orthoglide_cal.session.adjusting import AdjustmentAnswer, Phase
 from orthoglide_cal.words import decimals_for, plain, signed
 
 
@@ -18,10 +18,10 @@ def _page(answer: AdjustmentAnswer, again: str) -> doc.Page:
     rows = []
     for one in answer.adjustments:
         plan, decimals = one.adjustment, decimals_for(one.adjustment.expanded_mm)
-        check = None if one.there_mm is None else one.there_mm - (one.here_mm or 0.0)
+        tight = one.readings_mm.get(Phase.TIGHT)
         target, reached, expected, measured = (
             "—" if value is None else signed(value, decimals)
-            for value in (one.target_mm, one.tight_mm, plan.check_mm, check)
+            for value in (one.target_mm, tight, plan.check_mm, one.check_mm)
         )
         target += f" ± {plain(plan.expanded_mm, decimals)}"
         expected += f" ± {plain(plan.check_expanded_mm, decimals)}"
