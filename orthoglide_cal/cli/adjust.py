@@ -31,6 +31,7 @@ def adjust(
     from orthoglide_cal.report.case import measure_again
     from orthoglide_cal.report.documents.adjustment import adjustment_document
     from orthoglide_cal.results.answer import InputFile, MachineName
+    from orthoglide_cal.results.validity import validity
     from orthoglide_cal.session.adjusting import AdjustmentAnswer, open_adjustments
     from orthoglide_cal.session.asking import Asker
     from orthoglide_cal.session.keyboard import Keyboard
@@ -43,6 +44,8 @@ def adjust(
         what = f"The offsets of {session} were entered: that is not the machine any more."
         raise UnusableResultError(what, "Measure again, then adjust by the new session.")
     id, adjustments = choose_adjustments(diagnose(given.measured, given.model), cause)
+    if validity(given).simulated:
+        common.tell("These readings were simulated: this is for practice. Loosen nothing.")
     aside = common.console(stderr=True)
     show = show_on(aside if json else common.console(), aside)
     with ExitStack() as left, saved_when_interrupted("adjust", f"--cause {id}") as running:

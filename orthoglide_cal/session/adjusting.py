@@ -29,6 +29,7 @@ from orthoglide_cal.session.events import State
 from orthoglide_cal.session.gauges import Token
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.opening import SIMULATED, TYPED, clock, serial_gauge, setting_in
+from orthoglide_cal.session.readings import PriorReadings
 from orthoglide_cal.words import decimals_for
 
 JOURNAL = ".adjust"  # not that of a session
@@ -238,6 +239,8 @@ class AdjustingDialogue(Dialogue):
             self.asker.say(HELP)
         else:
             super()._obey(key, words, step)
+            if key == "s" and self._safe:
+                self.asker.say("Tighten what is loose before the drives are on.", Style.BAD)
 
 
 def _lines(one: Adjusted) -> tuple[str, str]:
@@ -270,6 +273,7 @@ def open_adjustments(
         what = "A simulated gauge does not see what you push."
         raise UsageError(what, "Leave out --gauge to type the readings, or name a real one.")
     session = Path(given.measured.source.path)
+    first = PriorReadings(read_document(str(session)), given.model)
     target = session.with_suffix(f".{cause}{JOURNAL}")
     if target.exists() and not resume:
         again = command("adjust", str(session), options=f"--cause {cause} --resume")
@@ -278,9 +282,8 @@ def open_adjustments(
     if gauge := serial_gauge(source):
         gauge.open()  # a missing gauge leaves no file behind
     following = events.Following(
-        data=read_document(str(session)), what=cause, minutes=0.0, continues=False,
-        entered=NOTHING_ENTERED,
-    )  # fmt: skip
+        data=first.data, what=cause, minutes=0.0, continues=False, entered=NOTHING_ENTERED
+    )
     cells = tuple(
         PlannedReading(one.leg, one.direction, at, Contact.FIXED, gauge_at=one.gauge_at)
         for one in adjustments
