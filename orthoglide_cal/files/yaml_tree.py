@@ -19,6 +19,7 @@ from orthoglide_cal.files.faults import Content, Steps, dotted
 from orthoglide_cal.files.text import CONTROL, YAML_LIMIT, FileText, check_size
 
 _DEPTH = 20
+_TOO_DEEP = f"Nested deeper than {_DEPTH} levels.", "Give a simpler file."
 _NODES = 60_000  # 2,500 readings with every field; read in half a second
 _NULLS = ("", "~", "null", "Null", "NULL")
 # Characters [start, end) of a text, and what takes their place.
@@ -51,7 +52,7 @@ def load_tree(file: FileText) -> Content:
         elif number > _NODES:
             what, remedy = f"More than {_NODES} values.", "Give a smaller file."
         elif len(path) > _DEPTH:
-            what, remedy = f"Nested deeper than {_DEPTH} levels.", "Give a simpler file."
+            what, remedy = _TOO_DEEP
         else:
             return
         column = dotted(path) or None
@@ -106,6 +107,8 @@ def load_tree(file: FileText) -> Content:
         elif "\\t" in problem:
             remedy = "Indent with spaces, not tabs."
         line, what = mark.line + 1 if mark else None, f"This is not valid YAML: {problem}."
+        if "nesting depth" in problem:  # a limit of the parser, which looks ahead
+            what, remedy = _TOO_DEEP
         raise InputError(what, remedy, file=file.path, line=line) from error
     return tree
 
