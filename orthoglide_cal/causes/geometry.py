@@ -84,9 +84,9 @@ class AxisSquareness(Cause):
         return self.scale * self.size(machine) * machine.expanding_mm / 7.0
 
     def adjustment(self, name: str) -> Screw:
-        """The second rail of a pair is turned about the point where the axes meet."""
-        foot = f"the outer foot of rail {name[1].upper()}"
-        return Screw(AXES.index(name[1]), foot, "this foot")
+        """The second rail of a pair is turned."""
+        feet = f"both feet of rail {name[1].upper()}: it turns about the point where the axes meet"
+        return Screw(AXES.index(name[1]), feet, "its outer end")
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lean the rails towards each other; theta (..., 3) [rad]."""

@@ -125,15 +125,15 @@ def shown(folder: Path, answers: Iterable[str], *options: str, end: str = "") ->
 def test_two_lines_stay_in_place_and_a_kill_loses_nothing(folder: Path) -> None:
     answers = "n", *ANSWERS[:3], "nonsense", "99", "1.5", "u", "0.06"
     seen = shown(folder, answers, end=r"now \+0\.060 [^\r]*> $")
-    stay = re.findall(r"\x1b\[2F\x1b\[J(Push this foot towards -X .*)\r\nnow (\S+)", seen)
+    stay = re.findall(r"\x1b\[2F\x1b\[J(Push its outer end towards -X .*)\r\nnow (\S+)", seen)
     assert [now for _, now in stay] == ["+0.050", "+1.500", "+0.060"]
     assert {line for line, _ in stay} == {
-        "Push this foot towards -X until the gauge reads -0.052 ± 0.054"
+        "Push its outer end towards -X until the gauge reads -0.052 ± 0.054"
     }
     assert max(len(line) for line in seen.replace("\x1b[2F\x1b[J", "").splitlines()) < 80
     seen = shown(folder, ("y", *ANSWERS[3:]), "--resume")
     assert "Drive to the isotropic" not in seen, "nothing is driven while anything is loose"
-    assert seen.count("Loosen the outer foot of rail Y") == 2
+    assert seen.count("Loosen both feet of rail Y") == 2
     assert "towards +X" in seen
     assert " adjusted " in seen
 
