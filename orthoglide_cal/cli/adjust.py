@@ -48,7 +48,8 @@ def adjust(
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")
     aside = common.console(stderr=True)
     show = show_on(aside if json else common.console(), aside)
-    with ExitStack() as left, saved_when_interrupted("adjust", f"--cause {id}") as running:
+    interrupted = saved_when_interrupted("adjust", machine, f"--cause {id}")
+    with ExitStack() as left, interrupted as running:
         with closing(Keyboard()) as keyboard:
             asker, source = Asker(keyboard, show), tuple(gauge or ())
             dialogue = open_adjustments(given, id, adjustments, source, resume, asker)

@@ -38,7 +38,9 @@ from orthoglide_cal.cli.verify import verify
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 
 # For terminals that have no other signs.
-_ASCII = {"−": "-", "–": "-", "±": "+/-", "→": "->", "µ": "u", "σ": "s", "·": ".", "✔": "+"}
+_ASCII = {
+    "−": "-", "–": "-", "±": "+/-", "→": "->", "←": "<-", "µ": "u", "σ": "s", "·": ".", "✔": "+",
+}  # fmt: skip
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 _COMMANDS: dict[str, typer.Typer] = {}  # by name, each a program of its own

@@ -178,10 +178,10 @@ def measure(
 
 
 @contextmanager
-def saved_when_interrupted(verb: str, options: str = "") -> "Iterator[list[Dialogue]]":
-    """End a session, whatever interrupts it, with exit code 130 and how to go on.
-
-    That is by this command, with further options besides --resume.
+def saved_when_interrupted(
+    verb: str, machine: File = None, options: str = ""
+) -> "Iterator[list[Dialogue]]":
+    """End a session, whatever interrupts it, with exit code 130 and how to go on with the command.
 
     The session is put into the list that this gives, once there is one.
     """
@@ -198,7 +198,8 @@ def saved_when_interrupted(verb: str, options: str = "") -> "Iterator[list[Dialo
         message = "\nNo session was started."
         if running:
             saved = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
-            again = command(verb, str(running[0].path), options=f"{options} --resume".strip())
+            path, options = str(running[0].path), f"{options} --resume".strip()
+            again = command(verb, path, machine=machine, options=options)
             message = f"{saved} Continue with:\n  {again}"
     except OSError as error:
         if error.errno != errno.EIO:  # the terminal was closed

@@ -12,7 +12,7 @@ from typing import Literal
 
 from pydantic import Field, computed_field
 
-from orthoglide_cal.errors import InputError, UsageError, command
+from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.text import read_document
@@ -184,7 +184,8 @@ class AdjustingDialogue(Dialogue):
         asker.pushed = False
         answer = asker.ask(f"{above}\n{now} > ", step, self.state.takes(step.number))
         raw = answer.raw if isinstance(answer, Token) else str(answer)
-        self._stays = phase not in _ASKED and len(now) + len(raw) + 4 < asker.columns
+        longest = max(len(above), len(f"{now} > {raw}"))
+        self._stays = phase not in _ASKED and longest < asker.columns
         self._receive(answer, step)
 
     def _introduce(self, step: SessionStep, phase: Phase, one: Adjusted) -> None:
@@ -276,9 +277,8 @@ def open_adjustments(
     first = PriorReadings(read_document(str(session)), given.model)
     target = session.with_suffix(f".{cause}{JOURNAL}")
     if target.exists() and not resume:
-        again = command("adjust", str(session), options=f"--cause {cause} --resume")
         what = f"{session} was adjusted already, or that was begun: {target.name} is there."
-        raise UsageError(what, f"Measure again before you adjust again; or continue: {again}")
+        raise UsageError(what, "Measure again before you adjust again, or continue with --resume.")
     if gauge := serial_gauge(source):
         gauge.open()  # a missing gauge leaves no file behind
     following = events.Following(

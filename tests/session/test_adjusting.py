@@ -84,13 +84,13 @@ def judge(number: int, shares: tuple[float, float]) -> None:
 
 
 def test_fifty_adjustments_end_within_u() -> None:
-    """At shares of 0.99 and 0.97, as 2,000 have them, it fails by chance once in 1,500 times."""
+    """At shares of 0.99 and 0.97, as 2,000 have them, it fails by chance once in 2,000 times."""
     judge(50, (0.92, 0.86))
 
 
 @pytest.mark.slow
 def test_two_thousand_adjustments_end_within_u() -> None:
-    """At shares of 0.95 of what is stated with 95 %, checks fail by chance once in 40 times."""
+    """If no more checks agreed than U states, 0.95, it would fail by chance once in 50 times."""
     judge(2000, (0.95, 0.94))
 
 
@@ -164,7 +164,7 @@ def test_a_check_that_fails_ends_with_4(folder: Path) -> None:
     assert (code, json.loads(shown)["adjustments"][0]["status"]) == (4, "check failed")
     error = refused(2, "adjust", "before.csv")
     assert "adjusted already" in error
-    assert "--cause axis_squareness --resume" in error
+    assert "continue with --resume" in error
 
 
 @pytest.mark.parametrize(
