@@ -14,12 +14,11 @@ from pydantic import Field, computed_field
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.text import read_document
-from orthoglide_cal.model.orthoglide import PlannedReading
+from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from orthoglide_cal.model.readings import AXES, Contact
 from orthoglide_cal.planning.adjustment import Adjustment
-from orthoglide_cal.planning.steps import NOTHING_ENTERED, MeasuringProtocol, Order, SessionStep
+from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.results.answer import InputFile, MachineName
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.session import events, wording
@@ -28,7 +27,15 @@ from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import State
 from orthoglide_cal.session.gauges import Token
 from orthoglide_cal.session.journal import Journal
-from orthoglide_cal.session.opening import SIMULATED, TYPED, clock, serial_gauge, setting_in
+from orthoglide_cal.session.opening import (
+    SIMULATED,
+    TYPED,
+    Request,
+    clock,
+    first_records,
+    serial_gauge,
+    setting_in,
+)
 from orthoglide_cal.session.readings import PriorReadings
 from orthoglide_cal.words import decimals_for
 
@@ -281,25 +288,21 @@ def open_adjustments(
         raise UsageError(what, "Measure again before you adjust again, or continue with --resume.")
     if gauge := serial_gauge(source):
         gauge.open()  # a missing gauge leaves no file behind
-    following = events.Following(
-        data=first.data, what=cause, minutes=0.0, continues=False, entered=NOTHING_ENTERED
-    )
-    cells = tuple(
+    cells = [
         PlannedReading(one.leg, one.direction, at, Contact.FIXED, gauge_at=one.gauge_at)
         for one in adjustments
         for at in (*[one.here_mm] * PHASES.index(Phase.THERE), one.there_mm)
+    ]
+    following = events.Following(
+        data=first.data, what=cause, minutes=0.0, continues=False, entered=NOTHING_ENTERED
     )
-    planned = events.Planned(at=clock(), readings=cells, following=following)
-    opened = events.Opened(
-        at=clock(), version=2, protocol=MeasuringProtocol.DOUBLE, cycles=1, order=Order.PAPER,
-        machine=machine_text(given.model), stands=1, source=source or (TYPED,), seed=None,
-        operator="", temperature_c=None, gauges=(),
-    )  # fmt: skip
-    journal = Journal.resume(target) if resume else Journal.create(target, opened, planned)
+    request, plan = Request(source=source or (TYPED,), stands=1), plan_of(cells)
+    records = first_records(request, first.model, first, plan, following, clock())
+    journal = Journal.resume(target) if resume else Journal.create(target, *records)
     try:
         state = events.replay(journal.events)
         then = state.planned
-        if then is None or (then.readings, then.following) != (cells, following):
+        if then is None or (list(then.readings), then.following) != (cells, following):
             what = "This is the journal of another adjustment, or of other readings."
             raise InputError(what, "Measure again, then adjust.", file=str(target))
         if gauge is None and (gauge := serial_gauge(state.source)):

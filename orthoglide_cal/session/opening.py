@@ -103,7 +103,7 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
         if serial:
             serial.open()
         agreed = _confirmed(request, Asker(keyboard, show))
-        records = _first_records(request, *agreed, clock())
+        records = first_records(request, *agreed, clock())
         journal = Journal.create(path.with_suffix(JOURNAL), *records)
     try:
         state = events.replay(journal.events)
@@ -304,7 +304,7 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
     return model.holding(offsets_mm)
 
 
-def _first_records(
+def first_records(
     request: Request,
     model: Model,
     first: PriorReadings | None,
