@@ -14,12 +14,12 @@ from orthoglide_cal.causes.base import (
     there,
     words_of,
 )
-from orthoglide_cal.model.cause import Cause, Effect, Place, Stage
+from orthoglide_cal.model.cause import Cause, Effect, Place, Screw, Stage
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Numbers, Patterns
-from orthoglide_cal.model.readings import GaugePlan, Series, other_axes
+from orthoglide_cal.model.readings import AXES, GaugePlan, Series, other_axes
 
 # Parameters in the order (leg, direction): x_y is what a gauge along x meets on leg y.
 _SERIES = tuple(Series(leg, k) for leg in range(3) for k in other_axes(leg))
@@ -46,6 +46,11 @@ class BarSkew(Cause):
     def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
         """The leg travels under the gauge."""
         return self.scale * self.size(machine) * travel_mm
+
+    def adjustment(self, name: str) -> Screw:
+        """The bar is turned about its end at the carriage."""
+        leg = _SERIES[self.names.index(name)].leg
+        return Screw(leg, f"the bar of leg {AXES[leg].upper()} at the tool", "this end of the bar")
 
     def contact(
         self, heights: Numbers, effect: Effect, where: Numbers, plan: GaugePlan, machine: Machine

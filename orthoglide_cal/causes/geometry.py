@@ -4,7 +4,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.cause import Cause, Screw, Stage
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
@@ -50,6 +50,11 @@ class AxisGap(Cause):
         along = next(axis for axis in AXES if axis not in name)
         return name[1], f"{'-' if value < 0.0 else '+'}{along}"
 
+    def adjustment(self, name: str) -> Screw:
+        """The second rail of a pair is moved as a whole."""
+        rail = f"rail {name[1].upper()}"
+        return Screw(AXES.index(name[1]), f"both feet of {rail}", rail)
+
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Move the rails apart; theta (..., 3) [mm]."""
         shift = np.tensordot(theta, _SHIFT, axes=1)
@@ -77,6 +82,11 @@ class AxisSquareness(Cause):
 
     def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
         return self.scale * self.size(machine) * machine.expanding_mm / 7.0
+
+    def adjustment(self, name: str) -> Screw:
+        """The second rail of a pair is turned."""
+        feet = f"both feet of rail {name[1].upper()}: it turns about the point where the axes meet"
+        return Screw(AXES.index(name[1]), feet, "its outer end")
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lean the rails towards each other; theta (..., 3) [rad]."""

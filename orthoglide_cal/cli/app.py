@@ -17,6 +17,7 @@ from typer.main import get_command
 
 from orthoglide_cal import __version__
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.adjust import adjust
 from orthoglide_cal.cli.apply import apply
 from orthoglide_cal.cli.common import PlainCommand, flag, leave_closed, switch_colour_off
 from orthoglide_cal.cli.diagnose import diagnose
@@ -37,13 +38,15 @@ from orthoglide_cal.cli.verify import verify
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 
 # For terminals that have no other signs.
-_ASCII = {"−": "-", "–": "-", "±": "+/-", "→": "->", "µ": "u", "σ": "s", "·": ".", "✔": "+"}
+_ASCII = {
+    "−": "-", "–": "-", "±": "+/-", "→": "->", "←": "<-", "µ": "u", "σ": "s", "·": ".", "✔": "+",
+}  # fmt: skip
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 _COMMANDS: dict[str, typer.Typer] = {}  # by name, each a program of its own
 for command in (
-    measure, solve, diagnose, plan, apply, verify, history, report, export, simulate, validate,
-    paper, template, guide,
+    measure, solve, diagnose, plan, apply, adjust, verify, history, report, export, simulate,
+    validate, paper, template, guide,
 ):  # fmt: skip
     alone = _COMMANDS[command.__name__] = typer.Typer(rich_markup_mode=None, add_completion=False)
     alone.command(cls=PlainCommand)(command)

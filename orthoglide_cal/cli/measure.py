@@ -169,8 +169,8 @@ def measure(
     )
     standing = Standing(follow) if follow else None
     aside = common.console(stderr=True)
-    show = _show_on(aside if json else common.console(), aside)
-    with ExitStack() as left, _saved_when_interrupted() as running:
+    show = show_on(aside if json else common.console(), aside)
+    with ExitStack() as left, saved_when_interrupted("measure") as running:
         with closing(Keyboard()) as keyboard:
             dialogue = open_session(request, Path(), keyboard, show)
             left.callback(dialogue.close)
@@ -190,8 +190,10 @@ def measure(
 
 
 @contextmanager
-def _saved_when_interrupted() -> "Iterator[list[Dialogue]]":
-    """End a session, whatever interrupts it, with exit code 130 and how to go on.
+def saved_when_interrupted(
+    verb: str, machine: File = None, options: str = ""
+) -> "Iterator[list[Dialogue]]":
+    """End a session, whatever interrupts it, with exit code 130 and how to go on with the command.
 
     The session is put into the list that this gives, once there is one.
     """
@@ -208,7 +210,8 @@ def _saved_when_interrupted() -> "Iterator[list[Dialogue]]":
         message = "\nNo session was started."
         if running:
             saved = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
-            again = command("measure", str(running[0].path), options="--resume")
+            path, options = str(running[0].path), f"{options} --resume".strip()
+            again = command(verb, path, machine=machine, options=options)
             message = f"{saved} Continue with:\n  {again}"
     except OSError as error:
         if error.errno != errno.EIO:  # the terminal was closed
@@ -227,14 +230,17 @@ def _saved_when_interrupted() -> "Iterator[list[Dialogue]]":
     raise typer.Exit(INTERRUPTED)
 
 
-def _show_on(console: "Console", aside: "Console") -> "Show":
+def show_on(console: "Console", aside: "Console") -> "Show":
     """Shows a session on one console, and on the other what arrived unasked."""
     from orthoglide_cal.session.asking import Style
 
     def show(text: str, style: Style = Style.PLAIN, end: str = "\n") -> None:
         # Lines are ready as they are: rich would spend more time on them than all checks together.
         shown = visible_lines(text)
-        if shown and style and console.color_system:
+        if style is Style.ABOVE:
+            moves = console.is_terminal and not console.is_dumb_terminal
+            shown = f"\x1b[{style}{shown}" if moves else shown
+        elif shown and style and console.color_system:
             shown = f"\x1b[{style}m{shown}\x1b[0m"
         file = aside.file if style is Style.ASIDE else console.file
         file.write(shown + end)

@@ -45,6 +45,14 @@ class Estimate(NamedTuple):
     unit: str
 
 
+class Screw(NamedTuple):
+    """What a technician loosens to correct one parameter of a cause."""
+
+    leg: int  # whose rail, or what is on whose leg: it alone is moved, the gauge is on this leg
+    loosen: str  # in words
+    move: str  # what is pushed then, in words
+
+
 PER_HOUR = "mm/h"  # unit of rates
 # What of a cause may be worded otherwise at another kind of machine.
 _WORDED = {"title", "instrument", "advice", "no_setting"}
@@ -146,6 +154,15 @@ class Cause:
     def shim(self, name: str, value: float) -> tuple[str, str] | None:
         """The rail to be moved, and which way, to undo a parameter; None if no shim undoes it."""
         return None
+
+    def adjustment(self, name: str) -> Screw | None:
+        """What is loosened to correct a parameter; None if no screw or shim corrects it."""
+        return None
+
+    @property
+    def adjustable(self) -> bool:
+        """True if a screw or shim corrects any of its parameters."""
+        return any(map(self.adjustment, self.names))
 
     def admissible(self, value: float) -> float:
         """The nearest value that a parameter can have: a width is not negative."""

@@ -42,6 +42,7 @@ class Style(StrEnum):
     QUESTION = "1;33"  # bold yellow
     PROMPT = "1;36"  # bold cyan
     ASIDE = "33"  # yellow; of what was not asked for
+    ABOVE = "2F\x1b[J"  # plain, in the place of the two lines above
 
 
 class Show(Protocol):

@@ -347,24 +347,9 @@ class Dialogue:
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
-        at = self.now()
         stood = self._stood(step)
-        value = token.mm(self.unit)
-        if value is None:
-            raise ValueError("an error message is not a reading")
-        gone = datetime.fromisoformat(at) - datetime.fromisoformat(self.state.opened.at)
-        # A clock that was set back must not turn the order of the readings around.
-        earlier = [item.take.minutes for item in self.state.accepted.values()]
-        minutes = max([0.0, gone.total_seconds() / 60.0, *earlier])
-        taken = events.Taken(
-            at=at,
-            step=step.number,
-            minutes=minutes,
-            value_mm=value,
-            raw=token.raw[:80],
-            source=token.source,
-            remark=stood.words,
-        )
+        taken = self._taken(step, token, stood.words)
+        value = taken.value_mm
         readings = ReadingsSoFar(advance(self.state, taken), self.setting)
         question = check(readings, token.unit or self.unit)
         if stood.away_mm > NEAR_MM:
@@ -390,6 +375,24 @@ class Dialogue:
         if again and any(abs(value - old) <= near for old in before):
             self.asker.say("Read again, and the same: kept, with a note.")
             self._keep(asked)
+
+    def _taken(self, step: SessionStep, token: Token, remark: str = "") -> events.Taken:
+        """The record of a reading that arrives now."""
+        at, value = self.now(), token.mm(self.unit)
+        if value is None:
+            raise ValueError("an error message is not a reading")
+        gone = datetime.fromisoformat(at) - datetime.fromisoformat(self.state.opened.at)
+        # A clock that was set back must not turn the order of the readings around.
+        earlier = [item.take.minutes for item in self.state.accepted.values()]
+        return events.Taken(
+            at=at,
+            step=step.number,
+            minutes=max([0.0, gone.total_seconds() / 60.0, *earlier]),
+            value_mm=value,
+            raw=token.raw[:80],
+            source=token.source,
+            remark=remark,
+        )
 
     def _keep(self, reading: Questioned, moved: bool = False) -> None:
         self.write(events.Answered(at=self.now(), keep=True, moved=moved))

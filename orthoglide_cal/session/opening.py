@@ -95,7 +95,7 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
         InputError: a file cannot be used.
         GaugeLost: the gauge cannot be reached.
     """
-    serial = _serial_gauge(request.source)
+    serial = serial_gauge(request.source)
     _check_options(request)
     path = session_file(request.path, folder, request.resume)
     if request.resume:
@@ -105,18 +105,18 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
         if serial:
             serial.open()
         agreed = _confirmed(request, Asker(keyboard, show))
-        records = _first_records(request, *agreed, clock())
+        records = first_records(request, *agreed, clock())
         journal = Journal.create(path.with_suffix(JOURNAL), *records)
     try:
         state = events.replay(journal.events)
-        setting = _setting(journal, state)
+        setting = setting_in(journal, state)
         if request.resume:
             _refuse_changes(state.opened, setting.held, request)
         source = request.source or state.source
         gauge: LiveGauge | None = None
         if source == (SIMULATED,):
             gauge = SimulatedGauge(setting, state.opened.seed or 0)
-        elif serial := serial or _serial_gauge(source):
+        elif serial := serial or serial_gauge(source):
             serial.open()
             gauge = serial
         asker = Asker(keyboard, show, gauge)
@@ -308,7 +308,7 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
     return model.holding(offsets_mm)
 
 
-def _first_records(
+def first_records(
     request: Request,
     model: Model,
     first: PriorReadings | None,
@@ -355,7 +355,7 @@ def _first_records(
     return [opened, planned] if steps else [opened]
 
 
-def _setting(journal: Journal, state: events.State) -> Setting:
+def setting_in(journal: Journal, state: events.State) -> Setting:
     """Machine, steps and earlier readings of a session. Raises InputError."""
     path, opened, planned = str(journal.path), state.opened, state.planned
     model = machine_file.machine_from_text(opened.machine, path)
@@ -375,7 +375,7 @@ def _setting(journal: Journal, state: events.State) -> Setting:
     return Setting(model, steps, planned.following if planned else None)
 
 
-def _serial_gauge(source: Sequence[str]) -> SerialGauge | None:
+def serial_gauge(source: Sequence[str]) -> SerialGauge | None:
     """The serial gauges that --gauge names, not opened yet. Raises UsageError."""
     if tuple(source) in ((), (TYPED,), (SIMULATED,)):
         return None

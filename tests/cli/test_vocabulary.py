@@ -50,7 +50,7 @@ def walk(*given: str) -> Iterator[str]:
     # What was entered is typed a second time only where no file keeps it.
     verified = [command for command in typed if command.startswith("verify ")]
     assert all(("--applied" in command) != bool(kept) for command in verified), verified
-    measured = {command for command in typed if command.startswith("measure ")}
+    measured = {command for command in typed if command.startswith(("measure ", "adjust "))}
     for command in sorted(typed - set(kept) - measured):
         told = [given[0] if word == "AFTER" else word for word in shlex.split(command)]
         found = recorded(kept[0], *told) if kept and told[0] == "verify" else run(*told)

@@ -323,6 +323,10 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             if cause.recommended:
                 typed = case.typed("diagnose", f"--accept {cause.id}")
                 yield doc.Instruction("Or accept it as part of the machine", typed)
+    for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
+        if CAUSES[cause.id].adjustable:
+            typed = case.typed("adjust", f"--cause {cause.id}")
+            yield doc.Instruction("Correct it live, with a gauge", typed)
     if release.settled:
         yield doc.Instruction("See which further readings would help", case.typed("plan"))
     elif release.usable:

@@ -1,0 +1,68 @@
+"""`orthocal adjust`: correct a named cause with its screw, live."""
+
+from contextlib import ExitStack, closing
+from typing import Annotated
+
+import typer
+
+from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import Text, Texts, argument, flag, option
+from orthoglide_cal.cli.measure import saved_when_interrupted, show_on
+from orthoglide_cal.errors import UnusableResultError, UsageError
+
+
+def adjust(
+    session: Annotated[str, argument("SESSION", "Session or readings that name the cause.")],
+    cause: Annotated[
+        Text, option("ID", "The cause to correct. Default: the first that a screw corrects.")
+    ] = None,
+    resume: Annotated[
+        bool, flag("--resume", "Continue an adjustment at its next reading.")
+    ] = False,
+    gauge: Annotated[
+        Texts, option("SOURCE", "Where readings come from: typed, or as of measure FORMAT:PORT.")
+    ] = None,
+    machine: common.MachineFile = None,
+    json: common.AsJson = False,
+) -> None:
+    """Correct a named cause with its screw or shim: which way, and how far, after each reading."""
+    from orthoglide_cal.inference import diagnose
+    from orthoglide_cal.planning.adjustment import choose_adjustments
+    from orthoglide_cal.report.case import measure_again
+    from orthoglide_cal.report.documents.adjustment import adjustment_document
+    from orthoglide_cal.results.answer import InputFile, MachineName
+    from orthoglide_cal.results.validity import validity
+    from orthoglide_cal.session.adjusting import AdjustmentAnswer, open_adjustments
+    from orthoglide_cal.session.asking import Asker
+    from orthoglide_cal.session.keyboard import Keyboard
+
+    if session == "-":
+        raise UsageError("adjust needs a file; standard input is the keyboard.", "Name the file.")
+    given = common.read_input(session, machine)
+    known = given.model.machine
+    if given.keeper and given.keeper.model.machine.entered_from(given.measured.source.sha256):
+        what = f"The offsets of {session} were entered: that is not the machine any more."
+        raise UnusableResultError(what, "Measure again, then adjust by the new session.")
+    id, adjustments = choose_adjustments(diagnose(given.measured, given.model), cause)
+    if validity(given).simulated:
+        common.tell("These readings were simulated: this is for practice. Loosen nothing.")
+    aside = common.console(stderr=True)
+    show = show_on(aside if json else common.console(), aside)
+    interrupted = saved_when_interrupted("adjust", machine, f"--cause {id}")
+    with ExitStack() as left, interrupted as running:
+        with closing(Keyboard()) as keyboard:
+            asker, source = Asker(keyboard, show), tuple(gauge or ())
+            dialogue = open_adjustments(given, id, adjustments, source, resume, asker)
+            left.callback(dialogue.close)
+            running.append(dialogue)
+            dialogue.greet()
+            dialogue.run()
+        answer = AdjustmentAnswer(
+            input=InputFile.of(given),
+            machine=MachineName(name=known.name, kind=known.kind),
+            cause=id,
+            adjustments=dialogue.adjusted,
+        )
+        common.deliver(adjustment_document(answer, measure_again(given.conditions)), as_json=json)
+        if answer.failed:
+            raise typer.Exit(UnusableResultError.exit_code)

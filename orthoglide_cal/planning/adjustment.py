@@ -1,0 +1,144 @@
+"""Adjustment of a named cause: which posture and gauge show it best, and what the gauge must read.
+
+While an axis is loose the drives are off and the gauge stays where it is, with an unknown zero. So
+what counts is by how much its reading changes, at one posture, until a parameter θ is gone:
+
+    Δ = h(0) − h(θ),    U² = (k ∂h/∂θ u(θ))² + 2 (k σ)²
+
+of the model's readings h, with k for 95 %. Afterwards the difference between two postures, in
+which the gauge's zero has no part, shows whether the part moved as it was meant to.
+"""
+
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+from pydantic import Field
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import UnusableResultError, UsageError, command
+from orthoglide_cal.estimation.accuracy import half_width
+from orthoglide_cal.inference import Diagnosis, Verdict
+from orthoglide_cal.inference.prediction import expect
+from orthoglide_cal.model.cause import Cause, Effect
+from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.model import differentiate, simulate
+from orthoglide_cal.model.orthoglide import POSTURES, Orthoglide, PlannedReading, plan_of
+from orthoglide_cal.model.plan import Numbers
+from orthoglide_cal.model.readings import Contact, other_axes
+from orthoglide_cal.schema import Schema
+
+_HALF_WAY = 0.5  # along the leg
+
+
+class Adjustment(Schema):
+    """How one parameter of a cause is corrected; leg and direction are 0, 1, 2 for x, y, z."""
+
+    parameter: str
+    unit: str
+    value: float
+    expanded: float = Field(description="U of the value")
+    loosen: str = Field(description="what is loosened")
+    move: str = Field(description="what is pushed then; the gauge reads more if it goes to +")
+    leg: int = Field(description="whose bar the gauge touches")
+    direction: int = Field(description="along which it reads")
+    gauge_at: float = Field(description="place along the leg at the isotropic posture")
+    here_mm: float = Field(description="displacement of its carriage while it is adjusted")
+    there_mm: float = Field(description="and at the second posture, for the check")
+    sensitivity: float = Field(description="change of the reading, mm per unit of the parameter")
+    change_mm: float = Field(description="of the reading, until the parameter is zero")
+    expanded_mm: float = Field(description="U of that change")
+    check_mm: float = Field(description="reading there less reading here, afterwards")
+    check_expanded_mm: float
+
+
+class MovedAlone(Cause):
+    """A change of another cause's parameter that one rail makes alone.
+
+    A cause shares a parameter evenly among the rails that it moves: the frame stays between them.
+    Who adjusts one leaves the others, and the gauge's stand, where they are.
+    """
+
+    def __init__(self, cause: Cause, leg: int, nominal: Geometry, parameter: int) -> None:
+        self.id, self.stage, self.names, self._cause = cause.id, cause.stage, cause.names, cause
+        self._mine = (np.arange(3) == leg)[:, None]
+        moved = cause.geometry(nominal, cause.scale * np.eye(cause.unknowns)[parameter])
+        shifted = (moved.points != nominal.points) | (moved.directions != nominal.directions)
+        self._sharing = max(int(shifted.any(axis=1).sum()), 1)
+
+    def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
+        """Move one rail by what all that share the change would; theta (..., p)."""
+        moved = self._cause.geometry(geometry, self._sharing * theta)
+        points = np.where(self._mine, moved.points, geometry.points)
+        directions = np.where(self._mine, moved.directions, geometry.directions)
+        return Geometry(points, directions, geometry.lengths)
+
+
+def choose_adjustments(diagnosis: Diagnosis, id: str | None) -> tuple[str, tuple[Adjustment, ...]]:
+    """Choose the named cause to be corrected, the first one if none is asked for, and how.
+
+    Each parameter beyond its U, the largest first: what is left is least, wherever one stops.
+    Raises UsageError: no screw corrects this cause, or the machine is not read with gauges;
+    UnusableResultError: it is not named, or nothing of it is beyond its U.
+    """
+    having = [id for id, cause in CAUSES.items() if cause.adjustable]
+    if id is not None and id not in having:
+        what = f"No screw or shim corrects {id!r}."
+        raise UsageError(what, f"Choose one of {', '.join(having)}.")
+    named = diagnosis.effects if diagnosis.verdict is Verdict.NAMED else ()
+    effect = next((e for e in named if e.cause.id in having and id in (None, e.cause.id)), None)
+    if effect and (made := tuple(_adjustments(diagnosis, effect))):
+        return effect.cause.id, made
+    path = diagnosis.measured.source.path
+    what = f"{path} does not name {id or 'anything that a screw corrects'} beyond its U."
+    raise UnusableResultError(what, f"See what it says: {command('diagnose', path)}")
+
+
+def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
+    """Each with the gauge whose reading changes most, and the check at the posture most unlike."""
+    cause, k, fit = effect.cause, half_width(np.inf), diagnosis.left_open[0][1]
+    machine, noise = diagnosis.model.orthoglide, np.sqrt(2.0) * fit.sigma  # of a difference
+    now = diagnosis.model.extended(e for e in diagnosis.effects if e.cause.lasting)
+    for parameter in np.argsort(-np.abs(effect.theta)).tolist():
+        name, std = cause.names[parameter], effect.std[parameter]
+        size, screw = effect.estimates[name], cause.adjustment(name)
+        if screw is None or abs(effect.theta[parameter]) <= k * std:
+            continue
+        cells = _cells(machine, screw.leg)
+        plan = plan_of(cells)
+        moved = MovedAlone(cause, screw.leg, machine.nominal_rails, parameter)
+        alone = moved if cause.in_machine else cause
+        readings, slopes = differentiate(now, fit.offsets, plan, [alone.at(0.0 * effect.theta)])
+        slope = slopes[:, fit.offsets.size + parameter]
+        here = int(np.argmax(np.abs(slope)))
+        stands = [(cell.direction, cell.gauge_at) for cell in cells]
+        same = [row for row, stand in enumerate(stands) if stand == stands[here]]
+        there = max(same, key=lambda row: abs(slope[row] - slope[here]))
+        now = now.extended([alone.at(-effect.theta * (np.arange(effect.theta.size) == parameter))])
+        corrected = simulate(now, fit.offsets, plan)
+        expanded = k * np.hypot(slope[here] * std, noise)
+        _, root = expect(fit, diagnosis.model, plan, None)
+        # The adjustment may stop at U from its aim, which the check shows, too.
+        stop = abs(slope[there] / slope[here] - 1.0) * expanded
+        spread = np.array([*(k * (root[there] - root[here])), k * noise, stop])
+        cell = cells[here]
+        yield Adjustment(
+            parameter=name, unit=size.unit, value=size.value, expanded=k * size.std,
+            loosen=screw.loosen, move=screw.move, leg=cell.leg, direction=cell.direction,
+            gauge_at=cell.gauge_at, here_mm=cell.displacement, there_mm=cells[there].displacement,
+            sensitivity=float(slope[here] * cause.scale),
+            change_mm=float(corrected[here] - readings[here]), expanded_mm=float(expanded),
+            check_mm=float(corrected[there] - corrected[here]),
+            check_expanded_mm=float(np.linalg.norm(spread)),
+        )  # fmt: skip
+
+
+def _cells(machine: Orthoglide, leg: int) -> list[PlannedReading]:
+    """All that gauges on this leg can read at the named postures, the plunger on the bar."""
+    places = dict.fromkeys((_HALF_WAY, *machine.gauge_places))
+    moves = [machine.displacement_mm(posture) for posture in POSTURES]
+    return [
+        PlannedReading(leg, direction, moved, Contact.FIXED, gauge_at=at)
+        for at, direction, moved in product(places, other_axes(leg), moves)
+        if machine.reach_mm(at)[0] <= moved <= machine.reach_mm(at)[1]
+    ]

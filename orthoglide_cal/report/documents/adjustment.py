@@ -1,0 +1,40 @@
+"""The document of `orthocal adjust`: what was adjusted, whether the check agrees, what is next."""
+
+from functools import partial
+
+from orthoglide_cal.errors import command
+from orthoglide_cal.report import document as doc
+from orthoglide_cal.session.adjusting import AdjustmentAnswer, Phase
+from orthoglide_cal.words import decimals_for, plain, signed
+
+
+def adjustment_document(answer: AdjustmentAnswer, again: str) -> doc.Document:
+    """The document; `again` is the command that measures in the same way."""
+    return doc.Document(partial(answer.model_dump, mode="json"), lambda: _page(answer, again))
+
+
+def _page(answer: AdjustmentAnswer, again: str) -> doc.Page:
+    head = ("parameter", "", "target", "reached", "check: expected", "measured")
+    rows = []
+    for one in answer.adjustments:
+        plan, decimals = one.adjustment, decimals_for(one.adjustment.expanded_mm)
+        tight = one.readings_mm.get(Phase.TIGHT)
+        target, reached, expected, measured = (
+            "—" if value is None else signed(value, decimals)
+            for value in (one.target_mm, tight, plan.check_mm, one.check_mm)
+        )
+        target += f" ± {plain(plan.expanded_mm, decimals)}"
+        expected += f" ± {plain(plan.check_expanded_mm, decimals)}"
+        rows.append((plan.parameter, one.status, target, reached, expected, measured))
+    caption = "Readings of the gauge, mm; the check is the difference between two postures."
+    notice = doc.Notice(doc.Tone.INFO, f"Adjusted: {answer.cause}")
+    if answer.failed:
+        what = "A check failed: something moved in another way than it was meant to"
+        notice = doc.Notice(doc.Tone.BAD, what)
+    steps = (
+        doc.Instruction("Measure again in the same way.", again),
+        doc.Instruction("Compare the two.", command("verify", answer.input.path, "AFTER")),
+    )
+    section = doc.Section(None, doc.Grid(head, rows, words=(0, 1), caption=caption))
+    sections = [section, doc.next_steps(steps)]
+    return doc.Page("Adjustment", answer.machine.name, notice=notice, sections=sections)

@@ -1,0 +1,315 @@
+"""A live adjustment: loosen, push until the gauge reads what it should, tighten, check.
+
+Each parameter has five steps in the journal, one for each phase; what is pushed is read again and
+again. Where one stands follows from what was read, whatever interrupted it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, computed_field
+
+from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.text import read_document
+from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
+from orthoglide_cal.model.readings import AXES, Contact
+from orthoglide_cal.planning.adjustment import Adjustment
+from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
+from orthoglide_cal.results.answer import InputFile, MachineName
+from orthoglide_cal.schema import Schema
+from orthoglide_cal.session import events, wording
+from orthoglide_cal.session.asking import Asker, Style
+from orthoglide_cal.session.dialogue import Dialogue
+from orthoglide_cal.session.events import State
+from orthoglide_cal.session.gauges import Token
+from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.session.opening import (
+    SIMULATED,
+    TYPED,
+    Request,
+    clock,
+    first_records,
+    serial_gauge,
+    setting_in,
+)
+from orthoglide_cal.session.readings import PriorReadings
+from orthoglide_cal.words import decimals_for
+
+JOURNAL = ".adjust"  # not that of a session
+
+HELP = """\
+Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
+  u            undo the last reading
+  n text       note, kept with this step
+  s why        leave this parameter as it is
+  q            save and quit; continue later with --resume
+Every reading is on the disk before the next prompt."""
+
+BEGUN = """\
+The gauge stands where it stood, and the machine, too, while anything is loose.
+If one of them was moved: q, and measure again."""
+
+
+class Phase(StrEnum):
+    """What is read for each parameter, in this order."""
+
+    LOOSE = "loose"
+    PUSHED = "pushed"
+    TIGHT = "tight"
+    HERE = "here"
+    THERE = "there"
+
+
+PHASES = tuple(Phase)
+_ASKED = {
+    Phase.LOOSE: "Gauge before anything is loosened",
+    Phase.HERE: "Gauge here, tightened, drives on",
+    Phase.THERE: "Gauge there",
+}
+
+
+class Adjusted(Schema):
+    """One adjustment as far as it has come."""
+
+    adjustment: Adjustment
+    readings_mm: Mapping[Phase, float] = Field(description="of the gauge, the last of each phase")
+    left: bool = Field(description="as it is: the operator wished so")
+
+    @classmethod
+    def of(cls, state: State, adjustment: Adjustment, begin: int) -> "Adjusted":
+        """What a journal has of an adjustment; its first step is the one after `begin`."""
+        steps = dict(enumerate(PHASES, begin + 1))
+        read = {steps[n]: item.take.value_mm for n, item in state.accepted.items() if n in steps}
+        left = not steps.keys().isdisjoint(state.skipped)
+        return cls(adjustment=adjustment, readings_mm=read, left=left)
+
+    @computed_field(description="reading at which the parameter is zero")
+    @property
+    def target_mm(self) -> float | None:
+        loose = self.readings_mm.get(Phase.LOOSE)
+        return None if loose is None else loose + self.adjustment.change_mm
+
+    @computed_field(description="reading there less reading here, tightened")
+    @property
+    def check_mm(self) -> float | None:
+        here, there = map(self.readings_mm.get, (Phase.HERE, Phase.THERE))
+        return None if here is None or there is None else there - here
+
+    @computed_field(description="check failed: something moved in another way")
+    @property
+    def status(self) -> Literal["adjusted", "check failed", "left as it is", "not finished"]:
+        if self.left or self.check_mm is None:
+            return "left as it is" if self.left else "not finished"
+        off = self.check_mm - self.adjustment.check_mm
+        return "adjusted" if abs(off) <= self.adjustment.check_expanded_mm else "check failed"
+
+    @property
+    def now_mm(self) -> float:
+        """The last reading before it was tightened."""
+        return self.readings_mm.get(Phase.PUSHED, self.readings_mm.get(Phase.LOOSE, 0.0))
+
+    def to_go_mm(self, now: float) -> float:
+        """How far the gauge must move from a reading, with its sign; 0 within U."""
+        away = (self.target_mm or 0.0) - now
+        return away if abs(away) > self.adjustment.expanded_mm else 0.0
+
+    @property
+    def next(self) -> Phase | None:
+        """What is read next; None once it is done or left."""
+        phase = next((phase for phase in PHASES if phase not in self.readings_mm), None)
+        return None if self.left or phase is None else self.counts_as(phase, self.now_mm)
+
+    def counts_as(self, phase: Phase, value: float) -> Phase:
+        """The phase of a reading: what is outside U is pushed, also once it was tightened."""
+        return Phase.PUSHED if phase is Phase.TIGHT and self.to_go_mm(value) else phase
+
+
+class AdjustmentAnswer(Schema):
+    """What was adjusted after one measurement: the object of `adjust --json`."""
+
+    schema_version: Literal[1] = 1
+    input: InputFile
+    machine: MachineName
+    cause: str
+    adjustments: tuple[Adjusted, ...]
+
+    @property
+    def failed(self) -> bool:
+        """True if anything did not move as it was meant to."""
+        return any(each.status == "check failed" for each in self.adjustments)
+
+
+@dataclass(eq=False)
+class AdjustingDialogue(Dialogue):
+    """Leads through adjustments, one after the other, each with a gauge at one place."""
+
+    adjustments: tuple[Adjustment, ...] = ()
+    _safe: bool = False  # the drives are off
+    _stays: bool = False  # the two lines above the cursor are those of the last reading
+
+    @property
+    def adjusted(self) -> tuple[Adjusted, ...]:
+        """All adjustments as far as they have come."""
+        numbered = enumerate(self.adjustments)
+        return tuple(Adjusted.of(self.state, one, len(PHASES) * k) for k, one in numbered)
+
+    def greet(self) -> None:
+        """Say what is adjusted, in which order."""
+        names = ", then ".join(adjustment.parameter for adjustment in self.adjustments)
+        begun = f" Resumed: {len(self.state.accepted)} readings." if self.state.accepted else ""
+        self.asker.say(f"To be adjusted: {names}.{begun} ? is help.", Style.TITLE)
+
+    def run(self) -> State:
+        """Lead through what is left, unless a check fails. Raises as `Dialogue.run`."""
+        while self.state.ended is None:
+            waiting = [(k, one) for k, one in enumerate(self.adjusted) if one.next]
+            failed = any(one.status == "check failed" for one in self.adjusted)
+            if failed or not waiting:
+                reason = "a check failed" if failed else "complete"
+                self.write(events.Ended(at=self.now(), reason=reason))
+            else:
+                k, one = waiting[0]
+                phase = one.next or Phase.LOOSE
+                self._ask_for(self.setting.steps[len(PHASES) * k + PHASES.index(phase)])
+        return self.state
+
+    def _ask_for(self, step: SessionStep) -> None:
+        """Show what is to be done, where it is new, and take a reading."""
+        asker, phase = self.asker, PHASES[(step.number - 1) % len(PHASES)]
+        one = self.adjusted[(step.number - 1) // len(PHASES)]
+        self._introduce(step, phase, one)
+        hint = f" ({asker.gauge.hint})" if asker.gauge else ""
+        above, now = wording.place(step, self.setting), f"{_ASKED.get(phase)} [mm]{hint}"
+        if phase in (Phase.PUSHED, Phase.TIGHT):
+            above, now = _lines(one)
+            stays = self._stays and not asker.pushed and asker.keyboard.live
+            asker.show(above, Style.ABOVE if stays else Style.PLAIN)
+        asker.pushed = False
+        answer = asker.ask(f"{above}\n{now} > ", step, self.state.takes(step.number))
+        raw = answer.raw if isinstance(answer, Token) else str(answer)
+        longest = max(len(above), len(f"{now} > {raw}"))
+        self._stays = phase not in _ASKED and longest < asker.columns
+        self._receive(answer, step)
+
+    def _introduce(self, step: SessionStep, phase: Phase, one: Adjusted) -> None:
+        """Say, once, what has to be done before a reading; ask that nothing can fall."""
+        asker, plan, begun = self.asker, one.adjustment, Phase.LOOSE in one.readings_mm
+        drives_off = phase not in (Phase.HERE, Phase.THERE)
+        if self._shown == (step.setup, phase):
+            return
+        if step.setup != self._shown[0]:
+            rule, text = wording.set_up(self.setting, step.setup, begun, asker.columns)
+            asker.say(f"\n{rule}", Style.TITLE)
+            asker.say(
+                f"{BEGUN if begun else text}\n{plan.parameter} is {plan.value:+.3g} ±"
+                f" {plan.expanded:.2g} {plan.unit}: each {plan.unit} moves this gauge by"
+                f" {plan.sensitivity:+.3f} mm."
+            )
+            self._safe = False
+        if phase is Phase.HERE:
+            asker.say("Switch the drives on; home, if the controller asks for it.", Style.TITLE)
+        if not (drives_off and begun):
+            asker.say(wording.place(step, self.setting))
+        asked = "Are the drives off, and is every axis secured so that none can fall? y/n > "
+        if drives_off and not self._safe:
+            while not self._agrees(asked):
+                asker.say("Nothing is loosened before that. q saves and quits.", Style.BAD)
+            text = "drives off, no axis can fall: confirmed"
+            self.write(events.Noted(at=self.now(), step=step.number, text=text))
+        self._safe = drives_off
+        if phase is Phase.PUSHED:
+            asker.say(f"Loosen {plan.loosen}.", Style.TITLE)
+        self._shown = step.setup, phase
+
+    def _read(self, step: SessionStep, token: Token) -> None:
+        """Record a reading; only one that the gauge cannot show is refused."""
+        k, at = divmod(step.number - 1, len(PHASES))
+        taken, one, most = self._taken(step, token), self.adjusted[k], self.setting.machine.gauge
+        loose = one.readings_mm.get(Phase.LOOSE, taken.value_mm)
+        if abs(taken.value_mm - loose) > most.range_mm:
+            far = f"That is farther away than the gauge's travel of {most.range_mm:g} mm"
+            self.asker.say(f"{far}: not recorded.", Style.BAD)
+            return
+        phase = one.counts_as(PHASES[at], taken.value_mm)
+        number = len(PHASES) * k + PHASES.index(phase) + 1
+        self.write(taken.model_copy(update={"step": number}))
+        self.asker.rest(driving=False)
+        if phase in _ASKED:
+            self.asker.say(f"   saved {wording.value_text(taken.value_mm, self.unit)}", Style.GOOD)
+
+    def _obey(self, key: str, words: str, step: SessionStep) -> None:
+        """Do what a key says; nothing is read again but what was undone."""
+        if key in ("r", "?"):
+            self.asker.say(HELP)
+        else:
+            super()._obey(key, words, step)
+            if key == "s" and self._safe:
+                self.asker.say("Tighten what is loose before the drives are on.", Style.BAD)
+
+
+def _lines(one: Adjusted) -> tuple[str, str]:
+    """Two lines: what the gauge must read, and what it reads."""
+    plan, now, target = one.adjustment, one.now_mm, one.target_mm or 0.0
+    decimals, go = decimals_for(plan.expanded_mm), one.to_go_mm(one.now_mm)
+    aim = f"{target:+.{decimals}f} ± {plan.expanded_mm:.{decimals}f}"
+    if not go:
+        return f"Inside {aim}. Tighten it, then read it once more.", f"now {now:+.{decimals}f} ✔"
+    arrow, way = "→+" if go > 0.0 else "←-"
+    above = f"Push {plan.move} towards {way}{AXES[plan.direction].upper()}"
+    to_go = f"{arrow} {abs(go):.{decimals}f} to go"
+    return f"{above} until the gauge reads {aim}", f"now {now:+.{decimals}f} {to_go} [mm]"
+
+
+def open_adjustments(
+    given: Input,
+    cause: str,
+    adjustments: tuple[Adjustment, ...],
+    source: tuple[str, ...],
+    resume: bool,
+    asker: Asker,
+) -> AdjustingDialogue:
+    """Begin the adjustments of a cause that an input names, or go on with them.
+
+    Raises UsageError: they are begun already, or not yet, or the input holds no readings;
+    InputError: a file cannot be used; GaugeLost: the gauge cannot be reached.
+    """
+    if SIMULATED in source:
+        what = "A simulated gauge does not see what you push."
+        raise UsageError(what, "Leave out --gauge to type the readings, or name a real one.")
+    session = Path(given.measured.source.path)
+    first = PriorReadings(read_document(str(session)), given.model)
+    target = session.with_suffix(f".{cause}{JOURNAL}")
+    if target.exists() and not resume:
+        what = f"{session} was adjusted already, or that was begun: {target.name} is there."
+        raise UsageError(what, "Measure again before you adjust again, or continue with --resume.")
+    if gauge := serial_gauge(source):
+        gauge.open()  # a missing gauge leaves no file behind
+    cells = [
+        PlannedReading(one.leg, one.direction, at, Contact.FIXED, gauge_at=one.gauge_at)
+        for one in adjustments
+        for at in (*[one.here_mm] * PHASES.index(Phase.THERE), one.there_mm)
+    ]
+    following = events.Following(
+        data=first.data, what=cause, minutes=0.0, continues=False, entered=NOTHING_ENTERED
+    )
+    request, plan = Request(source=source or (TYPED,), stands=1), plan_of(cells)
+    records = first_records(request, first.model, first, plan, following, clock())
+    journal = Journal.resume(target) if resume else Journal.create(target, *records)
+    try:
+        state = events.replay(journal.events)
+        then = state.planned
+        if then is None or (list(then.readings), then.following) != (cells, following):
+            what = "This is the journal of another adjustment, or of other readings."
+            raise InputError(what, "Measure again, then adjust.", file=str(target))
+        if gauge is None and (gauge := serial_gauge(state.source)):
+            gauge.open()
+        asker.gauge = gauge
+        setting = setting_in(journal, state)
+        return AdjustingDialogue(session, journal, setting, asker, clock, adjustments=adjustments)
+    except BaseException:
+        journal.close()
+        raise
