@@ -94,9 +94,9 @@ def _effect(pattern: Pattern, fits: _Fits, rows: Bools) -> tuple[Floats, Floats]
     shares = np.array([share for share, _, _ in fits])
     values = np.zeros((len(fits), len(rows)))
     if pattern.how == "scatters":
-        variances = np.outer([size**2 for _, _, size in pattern.shapes], rows)
+        variances = np.outer([shape.size**2 for shape in pattern.shapes], rows)
     else:
-        plan, columns = fits[0][1].at.white.plan, [shape.columns for _, shape, _ in pattern.shapes]
+        plan, columns = fits[0][1].at.white.plan, [shape.columns for shape in pattern.shapes]
         if pattern.how == "repeats":  # of a gauge the zero hides their mean
             columns = [without_zeros(plan, one.T).T for one in columns]
         known = [ground.amplitudes(own) for _, ground, own in fits]

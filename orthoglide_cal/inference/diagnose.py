@@ -400,7 +400,7 @@ def _with_patterns(found: Decision, measured: Measured) -> tuple[Floats, tuple[i
         left = np.sum([share * ground.fit.left for share, ground, _ in fits], axis=0)
     for one in acting:
         if one.how in CAUSES and CAUSES[one.how].hides_reading:
-            wrong += np.flatnonzero(one.shapes[0][1].columns.any(axis=1)).tolist()
+            wrong += np.flatnonzero(one.shapes[0].columns.any(axis=1)).tolist()
     return _predicted(found.belief.at.white, measured, left, fit.effects), tuple(wrong)
 
 
