@@ -26,7 +26,6 @@ from orthoglide_cal.inference.patterns import (
     combined,
     course_of,
     placed_causes,
-    score_patterns,
     tried,
     weight_of,
 )
@@ -86,9 +85,8 @@ class Belief:
         spots = len(np.unique(plan.repeats[plan.touches]))
         at = Linearised.of(white, Candidates.of(white.problem.model, white.raw, spots))
         hypotheses = score_all(at)
-        (nothing,) = fit_explanations([hypotheses[()]])
-        patterns = {scored.label: scored for scored in score_patterns(at, nothing)}
-        return cls(at, hypotheses, patterns, {(): nothing})
+        belief = cls(at, hypotheses, {}).refined([()])
+        return replace(belief, patterns={one.label: one for one in belief.beside(())})
 
     def scaled(self, factor: float) -> Belief:
         """The same data and patterns with the plausible sizes of all causes multiplied."""
@@ -100,6 +98,11 @@ class Belief:
         missing = [ids for ids in dict.fromkeys(sets) if ids not in self.fits]
         fits = fit_explanations([self.hypotheses[ids] for ids in missing])
         return replace(self, fits={**self.fits, **dict(zip(missing, fits, strict=True))})
+
+    def beside(self, ids: Ids) -> list[Hypothesis]:
+        """Every pattern in addition to a set of causes, not looked at closely."""
+        every = tried(self.at, course_of(self.at, self.fit(()), fine=False))
+        return combined(self.hypotheses[ids], self.fit(ids), every)
 
     def closely(self) -> Belief:
         """The belief with patterns looked at closely, also in addition to each other.

@@ -37,7 +37,7 @@ from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.fit import LARGEST, Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.patterns import PASSING, Ground, fits_of
+from orthoglide_cal.inference.patterns import PASSING, Ground, fits_of, weight_of
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.plan import Floats
@@ -242,6 +242,13 @@ class Decision:
             return Verdict.AMBIGUOUS if self._others else Verdict.NAMED
         # Two causes follow nearly any pattern: a further measurement would not decide.
         return Verdict.UNEXPLAINED if len(best) > 1 else Verdict.AMBIGUOUS
+
+    @property
+    def exceeded(self) -> bool:
+        """True if a pattern in addition to the accepted causes is likelier than these alone."""
+        belief, accepted = self.belief, self.accepted
+        beside = map(weight_of, belief.beside(accepted)) if accepted else ()
+        return max(beside, default=-math.inf) > belief.log_weight[accepted]
 
     @cached_property
     def accepted(self) -> Ids:
@@ -509,6 +516,6 @@ def decide_by(linear: Belief) -> Decision:
             break
         decision = Decision(decision.belief.refined(wanted))
     decision = Decision(decision.belief.refined([decision.best]))
-    if decision.verdict is Verdict.UNEXPLAINED:
+    if decision.verdict is Verdict.UNEXPLAINED or decision.exceeded:
         decision = Decision(decision.belief.closely())
     return decision

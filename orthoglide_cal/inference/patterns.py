@@ -546,11 +546,6 @@ def course_of(at: Linearised, fit: Fit, *, fine: bool) -> Course:
     return course
 
 
-def score_patterns(at: Linearised, fit: Fit, *, fine: bool = False) -> list[Hypothesis]:
-    """Every pattern in addition to the offsets, of which `fit` is."""
-    return Ground.of(at, fit).scores(tried(at, course_of(at, fit, fine=fine)))
-
-
 def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Ground, slice]]:
     """Fits with a hypothesis' patterns, at each likely shape of the last of them.
 
