@@ -127,49 +127,42 @@ def _origin_moved(_: Machine, data: Data) -> str:
     )
 
 
-# How readings deviate → what they do, of one gauge and of several; the effect's short name; remedy.
-_HOWS: Mapping[str, tuple[str, str, str, str]] = {
+# How readings deviate → what gauges do, {s} with one; the effect's short name; remedy.
+_HOWS: Mapping[str, tuple[str, str, str]] = {
     "repeats": (
-        "deviates in the same way in each cycle",
-        "deviate in the same way in each cycle",
+        "deviate{s} in the same way in each cycle",
         "deviation",
         "Look for what returns with the posture at {where}: wear, a bent bar, a cable that pulls.",
     ),
     "drifts": (
-        "drifts smoothly in time",
-        "drift smoothly in time",
+        "drift{s} smoothly in time",
         "drift",
         "Let machine and stands of {where} come to rest: clamp them, close doors, warm up. Then"
         " measure there again.",
     ),
     "settles": (
-        "creeps after set-up and comes to rest",
-        "creep after set-up and come to rest",
+        "creep{s} after set-up and come{s} to rest",
         "creep",
         "Let {where} rest for {rest:.0f} minutes before the first reading; measure there again.",
     ),
     "steps": (
-        "steps at one moment",
-        "step at one moment",
+        "step{s} at one moment",
         "step",
         "Find what was knocked at {moment:.1f} min, between two readings of {where}; measure there"
         " again.",
     ),
     "scatters": (
-        "scatters more than its noise",
-        "scatter more than their noise",
+        "scatter{s} more than noise",
         "scatter",
         "Check clamp, vibration and plunger of {where}; measure there again.",
     ),
     "hysteresis": (
-        "lags behind the movement of its plunger",
-        "lag behind the movement of their plungers",
+        "lag{s} behind the plunger's movement",
         "lag",
         "Clean the plunger of {where}, or exchange the gauge; measure there again.",
     ),
     "temperature": (
-        "follows the recorded temperature",
-        "follow the recorded temperature",
+        "follow{s} the recorded temperature",
         "temperature",
         "Warm up until the temperature of {where} is steady and record it with each reading;"
         " measure there again.",
@@ -182,15 +175,16 @@ def where_words(pattern: FoundPattern) -> str:
     where = pattern.where
     if "posture" in where:
         return f"the readings at {where['posture']}"
+    if not where:
+        return "all gauges"
     place = f" of leg {where['leg']}" if "leg" in where else ""
     place += f" along {where['direction']}" if "direction" in where else ""
-    one = len(where) > 1
-    return f"{'' if place else 'all '}{'the ' * bool(place)}gauge{'' if one else 's'}{place}"
+    return f"the gauge{'s' * (len(where) < 2)}{place}"
 
 
 def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
     """What deviates, how, and by how much."""
-    one, several, _, _ = _HOWS[pattern.how]
+    verb = _HOWS[pattern.how][0].format(s="s" * (len(pattern.where) == 2))
     subject = where_words(pattern) if machine.vocabulary.measure else "the touches"
     numbers = [f"{with_uncertainty(pattern.size_mm, pattern.expanded_mm).lstrip('+')} mm"]
     numbers += [
@@ -200,19 +194,19 @@ def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
     ]
     if pattern.how == "steps" and pattern.from_minutes is not None:
         numbers.append(f"at {plain(pattern.from_minutes, 1)} min")
-    return f"{subject} {one if len(pattern.where) == 2 else several} ({', '.join(numbers)})"
+    return f"{subject} {verb} ({', '.join(numbers)})"
 
 
 def pattern_name(pattern: FoundPattern) -> str:
     """The effect in one noun."""
-    return _HOWS[pattern.how][2]
+    return _HOWS[pattern.how][1]
 
 
 def pattern_remedy(pattern: FoundPattern) -> str:
     """What to do about it."""
     known = {each.name: each.value for each in pattern.parameters}
     rest = math.ceil(RESTING * known.get("time_constant", 0.0))
-    text = _HOWS[pattern.how][3]
+    text = _HOWS[pattern.how][2]
     return text.format(where=where_words(pattern), rest=rest, moment=pattern.from_minutes or 0.0)
 
 
