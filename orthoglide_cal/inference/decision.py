@@ -37,7 +37,7 @@ from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.fit import LARGEST, Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.patterns import PASSING, Ground, fits_of, weight_of
+from orthoglide_cal.inference.patterns import PASSING, fits_of, weight_of
 from orthoglide_cal.inference.result import Verdict
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.plan import Floats
@@ -351,7 +351,7 @@ class Decision:
     def left_open(self) -> tuple[tuple[float, Fit], ...]:
         """The explanations that the data leave open, the accepted one first, and their shares."""
         if self.verdict is Verdict.UNEXPLAINED:
-            return tuple((share, ground.fit) for share, _, ground, _ in self.patterned)
+            return self.patterned
         sets = [self.accepted, *self.same_answer(self.accepted)]
         if self.verdict is Verdict.AMBIGUOUS:
             sets += self.rivals
@@ -436,13 +436,13 @@ class Decision:
         return tuple((p, patterns[label]) for label, p in unlisted.items() if p >= least)
 
     @cached_property
-    def patterned(self) -> tuple[tuple[float, Hypothesis, Ground, slice], ...]:
-        """Fits with these patterns and their shares, as of `fits_of`, the likeliest first."""
+    def patterned(self) -> tuple[tuple[float, Fit], ...]:
+        """Fits with these patterns and their shares, the likeliest first."""
         total = sum(probability for probability, _ in self.beyond_list)
         return tuple(
-            (probability * share / total, hypothesis, ground, own)
+            (probability * share / total, ground.fit)
             for probability, hypothesis in self.beyond_list
-            for share, ground, own in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
+            for share, ground, _ in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
         )
 
     @property
@@ -460,7 +460,7 @@ class Decision:
     @property
     def described(self) -> bool:
         """True if the likeliest pattern leaves no more than noise, and nothing else was refuted."""
-        return self.refuted is None and self._chance_beyond(self.patterned[0][2].fit) >= MISFIT
+        return self.refuted is None and self._chance_beyond(self.patterned[0][1]) >= MISFIT
 
     def _returning(self, fit: Fit) -> Floats:
         """Covariance of the offsets by what may return with its posture, (3, 3) [mm²].

@@ -48,7 +48,7 @@ def described(
     ]
     start = None
     if pattern.how in _SHAPE_NAMES:
-        shapes = np.array([shape.parameter or 0.0 for _, shape, _ in pattern.shapes])
+        shapes = np.array([shape.parameter for shape in pattern.shapes])
         known = _mean_and_std(np.array([share for share, _, _ in fits]), MINUTES * shapes)
         columns = {"name": _SHAPE_NAMES[pattern.how], "unit": "min"}
         parameters.append(PatternParameter(**columns, value=known[0], std=known[1]))
@@ -87,11 +87,11 @@ def _gauges(
     if pattern.how == "scatters":
         yield (
             "noise",
-            *_mean_and_std(shares, np.array([size for _, _, size in pattern.shapes])),
+            *_mean_and_std(shares, np.array([shape.size for shape in pattern.shapes])),
             1.0,
         )
         return
-    plan, columns = fits[0][1].at.white.plan, [shape.columns for _, shape, _ in pattern.shapes]
+    plan, columns = fits[0][1].at.white.plan, [shape.columns for shape in pattern.shapes]
     known = [ground.amplitudes(own) for _, ground, own in fits]
     effect = columns[0] @ known[0][0]
     for gauge in dict.fromkeys(plan.shared[rows].tolist()):

@@ -51,13 +51,15 @@ Remedy = tuple[Ids, tuple[int, ...]]
 
 
 class Shape(NamedTuple):
-    """What a pattern may add to readings: columns of unit size, shape (n, q) [mm].
+    """What a pattern may add to readings, with its probability.
 
-    Of more noise, the readings that have it.
+    Of more noise the columns are the readings that have it.
     """
 
-    columns: Floats
-    parameter: float | None = None  # the moment, or time constant [h], or span [K] that it is of
+    share: float
+    columns: Floats  # of unit size, shape (n, q) [mm]
+    parameter: float  # the moment, or time constant [h], or span [K] that it is of; 0 without
+    size: float  # plausible size [mm]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +76,15 @@ class Pattern:
     log_shape: Floats  # log evidence of each shape and size, up to a constant, (v, s)
 
     @cached_property
-    def shapes(self) -> list[tuple[float, Shape, float]]:
-        """The likeliest shapes: share, shape, and plausible size [mm]."""
+    def shapes(self) -> list[Shape]:
+        """The likeliest shapes."""
         share = np.exp(self.log_shape - log_sum(self.log_shape))
         best = np.argsort(-share, axis=None, kind="stable")[:SHAPES]
+        columns, chosen, parameters = self.columns, self.chosen, self.parameters
+        values = np.zeros(len(chosen)) if parameters is None else parameters
         return [
-            (float(share[v, s]), Shape(self.columns[:, v, self.chosen[v]], own), float(size))
+            Shape(share[v, s], columns[:, v, chosen[v]], values[v], self.sizes[s])
             for v, s in zip(*np.unravel_index(best, share.shape), strict=True)
-            for own in [None if self.parameters is None else float(self.parameters[v])]
-            for size in [self.sizes[s]]
             if share[v, s] >= min(SHARE, share.max())
         ]
 

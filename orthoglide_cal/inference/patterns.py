@@ -401,11 +401,11 @@ class Ground:
     def extended(self, pattern: Pattern, number: int = 0) -> tuple[Ground, slice]:
         """With one of a pattern's likeliest shapes; and which of the unknowns are its own."""
         fit, white, noise = self.fit, self.white, self.noise
-        _, shape, size = pattern.shapes[number]
+        shape = pattern.shapes[number]
         columns, linear, sizes = fit.columns, self._residual, fit.sizes
         own = slice(self._start, self._start)
         if pattern.how == "scatters":
-            weight = 1.0 / np.hypot(1.0, size / noise.stated * shape.columns[:, 0])
+            weight = 1.0 / np.hypot(1.0, shape.size / noise.stated * shape.columns[:, 0])
             if np.ptp(weight):
                 contrasts = white.matrix
                 assert isinstance(contrasts, Contrasts)
@@ -429,7 +429,7 @@ class Ground:
             more = white.matrix @ shape.columns
             own = slice(self._start, self._start + more.shape[1])
             columns = np.insert(columns, [self._start], more, axis=1)
-            sizes = np.insert(sizes, self._start, np.full(more.shape[1], size))
+            sizes = np.insert(sizes, self._start, np.full(more.shape[1], shape.size))
         before = self._solved[: fit.offsets.size]
         centre = np.insert(fit.centre, self._start, np.zeros(own.stop - own.start))
         draft = replace(
@@ -555,10 +555,10 @@ def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Ground, slice
     *before, last = hypothesis.patterns
     for pattern in before:
         ground, _ = ground.extended(pattern)
-    total = sum(share for share, _, _ in last.shapes)
+    total = sum(shape.share for shape in last.shapes)
     return [
-        (share / total, *ground.extended(last, number))
-        for number, (share, _, _) in enumerate(last.shapes)
+        (shape.share / total, *ground.extended(last, number))
+        for number, shape in enumerate(last.shapes)
     ]
 
 
