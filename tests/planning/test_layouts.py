@@ -182,7 +182,7 @@ def test_where_there_is_nothing_to_tell_the_first_layout_is_taken() -> None:
 
 
 def test_a_parameter_that_readings_do_not_determine_is_said_to_be_so() -> None:
-    gauge = V400_MODEL.machine.probe.changed(repeatability_mm=2.0)
+    gauge = V400_MODEL.machine.probe.changed(repeatability_mm=0.3)
     coarse = measurement_plan(Model(V400_MODEL.machine.changed(probe=gauge)), Wanted())
     of_coarse, of_usual = (
         {
