@@ -245,9 +245,11 @@ class Decision:
 
     @property
     def exceeded(self) -> bool:
-        """True if a pattern in addition to the accepted causes is likelier than these alone."""
+        """True if the accepted causes, or all but one, are likelier with a pattern."""
         belief, accepted = self.belief, self.accepted
-        beside = map(weight_of, belief.beside(accepted)) if accepted else ()
+        fewer = (tuple(id for id in accepted if id != one) for one in accepted)
+        sets = {accepted, *fewer} if accepted else set()
+        beside = (weight_of(each) for ids in sets for each in belief.beside(ids))
         return max(beside, default=-math.inf) > belief.log_weight[accepted]
 
     @cached_property
