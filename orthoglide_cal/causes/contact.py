@@ -219,9 +219,9 @@ class BedShape(_Surface):
     names = _TERMS
     shares = (_falling(0.1, above=3), *map(_falling, (0.25, 0.35, 0.5, 0.7, 1.0)))
     instrument = "a straight edge and feeler gauges on the bed"
-    no_setting = "a bed mesh follows it; make a new one"
+    no_setting = "a bed mesh compensates it; make a new one"
     advice = (
-        "A bed mesh follows it. Touches of one height do not show what makes it (the bed, leaning"
+        "A bed mesh compensates it. Touches of one height do not show its cause (the bed, leaning"
         " towers, unequal arms, the probe): lay a straight edge on the bed, turn the plate by a"
         " third and probe again (what turns with it is its own shape), or probe on blocks."
     )

@@ -76,8 +76,8 @@ class AxisSquareness(Cause):
     compensable = True
     instrument = "a master square with a dial indicator"
     advice = (
-        "Check the squareness of the linear drives with a master square and re-align them, or"
-        " accept the angles as part of the model and compensate them in the controller."
+        "Check the squareness of the linear drives with a master square and re-align them, then"
+        " measure again."
     )
 
     def misfit_mm(self, machine: Machine, travel_mm: float) -> float:

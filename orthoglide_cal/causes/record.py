@@ -112,7 +112,7 @@ class SignFlip(RelabelCause):
     stage = Stage.RECORD
     sizes = MappingProxyType({Orthoglide: 1.0})
     instrument = "a feeler gauge under each plunger: its reading must grow"
-    advice = "Check which way + is on the gauge of {where}, and turn the sign of its readings."
+    advice = "Check which way + is on the gauge of {where}, and change the sign of its readings."
 
     def places(self, plan: GaugePlan, machine: Machine) -> tuple[Place, ...]:
         return (*series_places(plan), *whole_table(plan))

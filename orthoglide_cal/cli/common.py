@@ -199,7 +199,7 @@ Limit = Annotated[
 ]
 RuleOut = Annotated[
     Texts,
-    option("CAUSE", "A fault that you looked for and that is not there; may be given repeatedly."),
+    option("CAUSE", "A fault that you looked for and did not find; may be given repeatedly."),
 ]
 Target = Annotated[
     File, option("FILE", "File to write. An existing file is never overwritten.", "--output", "-o")

@@ -1,4 +1,4 @@
-"""`orthocal diagnose`: what else is wrong, how sure that is, and what to do."""
+"""`orthocal diagnose`: what else is wrong, how certain that is, and what to do."""
 
 from dataclasses import replace
 from datetime import date
@@ -43,7 +43,7 @@ def diagnose(
     details: common.WithDetails = False,
     json: common.AsJson = False,
 ) -> None:
-    """Find what else is wrong, how sure that is, and what to do."""
+    """Find what else is wrong, how certain that is, and what to do."""
     import numpy as np
 
     from orthoglide_cal import inference

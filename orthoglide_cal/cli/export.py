@@ -34,7 +34,7 @@ def export(
         bool,
         flag(
             "--force",
-            "Export although the result must not be used. Every line is marked as FORCED.",
+            "Export a result that must not be used. Every line is marked as FORCED.",
         ),
     ] = False,
     points: Annotated[

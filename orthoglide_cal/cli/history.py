@@ -15,7 +15,7 @@ def history(
         Number, option("MM", "Largest permitted change. Shows when a drift reaches it.")
     ] = None,
     dates: Annotated[
-        Text, option("DATES", "Of the files in turn: 2026-03-02,2026-04-07. Default: theirs.")
+        Text, option("DATES", "Dates of the files, in order: 2026-03-02,2026-04-07.")
     ] = None,
     machine: common.MachineFile = None,
     data: common.Data = None,

@@ -47,7 +47,7 @@ def measure(
     ] = False,
     discard: Annotated[
         bool,
-        flag("--discard", "Give an unfinished session up; its file is kept as NAME.discarded."),
+        flag("--discard", "Discard an unfinished session; its file is kept as NAME.discarded."),
     ] = False,
     protocol: common.Protocol = None,
     design: common.Design = None,
@@ -111,7 +111,7 @@ def measure(
     ] = None,
     yes: Annotated[
         bool,
-        flag("--yes", "Answer yes to the questions before the first reading, and of --discard."),
+        flag("--yes", "Answer yes to the questions before the first reading, and to --discard."),
     ] = False,
     json: common.AsJson = False,
 ) -> None:

@@ -142,7 +142,7 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
         text = program_gcode(program, lines)
     else:
         raise _unknown(target, f"End it in {_CSV} for a table, in {_GCODE[0]} for G-code.")
-    said = "Try them first without gauges, slowly, a hand at the stop."
+    said = "Try them first without gauges, slowly, a hand on the emergency stop."
     common.put(text, target, f"{len(program.blocks)} blocks written to {target}. {said}")
 
 

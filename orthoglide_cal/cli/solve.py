@@ -13,7 +13,7 @@ def solve(
     details: common.WithDetails = False,
     json: common.AsJson = False,
 ) -> None:
-    """Find the joint offsets and whether they may be entered."""
+    """Determine the joint offsets, and whether they may be entered."""
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.results import answer_to

@@ -384,8 +384,8 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             )
             raise InputError(what, remedy, file=document.path)
         remarks.append(
-            f"{name} does not print where it probed: as Marlin usually does, to {reader.reach:g} mm"
-            f" from the middle ({_MARGIN_MM:g} mm from the edge), is assumed."
+            f"{name} does not print where it probed. Marlin's usual reach is assumed:"
+            f" {reader.reach:g} mm from the middle ({_MARGIN_MM:g} mm from the edge)."
         )
 
     def stored(name: str, radius: float = 1.0) -> Stored | None:
@@ -398,7 +398,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             return mesh
         remarks.append(
             f"The heights of {name} were probed before G33 changed the settings (line"
-            f" {reader.changed}); they are counted from those in force after it."
+            f" {reader.changed}); they are converted to those in force after it."
         )
         try:
             place = reader.now.believed(then, mesh.plan.place)

@@ -399,8 +399,8 @@ def _reached(machine: LinearDelta, *stored: Sequence[Floats]) -> Stored | None:
     now, then = ("lower", "raises") if trimmed > 0.0 else ("higher", "lowers")
     remark = (
         f"For the same Z the nozzle stands {abs(trimmed):.3f} mm {now} with the settings in force"
-        " than with those of DELTA_CALIBRATE. If the endstops were changed afterwards, as for a"
-        f" first layer, entering the result removes that and {then} the nozzle by as much: set its"
+        " than with those of DELTA_CALIBRATE. If you changed the endstops afterwards, as for a"
+        f" first layer, entering the result undoes this and {then} the nozzle by as much. Set its"
         " height again before you print."
     )
     nozzle = remark if abs(trimmed) > _TRIMMED_MM else ""
@@ -462,7 +462,7 @@ def _stale(settings: _Settings, section: str) -> str:
     if first <= mesh:
         return ""
     return (
-        f"The calibration (line {first}) was stored after this mesh was saved first (line"
+        f"The calibration (line {first}) was stored after this mesh was first saved (line"
         f" {mesh}). If BED_MESH_CALIBRATE was not run again since then, the mesh is older"
         " than the calibration in force: the result is wrong."
     )

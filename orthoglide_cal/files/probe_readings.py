@@ -215,8 +215,8 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
         return machine, ()
     stated, used = (", ".join(f"{arm:g}" for arm in dict.fromkeys(row)) for row in arms.tolist())
     remark = (
-        f"Arms: the machine file says {stated} mm, the firmware {used} mm. What is found goes with"
-        f" the firmware's; U counts that they are {apart:.2g} mm apart. Enter what you measured in"
+        f"Arms: the machine file says {stated} mm, the firmware {used} mm. The result holds with"
+        f" the firmware's; U includes the difference, {apart:.2g} mm. Enter the measured arms in"
         " both (arm_length), calibrate and probe again."
     )
     sizes = {**known.tolerances, ARMS: round(math.hypot(size, apart), 3)}
@@ -284,12 +284,12 @@ def _check_stored(file: PrinterFile, found: Stored, machine: LinearDelta) -> Non
             )
         size = abs(float(value[first]))
         off = "out of reach" if math.isnan(size) else f"{size:.0f} mm off"
-        raise refuse(first, f"{what} is {off} by the settings in force.", remedy)
+        raise refuse(first, f"{what} is {off} with the settings in force.", remedy)
     away = np.hypot(*found.plan.place.T[:2])
     if found.mesh is not None and away.max() > BEYOND * machine.bed_radius_mm:
         raise refuse(
             int(np.argmax(away)),
             f"The {mesh} reaches {away.max():.0f} mm from the middle of the bed.",
             f"Check its places, and the radius of the bed ({machine.bed_radius_mm:g} mm): "
-            "print_radius of [printer], unless stated the delta_radius; or B of M665.",
+            "print_radius of [printer], else its delta_radius; or B of M665.",
         )

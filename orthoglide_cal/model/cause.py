@@ -133,7 +133,7 @@ class Cause:
         stated = "usual" if self.assumed(machine) else "stated"
         key = self.number.get(type(machine), f"{self.id} under tolerances")
         real = "a real slip" if self.stage is Stage.RECORD else "real damage"
-        check = f"correct {key} in the machine file, or look for {real}."
+        check = f"look for {real}, or correct {key} in the machine file."
         return f"{times:.0f} times its {stated} size: {check}"
 
     def possible(self, machine: Machine) -> bool:

@@ -280,7 +280,7 @@ def _doubt_differences(value: Floats, gauge: Gauge) -> Iterator[Suspicion]:
         return
     yield Suspicion(
         f"The differences have more decimals than a gauge with divisions of {step:g} mm gives,"
-        " and their means cannot have them either.",
+        " even as means of readings.",
         "Check the unit, and resolution_mm in the machine file.",
     )
 

@@ -404,8 +404,8 @@ class LinearDelta(Machine):
         doubt = Suspicion(
             f"Arms of {first}, {second} and {third} mm are stored; printers of this kind have equal"
             " arms.",
-            f"They are taken to be off by as much as they differ, {spread:.1f} mm: measure them"
-            " from joint centre to joint centre.",
+            f"Their difference, {spread:.1f} mm, is taken as their tolerance. Measure them from"
+            " joint centre to joint centre.",
             spread,
         )
         return MappingProxyType({"leg_length": doubt})

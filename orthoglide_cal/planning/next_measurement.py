@@ -198,7 +198,7 @@ def _alone(machine: Orthoglide) -> Iterator[Option]:
         how_often = counted(cycles, "cycle")
         what = (
             f"Measure a separate session, {protocol}, {how_often} per leg, reading by reading."
-            " It needs no old data: leave them as they are."
+            " It needs no old data: keep those apart."
         )
         typed = sequence_options(*session)
         yield Option(what=what, plan=plan, minutes=minutes, session=typed)

@@ -259,7 +259,7 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     recorded = recording(case.given)
     if recorded == "done":
         yield doc.Instruction(
-            f"According to the machine file the {words.many} are entered. {words.restart}"
+            f"The machine file records that the {words.many} are entered. {words.restart}"
         )
     elif case.record is not None:
         yield doc.Instruction(f"{words.entering}, then", case.record)
@@ -368,9 +368,9 @@ def signed_page(
         number=identity.number,
         facts=doc.Facts((*stated(machine, OWNER), *first_facts, issued)),
         sheet=[doc.Section(None, strip)],
-        scope=f"This report holds for the machine and the {words.instruments} that it names, as"
-        f" they were when they were measured, and for the {words.positions} and conditions stated"
-        " in it; for nothing else. It is valid only with all its pages: reproduce it only in full.",
+        scope=f"The results relate only to the machine and the {words.instruments} named here, as"
+        f" they were when measured, and to the {words.positions} and conditions stated. The report"
+        " is valid only with all its pages: reproduce it only in full.",
         stamp=SIMULATED if simulated else None,
     )
 

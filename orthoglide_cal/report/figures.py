@@ -540,7 +540,7 @@ def bed_maps(
         heading = ", ".join(filter(None, (model, title)))
         largest = int(np.argmax(np.abs(microns)))
         at = " ".join(f"{axis}{mm:.0f}" for axis, mm in zip("XY", place_mm[largest], strict=True))
-        finding = f"What is left of each touch: at most {signed(float(microns[largest]), 1)} µm,"
+        finding = f"Residuals of the touches: at most {signed(float(microns[largest]), 1)} µm,"
         finding += f" at {at}; {int(out.sum())} stand out, ringed."
         body = [tag("circle", cx=x0, cy=y0, r=scale * bed_mm, class_="bed"), *dots]
         for tower, angle in zip("abc", map(math.radians, towers_deg), strict=True):

@@ -110,9 +110,8 @@ def _other_data(_: Machine, data: Data) -> str:
 def _recalibrated(_: Machine, data: Data) -> str:
     replaced = f" (other {', '.join(data['changed'])} in force)" if data["changed"] else ""
     return (
-        f"The machine was recalibrated before the held-out readings{replaced}: with and without"
-        " the extension its calibrated parameters are left free and fitted to them, and the"
-        " extension is carried over unchanged."
+        f"The machine was recalibrated before the held-out readings{replaced}. Its parameters are"
+        " fitted to them, with and without the extension. The extension is carried over unchanged."
     )
 
 
@@ -125,7 +124,8 @@ def _origin_moved(_: Machine, data: Data) -> str:
     moves = ", ".join(f"{name} by {value:+.3f}" for name, value in data["moves"].items())
     return (
         f"Between the two measurements the origin of the endstops has moved: {moves} mm. None of"
-        " this was entered. They are fitted to the held-out readings; all else is carried over."
+        " this was entered. The endstops are fitted to the held-out readings. All other parameters"
+        " are carried over."
     )
 
 
@@ -235,18 +235,18 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "settings_unknown": "{what}",
     "not_converged": "The search for the {words.many} did not converge.",
     "implausible": _implausible,
-    "undetermined": "These readings do not determine {names:names}: a rule and a square would"
-    " tell as much.",
+    "undetermined": "These readings do not determine {names:names}: they add nothing to what was"
+    " known before.",
     "gauge_doubt": "{what}",
     # What the diagnosis has against it.
     "undecided": _undecided,
     "few_readings": "With so few readings, nearly any cause fits.",
     "cause_found": "{ids:and} was found.",
-    "unshown_fault": "These readings would not show if {cause.title}{where:place}. In that case the"
+    "unshown_fault": "These readings cannot show whether {cause.title}{where:place}. If so, the"
     " {words.many} change by up to {change:.3f} {unit}.",
     "offsets_wrong": _offsets_wrong,
-    "unexplained": "No listed cause of usual size explains these data: they leave {left_mm:.3f} mm"
-    " r.m.s., where the {words.noise}'s noise{words.also} would leave {expected_mm:.3f} mm.",
+    "unexplained": "No listed cause of usual size explains these data: {left_mm:.3f} mm r.m.s."
+    " remains; the {words.noise}'s noise{words.also} would leave {expected_mm:.3f} mm.",
     "refuted_left_out": "{ids:with} fits, but does not predict: readings left out differ by"
     " {error_mm:µm} r.m.s., where it states {stated_mm:µm}.",
     "refuted_later": "{ids:with} fits, but later readings refute it: they differ by {with_mm:µm}"
@@ -260,8 +260,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
         "The reason is not known: "
         f"{'; '.join(pattern_words(machine, one) for one in data['patterns'])}."
     ),
-    "local_shape": "The bed's local shape is about {factor:.1f} times as large as is stated or"
-    " usual, and U does not cover all of that. State it as texture_mm of the probe.",
+    "local_shape": "The bed's local shape is about {factor:.1f} times its stated or usual size, and"
+    " U covers only part of it. State it as texture_mm of the probe.",
     "remains": "Offsets do not remove {ids:causes}: {left_mm:two} mm r.m.s. will remain.",
     "other_data": _other_data,
     "stale_mesh": "{text}",
@@ -273,7 +273,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "no_spare_readings": "There are no spare readings: these data cannot show whether the model"
     " fits, and U rests on the {words.noise}'s stated noise ({stated_mm:.2g} mm).",
     "residuals_too_large": _residuals(
-        "larger than", " (%s): the model leaves something out, and U does not cover it."
+        "larger than", " (%s): the model is incomplete, and U does not cover this."
     ),
     "residuals_unusual": _residuals(
         "larger than usual for", ", not large enough to call the model wrong (%s; {p_value:p})."
@@ -295,7 +295,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     " them.",
     "find_step": "Look for a collision, a loose carriage or an exchanged part.",
     "find_drift": "Look for wear or warming up; calibrate again before the drift matters.",
-    "find_scatter": "Check home switches and couplings: no calibration is better than homing.",
+    "find_scatter": "Check home switches and couplings: calibration cannot be better than homing.",
     "nothing_to_do": "Nothing to do: measure again at the next service, or after a collision.",
     # About the data.
     "remark": "{text}",
@@ -304,23 +304,22 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     " ({floor_mm:.2g} mm); the intervals use the resolution.",
     # Notes of a diagnosis.
     "not_excluded": "Not excluded, too small to show: {ids:names}.",
-    "two_would_follow": "{ids:with} would also fit it, but two causes fit nearly any"
+    "two_would_follow": "{ids:with} would also fit, but two causes together fit nearly any"
     " pattern. To check them, repeat with {words.further}.",
     "perhaps_also": "These readings cannot show whether {ids:and} is also present.",
     "perhaps_alone": "{id} alone is also possible (probability {probability:.2g}): {others:and}"
     " may be absent.",
-    "few_differences": "{count} differences leave {spare} numbers beyond the three offsets, and"
-    " this answer has {unknowns} unknowns: the name rests on plausible sizes, not on the data"
-    " alone. Raw readings with more postures would show more.",
+    "few_differences": "{count} differences leave {spare} degrees of freedom beyond the three"
+    " offsets, and this answer has {unknowns} unknowns. It therefore depends on plausible sizes,"
+    " not on the data alone. Raw readings with more postures would show more.",
     "measure_again": "Correct a fault of the measurement by measuring again, not in the"
     " controller.",
     "recalibrated": _recalibrated,
     "origin_moved": _origin_moved,
     "maps_repeat": "The residual maps of these dates repeat (r = {correlation:.2f}): the"
-    " parameters leave a lasting shape, not noise.",
-    "local_residual": "Unexplained: {left_mm:µm} r.m.s., of which {noise_mm:µm} are the probe's"
-    " noise: {beyond_mm:µm} are local, shared by neighbouring places, and no evidence for any"
-    " cause.",
+    " residuals are a lasting shape, not noise.",
+    "local_residual": "Unexplained: {left_mm:µm} r.m.s. Of this {noise_mm:µm} is the probe's noise."
+    " {beyond_mm:µm} is local: neighbouring places share it. It is no evidence for any cause.",
     # Remedies.
     "do": "{what}",
     "validate": "Check the file:",
@@ -329,7 +328,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "again": "{words.again}",
     "beyond_remedy": lambda machine, data: pattern_remedy(machine, data["pattern"]),
     "accept": "{cause.advice} Or accept {id} as part of the machine:",
-    "look": "Check whether {cause.title}{where:place}. What shows it: {cause.instrument}. If"
+    "look": "Check whether {cause.title}{where:place}. How to check: {cause.instrument}. If"
     " nothing is wrong there, rule it out:",
     "retake": _retake,
     "probe_both": "Calibrate and probe a mesh one after the other, with nothing changed in between;"

@@ -119,8 +119,8 @@ def check_measured(given: Input, file: StoredMachine | None = None) -> None:
     """Raise UnusableResultError for simulated readings, unless the machine file is for practice."""
     if given.measured.source.simulated and not (file and file.model.machine.practice):
         raise UnusableResultError(
-            "These readings are simulated: they go into no controller, and only into a machine file"
-            " that was made for practice.",
+            "These readings are simulated: no controller takes them, and only a machine file made"
+            " for practice records them.",
             "Measure the machine; or practise in another folder: orthocal machine new --practice",
         )
 

@@ -169,7 +169,7 @@ class Asker:
             self._drop(line.text, line.ended, self._keys)
             pasted += not self._strict
         if pasted:
-            lines = f"{counted(pasted, 'line')} typed before it was asked for"
+            lines = f"{counted(pasted, 'line')} typed before the prompt"
             self._break_in(f"ignored: {lines}", Style.ASIDE)
         if self.gauge is not None and self._lost_since is None:
             with suppress(GaugeLost):  # the next look reports it
@@ -284,11 +284,11 @@ class Asker:
         gone = source.ignore(at)
         if self._sending is source or source.unasked > STREAM:
             return
-        when = "before it was asked for"
+        when = "before the prompt"
         if gone is not None:
             when = f"{gone:.2f} s after the last reading"
         what = visible(text.strip())[:24] or "Return"
-        self._break_in(f"ignored: {what} came {when}; if meant, give it again", Style.ASIDE)
+        self._break_in(f"ignored: {what} came {when}; if intended, give it again", Style.ASIDE)
 
     def _end_line(self) -> None:
         """Go on below the line of the prompt, if it is open."""

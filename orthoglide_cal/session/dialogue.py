@@ -195,7 +195,7 @@ class Dialogue:
             hidden.append(f"{parameter.name} {signed(value, decimals_for(parameter.expanded))}")
             if parameter.found is not None and abs(value - parameter.found) > parameter.expanded:
                 result = "not all lie within U: expected once in seven sessions"
-        self.asker.show(f"Simulated; hidden were {' '.join(hidden)} mm: {result}.")
+        self.asker.show(f"Simulated; true are {' '.join(hidden)} mm: {result}.")
 
     def close(self) -> None:
         """Let go of the gauge, the machine that is followed, and the journal."""
@@ -343,7 +343,7 @@ class Dialogue:
             self.write(events.Undone(at=self.now()))
             taken += 1
         if taken:
-            self.asker.say(f"{_are(taken)} taken back: it came with them.")
+            self.asker.say(f"{_are(taken)} taken back: that gauge sent them.")
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
@@ -373,7 +373,7 @@ class Dialogue:
         # Read again it stays wrong: the plunger cannot reach it, or the machine stands elsewhere.
         again = doubt not in (Doubt.PLACE, Doubt.RANGE)
         if again and any(abs(value - old) <= near for old in before):
-            self.asker.say("Read again, and the same: kept, with a note.")
+            self.asker.say("The same reading again: kept, with a note.")
             self._keep(asked)
 
     def _taken(self, step: SessionStep, token: Token, remark: str = "") -> events.Taken:
@@ -441,8 +441,8 @@ class Dialogue:
         drop = tuple(step.number for step in dropped)
         self.write(events.Shortened(at=self.now(), drop=drop, reason=reason))
         self.asker.say(
-            f"Every offset is known within {until:g} mm ({UNLESS}). Saved: {len(dropped)} readings,"
-            f" {wording.duration(clock(dropped)[-1]).lower()}.",
+            f"Every offset is known within {until:g} mm ({UNLESS}). Not needed: {len(dropped)}"
+            f" readings, {wording.duration(clock(dropped)[-1]).lower()}.",
             Style.GOOD,
         )
         if self.so_far.left:

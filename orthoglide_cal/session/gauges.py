@@ -347,10 +347,10 @@ class SerialGauge(LiveGauge):
                     channel = port.channels[min(self._stand, len(port.channels) - 1)]
                     name += f"#{token.channel}"
                     if token.channel.lstrip("0") != channel.lstrip("0"):
-                        elsewhere = f"That was channel {token.channel}; channel {channel} is asked."
+                        elsewhere = f"That was channel {token.channel}; channel {channel} is next."
                 elsewhere = elsewhere or port.cut_off(token)
                 if number != self._wanted:
-                    elsewhere = f"That was gauge {number + 1}; gauge {self._wanted + 1} is asked."
+                    elsewhere = f"That was gauge {number + 1}; gauge {self._wanted + 1} is next."
                 heard.append(token._replace(source=name, elsewhere=elsewhere))
         return heard
 

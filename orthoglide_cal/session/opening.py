@@ -245,7 +245,7 @@ class Recommendation:
             )
         if option.continues and self.stands == 1 and len(set(plan.series)) > 1:
             what = "That measurement needs the two gauges where they are."
-            raise UsageError(what, "Read with two, or take another one: --choice 2")
+            raise UsageError(what, "Use two gauges, or take another recommendation: --choice 2")
         following = events.Following(
             data=first.data, what=option.what, minutes=option.minutes,
             continues=option.continues, entered=(x, y, z),
@@ -280,8 +280,8 @@ def _recommended(path: str, request: Request) -> tuple[Recommendation, Model]:
     first = PriorReadings(data, given or alone.model)
     if not first.plan.fixed:
         raise UsageError(
-            f"{path} was measured with the single-posture protocol. What comes next is read with"
-            " gauges that stay where they stand; readings of both kinds cannot be joined.",
+            f"{path} was measured with the single-posture protocol. Further readings need fixed"
+            " gauges; readings of both kinds cannot be joined.",
             "Measure a separate session: orthocal measure",
         )
     options = ranked(diagnose(first.readings, first.model))
@@ -478,15 +478,15 @@ def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -
     path = session_file(given, folder, resume=True)
     journal, readings = path.with_suffix(JOURNAL), "readings, but is damaged"
     if path.exists() or not journal.exists():
-        what = f"There is no unfinished session {path}: nothing is given up."
-        raise UsageError(what, "See what lies here: orthocal")
+        what = f"There is no unfinished session {path}: nothing is discarded."
+        raise UsageError(what, "See what is in this folder: orthocal")
     with suppress(InputError):
         opened = Journal.resume(journal)
         readings = counted(len(events.replay(opened.events).accepted), "reading")
         opened.close()
     names = chain((path.stem,), (f"{path.stem}-{number}" for number in count(2)))
     aside = next(p for name in names if not (p := path.with_name(f"{name}.discarded")).exists())
-    fate = f"It will be kept as {aside}, not to be resumed.\nGive it up?"
+    fate = f"It will be kept as {aside} and cannot be resumed.\nGive it up?"
     if not agrees(f"{journal} holds {readings}. {fate}"):
         return None
     try:

@@ -212,7 +212,7 @@ def test_a_simulated_machine_is_measured_again_with_its_seed() -> None:
     shown = run("apply", "s.yaml", "--yes").stdout
     assert "orthocal measure --gauge simulated --seed 4" in shown
     assert "orthocal measure --gauge simulated --seed 4" in run().stdout
-    assert "According to the machine file the" in words(run("solve", "s.yaml").stdout)
+    assert "The machine file records that the" in words(run("solve", "s.yaml").stdout)
 
 
 def test_a_session_may_come_from_standard_input() -> None:

@@ -103,7 +103,7 @@ def test_a_printer_is_compared_too():
     changed = {each["name"]: each["value"] for each in found["changes"][0]["parameters"]}
     assert changed["radius"] == pytest.approx(1.0, abs=0.2)
     run("history", *files, "--html", "page.html")
-    assert "What is left of each touch" in Path("page.html").read_text(encoding="utf-8")
+    assert "Residuals of the touches" in Path("page.html").read_text(encoding="utf-8")
 
 
 def test_what_is_refused():

@@ -56,7 +56,7 @@ def test_what_would_not_show_but_matters_is_decided_by_the_next_measurement() ->
     assert "--rule-out exchanged_columns" in said
     assert "it distinguishes axis_gap from axis_gap with exchanged_columns" in said
     assert "measure --then" in said
-    assert "Next: about 2 min leave one answer" in run("plan", *given).output
+    assert "Next: about 2 min give one answer" in run("plan", *given).output
     (fault,) = found["unshown"]
     assert (fault["id"], fault["matters"]) == ("exchanged_columns", True)
     assert not found["release"]["usable"]

@@ -96,15 +96,15 @@ def test_a_recalibrated_machine_is_held_out_with_its_parameters_free(
     assert lean.heldout_before_mm > 0.035
     assert lean.heldout_after_mm < 0.026
     assert lean.heldout_ratio == pytest.approx(1.0, abs=0.3)
-    assert any("left free" in note for note in sentences(held_out.notes))
+    assert any("was recalibrated" in note for note in sentences(held_out.notes))
     # Held to the parameters of the first day, but for the endstops, it is another machine.
     fixed = diagnose(before.measured, before.model, holdout=after.measured)
     assert fixed.causes[0].heldout_after_mm > 2.0 * lean.heldout_after_mm
-    assert not any("left free" in note for note in sentences(fixed.notes))
+    assert not any("was recalibrated" in note for note in sentences(fixed.notes))
     assert any("origin of the endstops has moved" in note for note in sentences(fixed.notes))
     told = diagnose(before.measured, before.model, holdout=after.measured, recalibrated=True)
     assert told.causes[0].heldout_after_mm == pytest.approx(lean.heldout_after_mm, rel=0.05)
-    assert any("left free" in note for note in sentences(told.notes))
+    assert any("was recalibrated" in note for note in sentences(told.notes))
 
 
 def test_few_touches_of_a_recalibrated_machine_are_predicted_as_well_as_is_stated(
@@ -156,7 +156,7 @@ def test_any_other_parameter_in_the_controller_leaves_them_free(change: dict[str
     before = given(make_delta_session(1, V400, layout=Layout(25)))
     after = given(make_delta_session(1, replace(V400, **change), layout=Layout(25)))
     found = diagnose(before.measured, before.model, after.measured, np.zeros(6), after.model)
-    assert any("left free" in note for note in sentences(found.notes)) is bool(change)
+    assert any("was recalibrated" in note for note in sentences(found.notes)) is bool(change)
 
 
 def test_the_verdict_does_not_hang_on_sizes(leaning: tuple[Input, Input]) -> None:
@@ -181,7 +181,7 @@ def test_what_stays_unexplained_is_told(held_out: Diagnosis) -> None:
     assert 0.018 < lean.rms_after_mm < 0.026
     (note,) = (note for note in sentences(held_out.notes) if note.startswith("Unexplained"))
     assert f"{1e3 * lean.rms_after_mm:.0f} µm r.m.s." in note
-    assert "13 µm are the probe's noise" in note
+    assert "13 µm is the probe's noise" in note
 
 
 @pytest.mark.parametrize(
@@ -264,7 +264,7 @@ def test_a_rough_bed_is_told_to_be_rough(size: float) -> None:
     found = answer_to(given(session))
     assert found.release.usable
     said = " ".join(sentences(found.release.cautions))
-    assert ("as large as is stated" in said) == (size > 2.0)
+    assert ("times its stated or usual size" in said) == (size > 2.0)
 
 
 def test_41_points_of_a_sound_machine_name_nothing() -> None:

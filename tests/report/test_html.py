@@ -177,7 +177,7 @@ def test_a_numbered_report_says_for_what_it_holds_and_where_it_ends(name: str):
     page = documents()[name]().page()
     outline = outlined(html(page))
     said = " ".join(outline.words)
-    assert "This report holds for the machine" in said
+    assert "The results relate only to the machine" in said
     assert said.endswith(f"End of report {page.number}.")
     assert markdown(page).endswith(f"End of report {page.number}.\n\n{MARK}")
 

@@ -114,7 +114,7 @@ def test_of_several_faults_that_do_not_show_the_screen_has_the_names() -> None:
     (fault,) = case.answer.unshown
     faults = (fault.changed(id="sign_flip", where="leg x, along y"), fault)
     said = both_screens(Case(case.given, case.answer.changed(unshown=faults)))
-    told = r"would not show sign_flip \(.+?\) or swapped_gauges \(.+?\)\. How to check: --details"
+    told = r"cannot show sign_flip \(.+?\) or swapped_gauges \(.+?\)\. How to check: --details"
     assert re.search(told, " ".join(said.split()))
 
 

@@ -63,7 +63,7 @@ def test_a_number_begun_before_its_prompt_is_not_taken_for_its_end(tmp_path: Pat
         assert terminal.step() == 2
         time.sleep(BETWEEN_GAUGES_S + 0.2)
         terminal.type("1")
-        terminal.expect("ignored: 0.41 came before it was asked for")
+        terminal.expect("ignored: 0.41 came before the prompt")
         assert terminal.step() == 2
     assert kept(tmp_path) == {1: -0.64}
 

@@ -43,7 +43,7 @@ def test_two_gauges_on_a_multiplexer(tmp_path: Path, line: SerialLine) -> None:
     with Terminal(tmp_path, "s.yaml", "--gauge", f"mitutoyo:{line.path}#1,2") as terminal:
         assert terminal.step() == 1
         line.send(b"02A+0000.410\r")
-        terminal.expect("That was channel 02; channel 1 is asked")
+        terminal.expect("That was channel 02; channel 1 is next")
         assert terminal.step() == 1
         line.send(b"01A-0000.640\r")
         terminal.expect("saved -0.640")

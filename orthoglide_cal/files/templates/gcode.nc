@@ -1,4 +1,4 @@
-(orthocal note: write this file over for your controller. Lines that begin)
+(orthocal note: adapt this file to your controller. Lines that begin)
 (orthocal note: like this one are for orthocal, all others are copied.)
 (orthocal note: axes: the three axis words, such as X Y Z or X1= Y1= Z1=)
 (orthocal axes: X Y Z)

@@ -241,8 +241,8 @@ def _other(case: Case) -> doc.Section:
     blocks: list[doc.Block] = [decision_notice(case)]
     if rms := case.answer.rms:
         before, after = (plain(size, 4) for size in (rms.before_mm, rms.after_mm))
-        blocks.append(f"{before} mm r.m.s. as found, {after} would be left.")
-    again = doc.Instruction("See all of it.", case.typed("report"))
+        blocks.append(f"{before} mm r.m.s. as found, {after} if entered.")
+    again = doc.Instruction("See its report.", case.typed("report"))
     title = f"Also judged: {data_words(case.source, case.answer.input.kind, 0)}"
     return doc.Section(title, *blocks, doc.Instructions([again]))
 
@@ -285,7 +285,7 @@ def _workspace(
         lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
     low, high = (plain(edge, 0) for edge in found.cube_mm)
     maps = figures.workspace_maps(found, after, limit_mm)
-    key = f"○ worst point. Cube {low} to {high} mm along x, y and z: what the joint limits allow."
+    key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
     if limit_mm is not None:
         key += f" Dotted: {limit_mm:g} mm."
     figure = doc.Figure(None, "", maps[0], key=key, legend=maps[1])

@@ -137,7 +137,7 @@ def _notice(case: Case) -> doc.Notice:
         del lines[1]  # the title
     elif reason == "undecided":
         u = two_figures(max(each.expanded for each in answer.parameters))
-        why = f": until that is decided they may be wrong by {u} {answer.parameters[0].unit}"
+        why = f": they may be wrong by {u} {answer.parameters[0].unit} until this is decided"
         lines[:2] = [f"{notice.title}{why if common_unit(case.machine) else ''}."]
     if case.invalidating:
         title, lines[0] = notice.title, f"{title.rstrip('.')}."
@@ -420,7 +420,7 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
         if cause.id in case.machine.companions:
             lines.append(("doubt", case.machine.companions[cause.id]))
         if not cause.in_machine:
-            note = "It lies in the measurement: nothing for the controller to correct."
+            note = "An error of the measurement: the controller cannot correct it."
             lines.append(("note", note))
         elif not cause.recommended:
             lines.append(("note", "Making it part of the machine's model is not recommended."))
@@ -476,11 +476,11 @@ def _doubts(case: Case, all: bool = True) -> Iterator[str]:
     places = {fault: f" ({fault.where})" if fault.where else "" for fault in faults}
     if len(faults) > 1 and not all:
         named = " or ".join(f"{fault.id}{place}" for fault, place in places.items())
-        yield f"These readings would not show {named}. How to check: --details."
+        yield f"These readings cannot show {named}. How to check: --details."
         places = {}
     for fault, place in places.items():
         title = case.title_of(fault.id) + place
-        yield f"These readings would not show if {title}. What shows it: {fault.check}."
+        yield f"These readings cannot show whether {title}. How to check: {fault.check}."
     for each in answer.causes:
         if each.times_stated is not None:
             yield f"{each.id} has {CAUSES[each.id].beyond_words(machine, each.times_stated)}"
@@ -525,7 +525,7 @@ def _fit_blocks(case: Case) -> Sequence[str]:
     if lack is None:
         return ()
     if not lack.dof:
-        return [f"As many {words.many} as readings: they fit exactly, whatever is wrong."]
+        return [f"There are as many {words.many} as readings: they always fit exactly."]
     lines = [
         f"With {words.many} only, {plain(lack.left_mm, 4)} mm"
         f" r.m.s.{weighing(case.given.measured)} remains; this {words.noise}'s noise{words.also}"

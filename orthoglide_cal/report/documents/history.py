@@ -78,7 +78,7 @@ def _page(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
         notice=_notice(history),
         sheet=[doc.Section("From session to session", _courses(history)), doc.next_steps(steps)],
         sections=[
-            doc.Section("What is left of each touch", *_shapes(history)),
+            doc.Section("Residuals of the touches", *_shapes(history)),
             doc.Section("Sessions", _table(history, len(history.sessions)), *notes),
         ],
     )
@@ -218,7 +218,7 @@ def _courses(history: History) -> doc.Figure:
         name = "course-" + "".join(letter if letter.isalnum() else "-" for letter in now.name)
         axis = "c-" + dict(zip("xyzabc", "xyzxyz", strict=True)).get(now.name, "x")
         panels.append(figures.svg(name, wide, bottom + 26.0, now.name, finding, parts, axis))
-    key = "Bars: U of what is not common to all sessions. Line: as fitted, broken where it changed."
+    key = "Bars: U without the part common to all sessions. Line: fit, broken at each change."
     key += " Dashed: the limit around the best value now." if history.limit else ""
     return doc.Figure(None, "", panels, columns=2, key=key)
 

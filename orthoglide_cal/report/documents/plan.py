@@ -306,13 +306,13 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     meaning = [f"U of each {machine.vocabulary.one}{unit} (95 %); –: not determined."]
     if cycles:
         columns["noise"] = [two_figures(max(each.noise_std_mm.values())) for each in shown]
-        meaning.append("Noise: the part of scatter, of the worst one, one standard deviation.")
+        meaning.append("Noise: part of u that comes from scatter, of the worst offset.")
     for name in machine.parameter_names:
         parameters = [each.parameters[name] for each in shown]
         columns[name] = [two_figures(u.lessened) if u.determined else "–" for u in parameters]
     if machine.has_cube:
         columns["tool"] = [two_figures(each.tool_mm or 0.0) for each in shown]
-        meaning.append("Tool: at the worst place of the workspace, offsets entered.")
+        meaning.append("Tool: U at the worst point of the workspace, offsets entered.")
     if machine.rivals:
         sigma = [each.rivals_sigma for each in shown]
         columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
@@ -326,8 +326,8 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         for column, cell in zip(columns.values(), last, strict=True):
             column.append(cell)
         meaning.append(
-            f"No layout determines {last[0]}, taken as stated: what it adds (by squares) is the"
-            " last row. In solve, what the readings cannot rule out is added."
+            f"No layout determines {last[0]}, taken as stated: the last row is its contribution,"
+            " added as squares. In solve, causes that the readings cannot rule out are added."
         )
     caption = " ".join(meaning)
     if brief:
@@ -352,9 +352,9 @@ def _ways(plan: MeasurementPlan) -> doc.Section:
         rows.append((way.protocol, way.method, plain(worst, decimals), *numbers))
     head = ("protocol", "method", "U", "cycles", "readings", "moves", "min")
     caption = (
-        f"U: of the worst offset with {counted(plan.cycles, 'cycle')}, mm. Then what it takes for"
-        f" ± {plain(wanted, decimals)} mm. Moves: a stand is put to another place; a gauge alone"
-        " stays at one end of the leg as long as it can (--order fewest-moves)."
+        f"U: of the worst offset with {counted(plan.cycles, 'cycle')}, mm. Then the effort for"
+        f" ± {plain(wanted, decimals)} mm. Moves: how often a stand is moved. A single gauge stays"
+        " at one end of the leg as long as it can (--order fewest-moves)."
     )
     grid = doc.Grid(head, rows, words=(0, 1), caption=caption)
     return doc.Section("Other ways to the same uncertainty", grid)
@@ -381,7 +381,7 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
         f" the leg from the carriage: {percent(best.share_of_readings or 0.0)} of the"
         " readings of the double-posture protocol leave the same noise.",
         (f"{best.readings} readings in {minutes} give {gives}: ", doc.typed(typed)),
-        f"The plunger keeps {percent(best.margin or 0.0)} of the leg from both joints at"
+        f"The plunger stays {percent(best.margin or 0.0)} of the leg away from both joints at"
         f" every posture. What is given up: {GIVES_UP}.",
     )
     return doc.Section("The fewest readings", *text)
@@ -399,7 +399,7 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
         blocks = [doc.Figure(None, text, (), sketch=sketch)]
     if hidden:
         rows = [(cause.id, cause.words(plan.model.machine).instrument) for cause in hidden]
-        caption = "At their usual size they leave hardly a trace in such readings."
+        caption = "At their usual size they hardly change such readings."
         head = ("not seen", "what would show it")
         blocks.append(doc.Grid(head, rows, words=(0, 1), caption=caption))
     return doc.Section("Which causes can be distinguished", *blocks)
@@ -431,7 +431,7 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
         target.append(f"± {wanted:g} mm {when}")
     if best.between:
         first, second = between_words(best)
-        title = f"Next: {minutes} leave one answer with a probability of {percent(best.chance)}"
+        title = f"Next: {minutes} give one answer (probability {percent(best.chance)})"
         settled = f"It distinguishes {first} from {second} ({best.separation_sigma:.1f} σ)."
         return doc.Notice(doc.Tone.INFO, title, (settled, worth, *target))
     if begun.release.usable:
@@ -457,7 +457,7 @@ def _next_grid(plan: MeasurementPlan, ranked: Sequence[Option], full: bool = Fal
         rows.append((number, minutes, *sure, u, each.what))
     meaning = None
     if full:
-        meaning = "Readings can decide nothing more. Ranked by the reduction of U"
+        meaning = "No reading can decide more. Ranked by the reduction of U"
         meaning += " per minute; half an hour is added for the session."
     if full and plan.next[0].between:
         first, second = between_words(plan.next[0])

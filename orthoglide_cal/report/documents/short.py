@@ -143,7 +143,7 @@ def application_document(
             for axis, before, after in zip(AXES, *offsets, strict=False)
         ]
         caption = "Joint offsets in the controller, mm (true position = indicated + offset)."
-        first = "The controller must hold the last column, and be homed since."
+        first = "The controller must hold the last column and have been homed with it."
         if application.controller is not None and entry.written is not None:
             head, rows = ("line", "what", "now", "from now on"), []
             for each in entry.written.values:

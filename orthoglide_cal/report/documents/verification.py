@@ -125,7 +125,7 @@ def verification_notice(result: Verification) -> doc.Notice:
         title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
         if result.moved:
             title = "The machine has moved: nothing was entered, and the touches agree worse"
-            told = "Look for what was changed, hit or came loose; then calibrate and probe again."
+            told = "Look for a part that was hit or came loose; then calibrate and probe again."
             lines = (*lines, told)
         tone = doc.Tone.GOOD if result.kept else doc.Tone.WARN
     elif not result.kept:
@@ -177,7 +177,7 @@ def verification_steps(
             yield doc.Instruction(remedy)
         elif result.answer is Behaviour.AS_MODELLED:
             typed = command("diagnose", result.after.path, machine=machine_file)
-            yield doc.Instruction("Find what else changed, or was wrong before", typed)
+            yield doc.Instruction("Find what else changed, or what was wrong before", typed)
         yield doc.Instruction("Measure again, and compare again")
     elif result.decision is not None and result.decision.outcome is Outcome.FAIL:
         yield doc.Instruction(
@@ -285,7 +285,7 @@ def parameters_left(result: Verification) -> doc.Section:
     other = [name for name, each in result.parameters.items() if each.as_found is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
-        note = "The files do not record what was entered; a printer.cfg saved each time does."
+        note = "The files do not record what was entered. A saved printer.cfg does."
     elif other:
         note = f"What was entered differs from what was found here: {', '.join(other)}."
     return doc.Section("Parameters", doc.Grid.of(columns, caption=caption), note)
@@ -298,8 +298,8 @@ def _outcome(result: Verification) -> doc.Section:
     grid = doc.Grid(
         ("r.m.s. of the heights", "as found", "predicted", "as left", "could be"),
         (("touches, without their mean", *_sizes(result)),),
-        caption="Predicted: what the parameters found before would leave. Could be: what those"
-        " found afterwards would.",
+        caption="Predicted: expected with the parameters found before. Could be: with those found"
+        " afterwards.",
     )
     return doc.Section("Heights", grid)
 
@@ -351,11 +351,11 @@ def _response(result: Verification, response: Coefficient) -> doc.Section:
     )
     blocks: list[doc.Block] = [lead, grid]
     if change := result.other_change:
-        noise = f"where noise gives {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
-        size = f"else changed: {1000 * change.rms_mm:.0f} µm per difference"
-        text = f"Nothing {size}, {noise}"
+        size = f"{1000 * change.rms_mm:.0f} µm per difference"
+        noise = f"noise alone gives {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
+        text = f"Nothing else changed: {size}; {noise}"
         if change.found:
-            text = f"Something {size} that no offset explains, {noise}"
+            text = f"Something else changed that no offset explains: {size}; {noise}"
             text += " Was the stand moved, a leg or rail adjusted, or another gauge used?"
         blocks.append(text)
     return doc.Section("How the machine responded", *blocks)
