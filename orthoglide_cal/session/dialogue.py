@@ -274,13 +274,18 @@ class Dialogue:
             number = alike[0][0].number
             asked += f"\n  Or was step {number} wrong? r {number} reads both again."
         self.asker.say(asked, Style.QUESTION)
-        moved = ", m the stand moved" if may_move else ""
+        keep = "" if pending.doubt is Doubt.RANGE else "k keep, "
+        moved = "m the stand moved, " if may_move else ""
         hint = f" ({self.asker.gauge.hint})" if self.asker.gauge else ""
-        prompt = f"{asked}\n{step.number}. k keep{moved}, or read again{hint} > "
+        again = "or read again" if keep else "Read again"
+        prompt = f"{asked}\n{step.number}. {keep}{moved}{again}{hint} > "
         answer = self.asker.ask(prompt, step, self.state.takes(step.number))
         word = answer.lower() if isinstance(answer, str) else None
         if word in ("k", "y", "keep", "yes"):
-            self._keep(pending)
+            if keep:
+                self._keep(pending)
+            else:
+                self.asker.say(wording.OUT_OF_RANGE, Style.BAD)
         elif word == "m" and may_move:
             self._keep(pending, moved=True)
         elif _KEYS.get(word or "") == "u":
@@ -379,7 +384,7 @@ class Dialogue:
         self.write(asked)
         self.asker.rest(driving=False)
         near = 3.0 * readings.sigma_mm
-        # What the plunger cannot reach stays wrong, however often it is read.
+        # A value that the plunger cannot reach stays wrong, however often it is read.
         if doubt is not Doubt.RANGE and any(abs(value - old) <= near for old in before):
             self.asker.say("Read again, and the same: kept, with a note.")
             self._keep(asked)

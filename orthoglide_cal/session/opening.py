@@ -183,7 +183,7 @@ def _confirmed(
             plan, following, change = recommended.measured_with(model.orthoglide.offsets_mm)
         careful = require_on_bar(plan, model.orthoglide)
         asker.say(wording.machine(model))
-        for doubt in filter(None, (careful, *model.machine.instrument.implausible())):
+        for doubt in filter(None, (careful, *model.machine.instrument.implausible().values())):
             asker.say(str(doubt), Style.BAD)
         if change:
             asker.say(change, Style.BAD)
