@@ -10,6 +10,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import default_machine, new_machine, read_machine_file
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.session.journal import Journal, decode
+from orthoglide_cal.session.opening import session_file
 from tests.printers import CONFIG
 from tests.session.terminal import Terminal
 from tests.session.virtual import opened, taken
@@ -160,7 +161,8 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
         begun = opened(source=("simulated",), seed=1)
         Journal.create(Path("practice.journal"), begun, taken(1, 0.1)).close()
         first, second, third = re.findall("orthocal .*(?=\n)", done().partition("Next")[2])
-        assert first == "orthocal measure after.yaml"
+        assert first == "orthocal measure"
+        assert session_file(None, Path(), resume=False) == Path("session.yaml")
         assert second == "orthocal measure practice.yaml --resume"
         assert third == "orthocal measure practice.yaml --discard"
         assert "asks before" in refused(2, *third.split()[1:])
