@@ -205,16 +205,27 @@ def _ask_all(answers: Answers, questions: dict[str, str], target: Path) -> None:
 
 
 def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
-    """Ask until the answer makes a machine; it joins the others. False: go back one question."""
+    """Ask until the answer makes a machine; it joins the others. False: go back one question.
+
+    An implausible value is taken when it is given again.
+    """
+    from orthoglide_cal.files.machine_file import machine_from_text
+
     usual = _plain(answers[key]) if key in answers else _usual(key, answers)
     shown = " ".join(f"{each}" for each in (usual if isinstance(usual, list) else [usual]))
+    doubted: Value | None = None
     while True:
         said = typer.prompt(question, default=shown, type=str, err=True)
         if said.strip() == _BACK:
             return False
         try:
             value = said if key == "name" else _numbers(said, usual)
-            _text({**answers, key: value}, target)
+            made = machine_from_text(_text({**answers, key: value}, target), str(target))
+            doubt = made.machine.instrument.implausible().get(key.rpartition(".")[2])
+            if doubt and value != doubted:
+                common.tell(f"{doubt} To take it anyway, type it again.")
+                doubted = value
+                continue
             answers[key] = value
             return True
         except InputError as error:

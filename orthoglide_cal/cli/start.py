@@ -1,7 +1,6 @@
 """`orthocal` alone: what lies in this folder, and what to type next."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,6 @@ from orthoglide_cal.errors import OrthocalError, command
 
 # So many characters of a digest are surely printed together.
 _DIGEST = 8
-_AFTER = ("after.yaml", *(f"after-{number}.yaml" for number in range(2, 100)))
 
 if TYPE_CHECKING:
     from orthoglide_cal.files.machine_file import StoredMachine
@@ -47,11 +45,13 @@ def start() -> None:
     title = "calibration of an Orthoglide with a dial indicator"
     if printers and not sessions:
         title = "calibration of a linear delta by its own probe"
+    simulated = False
     try:
-        if not sessions or _is_simulated(sessions[-1]):
+        simulated = bool(sessions) and read_input(str(sessions[-1])).measured.source.simulated
+        if simulated or not sessions:
             practices = []  # the practice is the round
         real = [path for path in waiting if path not in practices]
-        found = list(_next(file, to, sessions, real, printers, busy=bool(practices)))
+        found = list(_next(file, to, sessions, real, printers))
     except OrthocalError as error:
         found = [doc.Instruction(str(error), command("validate", str(sessions[-1])))]
     for path in waiting:
@@ -65,14 +65,10 @@ def start() -> None:
         found.append(doc.Instruction("Check whether the machine has changed", "orthocal history ."))
     steps = [each for each in found if isinstance(each, doc.Instruction)]
     said = [each for each in found if not isinstance(each, doc.Instruction)]
-    stamp = None
-    with suppress(OrthocalError):
-        if sessions and read_input(str(sessions[-1])).measured.source.simulated:
-            stamp = SIMULATED
     page = doc.Page(
         "orthocal",
         title,
-        stamp=stamp,
+        stamp=SIMULATED if simulated else None,
         facts=doc.Facts([(name, doc.given(value)) for name, value in facts]),
         sections=[
             doc.Section(None, *said),
@@ -89,13 +85,10 @@ def _next(
     sessions: list[Path],
     waiting: list[Path],
     printers: list[Path],
-    *,
-    busy: bool,
 ) -> "Iterator[doc.Instruction | doc.Block]":
     """What comes next in the round: machine, measure, enter, measure again, verify, report.
 
-    `to`: the controller's file of a change that is recorded and was not written. `busy`: a
-    practice is unfinished, so that a new session needs a name.
+    `to`: the controller's file of a change that is recorded and was not written.
     """
     from orthoglide_cal.files.input import read_input
     from orthoglide_cal.files.text import read_document
@@ -132,8 +125,6 @@ def _next(
             yield Instruction(what, command(verb, *data, options=options))
     elif applied == last:
         again = measure_again(read_input(last).conditions)
-        if busy:
-            again = command("measure", next(f for f in _AFTER if not Path(f).exists()))
         yield Instruction("Its offsets are entered: measure again", again)
     elif applied and _reported(applied, last):
         yield "Nothing more to do: measured, entered, measured again and reported."
@@ -147,14 +138,6 @@ def _next(
         yield decision_notice(case)
         yield Instruction("See the numbers", case.typed("solve"))
         yield from to_do(case, brief=True)
-
-
-def _is_simulated(session: Path) -> bool:
-    """Whether the readings of a session came from a simulated gauge."""
-    from orthoglide_cal.files.input import read_input
-
-    conditions = read_input(str(session)).conditions
-    return any(text.startswith("simulated") for _, text in conditions.environment)
 
 
 def _reported(*sessions: str) -> bool:

@@ -172,7 +172,7 @@ def check_file(
     doubts = [str(doubt) for doubt in machine.instrument.doubts(measured)]
     if excerpt := measured.source.excerpt:
         doubts += filter(None, (excerpt.stale, excerpt.unused))
-    doubts += map(str, machine.instrument.implausible())
+    doubts += map(str, machine.instrument.implausible().values())
     doubts += doubted_temperatures(given.conditions.temperatures_c)
     remarks = (*doubts, *measured.remarks)
     simulated = measured.source.simulated

@@ -197,7 +197,7 @@ def machine_file_in(tree: Content) -> StoredMachine:
     if model is None or tree.problems:
         raise tree.error()
     remark = "It does not say `identified:`. Was it cut off? If not, add the line `identified: []`."
-    remarks = (*map(str, model.machine.instrument.implausible()),)
+    remarks = (*map(str, model.machine.instrument.implausible().values()),)
     return StoredMachine(model, file, remarks if "identified" in value else (remark, *remarks))
 
 

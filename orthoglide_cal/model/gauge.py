@@ -92,21 +92,23 @@ class Gauge(Instrument):
             return tuple(_doubt_readings(measured, self))
         return tuple(_doubt_differences(measured.value, self))
 
-    def implausible(self) -> tuple[Suspicion, ...]:
+    def implausible(self) -> dict[str, Suspicion]:
         step, travel, repeats = self.resolution_mm, self.range_mm, self.repeatability_mm
-        wrong = {
-            f"repeatability of {repeats:g} mm with divisions of {step:g} mm": repeats
-            > _MOST_DIVISIONS * step,
-            f"division of {step:g} mm": step > _COARSEST_MM,
-            f"range of {travel:g} mm": not _FEWEST_DIVISIONS * step <= travel <= _LONGEST_MM,
-            f"turn of {self.turn_mm:g} mm within a range of {travel:g} mm": self.turn_mm > travel,
-        }
+        wrong: dict[str, str] = {}
+        if repeats > _MOST_DIVISIONS * step:
+            words = f"repeatability of {repeats:g} mm with divisions of {step:g} mm"
+            wrong["repeatability_mm"] = words
+        if step > _COARSEST_MM:
+            wrong["resolution_mm"] = f"division of {step:g} mm"
+        if not _FEWEST_DIVISIONS * step <= travel <= _LONGEST_MM:
+            wrong["range_mm"] = f"range of {travel:g} mm with divisions of {step:g} mm"
+        if self.turn_mm > travel:
+            wrong["revolution_mm"] = f"turn of {self.turn_mm:g} mm within a range of {travel:g} mm"
         remedy = "Check the unit: lengths are in mm."
-        return tuple(
-            Suspicion(f"No dial indicator has a {words}.", remedy)
-            for words, found in wrong.items()
-            if found
-        )
+        return {
+            field: Suspicion(f"No dial indicator has a {words}.", remedy)
+            for field, words in wrong.items()
+        }
 
     def mistaken_unit(self, measured: Measured) -> float | None:
         """Differences do not show it."""

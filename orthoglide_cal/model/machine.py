@@ -167,9 +167,9 @@ class Instrument(Schema):
         """What it can hardly have shown; nothing is known of how firmware writes what it read."""
         return ()
 
-    def implausible(self) -> tuple[Suspicion, ...]:
-        """What is stated of it that no such instrument has, though it may be written."""
-        return ()
+    def implausible(self) -> dict[str, Suspicion]:
+        """Field → why no such instrument has the value that is stated, though it may be written."""
+        return {}
 
     def mistaken_unit(self, measured: Measured) -> float | None:
         """The unit in which it shows readings that cannot be in mm [mm]; None if they can, or if

@@ -97,6 +97,8 @@ class Dialogue:
         if first:
             from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
             lines = [f"{from_here} both are solved together at the end."]
+        if opened.seed is not None:
+            lines.insert(0, "SIMULATED: no machine is measured.")
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
         set_ups = counted(len({step.setup for step in steps}), "set-up")
         moves = counted(gauge_moves(steps), "gauge move")
@@ -274,13 +276,18 @@ class Dialogue:
             number = alike[0][0].number
             asked += f"\n  Or was step {number} wrong? r {number} reads both again."
         self.asker.say(asked, Style.QUESTION)
-        moved = ", m the stand moved" if may_move else ""
+        keep = "" if pending.doubt is Doubt.RANGE else "k keep, "
+        moved = "m the stand moved, " if may_move else ""
         hint = f" ({self.asker.gauge.hint})" if self.asker.gauge else ""
-        prompt = f"{asked}\n{step.number}. k keep{moved}, or read again{hint} > "
+        again = "or read again" if keep else "Read again"
+        prompt = f"{asked}\n{step.number}. {keep}{moved}{again}{hint} > "
         answer = self.asker.ask(prompt, step, self.state.takes(step.number))
         word, _, why = answer.partition(" ") if isinstance(answer, str) else ("", "", "")
         word = word.lower()
         if word in ("k", "y", "keep", "yes"):
+            if not keep:
+                self.asker.say(wording.OUT_OF_RANGE, Style.BAD)
+                return
             if pending.doubt is Doubt.PLACE:
                 why = _clean(why) or self._words("Why is it kept? (Return: it is not) > ")
                 if not why:

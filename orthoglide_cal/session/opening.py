@@ -183,7 +183,7 @@ def _confirmed(
             plan, following, change = recommended.measured_with(model.orthoglide.offsets_mm)
         careful = require_on_bar(plan, model.orthoglide)
         asker.say(wording.machine(model))
-        for doubt in filter(None, (careful, *model.machine.instrument.implausible())):
+        for doubt in filter(None, (careful, *model.machine.instrument.implausible().values())):
             asker.say(str(doubt), Style.BAD)
         if change:
             asker.say(change, Style.BAD)
@@ -437,8 +437,8 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
     or that of the only unfinished session.
 
     Raises:
-        UsageError: to begin: the file exists, or an unfinished session is there; to go on: without
-            a name, there is none or several.
+        UsageError: to begin: the file exists, or an unfinished session is there, unless it is a
+            practice; to go on: without a name, there is none or several.
     """
     if given is None:
         waiting = unfinished(folder)
@@ -450,13 +450,14 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
             raise UsageError(what, "Name its file: orthocal measure NAME.yaml --resume")
         if resume:
             return waiting[0].with_suffix(".yaml")
-        if waiting:
+        if not all(map(is_practice, waiting)):  # a practice is no part of the loop
             raise UsageError(
                 f"There is an unfinished session here: {names}.",
                 "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
             )
-        free = chain(("session.yaml",), (f"session-{number}.yaml" for number in count(2)))
-        return next(folder / name for name in free if not (folder / name).exists())
+        stems = chain(("session",), (f"session-{number}" for number in count(2)))
+        free = (folder / f"{stem}.yaml" for stem in stems)
+        return next(f for f in free if not (f.exists() or f.with_suffix(JOURNAL).exists()))
     path = session_path(given)
     journal = path.with_suffix(JOURNAL)
     if not resume and path.exists():

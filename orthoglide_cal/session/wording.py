@@ -33,6 +33,11 @@ Many readings at once: a gauge that sends by itself, or pasted lines. None of
 it is recorded. Switch off the gauge's continuous output (also: AUTO, STREAM,
 INTERVAL), so that it sends when its button is pressed; type one at a time."""
 
+OUT_OF_RANGE = """\
+Not kept: the gauge cannot show this. Read it again, or skip it: s and why.
+Set a gauge that has a preset to zero. If its stated range is wrong: q, then
+correct range_mm in the machine file and begin anew."""
+
 
 def machine(model: Model) -> str:
     """The machine and its numbers, as they are confirmed before the first move."""

@@ -10,6 +10,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import default_machine, new_machine, read_machine_file
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.session.journal import Journal, decode
+from orthoglide_cal.session.opening import session_file
 from tests.printers import CONFIG
 from tests.session.terminal import Terminal
 from tests.session.virtual import opened, taken
@@ -160,7 +161,8 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
         begun = opened(source=("simulated",), seed=1)
         Journal.create(Path("practice.journal"), begun, taken(1, 0.1)).close()
         first, second, third = re.findall("orthocal .*(?=\n)", done().partition("Next")[2])
-        assert first == "orthocal measure after.yaml"
+        assert first == "orthocal measure"
+        assert session_file(None, Path(), resume=False) == Path("session.yaml")
         assert second == "orthocal measure practice.yaml --resume"
         assert third == "orthocal measure practice.yaml --discard"
         assert "asks before" in refused(2, *third.split()[1:])
@@ -175,7 +177,7 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
 
 def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
     wrong = ("Mill 2", "<", "Mill 3", "abc", "-5", "620,5 mm")
-    answers = (*wrong, "", "", "-100", "-700 20", "-150 90", *[""] * 6)
+    answers = (*wrong, "", "", "-100", "-700 20", "-150 90", *[""] * 4, "6", "0.006", "")
     with Terminal(tmp_path, command=("machine", "new"), agreed=False) as terminal:
         for answer in answers:
             terminal.expect(r"\]: $")
@@ -185,8 +187,14 @@ def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
     assert (machine.name, machine.leg_length_mm) == ("Mill 3", 620.5)
     assert (machine.joint_limits_mm, machine.workspace_mm) == ((-150.0, 90.0), 400.0)
     assert "[-200 120]" in terminal.seen  # offered, as they follow from the leg, too
-    for words in ("This is not a number.", "greater than zero", "beyond the leg's length"):
+    for words in (
+        "This is not a number.",
+        "greater than zero",
+        "beyond the leg's length",
+        "repeatability of 6 mm",
+    ):
         assert words in " ".join(terminal.seen.split())
+    assert machine.gauge.repeatability_mm == 0.006
     assert terminal.seen.count("L, length of a leg") == 4
     assert "workspace_mm" not in terminal.seen
 

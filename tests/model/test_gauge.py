@@ -253,7 +253,7 @@ def test_a_gauge_that_does_not_exist_is_questioned(
     """When a file is checked, made or, before the first reading, used; but it can be written."""
     assert not PROTOTYPE.gauge.implausible()
     gauge = PROTOTYPE.gauge.changed(**wrong)
-    (doubt, *_) = gauge.implausible()
+    (doubt, *_) = gauge.implausible().values()
     assert words in str(doubt)
     path = tmp_path / "machine.yaml"
     machine = PROTOTYPE.changed(gauge=gauge)

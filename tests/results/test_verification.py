@@ -242,6 +242,12 @@ def test_a_limit_below_u_can_never_be_kept():
     assert "Nothing can pass: U exceeds the limit." in str(page.notice.lines)
 
 
+def test_the_report_keeps_the_limit():
+    result = verify(before(3), after(TRUE, 4), TRUE, limit_mm=0.05)
+    screen = verification_document(result, identify([], issued=ISSUED)).screen
+    assert "--limit 0.05" in str(screen().sections)
+
+
 def test_the_order_of_two_dates_is_known():
     first, second = before(3), after(TRUE, 4)
     dated = [

@@ -51,6 +51,15 @@ def test_a_drive_takes_longer_than_turning_to_the_other_gauge(
     assert drives == [False, True, False, True, False]
 
 
+def test_a_value_beyond_the_gauges_range_is_not_kept(tmp_path: Path) -> None:
+    lines = typed(readings_of(steps_of()))[:5]
+    dialogue, screen = answered(tmp_path / "s.journal", [*lines[:4], "55.5", "k", "55.5", lines[4]])
+    assert replaced(dialogue) == [55.5, 55.5]
+    assert len(dialogue.state.accepted) == 5
+    assert "Not kept" in screen.text
+    assert "5. k keep" not in screen.text
+
+
 def test_every_screenful_fits_24_lines(tmp_path: Path) -> None:
     """From the heading of a set-up to its first prompt, and the table and the help."""
     lines = [*typed(readings_of(steps_of()))[:20], "t", "?", "q"]

@@ -186,6 +186,8 @@ def verification_steps(
         )
     elif brief and result.differences:
         options = f"--after {command('', result.after.path).split(maxsplit=1)[1]}"
+        if result.decision is not None:
+            options += f" --limit {result.decision.limit_mm:g}"
         write = command("report", result.before.path, machine=machine_file, options=options)
         yield doc.Instruction("Write the report, and keep it with the machine", write)
     else:
