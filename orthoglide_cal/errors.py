@@ -152,6 +152,10 @@ class UnusableResultError(OrthocalError):
     exit_code = 4
 
 
+class UnknownSettingsError(UnusableResultError):
+    """Nobody knows what was in force in the controller when it was measured."""
+
+
 class RankDeficientError(UnusableResultError):
     """The readings do not determine every unknown."""
 

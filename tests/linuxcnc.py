@@ -1,15 +1,22 @@
-"""A real LinuxCNC with simulated axes, headless; `installed` says why it cannot be had."""
+"""A real LinuxCNC with simulated axes, headless; `missing` says why it cannot be had.
+
+It starts only where somebody allows it, never beside one that runs, and in a network of its own
+where that can be had: nothing here reaches a controller that moves a machine.
+"""
 
 from __future__ import annotations
 
+import ctypes
 import fcntl
 import os
 import pwd
 import shutil
 import socket
+import struct
 import subprocess
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 _JOINT = """\
@@ -76,14 +83,47 @@ net change iocontrol.0.tool-change => iocontrol.0.tool-changed
 """
 
 
+ALLOWED = "ORTHOCAL_TEST_LINUXCNC"
+_OF_ONE = {"linuxcncsvr", "milltask", "rtapi_app", "linuxcncrsh"}
+_NETWORK = 0x40000000  # CLONE_NEWNET
+_UP, _SET_FLAGS = 0x1, 0x8914  # IFF_UP, SIOCSIFFLAGS
+
+
+def runs() -> bool:
+    """Whether a LinuxCNC runs on this computer, whoever started it."""
+    for path in Path("/proc").glob("[0-9]*/comm"):
+        with suppress(OSError):
+            if path.read_text().strip() in _OF_ONE:
+                return True
+    return Path("/tmp/linuxcnc.lock").exists()
+
+
 def missing() -> str | None:
     """Why it cannot run here; None if it can."""
+    if os.environ.get(ALLOWED) != "1":
+        return f"LinuxCNC is started only with {ALLOWED}=1"
+    if runs():
+        return "a LinuxCNC runs on this computer"
     wanted = ("linuxcnc", "linuxcncrsh", "halcmd", "milltask")
     without = [name for name in wanted if shutil.which(name) is None]
     if without:
         return f"LinuxCNC is not installed: no {', '.join(without)}"
     with socket.socket() as free:
         return "something else has port 5007" if free.connect_ex(("localhost", 5007)) == 0 else None
+
+
+class Network:
+    """A network of this thread's own, with nothing but its own localhost, until it is left."""
+
+    def __init__(self) -> None:
+        self.before, self.libc = os.open("/proc/self/ns/net", os.O_RDONLY), ctypes.CDLL(None)
+        if self.libc.unshare(_NETWORK) == 0:
+            with socket.socket() as any_socket:
+                fcntl.ioctl(any_socket, _SET_FLAGS, struct.pack("16sh22x", b"lo", _UP))
+
+    def leave(self) -> None:
+        self.libc.setns(self.before, _NETWORK)
+        os.close(self.before)
 
 
 class LinuxCnc:
@@ -93,6 +133,11 @@ class LinuxCnc:
         # There is one in a computer: other tests wait.
         self.alone = (Path(tempfile.gettempdir()) / "orthocal-linuxcnc.lock").open("w")
         fcntl.flock(self.alone, fcntl.LOCK_EX)
+        end = time.monotonic() + 10.0
+        while runs():  # that of the test before may still be ending
+            assert time.monotonic() < end, "a LinuxCNC runs on this computer"
+            time.sleep(0.2)
+        self.network = Network()
         # No folder of pytest: it must be open to another user.
         self.folder = folder = Path(tempfile.mkdtemp(prefix="orthocal-"))
         folder.chmod(0o755)
@@ -123,6 +168,7 @@ class LinuxCnc:
     def __exit__(self, *_: object) -> None:
         self.stop()
         shutil.rmtree(self.folder, ignore_errors=True)
+        self.network.leave()
         self.alone.close()
 
     def start(self) -> None:

@@ -46,8 +46,11 @@ def printer_cfg(
     noise: float = 0.012,
     sections: str = "cm",
     surface: float = 0.0,
+    many: bool = False,
 ) -> str:
     """What Klipper saves: parameters, seven heights and three distances ("c"), a round mesh ("m").
+
+    With `many` there are nine distances.
 
     Without noise it is what the truth reads, to the digits of the file; what is touched lies at
     the height `surface` [mm].
@@ -67,9 +70,11 @@ def printer_cfg(
     lines = ["", "[delta_calibrate]"]
     for k, position in enumerate(steps(np.column_stack((at, high)))):
         lines += [f"height{k} = {surface}", f"height{k}_pos = {position}"]
-    ends = [np.column_stack((ring[i], ring[j])).T for i, j in ((0, 3), (1, 4), (2, 5))]
+    pairs = [(0, 3), (1, 4), (2, 5), *((k, (k + 1) % 6) for k in range(6) if many)]
+    ends = [np.column_stack((ring[i], ring[j])).T for i, j in pairs]
     first, second = (np.array([np.append(end[k], 0.2) for end in ends]) for k in range(2))
-    apart = distances(machine, truth, first, second) + (0.05 if noise else 0.0) * rng.normal(size=3)
+    apart = distances(machine, truth, first, second)
+    apart += (0.05 if noise else 0.0) * rng.normal(size=len(pairs))
     for k, (one, other) in enumerate(zip(steps(first), steps(second), strict=True)):
         lines += [f"distance{k} = {apart[k]:.{4 if noise else 6}f}", f"distance{k}_pos1 = {one}"]
         lines += [f"distance{k}_pos2 = {other}"]

@@ -88,10 +88,10 @@ def true_values(machine: Delta, truth: Truth) -> Floats:
     """What of a truth a calibration determines, (6,) [mm, deg], where nothing else is wrong.
 
     The truth counts endstops as heights of the carriages, the program as those of a nozzle in the
-    middle, from which the carriages follow by the radius.
+    middle, from which the carriages follow by radius and arms.
     """
     arms = np.array(machine.arms)
-    raised = np.sqrt(arms**2 - (machine.radius + truth.radius) ** 2) - np.sqrt(
+    raised = np.sqrt((arms + truth.arms) ** 2 - (machine.radius + truth.radius) ** 2) - np.sqrt(
         arms**2 - machine.radius**2
     )
     return np.array([*(truth.endstops - raised), truth.radius, *truth.angles[:2]])
@@ -130,7 +130,8 @@ def truth_with(
     new_out = foot / away[:, None]
     new_side = np.stack((-new_out[:, 1], new_out[:, 0]), axis=1)
     around = np.stack(((lean * new_out).sum(axis=1), (lean * new_side).sum(axis=1)), axis=1)
-    shared = (np.sqrt(np.array(machine.arms) ** 2 - (machine.radius + values[3]) ** 2)) - middle
+    real = np.array(machine.arms) + arms
+    shared = np.sqrt(real**2 - (machine.radius + values[3]) ** 2) - middle
     # A rail that leans is longer up to the same height; travel counts from the endstop.
     travel = np.array(machine.endstops) + middle - middle.mean()
     endstops = values[:3] + shared + middle * (1.0 / upright - 1.0)

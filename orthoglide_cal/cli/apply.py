@@ -20,6 +20,7 @@ LIVE = (
     "A LinuxCNC that holds the same offsets runs on this computer. Set them there, too, so that"
     " homing again is enough"
 )
+INI_ONLY = "Restart LinuxCNC, then home: it reads its INI only when it starts."
 RESTART = "The firmware reads its file when it starts. Restart it now"
 
 
@@ -53,8 +54,8 @@ def apply(
 ) -> None:
     """Record what was entered in the controller, or enter it (--to)."""
     from orthoglide_cal.files.controller_file import controller_file
-    from orthoglide_cal.files.input import read_input
-    from orthoglide_cal.files.linuxcnc import is_live
+    from orthoglide_cal.files.input import machine_of_controller, read_input
+    from orthoglide_cal.files.linuxcnc import is_live, runs_otherwise
     from orthoglide_cal.files.moonraker import restart, server
     from orthoglide_cal.report.case import NOT_NEEDED
     from orthoglide_cal.report.documents.short import application_document
@@ -71,12 +72,15 @@ def apply(
     def judge(path: str) -> None:
         controller = controller_file(to) if to else None
         if undo:
-            file = common.own_machine_file(machine)
+            written = machine_of_controller(Path(), controller) if controller else None
+            file = common.own_machine_file(machine or written)
             source = read_input(path, file.model).measured.source if path else None
             entry = take_back(file, source.sha256 if source else None, controller)
         else:
             entry = _entered(path, machine, controller, data, rule_out)
-        document = application_document(entry, path)
+        controller = entry.controller
+        live = bool(controller and controller.adds and is_live(controller))
+        document = application_document(entry, path, live)
         if not entry.changes:
             if json:
                 common.deliver(document, as_json=True)
@@ -85,9 +89,10 @@ def apply(
         if not json:
             common.deliver(document)
         target = entry.file.document.path
-        controller = entry.controller
         what = "Take them back" if undo else "Record them"
         question = f"Does the controller hold these values now? {what} in {target}"
+        if controller and controller.adds and (otherwise := runs_otherwise(controller)):
+            common.tell(otherwise)
         if controller:
             question = f"Write this to {controller.target}, and record it in {target}"
         if not agrees(question):
@@ -97,7 +102,9 @@ def apply(
         if json:
             common.deliver(document, as_json=True)
         common.tell(f"{'Taken back' if undo else 'Recorded'} in {target}.")
-        if controller and controller.adds and is_live(controller) and agrees(LIVE):
+        if live and not agrees(LIVE):
+            common.tell(INI_ONLY)
+        elif controller and live:
             if not is_live(controller_file(controller.target), anew=True):
                 what = "The running LinuxCNC does not take the offsets; its INI holds them."
                 raise InputError(what, "Restart LinuxCNC, then home.")
@@ -114,10 +121,11 @@ def _write(entry: "Application") -> None:
 
     So the record never lacks what a controller holds, whenever the program is killed.
     """
-    from orthoglide_cal.files.controller_file import replace_file
+    from orthoglide_cal.files.controller_file import holds, replace_file
     from orthoglide_cal.files.text import write_text
 
     record, controller = entry.file.document, entry.controller
+    new = not Path(record.path).exists()
     writes = [(record.path, record.sha256, entry.then.document.text.encode())]
     if controller is not None:
         writes.append((controller.target, controller.sha256, entry.data))
@@ -125,8 +133,11 @@ def _write(entry: "Application") -> None:
         try:
             replace_file(target, before, data)
         except OrthocalError:
-            if target != record.path and not entry.undone:
-                write_text(Path(record.path).resolve(), record.text, overwrite=True)
+            if target != record.path and not entry.undone and holds(target, before):
+                if new:
+                    Path(record.path).unlink()
+                else:
+                    write_text(Path(record.path).resolve(), record.text, overwrite=True)
             raise
 
 
@@ -138,23 +149,24 @@ def _entered(
     rule_out: common.RuleOut,
 ) -> "Application":
     """Entry of a measurement. Raises UsageError, UnusableResultError."""
-    from orthoglide_cal.files.input import machine_in_folder
+    from orthoglide_cal.files.input import machine_of_controller
     from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
 
     file = None  # what is written to a printer needs none
-    if machine or to is None or to.adds or machine_in_folder(Path()):
-        file = common.own_machine_file(machine)
+    known = machine or (machine_of_controller(Path(), to) if to else None)
+    if known or to is None or to.adds:
+        file = common.own_machine_file(known)
     if file and to is None:
-        known = file.model.machine
-        options = f"--format {known.controller_formats[0]}"
+        judged = file.model.machine
+        options = f"--format {judged.controller_formats[0]}"
         shown = command("export", path, machine=machine, options=options)
         written = command("apply", path, machine=machine, options="--to printer.cfg")
         remedy = f"See what to give it: {shown}; or write it: {written}"
-        known.check_recorded(remedy)
+        judged.check_recorded(remedy)
     case = released(common.read_input(path, machine, data, rule_out), machine)
     given, answer = case.given, case.answer
-    file = file or new_machine_file(given.model)
+    file = file or new_machine_file(given.model, to.target if to else "")
     now = datetime.now().astimezone()
     return application(given, answer, file, now, to, lambda: firmware_values(case))

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orthoglide_cal.errors import NotConvergedError, UnusableResultError
+from orthoglide_cal.errors import NotConvergedError, UnknownSettingsError, UnusableResultError
 from orthoglide_cal.estimation.accuracy import (
     Scatter,
     chance_of_residual,
@@ -235,8 +235,10 @@ def solve(
         RankDeficientError: the data do not determine the offsets, or so little that no search ends;
             says what to add.
         NotConvergedError: no optimum was found; there is no result.
+        UnknownSettingsError: nobody knows what they would be added to.
         UnusableResultError: the offsets are larger than any machine has.
     """
+    require_settings(measured)
     chosen = choose_method(measured, method)
     plain = posed = pose(measured, model, chosen.uses)
     require_rank(posed.problem)
@@ -300,6 +302,13 @@ def solve(
         scatter=scatter,
         stated_mm=stated_mm,
     )
+
+
+def require_settings(measured: Measured) -> None:
+    """Raise UnknownSettingsError if nobody knows the settings with which it was measured."""
+    if (excerpt := measured.source.excerpt) and excerpt.unknown:
+        remedy = "Copy it from the printer (/sys). If there is none, delete M501 from this copy."
+        raise UnknownSettingsError(excerpt.unknown, remedy)
 
 
 def _search(posed: Posed, start: Floats | None = None) -> LeastSquaresFit:

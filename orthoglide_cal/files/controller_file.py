@@ -1,15 +1,19 @@
 """A controller's own file: the values of a calibration found where they stand, changed, restored.
 
-LinuxCNC's INI has `HOME_OFFSET` in `[JOINT_0..2]`, in its `LINEAR_UNITS`; Klipper's printer.cfg has
-the parameters of a delta in the block that SAVE_CONFIG wrote. Only these values change: every other
+LinuxCNC's INI has `HOME_OFFSET` in `[JOINT_0..2]`, in its `LINEAR_UNITS`; which axis a joint is
+follows from the `coordinates` of its `KINEMATICS`. It reads the first section of a name only, and
+what `#INCLUDE` puts there. Klipper's printer.cfg has the parameters of a delta in the block that
+SAVE_CONFIG wrote. Only these values change: every other
 byte stays, and so do line ends, encoding, file mode and links. The file is a path, or the address
 of a Moonraker server.
 """
 
+import codecs
 import hashlib
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -27,10 +31,11 @@ _NUMBER = re.compile(r"[-+]?([0-9]{1,6}(\.[0-9]{0,12})?|\.[0-9]{1,12})")
 _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imperial": MM_PER_INCH}
 # What is read of a file → its section and option.
 _UNIT = "unit"
-_LINUXCNC = {
-    **{axis: (f"JOINT_{joint}", "HOME_OFFSET") for joint, axis in enumerate(AXES)},
-    _UNIT: ("TRAJ", "LINEAR_UNITS"),
-}
+_LINEAR_UNITS = ("TRAJ", "LINEAR_UNITS")
+_KINS = re.compile(r"\s*KINEMATICS\s*=\s*\w+\b(?:.*?\bcoordinates\s*=\s*(\S+))?", re.IGNORECASE)
+_USUAL = "".join(AXES)
+# An included file with a section changes what the lines behind it belong to.
+_INCLUDED = re.compile(r"^\s*(\[|#INCLUDE|(HOME_OFFSET|KINEMATICS|LINEAR_UNITS)\b)", re.MULTILINE)
 _KLIPPER = {
     "radius": ("printer", "delta_radius"),
     **{f"angle_{tower}": (f"stepper_{tower}", "angle") for tower in "abc"},
@@ -55,7 +60,7 @@ class ControllerFile:
 
     target: str  # its path or address, the same whichever way it was named
     data: bytes
-    settings: Mapping[str, WrittenValue]  # by parameter, in the order of the joints; as they stand
+    settings: Mapping[str, WrittenValue]  # by parameter; as they stand
     unit_mm: float = 1.0  # length of the unit of its values [mm]
     format: str = "klipper"  # whose the file is, as an export names it
     remarks: tuple[str, ...] = ()  # what to know before it is written
@@ -135,16 +140,25 @@ def controller_file(target: str) -> ControllerFile:
     target = moonraker.server(target) or str(Path(target).resolve())
     text = "\n" + re.sub("\r\n?", "\n", data.decode("latin-1"))  # a byte is a character
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
-        found = _found(target, text, "=", _LINUXCNC, 0)
+        text = _first_sections(target, text)
+        joints = {axis: (f"JOINT_{n}", "HOME_OFFSET") for axis, n in _joints(target, text).items()}
+        found = _found(target, text, "=", {**joints, _UNIT: _LINEAR_UNITS}, 0)
         unit_mm = _UNITS[found.pop(_UNIT).before.lower()]
         return ControllerFile(target, data, found, unit_mm, "linuxcnc")
-    if "\n[printer]" not in text:
+    if "\n[printer]" not in text.replace("\xef\xbb\xbf", "", 1):
         raise InputError(
             "This is not the file of a known controller.",
             "Name LinuxCNC's INI with [JOINT_0], or Klipper's printer.cfg with [printer].",
             file=target,
         )
+    if data.startswith(codecs.BOM_UTF8):
+        what = "The file begins with a byte order mark: Klipper does not read it."
+        raise InputError(what, "Save it as UTF-8 without it.", file=target, line=1)
     above, header, block = text.partition(_HEADER)
+    for number, line in enumerate(above.split("\n")):
+        if line.startswith("#*#"):
+            what = "Because of this line above its heading Klipper drops what SAVE_CONFIG wrote."
+            raise InputError(what, "Delete it.", file=target, line=number, value=line)
     heading = (above + header).count("\n") - 1 if header else len(text)
     for number, line in enumerate(block.rstrip().split("\n") if header else (), heading + 1):
         if not re.match(r"#\*#( |$)", line):
@@ -153,6 +167,44 @@ def controller_file(target: str) -> ControllerFile:
     found = _found(target, text.replace("\n#*#", "\n"), ":=", _KLIPPER, heading)
     included = "The file includes others. A value that is also in one of them is the one in force."
     return ControllerFile(target, data, found, remarks=(included,) if "\n[include " in text else ())
+
+
+def _first_sections(target: str, text: str) -> str:
+    """The lines that LinuxCNC reads, the others empty: of sections of one name the first.
+
+    Raises InputError for an included file that has what is looked for, or cannot be read.
+    """
+    lines, seen, again = text.split("\n"), set[str](), False
+    for number, line in enumerate(lines):
+        if line.startswith("#INCLUDE"):
+            path = Path(target).parent / Path(line.removeprefix("#INCLUDE").strip()).expanduser()
+            inside = read_bytes(str(path)).decode("latin-1") if path.is_file() else None
+            if inside is None or _INCLUDED.search(inside):
+                what = "LinuxCNC may read a value from this included file."
+                remedy = "Put what stands in that file in the place of this line."
+                raise InputError(what, remedy, file=target, line=number, value=line.strip())
+        if head := _SECTION.match(line):
+            again = head[1] in seen
+            seen.add(head[1])
+        if again:
+            lines[number] = ""
+    return "\n".join(lines)
+
+
+def _joints(target: str, text: str) -> dict[str, int]:
+    """The joint of each axis. Raises InputError for axes of none, or of several."""
+    section = ""
+    for number, line in enumerate(text.split("\n")):
+        if head := _SECTION.match(line):
+            section = head[1]
+        elif section == "KINS" and (kins := _KINS.match(line)):
+            letters = (kins[1] or _USUAL).lower()
+            if any(letters.count(axis) != 1 for axis in AXES):
+                what = "These coordinates do not give each of X, Y and Z one joint."
+                remedy = "Enter the offsets by hand: orthocal export --format linuxcnc"
+                raise InputError(what, remedy, file=target, line=number, value=line.strip())
+            return dict(zip(AXES, map(letters.index, AXES), strict=True))
+    return {axis: joint for joint, axis in enumerate(AXES)}
 
 
 def replace_file(target: str, before: str, data: bytes) -> None:
@@ -168,6 +220,13 @@ def replace_file(target: str, before: str, data: bytes) -> None:
         moonraker.upload(server, data)
     else:
         write_text(Path(target).resolve(), data, overwrite=True)
+
+
+def holds(target: str, sha256: str) -> bool:
+    """Whether a file, or the printer.cfg of a server, has this digest; not if it cannot be read."""
+    with suppress(InputError):
+        return hashlib.sha256(read_bytes(target)).hexdigest() == sha256
+    return False
 
 
 def _found(

@@ -16,6 +16,11 @@ decimals). Marlin prints, with anything in front of it:
     G29 V4         "Bed X: … Y: … Z: …" for each touch; so does G30
     G29, M420 V    "Bilinear Leveling Grid:", whose places are not printed
 
+Two more have their numbers in lines of their own:
+
+    RepRapFirmware's console   "G32 bed probe heights: …", at the places of G30 P… in bed.g
+    Repetier's G33 L0          "G33 X… Y… Z…", whose common height nobody states
+
 All heights are counted from the trigger height, places are the probe's. G33 changes the settings:
 what was probed before is counted from those after it, with the carriages where they were.
 
@@ -59,6 +64,7 @@ SETTINGS = re.compile(
     r"^(?:recv:|echo:|[0-9:.,> \t])*M665\b[^;\n]*\sL", re.MULTILINE | re.IGNORECASE
 )
 _LOADS = re.compile(r"^\s*M501\b", re.MULTILINE | re.IGNORECASE)
+_KINEMATICS = re.compile(r"^\s*M66[79]\b[^;\n]*", re.MULTILINE | re.IGNORECASE)
 _DATE = re.compile(r"\b20[0-9]{2}-[0-9]{2}-[0-9]{2} [0-9]{2}:[0-9]{2}")
 HEIGHT_MAP = re.compile(r"\s*RepRapFirmware height map file")
 # Later versions name the axes, and number what earlier ones call x and y.
@@ -70,6 +76,10 @@ _NAMES = {
 _UNPROBED = "0"
 _AGAIN = "Probe the bed again: G29"
 _FAR = 1000.0  # mm, and places along one axis
+_UNKNOWN = (
+    "The settings in force are not known: {} loads config-override.g (M501), which is not in its"
+    " folder."
+)
 
 Words = dict[str, tuple[float, ...]]
 
@@ -105,14 +115,18 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     faults.check()
     if marlin:
         probe = three("M851", math.nan) * (1.0, 1.0, -1.0)
-        bed = math.nan
+        # Where no arm is stated by B, it is the radius on which Marlin 1.1 probes.
+        on = said.get("M665B", (math.nan,))[0] if "M665C" not in said else math.nan
+        bed = on + _MARGIN_MM
         endstops = said["M665H"][0] - three("M666") + np.nan_to_num(probe[2])
     else:
         probe = three("G31", math.nan)
         bed = said.get("M665B", (math.nan,))[0]
         endstops = said["M665H"][0] + three("M666")
     machine = delta_of(document, arms, radius, angles, endstops, bed)
-    return PrinterFile(machine, probe, document.source)
+    unknown = "" if marlin or overriding or not _LOADS.search(document.text) else _UNKNOWN
+    name = PurePath(document.path).name
+    return PrinterFile(machine, probe, document.source, unknown=unknown.format(name))
 
 
 def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile | None:
@@ -138,6 +152,22 @@ def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile
             f" ({PurePath(files[-1].path).name}, {dates[0]}): probe the bed again (G29)."
         )
     return replace(read_codes(*files), remarks=tuple(remarks), stale=stale)
+
+
+def check_delta(folder: Path, path: str) -> None:
+    """Raise InputError for what was probed at `path` beside a config.g that has no arms."""
+    if not (folder / "config.g").is_file():
+        return
+    text = read_document(str(folder / "config.g")).text
+    if _LOADS.search(text):
+        raise InputError(_UNKNOWN.format("config.g"), "Copy it from the printer.", file=path)
+    kind = _KINEMATICS.search(text)
+    raise InputError(
+        "This printer is not a delta: config.g in the same folder has no M665 with L"
+        f"{f' ({kind[0].strip()})' if kind else ''}.",
+        "Give the height map of a delta; or name its settings: --machine FILE",
+        file=path,
+    )
 
 
 def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
@@ -217,6 +247,7 @@ def _words(file: FileText) -> Words:
 MARLIN_OUTPUT = re.compile(
     "Bed X:|Bilinear Leveling Grid:|G33 Auto Calibrate|Bed Topography Report|Measured points:"
 )
+_KIMBRA = re.compile(r"MarlinKimbra|\bM666\b[^\n]*\bD[0-9.]+\s+H", re.IGNORECASE)
 _BED = re.compile(r"Bed X: ?(\S+) Y: ?(\S+) Z: ?(\S+)")
 _GRID = re.compile(r"(?<!Subdivided )(?<!ROM )Bilinear Leveling Grid:")
 _ROW = re.compile(r"(?:^|[\s>])[0-9]{1,3}((?:\s+(?:[-+][0-9.]+|nan|=+))+)\s*$")
@@ -231,6 +262,11 @@ _TURNS = dict(zip(("x", "y", "z", "yz", "zx", "xy"), _PLACES, strict=True))
 # So far from the edge the probe stays unless Marlin was compiled otherwise [mm].
 _MARGIN_MM = 10.0
 _ROUNDED = 0.0051  # mm, deg, to which G33 prints its settings
+
+
+def marlin_name(text: str) -> str:
+    """Whose output it is: MarlinKimbra keeps its settings in M666."""
+    return "MarlinKimbra" if _KIMBRA.search(text) else "Marlin"
 
 
 class _Reader:
@@ -398,3 +434,61 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         firmware="marlin",
         remarks=(*settings.remarks, *remarks),
     )
+
+
+# --- heights in lines of other consoles ---------------------------------------------------------
+
+REPETIER_MAP = re.compile(r"\bG33 X(\S+) Y(\S+) Z(\S+)")
+PROBE_HEIGHTS = re.compile(r"\bbed probe heights:((?: +[-+]?[0-9.]+\b)+)", re.IGNORECASE)
+_PLACE = re.compile(r"^[^;\n]*\bG30 P([0-9]+) X(\S+) Y(\S+)", re.MULTILINE | re.IGNORECASE)
+
+
+def read_probe_heights(document: FileText, settings: PrinterFile) -> PrinterFile:
+    """The settings, and the last heights that RepRapFirmware's console printed, as their mesh.
+
+    Raises InputError: neither the text nor a bed.g in its folder has their places.
+    """
+    faults, bed = Faults(document.path), Path(document.path).parent / "bed.g"
+    match = [*PROBE_HEIGHTS.finditer(document.text)][-1]
+    line, heights = document.text[: match.start()].count("\n") + 1, match[1].split()
+    text = document.text + (read_document(str(bed)).text if bed.is_file() else "")
+    places = {int(number): place for number, *place in _PLACE.findall(text)}
+    if not set(places).issuperset(range(len(heights))):
+        what = f"RepRapFirmware's console prints {len(heights)} heights without their places."
+        remedy = "Put bed.g, whose lines G30 P… have them, in the same folder."
+        raise InputError(what, remedy, file=document.path, line=line)
+    rows = []
+    for number, height in enumerate(heights):
+        with faults.noting(line, height):
+            rows.append((line, *(within(v, -LARGEST_MM) for v in (*places[number], height))))
+    faults.check()
+    return _with_mesh(document, settings, rows, "reprapfirmware")
+
+
+def read_repetier_map(document: FileText, settings: PrinterFile) -> PrinterFile:
+    """The settings, and the map that Repetier lists, as their mesh; its corners are made up.
+
+    Raises InvalidFileError.
+    """
+    faults, rows = Faults(document.path), []
+    for number, text in enumerate(document.text.split("\n"), start=1):
+        if match := REPETIER_MAP.search(text):
+            with faults.noting(number, match[0]):
+                rows.append((number, *(within(part, -LARGEST_MM) for part in match.groups())))
+    faults.check()
+    bed = settings.machine.bed_radius_mm
+    on_it = [row for row in rows if not math.hypot(*row[1:3]) > bed]
+    remark = f"The map counts from a height that it does not state: {ZERO_UNKNOWN}"
+    settings = replace(settings, remarks=(*settings.remarks, remark))
+    return _with_mesh(document, settings, on_it, "text")
+
+
+def _with_mesh(
+    document: FileText, settings: PrinterFile, rows: Sequence[Sequence[float]], firmware: str
+) -> PrinterFile:
+    """Line, x, y and height of each touch as the mesh of these settings; places are the probe's."""
+    offset = np.nan_to_num(settings.probe)
+    touches = np.array(rows) - (0.0, *offset[:2], 0.0)
+    mesh = Stored.of_touches("console", touches, offset[2])
+    source = document.source
+    return replace(settings, probe=offset, mesh=mesh, source=source, firmware=firmware)

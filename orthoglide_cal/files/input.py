@@ -14,9 +14,11 @@ from typing import Literal
 import numpy as np
 from pydantic import ConfigDict, Field
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import gcode, klipper, machine_file, probe_readings
-from orthoglide_cal.files.probe_readings import PrinterFile
+from orthoglide_cal.files.controller_file import ControllerFile
+from orthoglide_cal.files.probe_readings import ARMS, PrinterFile
 from orthoglide_cal.files.readings import (
     Conditions,
     conditions_in,
@@ -33,6 +35,7 @@ from orthoglide_cal.files.text import (
     read_document,
 )
 from orthoglide_cal.files.yaml_tree import load_tree
+from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import Excerpt, Measured, Readings, Source
 from orthoglide_cal.model.model import Model, differentiate
@@ -47,6 +50,14 @@ _KEY = re.compile(
     r"^(machine|readings|finished|started|kind|leg_length_mm):[ \t]*(.*)$", re.MULTILINE
 )
 
+_FREED = (
+    "The distances free the arms, as Klipper does: {} mm (U). Enter them with the parameters;"
+    " export and apply write them."
+)
+# Of a distance by that of a height in DELTA_CALIBRATE, where both are as many.
+_TRUST = 0.5
+_STEPS = 8  # of a search that converges quadratically
+_NEGLIGIBLE = 1e-9  # singular values below this share of the largest are zero
 _DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECASE)
 
 
@@ -184,7 +195,7 @@ def together(inputs: Sequence[Input]) -> Input:
             for source in sources
             if (text := getattr(source.excerpt, name, ""))
         )
-        for name in ("stale", "unused")
+        for name in ("stale", "unused", "unknown")
     }
     words = f"{len(plan)} readings of {len(inputs)} dates"
     source = Source(
@@ -258,6 +269,22 @@ def machine_in_folder(folder: Path) -> Path | None:
     return machines[0] if machines else None
 
 
+def machine_of_controller(folder: Path, controller: ControllerFile) -> Path | None:
+    """The machine file from which this controller was written, else one from which none was."""
+    marks, free = {"kind", "leg_length_mm"}, list[Path]()
+    for path, keys in _files_in(folder).items():
+        if not marks & keys.keys() or "readings" in keys:
+            continue
+        with suppress(InputError):  # of a faulty one nobody knows
+            machine = machine_file.read_machine_file(path).model.machine
+            targets = {entry.written.target for entry in machine.history if entry.written}
+            if controller.target in targets:
+                return path
+            if not targets and controller.format in machine.controller_formats:
+                free.append(path)
+    return free[0] if len(free) == 1 else None
+
+
 def _text_of(path: Path) -> str:
     """Empty if it cannot be read, or is larger than any session."""
     with suppress(InputError):
@@ -280,7 +307,10 @@ def _is_yaml(document: FileText) -> bool:
     lines = (line for line in document.text.split("\n", 1000) if line.strip())
     first = next((line for line in lines if not line.lstrip().startswith("#")), "")
     # "Recv: …" of a console looks like a key.
-    printed = (klipper.KLIPPY_LOG, klipper.PROBED, gcode.MARLIN_OUTPUT, gcode.SETTINGS)
+    printed = (
+        *(klipper.KLIPPY_LOG, klipper.PROBED, gcode.MARLIN_OUTPUT, gcode.SETTINGS),
+        *(gcode.PROBE_HEIGHTS, gcode.REPETIER_MAP),
+    )
     return bool(_YAML.match(first)) and not any(mark.search(document.text) for mark in printed)
 
 
@@ -345,16 +375,27 @@ def _firmware_file(
     beside: PrinterFile | None = None
     if gcode.HEIGHT_MAP.match(text):
         read, named = gcode.read_height_map, "--machine config.g"
+        title = "a height map of RepRapFirmware"
         beside = gcode.read_codes_in(folder, document) if folder else None
+        if folder and not (beside or known):
+            gcode.check_delta(folder, document.path)
     elif klipper.PROBED.search(text):
         read, named = klipper.read_probed, "--machine printer.cfg"
+        title = "what Klipper's console prints"
         if folder and (folder / "printer.cfg").is_file():
             beside = klipper.read_printer_file(read_document(str(folder / "printer.cfg")))
             remark = "The settings are those of printer.cfg in the same folder."
             beside = replace(beside, heights=None, mesh=None, remarks=(remark,))
     elif gcode.MARLIN_OUTPUT.search(text):
         read, named = gcode.read_marlin, "--machine FILE, or keep what M503 prints in this file"
+        title = f"what {gcode.marlin_name(text)} prints"
         beside = gcode.read_codes(document) if gcode.SETTINGS.search(text) else None
+    elif gcode.PROBE_HEIGHTS.search(text):
+        read, named = gcode.read_probe_heights, "--machine config.g"
+        title = "what RepRapFirmware's console prints"
+        beside = gcode.read_codes_in(folder) if folder else None
+    elif gcode.REPETIER_MAP.search(text):
+        read, named, title = gcode.read_repetier_map, "--machine FILE", "a map of Repetier (G33)"
     elif gcode.SETTINGS.search(text):
         what = "The file holds the settings of a printer's firmware, and no readings."
         remedy = "Give what was probed, such as heightmap.csv, and this file by --machine."
@@ -363,6 +404,8 @@ def _firmware_file(
         return None
     # Those that the user names, else those beside the touches, else the numbers of a machine file,
     # which do not tell where the probe is.
+    if beside and beside.unknown and known:
+        beside = None
     if isinstance(known, PrinterFile):
         settings = replace(known, heights=None, mesh=None, remarks=())
     elif beside and known:
@@ -370,7 +413,7 @@ def _firmware_file(
     elif beside:
         settings = beside
     else:
-        what = "The file does not say which printer it is from."
+        what = f"This is {title}; it does not say which printer it is from."
         nothing = InputError(what, f"Name its settings: {named}", file=document.path)
         machine = _delta(known or otherwise(), document.path, nothing)
         remark = "The probe's offset from the nozzle is not known: x and y of it are taken as 0."
@@ -383,6 +426,38 @@ def _delta(model: Model, path: str, refused: InputError | None = None) -> Linear
     what = f"{path} is of a linear delta; the machine given is of kind {model.machine.kind}."
     remedy = "Leave --machine out, or give a file of kind linear_delta."
     return LinearDelta.require(model.machine, refused or UsageError(what, remedy))
+
+
+def _free_arms(model: Model, readings: Readings) -> tuple[Effect, ...]:
+    """Excess of the arms over those stored, fitted with all else, as Klipper does [mm].
+
+    Nothing where they are known, or where so few distances fit any arms. The weights are those of
+    DELTA_CALIBRATE; how sure the arms are follows from what is stated of probe and calliper, or
+    from what is left if that is more.
+    """
+    machine, plan, cause = model.machine, readings.plan, CAUSES[ARMS]
+    distance = ~plan.touches
+    known = any(effect.cause is cause for effect in model.accepted)
+    if known or distance.sum() < 2 * cause.unknowns or not cause.size(machine):
+        return ()
+    ratio = math.sqrt(_TRUST * plan.touches.sum() / distance.sum())
+    weight = np.where(distance, ratio, 1.0)
+    found = np.zeros(len(machine.parameter_names) + cause.unknowns)
+    rest, own = np.split(np.arange(len(found)), [-cause.unknowns])
+    for _ in range(_STEPS):
+        lengths = cause.at(found[own])
+        predicted, slope = differentiate(model, found[rest], plan, [lengths], strict=False)
+        left, slope = weight * (readings.value - predicted), weight[:, None] * slope
+        if not np.isfinite(slope).all() or np.linalg.matrix_rank(slope, _NEGLIGIBLE) < len(found):
+            return ()
+        found += np.linalg.pinv(slope) @ left
+    local = machine.local_shape(plan)
+    shape = plan.touches * (local.size or 0.0) if local else 0.0
+    apart = weight * np.hypot(machine.instrument.noise_mm / plan.precision, shape)
+    scatter = float(np.sum((left / apart) ** 2)) / max(len(plan) - len(found), 1)
+    spread = np.linalg.pinv(slope)[own] * apart * math.sqrt(max(scatter, 1.0))
+    digest = readings.source.sha256
+    return (Effect(cause, found[own], covariance=spread @ spread.T, data_sha256=digest),)
 
 
 def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Input:
@@ -399,8 +474,15 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
 
     def read(name: str | None, unused: str = "") -> Input:
         readings = probe_readings.printer_readings(file, name, machine, unused)
-        readings = replace(readings, remarks=(*remarks, *readings.remarks))
-        return Input(readings, model, conditions_in(readings))
+        arms = _free_arms(model, readings)
+        freed = [
+            f"{name} {value:+.3f} ± {2.0 * std:.2g}"
+            for effect in arms
+            for name, (value, std, _) in model.called(effect).items()
+        ]
+        said = [_FREED.format(", ".join(freed))] if freed else []
+        readings = replace(readings, remarks=(*remarks, *said, *readings.remarks))
+        return Input(readings, model.extended(arms), conditions_in(readings))
 
     others, unused = [], ""
     for name in file.stored:

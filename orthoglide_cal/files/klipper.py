@@ -403,8 +403,8 @@ def _reached(machine: LinearDelta, *stored: Sequence[Floats]) -> Stored | None:
         f" first layer, entering the result removes that and {then} the nozzle by as much: set its"
         " height again before you print."
     )
-    remarks = (remark,) if abs(trimmed) > _TRIMMED_MM else ()
-    return Stored(plan, value, line.astype(int), remarks=remarks)
+    nozzle = remark if abs(trimmed) > _TRIMMED_MM else ""
+    return Stored(plan, value, line.astype(int), nozzle=nozzle)
 
 
 def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Stored | None:

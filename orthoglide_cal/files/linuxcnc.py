@@ -7,6 +7,8 @@
 import re
 import socket
 import subprocess
+from contextlib import suppress
+from pathlib import Path, PurePath
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +23,7 @@ PORT = 5007
 NEAR_MM = 0.05  # farther from the posture, a reading is questioned
 _TIMEOUT_S = 2.0
 _ADDRESS = re.compile(r"linuxcnc(?::([^:\[\]\s]+|\[[^\]\s]+\])(?::([0-9]{1,5}))?)?")
+_JOINT = re.compile(r"\[JOINT_([0-9])\].*")
 _UNITS = {"MM": 1.0, "INCH": MM_PER_INCH, "CM": 10.0}
 
 
@@ -58,6 +61,10 @@ class Standing:
                 "Start linuxcncrsh on that computer, with its usual password (man linuxcncrsh); or"
                 " measure without --follow.",
             ) from error
+        if not self._homed():
+            self.close()
+            what = f"The LinuxCNC at {host}:{port} is not homed: nobody knows where it stands."
+            raise UsageError(what, "Home all joints, then give the command again.")
 
     def at(self, joints: Floats, tool: Floats, home_mm: float) -> Stood:
         """Where the machine stands; wanted are these joints and this tool, shape (3,) [mm].
@@ -65,6 +72,8 @@ class Standing:
         A controller without kinematics is driven to either, and may count from the joint value of
         the isotropic posture. Raises OSError, ValueError: nothing answers any more, or no place.
         """
+        if not self._homed():
+            raise ConnectionError("it is not homed any more")
         answer = self._ask("get joint_pos", "JOINT_POS")[: len(AXES)]
         stands = self._unit_mm * np.array(answer, dtype=float)
         wanted = np.stack([joints, joints - home_mm, *([tool] if self._identity else [])])
@@ -72,6 +81,11 @@ class Standing:
         axes = zip(AXES, stands.tolist(), strict=True)
         said = " ".join(f"{axis.upper()} {value:.3f}" for axis, value in axes)
         return Stood(away, f"the controller stood at {said}")
+
+    def _homed(self) -> bool:
+        """Whether all joints are homed: before, their positions are arbitrary. Raises OSError."""
+        joints = self._ask("get joint_homed", "JOINT_HOMED")[: len(AXES)]
+        return joints == ["YES"] * len(AXES)
 
     def _ask(self, question: str, answer: str) -> list[str]:
         """The words of an answer behind its name. Raises OSError."""
@@ -85,12 +99,36 @@ class Standing:
         raise ConnectionError("no answer")
 
 
+def runs_otherwise(ini: ControllerFile) -> str:
+    """Why a LinuxCNC that runs on this computer is not told, in a sentence; "" if none runs, or
+    with this INI and what it holds."""
+    path = running_ini()
+    if path is None or is_live(ini):
+        return ""
+    otherwise = "with other home offsets than its INI" if str(path) == ini.target else f"by {path}"
+    return f"A LinuxCNC runs on this computer {otherwise}: it is not told, nor changed."
+
+
+def running_ini() -> Path | None:
+    """The INI of the LinuxCNC that runs on this computer; None if none runs, or nobody can tell."""
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError, ValueError, IndexError):
+            words = (process / "cmdline").read_bytes().decode().split("\0")
+            if PurePath(words[0]).name == "linuxcncsvr":
+                path = process / "cwd" / words[words.index("-ini") + 1]
+                return Path(str(path.resolve()).removesuffix(".expanded"))
+    return None
+
+
 def is_live(ini: ControllerFile, *, anew: bool = False) -> bool:
-    """Whether a LinuxCNC on this computer has these home offsets, by `halcmd`.
+    """Whether a LinuxCNC on this computer has this INI and these home offsets, by `halcmd`.
 
     With `anew` they are set before; they are in force at the next homing.
     """
-    values = {f"ini.{i}.home_offset": v.before for i, v in enumerate(ini.settings.values())}
+    if str(running_ini() or ini.target) != ini.target:
+        return False
+    joints = {_JOINT.sub(r"\1", v.key): v.before for v in ini.settings.values()}
+    values = {f"ini.{joint}.home_offset": value for joint, value in joints.items()}
     asked = [f"setp {pin} {value}\n" for pin, value in values.items() if anew]
     said = "".join((*asked, *(f"getp {pin}\n" for pin in values)))
     try:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.resources import files
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Annotated, Any, cast
 
 import numpy as np
@@ -323,6 +323,7 @@ def machine_values(model: Model) -> dict[str, Any]:
                 "correlation": effect.correlation.round(6).tolist(),
             }
             for effect in model.accepted
+            if effect.date  # what is fitted to each file anew is no part of the machine
         ],
     }
 
@@ -356,10 +357,16 @@ def machine_text(model: Model) -> str:
     return WRITTEN + yaml_text({**machine_values(model), "complete": True})
 
 
-def new_machine_file(model: Model) -> StoredMachine:
-    """A file for a machine that has none, not written yet: printer.yaml in this folder."""
-    document = document_from_bytes(machine_text(model).encode(), "printer.yaml")
-    return machine_file_in(load_tree(document))
+def new_machine_file(model: Model, controller: str) -> StoredMachine:
+    """A file for a machine that has none, not written yet, in this folder.
+
+    Its name is that of its controller's file or server: printer.yaml, or printer-2.yaml where that
+    is another machine's.
+    """
+    name = re.sub(r"[^\w.-]+", "-", PurePath(controller).name.removesuffix(".cfg"))
+    names = (f"{name}{number}.yaml" for number in ("", *(f"-{k}" for k in range(2, 1000))))
+    path = next(path for path in names if not Path(path).exists())
+    return machine_file_in(load_tree(document_from_bytes(machine_text(model).encode(), path)))
 
 
 def with_history(

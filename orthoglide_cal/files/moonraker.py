@@ -6,13 +6,19 @@ sent to this server only.
 
 import os
 import re
+from contextlib import suppress
+from typing import TYPE_CHECKING
 
-from orthoglide_cal.errors import InputError, UsageError, system_words
+from orthoglide_cal.errors import InputError, UsageError, system_words, visible
+
+if TYPE_CHECKING:
+    from urllib.error import HTTPError
 
 KEY = "MOONRAKER_API_KEY"
 PORT = 7125
 _TIMEOUT_S = 10.0
 _LARGEST = 5_000_000  # bytes of an answer
+_LONGEST = 10_000  # bytes of a refusal
 _CONFIG = "/server/files/config/printer.cfg"
 _IDLE = ("standby", "complete", "cancelled", "error")
 _OTHER = f"Give the address of Moonraker; its port is usually {PORT}."
@@ -48,7 +54,7 @@ def check_idle(address: str) -> None:
 
 
 def upload(address: str, data: bytes) -> None:
-    """Put a printer.cfg in the place of the server's.
+    """Put a printer.cfg in the place of the server's; what it holds then counts, not its answer.
 
     Raises UsageError: the printer prints; InputError: the server does not take it, or holds
     something else afterwards.
@@ -58,7 +64,12 @@ def upload(address: str, data: bytes) -> None:
     form = f"--{mark}\r\nContent-Disposition: form-data; name="
     head = f'{form}"root"\r\n\r\nconfig\r\n{form}"file"; filename="printer.cfg"\r\n\r\n'
     body = head.encode() + data + f"\r\n--{mark}--\r\n".encode()
-    _request(address, "/server/files/upload", body, f"multipart/form-data; boundary={mark}")
+    try:
+        _request(address, "/server/files/upload", body, f"multipart/form-data; boundary={mark}")
+    except InputError:
+        # A server that is slow may have stored it all the same.
+        if _request(address, _CONFIG) != data:
+            raise
     if printer_cfg(address) != data:
         what = "The server holds another printer.cfg than the one just sent."
         raise InputError(what, "Look at the file there before anything is homed.", file=address)
@@ -85,6 +96,15 @@ def _asked(address: str, path: str, *keys: str) -> object:
     return found
 
 
+def _message(error: "HTTPError") -> str:
+    """What a server gives as the reason of an error; "" if it gives none."""
+    import json
+
+    with error, suppress(OSError, ValueError, KeyError, TypeError, RecursionError):
+        return visible(str(json.loads(error.read(_LONGEST))["error"]["message"]))[:300]
+    return ""
+
+
 def _request(address: str, path: str, body: bytes | None = None, kind: str = "") -> bytes:
     """The answer to a request; one with a body is a POST. Raises InputError."""
     from http.client import HTTPException
@@ -101,9 +121,12 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
             if len(data) < min(int(answer.headers.get("Content-Length", 0)), _LARGEST):
                 raise HTTPException("the answer was cut off")
     except HTTPError as error:
-        error.close()
+        said = _message(error)
         what, remedy = f"The server answers {error.code} {error.reason}.", "Check the address."
-        if error.code in (401, 403):
+        if said and error.code in (403, 503):
+            what = f"The server refuses it ({error.code}): {said}"
+            remedy = "Look at the server and at Klipper's log."
+        elif error.code in (401, 403):
             what = f"The server wants a key ({error.code})."
             remedy = f"Set the environment variable to its API key: {KEY}."
         elif error.code == 404 and path == _CONFIG:

@@ -25,7 +25,7 @@ BEYOND = 1.2
 # is farther off was not stored with the settings that are in force now.
 _FAR_MM = 10.0
 # How far the real arms can be from those that the firmware has.
-_ARMS = "leg_length"
+ARMS = "leg_length"
 # Where the towers a, b, c of all firmwares stand before any correction, counter-clockwise from x.
 USUAL_ANGLES_DEG = (210.0, 330.0, 90.0)
 # What no firmware states: a probe repeats within a hundredth.
@@ -110,6 +110,7 @@ class Stored(ReadOnly):
     mesh: str | None = None  # its name; None for heights stored with positions of the carriages
     remarks: tuple[str, ...] = ()  # what to know about it
     stale: str = ""  # as of `Excerpt`
+    nozzle: str = ""  # as of `Excerpt`
 
     @classmethod
     def of_touches(cls, mesh: str, touches: Floats, trigger: float) -> "Stored":
@@ -156,6 +157,7 @@ class PrinterFile(ReadOnly):
     remarks: tuple[str, ...] = ()  # what to know about it, but for its mesh
     firmware: str = "klipper"  # as an export names it
     stale: str = ""  # as of `Excerpt`
+    unknown: str = ""  # as of `Excerpt`
 
     @property
     def stored(self) -> tuple[str, ...]:
@@ -206,7 +208,7 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
     machine = known.changed(**{key: getattr(file.machine, key) for key in in_force})
     known.check_same(machine)
     arms = np.array((known.arm_length_mm, machine.arm_length_mm))
-    apart, size = float(np.abs(np.diff(arms, axis=0)).max()), CAUSES[_ARMS].size(known)
+    apart, size = float(np.abs(np.diff(arms, axis=0)).max()), CAUSES[ARMS].size(known)
     if apart <= size:
         return machine, ()
     stated, used = (", ".join(f"{arm:g}" for arm in dict.fromkeys(row)) for row in arms.tolist())
@@ -215,7 +217,7 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
         f" the firmware's; U counts that they are {apart:.2g} mm apart. Enter what you measured in"
         " both (arm_length), calibrate and probe again."
     )
-    sizes = {**known.tolerances, _ARMS: round(math.hypot(size, apart), 3)}
+    sizes = {**known.tolerances, ARMS: round(math.hypot(size, apart), 3)}
     return machine.changed(tolerances=sizes), (remark,)
 
 
@@ -241,7 +243,8 @@ def printer_readings(
     words = f"{len(found.plan) - distances} {'points of a mesh' if chosen == 'mesh' else 'heights'}"
     if distances:
         words += f" and {distances} distances"
-    excerpt = Excerpt(chosen, words, file.firmware, found.stale or file.stale, unused)
+    stale = found.stale or file.stale
+    excerpt = Excerpt(chosen, words, file.firmware, stale, unused, found.nozzle, file.unknown)
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
     return Readings(
         replace(found.plan, precision=np.where(found.plan.distance, ratio, 1.0)),
@@ -249,7 +252,7 @@ def printer_readings(
         found.line,
         False,
         replace(file.source, excerpt=excerpt),
-        remarks=(*file.remarks, *found.remarks),
+        remarks=(*file.remarks, *found.remarks, *filter(None, [found.nozzle])),
     )
 
 

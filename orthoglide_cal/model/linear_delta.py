@@ -432,6 +432,12 @@ class LinearDelta(Machine):
         return (*[self.homing_std_mm] * len(TOWERS), radius_mm, angle_deg, angle_deg)
 
     @property
+    def max_reportable_u(self) -> tuple[float, ...]:
+        """As well as a rule shows how high a switch is and how far out, a square the towers."""
+        length_mm, angle_deg = 1.5, 1.0
+        return (*[length_mm] * (len(TOWERS) + 1), angle_deg, angle_deg)
+
+    @property
     def travel_mm(self) -> float:
         return max(self.endstops_mm)
 
@@ -478,7 +484,8 @@ class LinearDelta(Machine):
         angles = np.radians(self.tower_angles_deg) + np.radians(1.0) * turned
         shift = _on_circle(radius, angles) - self.nominal_rails.points
         # The carriage stands where the endstop says for a tool in the middle.
-        raised = self._above(radius) - self._above(self.delta_radius_mm)
+        above = np.sqrt(geometry.lengths**2 - radius**2)
+        raised = above - self._above(self.delta_radius_mm)
         real = Geometry(geometry.points + shift, geometry.directions, geometry.lengths)
         return real, parameters[..., :3] + raised
 

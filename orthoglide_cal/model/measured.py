@@ -61,6 +61,8 @@ class Excerpt:
     firmware: str = "klipper"  # whose the file is, as an export names it
     stale: str = ""  # why it is older than the settings in force, in a sentence
     unused: str = ""  # why the other data of the file were not used, in sentences
+    nozzle: str = ""  # how entering what is found moves the nozzle, in sentences
+    unknown: str = ""  # why the settings in force are not known, in a sentence
 
 
 @dataclass(frozen=True)

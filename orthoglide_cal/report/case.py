@@ -185,6 +185,8 @@ def decision_notice(case: Case) -> doc.Notice:
     lines = []
     if not answer.parameters:
         title = "There is no result"
+        if reasons[0].code == "settings_unknown":
+            title, reasons = case.says(reasons[0]).rstrip("."), reasons[1:]
     elif release.settled:
         title, reasons = NOT_NEEDED, cautions
         if judged and judged.code == "residuals_unusual":

@@ -128,18 +128,15 @@ def firmware_machine(case: Case) -> LinearDelta:
     model, answer = case.given.model, case.answer
     machine = LinearDelta.require(model.machine)
     *endstops, radius, angle_a, angle_b = (each.new(answer.decimals) for each in answer.parameters)
-    nominal = np.array(machine.arm_length_mm)
-    arms = nominal.copy()
+    arms = np.array(machine.arm_length_mm)
     for effect in model.accepted:
         if effect.cause.id in machine.fixed_parameters:
             arms += effect.theta
-    # The carriages stay where they are; longer arms let the nozzle down.
-    lower = np.sqrt(arms**2 - radius**2) - np.sqrt(nominal**2 - radius**2)
     return machine.changed(
         arm_length_mm=tuple(arms.tolist()),
         delta_radius_mm=radius,
         tower_angles_deg=(angle_a, angle_b, machine.tower_angles_deg[2]),
-        endstops_mm=tuple((np.array(endstops) - lower).tolist()),
+        endstops_mm=tuple(endstops),
     )
 
 

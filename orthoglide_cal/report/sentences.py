@@ -130,6 +130,7 @@ def _retake(_: Machine, data: Data) -> str:
 _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     # Why there is no result, or why it fails its own check.
     "refused": "{what}",
+    "settings_unknown": "{what}",
     "not_converged": "The search for the {words.many} did not converge.",
     "implausible": _implausible,
     "undetermined": "These readings do not determine {names:names}: they add nothing to what is"

@@ -99,6 +99,8 @@ def apply(
             expected |= {stands[p.name].key: p.active for p in answer.parameters}
         elif not known:
             controller = replace(controller, remarks=(_FIRST,))
+        if (excerpt := given.measured.source.excerpt) and excerpt.nozzle:
+            controller = replace(controller, remarks=(*controller.remarks, excerpt.nozzle))
         if differing := controller.differing(expected):
             raise UsageError(
                 f"{controller.target}: {differing} Somebody changed it since.",

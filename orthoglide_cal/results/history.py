@@ -29,6 +29,7 @@ from orthoglide_cal.estimation.losses import (
     WRONG_STORY,
     is_dismissed,
 )
+from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
@@ -141,6 +142,7 @@ class _DiagnosedSession:
     """
 
     def __init__(self, given: Input, last: Model) -> None:
+        require_settings(given.measured)
         self.given = given
         self.last = last.machine
         self.white = white = Whitened.of(given.measured, last.judging(given.model))

@@ -20,7 +20,7 @@ from itertools import chain
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import PostureError, UnusableResultError
+from orthoglide_cal.errors import PostureError, UnknownSettingsError, UnusableResultError
 from orthoglide_cal.estimation import (
     OffsetEstimate,
     PromisedDifference,
@@ -63,6 +63,8 @@ from orthoglide_cal.results.validity import validity
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import entered_decimals
 
+# U of a cause by its standard uncertainty.
+REACH = half_width(math.inf)
 # Beyond this Student's t is the normal distribution to two decimals.
 NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
@@ -108,7 +110,8 @@ def answer_to(
         solution = solve(measured, model, method, diagnosis.alone_mm if diagnosis else None)
     except UnusableResultError as error:
         remedy = (Remedy(sentence=Reason.of("do", what=error.remedy)),) if error.remedy else ()
-        reason = Reason.of("refused", what=error.what)
+        unknown = isinstance(error, UnknownSettingsError)
+        reason = Reason.of("settings_unknown" if unknown else "refused", what=error.what)
         refused = Release(reasons=(reason,), remedies=remedy, sound=False)
         return schema.Answer(input=file, machine=name, release=refused, validity=conditions)
     if diagnosis is not None and method is None:
@@ -298,8 +301,10 @@ def _within_noise(model: Model, found: OffsetEstimate, known: Budget) -> bool:
     No change exceeds its U, nor all together what noise and a local shape make of them (χ²): what
     else may be wrong, and what is taken as the controller has it, would be the same again.
     """
-    if any(effect.cause.compensable for effect in model.accepted):
-        return False  # it is to be entered, too
+    for effect in model.accepted:
+        # It is to be entered, too.
+        if effect.cause.compensable and np.any(np.abs(effect.theta) > REACH * effect.std):
+            return False
     if np.any(np.abs(found.offsets_mm) > found.budget.expanded_mm):
         return False
     budget, change = known.without(model.machine.fixed_parameters), found.offsets_mm

@@ -13,9 +13,11 @@ h: predicted quantities, Δρ: offsets before, δ: entered in the controller. An
 off the offset that remains (true = indicated + Δρ), so theory says β = 1.
 
 A machine that probes itself has other places each time: what is compared is how much the heights
-scatter, and what is left of each parameter.
+scatter, and what is left of each parameter. It is as predicted if the mean squares differ by no
+more than noise and local shape, as stated, explain.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -160,6 +162,9 @@ class Verification(Schema):
     reservations: tuple[Sentence, ...] = Field(description="what to know before relying on it")
     rms_before_mm: float
     rms_promised_mm: float
+    rms_expanded_mm: float | None = Field(
+        default=None, description="of heights: U with which the two agree if all is as predicted"
+    )
     rms_after_mm: float
     rms_reachable_mm: float | None = Field(
         default=None, description="of heights: what the parameters found afterwards would leave"
@@ -313,13 +318,18 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
     earlier, promised, afterwards, reachable = map(rms, heights)
     was, now = len(heights[0]), len(heights[2])
 
-    def as_good(before: float, taken: int) -> bool:
-        """F test, 5 %: no more is left than that, by so many parameters, and noise."""
-        dof = max(was - taken, 1), now - 1
-        ratio = (afterwards**2 * now / dof[1]) / (before**2 * was / dof[0])
-        return ratio <= 1.0 or bool(fdtrc(dof[1], dof[0], ratio) >= 1.0 - CONFIDENCE)
-
-    kept = as_good(promised, len(old))
+    # F test, 5 %: more is left than before, by more than noise.
+    dof = max(was - 1, 1), now - 1
+    ratio = (afterwards**2 * now / dof[1]) / (earlier**2 * was / dof[0])
+    worse = ratio > 1.0 and bool(fdtrc(dof[1], dof[0], ratio) < 1.0 - CONFIDENCE)
+    (noise2, u_before), (_, u_after) = (
+        _mean_square(*pair) for pair in ((first, heights[1]), (second, heights[2]))
+    )
+    reach = half_width(np.inf) * math.hypot(u_before, u_after)
+    # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
+    # (Mallows).
+    most = promised**2 + 2.0 * len(old) * noise2 / was + reach
+    kept = promised**2 - reach <= afterwards**2 <= most
     if promised < A_PROMISE * earlier:
         # Maps repeat, noise does not: what is as far from it as before is not as predicted.
         kept = kept and afterwards < (earlier + promised) / 2.0
@@ -329,12 +339,28 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
         kind="heights",
         compared=now,
         kept=kept,
-        moved=nothing and not as_good(earlier, 1),
+        moved=nothing and worse,
         rms_before_mm=earlier,
         rms_promised_mm=promised,
+        rms_expanded_mm=math.sqrt(most) - promised,
         rms_after_mm=afterwards,
         rms_reachable_mm=reachable,
     )
+
+
+def _mean_square(solution: Solution, left: Floats) -> tuple[float, float]:
+    """Mean square that noise and local shape leave of touches, and the standard uncertainty of that
+    of what is `left` (n,), both as stated [mm²]."""
+    plan, machine = solution.posed.problem.plan, solution.model.machine
+    shape = machine.local_shape(plan)
+    columns = shape.columns[plan.touches] if shape else np.zeros((len(left), 0))
+    white2, inner = solution.stated_mm**2, columns.T @ columns
+    noise2 = white2 + float(np.trace(inner)) / len(left)
+    # tr(C²) and mᵀCm of C = σ²I + BBᵀ; m is what is more than noise.
+    square = len(left) * white2**2 + 2.0 * white2 * np.trace(inner) + np.sum(inner**2)
+    share = max(1.0 - noise2 * len(left) / float(left @ left), 0.0)
+    along = share * (white2 * (left @ left) + np.sum((left @ columns) ** 2))
+    return noise2, math.sqrt(2.0 * square + 4.0 * along) / len(left)
 
 
 def _common(

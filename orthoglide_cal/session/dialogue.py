@@ -265,8 +265,14 @@ class Dialogue:
         hint = f", {self.asker.gauge.hint}" if self.asker.gauge else ""
         prompt = f"{asked}\n{step.number}. k keep it{moved}, or read it again{hint} > "
         answer = self.asker.ask(prompt, step, self.state.takes(step.number))
-        word = answer.lower() if isinstance(answer, str) else None
+        word, _, why = answer.partition(" ") if isinstance(answer, str) else ("", "", "")
+        word = word.lower()
         if word in ("k", "y", "keep", "yes"):
+            if pending.doubt is Doubt.PLACE:
+                why = _clean(why) or self._words("Why is it kept? (Return: it is not) > ")
+                if not why:
+                    return
+                self.write(events.Noted(at=self.now(), step=step.number, text=why))
             self._keep(pending)
         elif word == "m" and may_move:
             self._keep(pending, moved=True)
@@ -365,7 +371,7 @@ class Dialogue:
         self.write(asked)
         self.asker.rest(driving=False)
         near = 3.0 * readings.sigma_mm
-        if any(abs(value - old) <= near for old in before):
+        if doubt is not Doubt.PLACE and any(abs(value - old) <= near for old in before):
             self.asker.say("Read again, and the same: kept, with a note.")
             self._keep(asked)
 

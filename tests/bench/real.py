@@ -2,19 +2,22 @@
 
 The files are the user's and stay where they are: each folder in FOLDER is a machine; of files that
 lie in FOLDER itself those are one machine whose names differ in a date only. Their order is that of
-their names. Every stored measurement is diagnosed; every date is predicted from every other one of
-the same kind with its calibrated parameters fitted again, as here, and by the firmware's
-own further freedom, three arms, which is computed here by the independent truth.
+their names; of identical files the first counts. Every stored measurement is diagnosed; every mesh
+is predicted from the one before and the one after it with its calibrated parameters fitted again,
+as here, and by the firmware's own further freedom, three arms, which is computed here by the
+independent truth. Two processes share the machines.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import itertools
 import json
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -22,11 +25,11 @@ import numpy as np
 
 from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.files.input import Input, read_input
+from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
-from tests.cli.program import answer
+from orthoglide_cal.report.case import Case
+from orthoglide_cal.results import answer_to
 from tests.truth.delta import Delta, Floats, Truth, touches
-
-from .report import columns
 
 Found = dict[str, Any]
 DATE = re.compile(r"[-_. ]?(19|20)\d\d-?\d\d-?\d\d([-_T ]?\d{4,6})?")
@@ -56,16 +59,32 @@ def machines(folder: Path) -> Iterator[tuple[str, list[Path]]]:
             found[path.name] = sorted(each for each in path.rglob("*") if each.is_file())
         elif path.suffix.lower() != ".md":
             found.setdefault(DATE.sub("", path.stem) or path.stem, []).append(path)
-    yield from found.items()
+    for name, paths in found.items():
+        known = {hashlib.sha256(path.read_bytes()).digest(): path for path in reversed(paths)}
+        yield name, sorted(known.values())
 
 
 def micrometres(value: float | None) -> float | None:
     return None if value is None else round(1e3 * value, 1)
 
 
+def answered(path: Path, data: str, later: Path | None = None) -> Found:
+    """The answer as `diagnose --json` has it, without what nothing here shows."""
+    try:
+        given = read_input(str(path), stored=data)
+        known: dict[str, Any] = {}
+        if later:
+            held = read_input(str(later), stored=data)
+            known = {"holdout": held.measured, "then": held.model, "recalibrated": True}
+        diagnosis = diagnose(given.measured, given.model, **known)
+        return Case(given, answer_to(given, diagnosed=diagnosis, promised=False)).data()
+    except OrthocalError as error:
+        return {"error": str(error)}
+
+
 def judge(path: Path, data: str) -> Found:
     """What is said of one measurement; lengths in µm, but for the parameters."""
-    said = answer("diagnose", str(path), "--data", data)
+    said = answered(path, data)
     if "error" in said:
         error = str(said["error"]).removeprefix(f"{path}: ")
         return {"file": path.name, "data": data, "error": error, "parameters": {}}
@@ -93,8 +112,7 @@ def judge(path: Path, data: str) -> Found:
 def predict(first: Path, second: Path, data: str) -> Found:
     """The second date predicted from the first; µm r.m.s., parameters fitted again."""
     pair: Found = {"first": first.name, "second": second.name, "data": data}
-    words = (str(first), "--data", data, "--holdout", str(second), "--recalibrated")
-    said = answer("diagnose", *words)
+    said = answered(first, data, second)
     if "error" in said:
         return {**pair, "error": str(said["error"])}
     others = said.get("baselines")
@@ -155,16 +173,35 @@ def stores(path: Path) -> list[str]:
     return found
 
 
+def judge_machine(named: tuple[str, list[Path]]) -> Found:
+    """One machine: its measurements, and their predictions of each other."""
+    name, paths = named
+    own = {data: [path for path in paths if data in stores(path)] for data in DATA}
+    judged = [judge(path, data) for data in DATA for path in own[data]]
+    pairs = [
+        predict(*two, "mesh")
+        for pair in itertools.pairwise(own["mesh"])
+        for two in (pair, pair[::-1])
+    ]
+    print(f"{name}: {len(paths)} files", file=sys.stderr, flush=True)
+    return {"name": name, "judged": judged, "pairs": pairs}
+
+
 def bench(folder: Path) -> list[Found]:
-    """Every machine of a folder: its measurements, and their predictions of each other."""
-    found = []
-    for name, paths in machines(folder):
-        print(f"{name}: {len(paths)} files", file=sys.stderr, flush=True)
-        own = {data: [path for path in paths if data in stores(path)] for data in DATA}
-        judged = [judge(path, data) for data in DATA for path in own[data]]
-        pairs = [predict(*two, "mesh") for two in itertools.permutations(own["mesh"], 2)]
-        found.append({"name": name, "judged": judged, "pairs": pairs})
-    return found
+    """Every machine of a folder."""
+    with ProcessPoolExecutor(2) as pool:
+        return list(pool.map(judge_machine, machines(folder)))
+
+
+def columns(header: str, rows: Iterable[Sequence[object]]) -> str:
+    """Columns as wide as they need; names of columns are separated by commas."""
+    cells = (["" if cell is None else str(cell) for cell in row] for row in rows)
+    lines = [header.split(","), *cells]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join((line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])))
+        for line in lines
+    )
 
 
 def table(found: Sequence[Found]) -> str:

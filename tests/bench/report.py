@@ -7,6 +7,7 @@ from tests.truth.delta import DeltaSession
 
 from .accuracy import HeldOut, coverage, heldout
 from .cases import KINDS
+from .real import columns
 from .run import Bench
 from .scoring import Judged, rates
 
@@ -69,17 +70,6 @@ def full_report(bench: Bench) -> str:
 
 def _of_printers(bench: Bench) -> bool:
     return any(isinstance(item.case.session, DeltaSession) for item in bench.judged)
-
-
-def columns(header: str, rows: Iterable[Sequence[object]]) -> str:
-    """Columns as wide as they need; names of columns are separated by commas."""
-    cells = (["" if cell is None else str(cell) for cell in row] for row in rows)
-    lines = [header.split(","), *cells]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return "\n".join(
-        "  ".join((line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])))
-        for line in lines
-    )
 
 
 def _rate_table(judged: Sequence[Judged]) -> str:

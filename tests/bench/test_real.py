@@ -1,6 +1,8 @@
 """The benchmark of real printers, on files made for the purpose."""
 
 import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +10,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.files.input import read_input
+from tests.machines import ROOT
 from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import V400, Truth
 
@@ -27,9 +30,16 @@ def test_names_that_differ_in_a_date_are_of_one_machine(tmp_path: Path) -> None:
     names = ("v400_2023-08-20.cfg", "v400_2023-09-10.cfg", "printer-20241223_204558.cfg", "k/a.cfg")
     for name in (*names, "k/b.cfg", "README.md"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).touch()
+        (tmp_path / name).write_text(name, encoding="utf-8")
+    (tmp_path / "k/c.cfg").write_text("k/a.cfg", encoding="utf-8")  # the same again
     found = {name: [path.name for path in paths] for name, paths in machines(tmp_path)}
     assert found == {"v400": list(names[:2]), "printer": [names[2]], "k": ["a.cfg", "b.cfg"]}
+
+
+def test_it_needs_no_pytest() -> None:
+    """Nothing that it imports does."""
+    code = "import sys; sys.modules['pytest'] = None; import tests.bench.real"
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
 
 
 def test_arms_of_one_date_predict_another(tmp_path: Path) -> None:

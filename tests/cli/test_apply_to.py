@@ -125,7 +125,8 @@ def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.Mo
 
         with monkeypatch.context() as patch:
             patch.setattr("orthoglide_cal.files.linuxcnc.is_live", live)
-            done("apply", "before.csv", "--to", "mill.ini", "--yes")
+            said = done("apply", "before.csv", "--to", "mill.ini", "--yes")
+        assert "Restart" not in said  # homing is enough
         assert [float(text) for text in told] == offsets() != [0.5, -12.25, 0.0]
         assert len(history()) == 1
         assert "was not written" not in " ".join(done().split())
@@ -177,3 +178,13 @@ def test_a_real_linuxcnc_moves_by_what_was_promised() -> None:
         done("apply", "--undo", "--to", str(machine.ini), "--yes")
         assert machine.home() == pytest.approx(before, abs=2e-5)
         assert machine.ini.read_bytes() == original
+        # Of another file, or of a file that was changed since it started, it is told nothing.
+        other = Path("mill.ini")
+        for path, said in ((other, f"by {machine.ini}"), (machine.ini, "other home offsets")):
+            path.write_bytes(original.replace(b"= 0.5", b"= 0.75"))
+            told = run("apply", "before.csv", "--to", str(path), "--yes")
+            assert told.exit_code == 0
+            assert said in words(told.stderr)
+            assert "homing" not in told.stdout + told.stderr
+            done("apply", "--undo", "--to", str(path), "--yes")
+            assert machine.home() == pytest.approx(before, abs=2e-5)

@@ -1,5 +1,7 @@
 """A printer behind a Moonraker server: read, written, restarted; and servers that are none."""
 
+from dataclasses import replace
+from http.server import BaseHTTPRequestHandler
 from pathlib import Path
 
 import pytest
@@ -89,6 +91,59 @@ def test_a_server_that_does_not_keep_what_it_takes_is_not_restarted() -> None:
     assert "/printer/firmware_restart" not in asked
 
 
+class Late(StandIn):
+    """Stores what it is sent, and breaks off instead of saying so."""
+
+    def answer(self, asked: BaseHTTPRequestHandler) -> None:
+        if asked.path == "/server/files/upload":
+            body = asked.rfile.read(int(asked.headers["Content-Length"]))
+            self.answers["printer"] = body.split(b"\r\n\r\n", 2)[2].rpartition(b"\r\n--")[0]
+            asked.wfile.write(b"HTTP/1.1 200 OK\r\nContent-Length: 99\r\n\r\n{")
+            return
+        super().answer(asked)
+
+
+def test_what_was_stored_stays_recorded_though_the_answer_was_lost() -> None:
+    server = Late(info=INFO, printer=GOOD, query=of_state("standby"), firmware_restart={})
+    done("apply", server.address, "--to", server.address, "--yes")
+    assert server.answers["printer"] != GOOD
+    (record,) = Path().glob("*.yaml")
+    assert server.address in record.read_text(encoding="utf-8")
+    done("apply", "--undo", "--to", server.address, "--yes")
+    assert server.answers["printer"] == GOOD
+
+
+@pytest.mark.parametrize("code", [403, 503])
+def test_a_refusal_says_what_the_server_says_and_leaves_no_file(code: int) -> None:
+    class Refusing(StandIn):
+        def answer(self, asked: BaseHTTPRequestHandler) -> None:
+            if asked.path != "/server/files/upload":
+                super().answer(asked)
+                return
+            asked.send_response(code)
+            asked.end_headers()
+            asked.wfile.write(b'{"error": {"message": "File is loaded, upload not permitted"}}')
+
+    server = Refusing(info=INFO, printer=GOOD, query=of_state("standby"))
+    result = run("apply", server.address, "--to", server.address, "--yes")
+    assert result.exit_code == 3
+    assert "File is loaded, upload not permitted" in words(result.stderr)
+    assert "API" not in result.stderr
+    assert list(Path().glob("*.yaml")) == []
+
+
+def test_two_printers_in_one_folder_have_two_machine_files() -> None:
+    other = printer_cfg(Delta(), replace(OFF, radius=0.1))
+    for name, text in (("one.cfg", GOOD.decode()), ("two.cfg", other)):
+        Path(name).write_text(text, encoding="utf-8")
+        done("apply", name, "--to", name, "--yes")
+    for name in ("one", "two"):
+        assert f"{name}.cfg" in Path(f"{name}.yaml").read_text(encoding="utf-8")
+    done("apply", "--undo", "--to", "one.cfg", "--yes")
+    assert Path("one.cfg").read_bytes() == GOOD
+    assert Path("two.cfg").read_text(encoding="utf-8") != other
+
+
 @pytest.mark.skipif(MISSING is not None, reason=str(MISSING))
 def test_a_real_server_is_written_and_restored_and_never_while_it_prints(tmp_path: Path) -> None:
     server = Moonraker(tmp_path, GOOD)
@@ -108,3 +163,12 @@ def test_a_real_server_is_written_and_restored_and_never_while_it_prints(tmp_pat
         assert server.klipper.asked.count("gcode/script") == 2
     finally:
         server.stop()
+
+
+def test_how_the_nozzle_moves_is_said_before_it_is_entered() -> None:
+    Path("printer.cfg").write_bytes(GOOD)
+    stands = "For the same Z the nozzle stands 0."
+    assert stands in words(run("report", "printer.cfg").stdout)
+    said = done("apply", "printer.cfg", "--to", "printer.cfg", "--yes")
+    assert stands in words(said)
+    assert words(said).index(stands) < words(said).index("1. Restart the firmware")

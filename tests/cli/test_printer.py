@@ -33,6 +33,7 @@ from tests.cli.program import (
 )
 from tests.machines import ROOT
 from tests.printer_files import OFF, exact, printer_cfg
+from tests.printers import true_values
 from tests.truth.delta import (
     KOSSEL,
     V400,
@@ -46,8 +47,9 @@ from tests.truth.delta import (
 
 MACHINE = ("--machine", "v400.yaml")
 PROTOTYPE = f"{ROOT}/configs/orthoglide_prototype.yaml"
+SHIFT = true_values(V400, OFF)
 TRUE = {
-    **dict(zip("abc", np.add(V400.endstops, OFF.endstops).tolist(), strict=True)),
+    **dict(zip("abc", np.add(V400.endstops, SHIFT[:3]).tolist(), strict=True)),
     "radius": V400.radius + OFF.radius,
     "angle_a": V400.angles[0] + OFF.angles[0],
     "angle_b": V400.angles[1] + OFF.angles[1],
@@ -195,20 +197,19 @@ def known(longer: float) -> tuple[str, str]:
     return "--machine", f"{longer}.yaml"
 
 
-def test_measured_arms_that_the_firmware_has_not_make_the_endstops_unsure() -> None:
+def test_measured_arms_that_the_firmware_has_not_make_the_radius_unsure() -> None:
     """What is found goes with the firmware's arms, and is wrong by more than they were read to."""
     mesh = ("solve", "longer.cfg", "--data", "mesh")
     told, sure = (parameters(answer(*mesh, *known(longer))) for longer in (0.9, 0.0))
-    for tower in "abc":
-        wrong = abs(told[tower]["active"] + told[tower]["found"] - TRUE[tower])
-        assert sure[tower]["expanded"] < wrong < told[tower]["expanded"]
+    wrong = abs(told["radius"]["active"] + told["radius"]["found"] - TRUE["radius"])
+    assert sure["radius"]["expanded"] < wrong < told["radius"]["expanded"]
     said = page(*mesh, *known(0.9))
     for part in ("Arms: the machine file says", "0.9 mm apart", "in both (arm_length)"):
         assert part in said
     # On arms in which both files agree the firmware is as sure as the machine file says.
     assert "Arms:" not in page(*mesh, *known(0.01))
-    agreed = parameters(answer(*mesh, *known(0.01)))["a"]["expanded"]
-    assert agreed == pytest.approx(sure["a"]["expanded"])
+    agreed = parameters(answer(*mesh, *known(0.01)))["radius"]["expanded"]
+    assert agreed == pytest.approx(sure["radius"]["expanded"])
     back = refused(2, *mesh, *known(20.0))
     assert "two machines: arms 364 and 344 mm long" in back
     assert "arm_length_mm" in back
@@ -219,7 +220,7 @@ def test_verify_says_what_was_entered_of_each_parameter() -> None:
     """Afterwards the firmware has what was true, so nothing is left but noise."""
     both = ("verify", "printer.cfg", "after.cfg", "--data", "mesh")
     compared = found(*both)
-    changes = {**dict(zip("abc", OFF.endstops, strict=True)), "radius": 0.24, "angle_a": 0.11}
+    changes = {**dict(zip("abc", SHIFT[:3], strict=True)), "radius": 0.24, "angle_a": 0.11}
     for name, change in changes.items():
         assert compared["parameters"][name]["entered"] == pytest.approx(change)
     assert compared["rms_after_mm"] < 0.02 < compared["rms_before_mm"]
@@ -442,10 +443,10 @@ def test_what_a_page_says_and_does_not(
 
 
 def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
-    """Far below U, most of which is what the arms leave open: of all three endstops alike."""
+    """Within U, most of which is what the arms leave open: of all three endstops alike."""
     straight, solved = (found("solve", name, *MACHINE) for name in ("right.csv", "tilted.csv"))
     assert (straight["release"]["usable"], straight["release"]["settled"]) == (True, True)
-    assert max(each["expanded"] for each in solved["parameters"]) > 0.3
+    assert all(abs(each["found"]) < 0.7 * each["expanded"] for each in solved["parameters"])
     assert not solved["release"]["settled"]
     planned = page("plan", "tilted.csv", *MACHINE)
     assert planned.index("To reduce U: about") < planned.index(" Next ")

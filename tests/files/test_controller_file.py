@@ -103,7 +103,6 @@ def test_three_values_change_and_come_back(
     ("old", "new", "said"),
     [
         ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5\nHOME_OFFSET = 0.6", "twice"),
-        ("[SPINDLE_0]", "[JOINT_0]", "twice"),
         ("HOME_OFFSET = 0.500", "HOME = 1", "missing"),
         ("HOME_OFFSET = 0.500", "#HOME_OFFSET = 0.5", "missing"),
         ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0,5", "not a number"),
@@ -126,6 +125,62 @@ def test_what_is_not_clear_is_refused_with_its_place(
     assert fault.line or fault.column
 
 
+@pytest.mark.parametrize(
+    ("kinematics", "lines"),
+    [
+        ("KINEMATICS = trivkins coordinates=ZYX", (16, 14, 11)),
+        ("KINEMATICS = trivkins coordinates=yxzA kinstype=BOTH", (14, 11, 16)),
+        ("KINEMATICS = trivkins", (11, 14, 16)),
+        ("KINEMATICS = orthoglidekins", (11, 14, 16)),
+        ("# KINEMATICS = trivkins coordinates=ZYX", (11, 14, 16)),
+    ],
+)
+def test_axes_are_written_to_their_joints(
+    tmp_path: Path, kinematics: str, lines: tuple[int, ...]
+) -> None:
+    path = tmp_path / "mill.ini"
+    path.write_text(f"{INI}[KINS]\n{kinematics}\n", encoding="utf-8")
+    settings = controller_file(str(path)).settings
+    assert tuple(settings[axis].line for axis in "xyz") == lines
+
+
+@pytest.mark.parametrize("letters", ["XYYZ", "XZ", "XYA"])
+def test_axes_without_a_joint_of_their_own_are_refused(tmp_path: Path, letters: str) -> None:
+    path = tmp_path / "mill.ini"
+    path.write_text(f"{INI}[KINS]\nKINEMATICS = trivkins coordinates={letters}\n", "utf-8")
+    with pytest.raises(InputError, match=r"line 20.*each of X, Y and Z one joint"):
+        controller_file(str(path))
+
+
+def test_only_the_first_section_of_a_name_is_read(tmp_path: Path) -> None:
+    """As LinuxCNC's own inivar does."""
+    path = tmp_path / "mill.ini"
+    path.write_text(INI.replace("[SPINDLE_0]", "[JOINT_0]"), encoding="utf-8")
+    assert controller_file(str(path)).settings["x"].line == 11
+    second = "[JOINT_0]\nHOME = 0.0\n[EMC]\n[JOINT_0]\n"
+    path.write_text(INI.replace("[JOINT_0]\nHOME = 0.0\n", second), encoding="utf-8")
+    with pytest.raises(InvalidFileError, match="missing"):
+        controller_file(str(path))
+
+
+@pytest.mark.parametrize(
+    ("included", "fine"),
+    [("PID = 3\n", True), ("HOME_OFFSET = 7\n", False), ("[X]\nA = 1\n", False), (None, False)],
+)
+def test_what_an_included_file_may_say_is_not_written_over(
+    tmp_path: Path, included: str | None, fine: bool
+) -> None:
+    path = tmp_path / "mill.ini"
+    path.write_text(INI.replace("HOME = 0.0\n", "#INCLUDE joint.inc\n", 1), encoding="utf-8")
+    if included is not None:
+        (tmp_path / "joint.inc").write_text(included, encoding="utf-8")
+    if fine:
+        assert controller_file(str(path)).settings["x"].before == "0.500"
+        return
+    with pytest.raises(InputError, match=r"line 10.*may read a value from this included file"):
+        controller_file(str(path))
+
+
 def test_a_printer_changes_in_its_block(tmp_path: Path) -> None:
     path = tmp_path / "printer.cfg"
     path.write_text(CFG, encoding="utf-8")
@@ -145,6 +200,20 @@ def test_a_block_that_klipper_ignores_is_not_written(tmp_path: Path) -> None:
     path = tmp_path / "printer.cfg"
     path.write_text(CFG + "[fan]\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"line 24.*ignores"):
+        controller_file(str(path))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (CFG.replace("homing_speed: 50\n", "#*# an old line\n"), r"line 4.*drops what SAVE_CONFIG"),
+        ("\ufeff" + CFG, r"line 1.*byte order mark"),
+    ],
+)
+def test_what_klipper_drops_or_refuses_is_not_written(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "printer.cfg"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=said):
         controller_file(str(path))
 
 

@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import UsageError
+from orthoglide_cal.errors import UnknownSettingsError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import printer_settings, read_input, together
 from orthoglide_cal.files.machine_file import default_machine, machine_text, read_machine_file
 from orthoglide_cal.model.model import Model
+from orthoglide_cal.report.case import Case, decision_notice
+from orthoglide_cal.results import answer_to
 from tests import firmware_files as made
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import printer, true_values
@@ -126,7 +128,7 @@ def test_the_settings_may_be_named(tmp_path: Path) -> None:
         given = read_input(path, printer_settings(elsewhere / settings))
         assert np.abs(found(given) - true_parameters()).max() < 3e-4
         [fault] = problems(read_input, path)
-        assert fault.what == "The file does not say which printer it is from."
+        assert "does not say which printer it is from." in fault.what
         assert f"--machine {settings}" in fault.remedy
     # A machine file does not tell where the probe is.
     known = read_machine_file(made_machine(tmp_path)).model
@@ -266,3 +268,77 @@ def test_a_printers_file_is_no_machine_file_of_an_orthoglide(own: Path) -> None:
     path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
     with pytest.raises(UsageError, match="Leave --machine out"):
         read_input(path, MODEL)
+
+
+def test_without_its_override_nothing_is_known_to_be_active(own: Path) -> None:
+    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
+    put(own, "config.g", made.config_g(made.UNEVEN) + "M501\n")
+    given = read_input(path)
+    with pytest.raises(UnknownSettingsError, match=r"loads config-override.g \(M501\)"):
+        solve(given.measured, given.model)
+    answer = answer_to(given)
+    assert (answer.parameters, answer.release.usable) == ((), False)
+    assert answer.release.codes == ("settings_unknown",)
+    title = decision_notice(Case(given, answer)).title
+    assert title.startswith("The settings in force are not known: config.g loads")
+    # The numbers of a machine file that is named are.
+    known = read_machine_file(made_machine(own)).model
+    assert answer_to(read_input(path, known)).parameters
+
+
+def test_a_height_map_beside_another_kind_of_printer_is_said_to_be_of_it(own: Path) -> None:
+    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
+    text = re.sub("(?m)^m665.*$", "", made.config_g(made.UNEVEN))
+    put(own, "config.g", text.replace("M669 K3", "M669 K1"))
+    [fault] = problems(read_input, path)
+    assert fault.what.startswith("This printer is not a delta: config.g")
+    assert "(M669 K1)" in fault.what
+
+
+def listed(firmware: str) -> str:
+    """The heights of one disc as other consoles print them; Repetier's from a height of its own."""
+    x, y = made.disc(19)
+    high = made.heights(made.UNEVEN, OFF, x, y)
+    if firmware == "repetier":
+        rows = zip(np.append(x, 99.0), np.append(y, 99.0), np.append(high, 7.0) + 0.5, strict=True)
+        return "\n".join(f"12:00:01 : G33 X{a:.2f} Y{b:.2f} Z{z:.4f}" for a, b, z in rows)
+    values = " ".join(f"{z:.4f}" for z in high)
+    places = "\n".join(
+        f"G30 P{k} X{a:.2f} Y{b:.2f} Z-99999" for k, (a, b) in enumerate(zip(x, y, strict=True))
+    )
+    return f"{places}\nG32 bed probe heights: {values}, mean 0.1, deviation from mean 0.2\n"
+
+
+@pytest.mark.parametrize("firmware", ["repetier", "reprapfirmware"])
+def test_lines_of_other_consoles_are_read_where_the_machine_is_known(
+    own: Path, tmp_path: Path, firmware: str
+) -> None:
+    path = put(own, "console.txt", listed(firmware))
+    given = read_input(path, printer_settings(own / "config.g"))
+    assert len(given.measured) == 19
+    off = found(given) - true_parameters()
+    assert np.abs(off + [*[0.5 * (firmware == "repetier")] * 3, 0.0, 0.0, 0.0]).max() < 2e-3
+    (own / "config.g").unlink()
+    [fault] = problems(read_input, path)
+    assert {"repetier": "a map of Repetier", "reprapfirmware": "RepRapFirmware's console"}[
+        firmware
+    ] in fault.what
+
+
+def test_heights_without_places_and_kimbras_output_are_named(own: Path) -> None:
+    heights = listed("reprapfirmware").split("\n")[-2]
+    [fault] = problems(read_input, put(own, "console.txt", heights))
+    assert "prints 19 heights without their places" in fault.what
+    assert "bed.g" in fault.remedy
+    settings = "CFG:  M666 A0 B0 C0 I0 J0 K0 U0 V0 W0 R150.00 D300.00 H379.00\n"
+    [fault] = problems(read_input, put(own, "mk.txt", settings + made.g29(made.UNEVEN, OFF)))
+    assert "what MarlinKimbra prints" in fault.what
+
+
+def test_b_of_m665_is_the_probe_radius_of_marlin_1_1(tmp_path: Path) -> None:
+    text = re.sub(r" A\S+ B\S+ C\S+", "", made.m503(made.EQUAL)).replace(
+        " S160.00", " S160.00 B80.0"
+    )
+    g33 = re.sub(r"at radius:\S+ ", "", made.g33(made.EQUAL, OFF, radius=80.0))
+    given = read_input(put(tmp_path, "c.txt", text + g33))
+    assert np.hypot(*given.measured.plan.place[1:, :2].T) == pytest.approx(80.0)

@@ -1,13 +1,22 @@
 """Klipper's printer.cfg: what is read of it, what is passed over, and every fault with its line."""
 
 import math
+import re
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
+from orthoglide_cal.estimation import solve
+from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.klipper import read_printer_file
+from tests.printer_files import OFF, STEP, printer_cfg
+from tests.truth.delta import V400, Delta, Floats
+from tests.truth.forward import tool_from_carriages
 
-from .helpers import document, problems
+from .helpers import document, problems, saved
 
 # A round bed of five by five points: thirteen lie in the circle.
 MESH = """\
@@ -338,3 +347,52 @@ def test_what_an_included_file_holds_is_asked_for():
     assert "included" in problems(read, text)[0].remedy
     text = text.replace("[include macros.cfg]\n", "")
     assert "included" not in problems(read, text)[0].remedy
+
+
+def klipper_fit(machine: Delta, text: str) -> Floats:
+    """Endstops, radius, two angles, three arms, (9,): what DELTA_CALIBRATE makes of its own file.
+
+    By Klipper's document "Delta calibration" and what its log prints: squares of heights count by
+    twice the number of distances over that of heights.
+    """
+
+    def ways(name: str) -> Floats:
+        found = re.findall(rf"^#\*# {name} = (.*)$", text, re.MULTILINE)
+        return STEP * np.array([row.split(",") for row in found], dtype=float)
+
+    heights, first, second = map(ways, (r"height\d_pos", r"distance\d_pos1", r"distance\d_pos2"))
+    lengths = ways(r"distance\d")[:, 0] / STEP
+
+    def place(values: Floats, way: Floats) -> Floats:
+        turn, arms = np.radians([*values[4:6], machine.angles[2]]), values[6:]
+        foot = values[3] * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+        high = values[:3] + np.sqrt(arms**2 - values[3] ** 2) - way
+        at = np.concatenate((np.tile(foot, (len(way), 1, 1)), high[..., None]), axis=2)
+        start = np.stack((0.0 * high[:, 0], 0.0 * high[:, 0], high.mean(axis=1) - 0.9 * arms[0]))
+        return tool_from_carriages(at.transpose(1, 2, 0), arms[:, None], start, steps=12).T
+
+    def errors(values: Floats) -> Floats:
+        apart = np.linalg.norm(place(values, first) - place(values, second), axis=1)
+        weight = np.sqrt(2.0 * len(lengths) / len(heights))
+        return np.concatenate((weight * place(values, heights)[:, 2], apart - lengths))
+
+    start = np.array([*machine.endstops, machine.radius, *machine.angles[:2], *machine.arms])
+    return least_squares(errors, start, x_scale="jac", xtol=1e-13, ftol=1e-13, gtol=1e-13).x
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.012])
+def test_distances_free_the_arms_as_in_klipper(tmp_path: Path, noise: float) -> None:
+    """Arms agree; the others, weighted by what is stated of calliper and probe, within U/5."""
+    truth = replace(OFF, arms=np.array([0.6, -0.4, 0.3]))
+    text = printer_cfg(V400, truth, noise=noise, sections="c", many=True)
+    given = read_input(saved(tmp_path, text, "printer.cfg"))
+    (arms,) = given.model.accepted
+    solution = solve(given.measured, given.model)
+    expected = klipper_fit(V400, text)
+    assert arms.theta == pytest.approx(expected[6:] - V400.arms, abs=1e-3)
+    apart = np.array(given.model.machine.active) + solution.offsets_mm - expected[:6]
+    assert np.all(np.abs(apart) < (solution.expanded_mm / 5.0 if noise else 1e-3))
+    assert np.abs(expected[6:] - V400.arms).max() > 0.5
+    # Three distances would fit any arms.
+    few = saved(tmp_path, printer_cfg(V400, truth, sections="c"), "few.cfg")
+    assert read_input(few).model.accepted == ()

@@ -376,7 +376,7 @@ def test_no_result_has_nothing_to_show() -> None:
     for name in ("method", "verdict", "as_found", "expected", "workspace", "check"):
         assert getattr(answer, name) is None
     with pytest.raises(UnusableResultError, match="do not determine"):
-        solution_document(case)
+        solution_document(case).page()
 
 
 def test_a_number_says_what_went_in_and_not_when():

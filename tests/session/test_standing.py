@@ -29,6 +29,7 @@ class Rsh(threading.Thread):
             "hello": "HELLO ACK EMCNETSVR 1.1",
             "get user_linear_units": f"USER_LINEAR_UNITS {unit}",
             "get kinematics_type": "KINEMATICS_TYPE 3",
+            "get joint_homed": "JOINT_HOMED YES YES YES NO NO NO",
         }
         self.start()
 
@@ -92,10 +93,15 @@ def test_it_is_waited_for_and_where_it_stood_is_recorded(tmp_path: Path, rsh: Rs
 def test_a_reading_taken_elsewhere_is_questioned_and_kept_only_if_wanted(
     tmp_path: Path, rsh: Rsh
 ) -> None:
-    rsh.joints = [ISO, inches(313.25, 310.25, 310.25), ISO]
-    dialogue, screen = followed(tmp_path, rsh, "0.10", "k", "q")
+    # The same again, or k without a reason, keeps nothing.
+    away = inches(313.25, 310.25, 310.25)
+    rsh.joints = [ISO, away, away, ISO]
+    answers = ("0.10", "0.10", "k", "", "k a shim is under it", "q")
+    dialogue, screen = followed(tmp_path, rsh, *answers)
     (taken,) = (item.take for item in dialogue.state.accepted.values())
     assert isinstance(taken, Questioned)
+    assert "a shim is under it" in (dialogue.so_far.session.readings[0].note or "")
+    assert "Why is it kept?" in screen.text
     assert taken.doubt is Doubt.PLACE
     assert "3.00 mm" in taken.question
     assert "m the stand moved" not in screen.text
@@ -117,6 +123,25 @@ def test_what_cannot_be_followed(address: str) -> None:
     with pytest.raises(UsageError) as caught:
         Standing(address)
     assert "Errno" not in str(caught.value)
+
+
+@pytest.mark.parametrize("homed", ["NO NO NO", "YES YES NO", "YES YES"])
+def test_it_is_not_followed_until_it_is_homed(homed: str) -> None:
+    server = Rsh()
+    server.said["get joint_homed"] = f"JOINT_HOMED {homed}"
+    with pytest.raises(UsageError, match="is not homed"):
+        Standing(server.address)
+    server.stop()
+
+
+def test_what_loses_its_home_is_followed_no_more(tmp_path: Path, rsh: Rsh) -> None:
+    rsh.joints = [ISO]
+    dialogue, screen, _ = a_dialogue(tmp_path / "s.journal", ("0.10", "q"))
+    dialogue.standing = Standing(rsh.address)
+    rsh.said["get joint_homed"] = "JOINT_HOMED NO NO NO"
+    with closing(dialogue), pytest.raises(Quit):
+        dialogue.run()
+    assert "it is not homed any more" in screen.text
 
 
 def test_a_unit_that_is_unknown_is_refused() -> None:

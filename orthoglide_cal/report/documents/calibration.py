@@ -107,6 +107,8 @@ def calibration_document(
             if not released:
                 sheet += _gap(answer)
             sheet += _result(case, left, drawn if released else ())
+            if (excerpt := case.source.excerpt) and released:
+                sheet.append(doc.Section(None, excerpt.nozzle))
             if drawn and not released:
                 # Where the rails are drawn, the first sheet is full.
                 chosen = pages if answer.shims else sheet

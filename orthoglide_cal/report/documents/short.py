@@ -104,10 +104,13 @@ def check_document(
     return doc.Document(partial(checked.model_dump, mode="json"), lambda: page)
 
 
-def application_document(application: Application, session: str) -> doc.Document:
+def application_document(
+    application: Application, session: str, live: bool = False
+) -> doc.Document:
     """The offsets in the controller from now on, and what comes next; `session` as given.
 
-    As data what changes in the machine file; lengths in mm.
+    As data what changes in the machine file; lengths in mm. A controller that is `live` can be
+    told without a restart.
     """
     entry, machine = application.entry, application.file.model.machine
     # In the controller until then and from then on; none of a printer.
@@ -147,7 +150,7 @@ def application_document(application: Application, session: str) -> doc.Document
                 *application.controller.remarks,
             )
             caption, first = " ".join(notes), machine.vocabulary.restart
-            if application.controller.adds:
+            if application.controller.adds and not live:
                 first = f"Restart LinuxCNC: it reads its INI only then. {first}"
         again = doc.Instruction("Probe it again in the same way.")
         if machine.vocabulary.measure:

@@ -78,16 +78,16 @@ _STATE = "State how well that is known under tolerances in the machine file."
 
 
 def solution_document(case: Case) -> doc.Document:
-    """The whole answer.
-
-    Raises:
-        UnusableResultError: why it has no parameters, and what to do.
-    """
+    """The whole answer; without parameters its page raises UnusableResultError: why, what to do."""
     if not case.answer.parameters:
-        release = case.answer.release
-        remedies = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
-        raise UnusableResultError(" ".join(map(case.says, release.reasons)), remedies)
+        return doc.Document(case.data, partial(_refused, case))
     return doc.Document(case.data, partial(_page, case), partial(_screen, case))
+
+
+def _refused(case: Case) -> doc.Page:
+    release = case.answer.release
+    remedies = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
+    raise UnusableResultError(" ".join(map(case.says, release.reasons)), remedies)
 
 
 def _screen(case: Case) -> doc.Page:

@@ -110,7 +110,11 @@ def verification_notice(result: Verification) -> doc.Notice:
     lines = tuple(filter(None, (size, _answer(result), _decision(result), remains)))
     if not result.differences:
         better = result.rms_after_mm < result.rms_before_mm
-        came = "as predicted" if result.kept else f"{'but' if better else 'and'} not as predicted"
+        came = "as predicted"
+        if not result.kept:
+            u = plain(1000.0 * (result.rms_expanded_mm or 0.0), 0)
+            amount = f"{after[:-3]} instead of {promised[:-3]} ± {u} µm"
+            came = f"{'but' if better else 'and'} not as predicted ({amount})"
         title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
         if result.moved:
             title = "The machine has moved: nothing was entered, and the touches agree worse"
