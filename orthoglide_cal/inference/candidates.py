@@ -51,7 +51,9 @@ class Candidates:
         Not those that the model knows already or rules out; `ordered` if the time order of the
         readings is known.
         """
-        known, tried = {effect.cause.id for effect in model.accepted}, CAUSES.values()
+        # What a controller corrects may be more by now.
+        known = {effect.cause.id for effect in model.accepted} - model.machine.corrected.keys()
+        tried = CAUSES.values()
         usable = [
             cause
             for cause in tried

@@ -148,6 +148,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "other_data_contradict": "The {data} in the same file contradicts these values beyond U:"
     " {apart:moves}.",
     # What to know although it may be entered.
+    "corrected": "They are right only with {ids:and} corrected by the controller: without that they"
+    " would be wrong by up to {change:.3f} {unit}.",
     "within_u": "With {ids:and} the {words.many} change by at most {change:.3f} {unit}, which is"
     " within U.",
     "local_shape": "The bed's local shape is about {factor:.1f} times as large as is stated or"

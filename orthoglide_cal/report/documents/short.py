@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import UnusableResultError, command, file_words
@@ -37,6 +38,8 @@ def _machine_page(model: Model) -> doc.Page:
     ]
     known = []
     for effect in model.accepted:
+        if effect.corrects:
+            continue
         sizes = (
             f"{name} {short(each.value, 4)} ± {short(each.std, 4)} {each.unit}"
             for name, each in model.called(effect).items()
@@ -128,6 +131,7 @@ def application_document(
             "before": before,
             "after": after,
             "data_sha256": entry.data_sha256,
+            "corrections": [each._asdict() for each in application.corrections],
             "written": entry.written.model_dump() if entry.written else None,
         }
 
@@ -144,12 +148,16 @@ def application_document(
             for each in entry.written.values:
                 now, then = each.before, each.after
                 now, then = (then, now) if application.undone else (now, then)
+                now, then = now or "(no line)", then or "(no line)"
                 rows.append((str(each.line), each.key, now, doc.strong(then)))
             notes = (
                 f"Lines of {entry.written.target}; all others stay.",
                 *application.controller.remarks,
             )
             caption, first = " ".join(notes), machine.vocabulary.restart
+            if entry.written.tables and not application.undone:
+                names = ", ".join(Path(table.path).name for table in entry.written.tables)
+                caption += f" New files beside it: {names}."
             if application.controller.adds and not live:
                 first = f"Restart LinuxCNC: it reads its INI only then. {first}"
         again = doc.Instruction("Probe it again in the same way.")
@@ -164,10 +172,36 @@ def application_document(
             title = "To be taken back"
             steps = [doc.Instruction("The controller must hold the last column again; re-home.")]
         grid = doc.Grid(head, rows, caption=caption)
-        section = doc.Section(None, grid, doc.Instructions(steps))
-        return doc.Page(title, machine.name, sections=[section])
+        sections = [doc.Section(None, grid)]
+        if application.corrections:
+            sections.append(doc.Section(None, _corrections(application)))
+        sections.append(doc.Section(None, doc.Instructions(steps)))
+        return doc.Page(title, machine.name, sections=sections)
 
     return doc.Document(data, page)
+
+
+def _corrections(application: Application) -> doc.Grid:
+    """What the controller corrects of each cause, and what it does not."""
+    why = {
+        "": "corrected",
+        "no_place": "not corrected: the controller has no place for it",
+        "below_u": "not corrected: not larger than its U",
+    }
+    rows = [
+        (
+            f"{one.id} {one.name}",
+            signed(one.value, 3),
+            short(one.expanded, 2),
+            one.unit,
+            why[one.left],
+        )
+        for one in application.corrections
+    ]
+    caption = "What is wrong with the carriages, and what the controller corrects of it."
+    return doc.Grid(
+        ("cause", "size", "± U", "unit", "from now on"), rows, caption=caption, words=(0, 3, 4)
+    )
 
 
 def paper_document(reproduction: "Reproduction") -> doc.Document:
