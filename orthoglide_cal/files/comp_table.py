@@ -23,6 +23,7 @@ from orthoglide_cal.words import plain
 FILE, TYPE, BACKLASH = WRITTEN = ("COMP_FILE", "COMP_FILE_TYPE", "BACKLASH")
 OPTIONS = (*WRITTEN, "HOME_SEARCH_VEL", "HOME_LATCH_VEL", "MIN_LIMIT", "MAX_LIMIT")
 _MOST_LINES = 256
+_FARTHEST_MM = 1e5
 _BEYOND_MM = 1000.0  # half the length of a table where no limits are given
 
 # What is to be added over joint positions (n,), moving + and moving -, shape (2, n) [mm].
@@ -43,10 +44,9 @@ class JointTable:
 
     @property
     def limits_mm(self) -> tuple[float, float] | None:
-        """Lowest and highest position; None where they are not given."""
-        if not {"MIN_LIMIT", "MAX_LIMIT"} <= self.options.keys():
-            return None
-        return self.unit_mm * self._number("MIN_LIMIT"), self.unit_mm * self._number("MAX_LIMIT")
+        """Lowest and highest position; None where there are none, such as 1e99."""
+        low, high = (self.unit_mm * self._number(option) for option in ("MIN_LIMIT", "MAX_LIMIT"))
+        return (low, high) if -_FARTHEST_MM < low < high < _FARTHEST_MM else None
 
     def origin_mm(self, home_mm: float) -> float | None:
         """Machine's joint value where this joint says 0: it counts either from there, or from the

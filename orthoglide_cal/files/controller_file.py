@@ -32,6 +32,7 @@ from orthoglide_cal.words import MM_PER_INCH, plain
 _SECTION = re.compile(r"\s*\[([^\]]*)\]")
 _ENTRY = re.compile(r"\s*(\w+)\s*([:=])\s*([^#;]*?)\s*([#;].*)?", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]{1,6}(\.[0-9]{0,12})?|\.[0-9]{1,12})")
+_ANY_NUMBER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)(e[-+]?[0-9]{1,2})?", re.IGNORECASE)
 _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imperial": MM_PER_INCH}
 # What is read of a file → its section and option.
 _UNIT = "unit"
@@ -325,7 +326,8 @@ def _found(
         remedy = _SAVE if heading else remedy
         if not entries and name not in optional:
             faults.add("The value is missing.", remedy, column=key)
-        for number, value in entries:
+        # LinuxCNC takes the first; what is not written may be as it likes.
+        for number, value in entries[:1] if name in optional else entries:
             what = ""
             if number != entries[0][0]:
                 what = f"This is given twice: also in line {entries[0][0]}."
@@ -333,7 +335,9 @@ def _found(
                 what = "This is above the SAVE_CONFIG block, so Klipper uses it first."
             elif name == _UNIT and value.lower() not in _UNITS:
                 what = "This unit is unknown."
-            elif place[1] not in (_LINEAR_UNITS[1], COMP_FILE) and not _NUMBER.fullmatch(value):
+            elif place[1] not in (_LINEAR_UNITS[1], COMP_FILE) and not (
+                _ANY_NUMBER if name in optional else _NUMBER
+            ).fullmatch(value):
                 what = "This is not a number."
             if what:
                 faults.add(what, remedy, line=number, column=key, value=value)
