@@ -179,10 +179,10 @@ def _entered(
     given = common.read_input(path, machine, data, rule_out)
 
     def corrects(cause: Cause) -> bool:
-        return to is not None and to.corrects(cause, given.model.machine.home_mm)
+        return to is not None and to.corrects(cause, given.model.machine)
 
     case = released(given, machine, corrects=corrects)
     answer = case.answer
     file = file or new_machine_file(given.model, to.target if to else "")
     now = datetime.now().astimezone()
-    return application(given, answer, file, now, to, lambda: firmware_values(case))
+    return application(given, answer, file, now, to, lambda made: firmware_values(case, made, to))

@@ -69,10 +69,10 @@ def export(
         identity = identify([(case.source, given.model)], case.answer.method)
         if format == "table":
             text = controller.as_table(compensation(given.model, points), case, identity)
-        elif format in FIRMWARES:
-            text = as_firmware(format, case, identity)
         elif format == "linuxcnc":
             text = controller.as_linuxcnc(case, identity)
+        elif format in FIRMWARES:
+            text = as_firmware(format, case, identity)
         else:
             text = common.json_line(case.data()) if json else controller.as_text(case, identity)
         if case.answer.release.reasons:

@@ -18,6 +18,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 
+import numpy as np
+
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.files.comp_table import FILE as COMP_FILE
@@ -25,7 +27,7 @@ from orthoglide_cal.files.comp_table import OPTIONS, Added, JointTable
 from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.text import read_bytes, write_text
 from orthoglide_cal.model.cause import Cause
-from orthoglide_cal.model.machine import Written, WrittenTable, WrittenValue
+from orthoglide_cal.model.machine import Machine, Written, WrittenTable, WrittenValue
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.words import MM_PER_INCH, plain
 
@@ -51,6 +53,7 @@ _KLIPPER = {
     **{f"arm_{tower}": (f"stepper_{tower}", "arm_length") for tower in "abc"},
     **{tower: (f"stepper_{tower}", "position_endstop") for tower in "abc"},
 }
+_PITCHES = {f"pitch_{tower}": (f"stepper_{tower}", "rotation_distance") for tower in "abc"}
 _HEADER = """
 #*# <---------------------- SAVE_CONFIG ---------------------->
 #*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
@@ -95,19 +98,22 @@ class ControllerFile:
         """Whether a change is added to what stands there; otherwise the value replaces it."""
         return self.format == "linuxcnc"
 
-    def corrects(self, cause: Cause, home_mm: float) -> bool:
-        """Whether it has a place for what takes a cause away: LinuxCNC, for one that acts by joint.
+    def corrects(self, cause: Cause, machine: Machine) -> bool:
+        """Whether it has a place for what takes a cause away.
 
-        `home_mm` is the joint value of the isotropic posture: a correction that changes with the
-        position needs to know where that is.
+        LinuxCNC's tables have one for what acts by joint; a correction that changes with the
+        position needs to know where the isotropic posture is. Klipper has the arms, and
+        rotation_distance for what grows with the travel alone.
         """
-        return (
-            cause.by_joint
-            and bool(self.tables)
-            and (
-                cause.everywhere or None not in (t.origin_mm(home_mm) for t in self.tables.values())
+        if not cause.by_joint:
+            return not self.adds and cause.id in machine.fixed_parameters
+        up, down = cause.correction(np.ones(cause.unknowns), np.arange(3.0), 0.0)
+        if not self.adds:
+            return f"pitch_{machine.parameter_names[0]}" in self.settings and bool(
+                np.all(up == down) and np.all(up[0] == 0.0)
             )
-        )
+        known = [table.origin_mm(machine.home_mm) is not None for table in self.tables.values()]
+        return all(known) or bool(np.all((up == up[0]) & (down == down[0])))
 
     @property
     def sha256(self) -> str:
@@ -233,7 +239,8 @@ def controller_file(target: str) -> ControllerFile:
         if not re.match(r"#\*#( |$)", line):
             what = "Because of this line below its heading Klipper ignores what SAVE_CONFIG wrote."
             raise InputError(what, "Move it above the block.", file=target, line=number, value=line)
-    found = _found(target, text.replace("\n#*#", "\n"), ":=", _KLIPPER, heading)
+    wanted, lines = _KLIPPER | _PITCHES, text.replace("\n#*#", "\n")
+    found = _found(target, lines, ":=", wanted, heading, _PITCHES)
     included = "The file includes others. A value that is also in one of them is the one in force."
     return ControllerFile(target, data, found, remarks=(included,) if "\n[include " in text else ())
 
@@ -331,7 +338,7 @@ def _found(
             what = ""
             if number != entries[0][0]:
                 what = f"This is given twice: also in line {entries[0][0]}."
-            elif number <= heading:
+            elif number <= heading and name not in optional:
                 what = "This is above the SAVE_CONFIG block, so Klipper uses it first."
             elif name == _UNIT and value.lower() not in _UNITS:
                 what = "This unit is unknown."

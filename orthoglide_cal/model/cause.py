@@ -153,12 +153,6 @@ class Cause:
         return self.stage in (Stage.GEOMETRY, Stage.MOTION)
 
     @property
-    def everywhere(self) -> bool:
-        """For one that acts by joint: whether the position does not matter, the direction alone."""
-        added = self.correction(np.ones(self.unknowns), np.arange(3.0), 0.0)
-        return bool(np.all(added == added[:, :1]))
-
-    @property
     def repeats(self) -> bool:
         """Whether readings that differ in nothing but set-up and time stay equal under it."""
         return self.lasting and not self.timed

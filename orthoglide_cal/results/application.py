@@ -48,7 +48,8 @@ class Correction(NamedTuple):
     value: float
     expanded: float
     unit: str
-    left: Literal["", "no_place", "below_u"]  # why it is not corrected; "" where it is
+    gain_mm: float | None  # error of a carriage over its travel that this is; None for others
+    left: Literal["", "no_place", "no_origin", "below_u"]  # why it is not corrected; "" where it is
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def apply(
     file: StoredMachine,
     at: datetime,
     controller: ControllerFile | None = None,
-    values: Callable[[], Mapping[str, float]] = dict,
+    values: Callable[[Sequence[Correction]], Mapping[str, float]] = lambda made: {},
 ) -> Application:
     """Record the parameters of an answer as entered, and write them where that is wanted.
 
@@ -91,8 +92,8 @@ def apply(
         answer: to the input, released; one that needs nothing to be entered changes nothing.
         file: of the machine that was measured.
         controller: the controller's file, if it is to be written.
-        values: gives what is to stand there, parameter → value [mm, deg], where the file does not
-            add.
+        values: gives what is to stand there with these corrections, parameter → value [mm, deg],
+            where the file does not add.
 
     Raises:
         UsageError: the measurement is of another machine, or was applied before, or other
@@ -101,7 +102,10 @@ def apply(
     """
     sha256, adds = given.measured.source.sha256, controller is None or controller.adds
     machine = file.model.machine
-    if controller is not None and controller.format not in machine.controller_formats:
+    by_axis = machine.parameter_names == AXES
+    if controller is not None and not (
+        controller.format in machine.controller_formats and controller.adds == by_axis
+    ):
         kind = "a LinuxCNC" if adds else "Klipper"
         raise UsageError(
             f"{controller.target} is of {kind} machine; {machine.name} is of kind {machine.kind}.",
@@ -147,15 +151,17 @@ def apply(
                 f"{controller.target}: {differing} Somebody changed it since.",
                 "Restore it, or measure again with the present values.",
             )
-        added = _tables(made, controller, machine) if made else {}
-        new = amounts if adds else values()
-        written, data = controller.changed(new, decimals, added)
+        if adds:
+            tables = _tables(made, controller, machine) if made else {}
+            written, data = controller.changed(amounts, decimals, tables)
+        else:
+            written, data = controller.changed(values(made), decimals)
     after = None
     if before is not None:
         after = JointOffsets(*(round(a + amounts[n], 9) for n, a in before._asdict().items()))
     entry = entry.changed(after=after, written=written)
-    if made:
-        entry = entry.changed(corrected_before=active, corrected=_added_to(active, made))
+    if corrected := [each for each in made if CAUSES[each.id].by_joint]:
+        entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
     then = with_history(file, entry.after, entry.corrected, *file.model.machine.history, entry)
     done = Application(file, entry, False, then, given.conditions, controller, data)
     return replace(done, corrections=corrections)
@@ -179,13 +185,18 @@ def _corrections(
         ]
     for cause, name, value, std in known:
         expanded = half_width(math.inf) * std
-        left: Literal["", "no_place", "below_u"] = ""
-        if not controller.corrects(cause, machine.home_mm):
-            left = "no_place"
+        left: Literal["", "no_place", "no_origin", "below_u"] = ""
+        if not controller.corrects(cause, machine):
+            left = "no_origin" if cause.by_joint and controller.tables else "no_place"
         elif abs(value) <= expanded:
             left = "below_u"
+        gain = None
+        if cause.by_joint:
+            (effect,) = correcting(machine, {cause.id: {name: value}})
+            travel = machine.home_mm + np.array([0.0, machine.travel_mm])
+            gain = float(np.ptp(cause.correction(-effect.theta, travel, machine.home_mm)))
         if cause.in_machine:
-            yield Correction(cause.id, name, value, expanded, cause.unit, left)
+            yield Correction(cause.id, name, value, expanded, cause.unit, gain, left)
 
 
 def _added_to(active: Corrections, made: Sequence[Correction]) -> Corrections:

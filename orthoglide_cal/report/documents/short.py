@@ -185,23 +185,19 @@ def _corrections(application: Application) -> doc.Grid:
     """What the controller corrects of each cause, and what it does not."""
     why = {
         "": "corrected",
-        "no_place": "not corrected: the controller has no place for it",
-        "below_u": "not corrected: not larger than its U",
+        "no_place": "the controller has no place for it",
+        "no_origin": "its limits do not tell 0 from the isotropic posture",
+        "below_u": "not corrected: within U",
     }
-    rows = [
-        (
-            f"{one.id} {one.name}",
-            signed(one.value, 3),
-            short(one.expanded, 2),
-            one.unit,
-            why[one.left],
-        )
-        for one in application.corrections
-    ]
-    caption = "What is wrong with the carriages, and what the controller corrects of it."
-    return doc.Grid(
-        ("cause", "size", "± U", "unit", "from now on"), rows, caption=caption, words=(0, 3, 4)
-    )
+    rows = []
+    for id, name, value, expanded, unit, gain, left in application.corrections:
+        row = (f"{id} {name}", f"{signed(value, 3)} ± {short(expanded, 2)} {unit}")
+        if left == "no_place":
+            row = (id, "")  # its sizes are of no use here
+        rows.append((*row, "" if gain is None or left else plain(gain, 3), why[left]))
+    caption = "What is known to be wrong, and the error of a carriage that the controller removes."
+    head = ("cause", "size", "gain, mm", "from now on")
+    return doc.Grid(head, list(dict.fromkeys(rows)), caption=caption, words=(0, 3))
 
 
 def paper_document(reproduction: "Reproduction") -> doc.Document:
