@@ -92,7 +92,8 @@ def as_text(case: Case, identity: Identity) -> str:
 def as_linuxcnc(case: Case, identity: Identity) -> str:
     """Comments and one [JOINT_n] section per axis; true position = indicated + HOME_OFFSET."""
     if case.machine.parameter_names != AXES:
-        return as_firmware("linuxcnc", case, identity)
+        left_out = _left_out("LinuxCNC's lineardeltakins", case)
+        return _around(case, identity, linuxcnc(firmware_machine(case)), "# ", *left_out)
     digits = case.answer.decimals
     lines = [
         "#",
@@ -268,7 +269,6 @@ FIRMWARES: Mapping[str, tuple[str, Callable[[LinearDelta], Iterator[str]], str]]
     "klipper": ("Klipper", klipper, "#"),
     "reprapfirmware": ("RepRapFirmware", reprapfirmware, ";"),
     "marlin": ("Marlin", marlin, ";"),
-    "linuxcnc": ("LinuxCNC's lineardeltakins", linuxcnc, "#"),
 }
 
 

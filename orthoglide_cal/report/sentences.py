@@ -223,6 +223,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "again": "{words.again}",
     "advice": _advice,
     "accept": "{cause.advice} Or accept {id} as part of the machine:",
+    "controller_corrects": "Or let LinuxCNC correct {id}:",
     "look": "Check whether {cause.title}{where:place}. What shows it: {cause.instrument}. If all"
     " is in order, say so:",
     "retake": _retake,

@@ -622,5 +622,9 @@ def _named(
             accept, option = Reason.of("accept", id=cause.id), f"--accept {cause.id}"
             remedy = Remedy(sentence=accept, verb="diagnose", options=option)
         remedies.append(remedy)
+        machine = solution.model.machine
+        if CAUSES[cause.id].by_joint and machine.controller_formats[0] == "linuxcnc":
+            let = Reason.of("controller_corrects", id=cause.id)
+            remedies.append(Remedy(sentence=let, verb="apply", options="--to FILE.ini"))
     reason = Reason.of("offsets_wrong", ids=ids, probability=probability, **size)
     return Release(reasons=(reason,), remedies=tuple(remedies))

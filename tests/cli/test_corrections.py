@@ -16,6 +16,11 @@ HOME_LATCH_VEL = -1
 HOME_OFFSET = 510.0
 """
 INI = "[TRAJ]\nLINEAR_UNITS = mm\n" + "".join(map(JOINT.format, range(3)))
+HEADER = """
+#*# <---------------------- SAVE_CONFIG ---------------------->
+#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
+#*#
+"""
 TRUE = {"x": 0.3, "y": -0.2, "z": 0.1}
 ACCEPTED = """identified:
 - cause: encoder_scale
@@ -112,3 +117,39 @@ def test_a_table_that_was_changed_is_not_taken_back(large: Path) -> None:
     before = large.read_bytes(), Path("mill.ini").read_bytes()
     assert "changed since" in refused(2, "apply", "--undo", "--to", "mill.ini", "--yes")
     assert (large.read_bytes(), Path("mill.ini").read_bytes()) == before
+
+
+def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
+    """Beside the parameters: per turn 4/1000 more, and as much more from the bed to the endstop."""
+    shipped = Path(__file__).parents[2] / "configs" / "linear_delta.yaml"
+    accepted = ACCEPTED.replace("0.4", "4.0").replace(" x:", " a:").replace(" y:", " b:")
+    text = shipped.read_text().replace("identified: []\n", accepted.replace(" z:", " c:"))
+    Path("machine.yaml").write_text(text)
+    stands = yaml.safe_load(text)
+    above = [f"[stepper_{tower}]\nrotation_distance: 40\n" for tower in "abc"]
+    block = [
+        f"#*# [stepper_{tower}]\n#*# angle = {angle}\n#*# arm_length = {stands['arm_length_mm']}\n"
+        f"#*# position_endstop = {stands['endstops_mm'][tower]}\n"
+        for tower, angle in zip("abc", stands["tower_angles_deg"], strict=True)
+    ]
+    radius = f"#*# [printer]\n#*# delta_radius = {stands['delta_radius_mm']}\n"
+    printer = "".join(("[printer]\nkinematics: delta\n", *above, HEADER, radius, *block))
+    Path("printer.cfg").write_text(printer)
+    done("simulate", "--machine", "machine.yaml", "--seed", "3", "--output", "touches.csv")
+    options = ("touches.csv", "--machine", "machine.yaml")
+    enter = {each["name"]: each["enter"] for each in answer("solve", *options)["parameters"]}
+    said = answer("apply", *options, "--to", "printer.cfg", "--yes")
+    written = {each["key"]: float(each["after"]) for each in said["written"]["values"]}
+    for tower, share in (("a", 4e-3), ("b", -0.3e-3), ("c", 0.0)):
+        pitch = written.get(f"[stepper_{tower}] rotation_distance", 40.0)
+        assert pitch == pytest.approx(40.0 * (1.0 + share), abs=1e-4)
+        rise = written[f"[stepper_{tower}] position_endstop"] - enter[tower]
+        assert rise == pytest.approx(share * stands["endstops_mm"][tower], abs=0.01)
+    done("apply", "--undo", "--machine", "machine.yaml", "--to", "printer.cfg", "--yes")
+    assert Path("printer.cfg").read_text() == printer
+    lines = done("export", *options, "--format", "linuxcnc").split("\n")
+    assert "setp lineardeltakins.L 344.1000" in lines
+    # Joint 0 is the tower at 90 degrees: its carriage at the switch stands over the nozzle.
+    height = enter["c"] + (344.1**2 - enter["radius"] ** 2) ** 0.5
+    assert float(lines[lines.index("[JOINT_0]") + 2].split()[-1]) == pytest.approx(height, abs=2e-4)
+    assert sum("angles than 90" in line for line in lines) == 1
