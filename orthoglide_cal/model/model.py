@@ -69,6 +69,16 @@ class Model:
         machine = self.machine.changed(corrected=corrected)
         return replace(self, machine=machine, accepted=accepted + opposite)
 
+    def accepting(self, effect: Effect) -> "Model":
+        """The model with a cause of which readings showed what its controller leaves."""
+        id, known = effect.cause.id, {other.cause.id for other in self.accepted}
+        corrected = self.machine.corrected
+        if id in corrected and id not in known:
+            values = self.machine.own_names(effect.cause.names, corrected[id])
+            theta = effect.theta - effect.cause.correcting(values).theta
+            effect = replace(effect, theta=theta)
+        return self.extended([effect]).correcting(corrected)
+
     def remaining(self) -> tuple[Effect, ...]:
         """The accepted causes, less what the controller corrects of them; one effect each."""
         left: dict[str, Effect] = {}

@@ -2,8 +2,17 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.files.machine_file import (
+    default_machine,
+    machine_from_text,
+    machine_text,
+    machine_values,
+)
 
 from .program import answer, done, refused, run, words
 
@@ -153,3 +162,17 @@ def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
     height = enter["c"] + (344.1**2 - enter["radius"] ** 2) ** 0.5
     assert float(lines[lines.index("[JOINT_0]") + 2].split()[-1]) == pytest.approx(height, abs=2e-4)
     assert sum("angles than 90" in line for line in lines) == 1
+
+
+def test_accepted_is_what_the_machine_has_not_what_its_controller_leaves() -> None:
+    model, scale = (
+        default_machine().correcting({"encoder_scale": {"x": 0.4}}),
+        CAUSES["encoder_scale"],
+    )
+    found = scale.at(np.array([1e-4, -2e-4, 0.0])).accepted("2026-01-01", 64 * "0")
+    again = machine_from_text(machine_text(model.accepting(found)), "machine.yaml")
+    assert machine_values(again)["identified"][0]["parameters"]["x"]["value"] == pytest.approx(0.5)
+    (left,) = again.remaining()
+    np.testing.assert_allclose(left.theta, found.theta, atol=1e-12)
+    (left,) = again.correcting({}).remaining()
+    np.testing.assert_allclose(left.theta, [5e-4, -2e-4, 0.0], atol=1e-12)

@@ -58,7 +58,7 @@ def _rows(values: Mapping[str, object], group: str = "") -> Iterator[tuple[str, 
     """Every key in words with its unit, and its value; `joint_limits_mm` is "Joint limits, mm"."""
     for key, value in values.items():
         if isinstance(value, Mapping) and "_" not in key:
-            yield from _rows(value, f"{key} ")
+            yield from _rows(value, f"{group}{key} ")
             continue
         name, _, unit = key.rpartition("_")
         unit = f", {unit}" if unit in ("mm", "deg") else ""
