@@ -14,7 +14,7 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, stated
 from orthoglide_cal.results import Application
-from orthoglide_cal.words import counted, plain, short, signed
+from orthoglide_cal.words import counted, plain, short, signed, two_figures
 
 if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction
@@ -191,7 +191,7 @@ def _corrections(application: Application) -> doc.Grid:
     }
     rows = []
     for id, name, value, expanded, unit, gain, left in application.corrections:
-        row = (f"{id} {name}", f"{signed(value, 3)} ± {short(expanded, 2)} {unit}")
+        row = (f"{id} {name}", f"{signed(value, 3)} ± {two_figures(expanded)} {unit}")
         if left == "no_place":
             row = (id, "")  # its sizes are of no use here
         rows.append((*row, "" if gain is None or left else plain(gain, 3), why[left]))
