@@ -69,6 +69,14 @@ def test_what_a_listed_cause_makes_is_no_pattern() -> None:
     assert answer_to(given(hidden)).patterns == ()
 
 
+def test_wrong_readings_do_not_stand_for_a_step_beside_a_cause() -> None:
+    """With misread beside backlash noise is left, too; backlash and the step are e^49 as likely."""
+    hidden = draw_beyond(1_100_024, truth.PROTOTYPE, truth.MICRON, "steps", "leg", True)
+    answer = answer_to(given(hidden.session))
+    best = answer.patterns[0]
+    assert (answer.verdict, best.how, best.where) == ("unexplained", "steps", hidden.where.names)
+
+
 def test_a_steady_drift_of_a_probe_is_no_pattern() -> None:
     at = places_of(Layout(places=25, cycles=3), UNEVEN.bed)
     hours, nothing = np.linspace(0.0, 0.5, len(at)), np.zeros(len(at))
