@@ -17,7 +17,7 @@ from tests import truth
 from tests.files.test_controller_file import CFG, INI
 from tests.linuxcnc import LinuxCnc, missing
 
-from .program import FIRST, answer, done, refused, run, words
+from .program import FIRST, answer, as_measured, done, refused, run, words
 from .test_apply import history, to_practise
 
 PROGRAM = (sys.executable, "-m", "orthoglide_cal", "apply", "--to", "mill.ini", "--yes")
@@ -232,6 +232,7 @@ def test_a_real_linuxcnc_corrects_lost_motion_and_scale() -> None:
     with Path("machine.yaml").open("a", encoding="utf-8") as file:
         file.write(yaml.safe_dump({"identified": entries}))
     done("simulate", "--machine", "machine.yaml", "--seed", "3", "--output", "worn.csv")
+    as_measured("worn.csv")
     with LinuxCnc(lost_mm=(0.05, 0.05, 0.0), excess=(3e-4, 3e-4, 0.0)) as machine:
         original = machine.ini.read_bytes()
 

@@ -14,7 +14,7 @@ from orthoglide_cal.files.machine_file import (
     machine_values,
 )
 
-from .program import answer, done, refused, run, words
+from .program import answer, as_measured, done, refused, run, words
 
 JOINT = """\
 [JOINT_{}]
@@ -49,6 +49,7 @@ def measured(name: str, seed: int, *cause: str) -> None:
     options = ("--machine", "machine.yaml", "--seed", str(seed), "--cycles", "5")
     causes = [text for each in cause for text in ("--cause", each)]
     done("simulate", *options, *causes, "--offsets", *left, "--output", name)
+    as_measured(name)
 
 
 def applied(name: str) -> dict:
@@ -145,6 +146,7 @@ def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
     printer = "".join(("[printer]\nkinematics: delta\n", *above, HEADER, radius, *block))
     Path("printer.cfg").write_text(printer)
     done("simulate", "--machine", "machine.yaml", "--seed", "3", "--output", "touches.csv")
+    as_measured("touches.csv")
     options = ("touches.csv", "--machine", "machine.yaml")
     enter = {each["name"]: each["enter"] for each in answer("solve", *options)["parameters"]}
     said = answer("apply", *options, "--to", "printer.cfg", "--yes")
