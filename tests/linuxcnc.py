@@ -81,6 +81,20 @@ net estop iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in
 net prepare iocontrol.0.tool-prepare => iocontrol.0.tool-prepared
 net change iocontrol.0.tool-change => iocontrol.0.tool-changed
 """
+# A motor takes its carriage along once the lost motion is used up.
+_BEHIND = """\
+net j{n} => offset.{low}.in offset.{high}.in
+setp offset.{low}.offset -{half}
+setp offset.{high}.offset {half}
+net low{n} offset.{low}.out => limit1.{n}.min
+net high{n} offset.{high}.out => limit1.{n}.max
+net nut{n} limit1.{n}.out => limit1.{n}.in scale.{n}.in
+setp scale.{n}.gain {gain}
+addf offset.{low}.update-output servo-thread
+addf offset.{high}.update-output servo-thread
+addf limit1.{n} servo-thread
+addf scale.{n} servo-thread
+"""
 
 
 ALLOWED = "ORTHOCAL_TEST_LINUXCNC"
@@ -129,7 +143,12 @@ class Network:
 class LinuxCnc:
     """Started in a folder, homed; not as root, which it refuses."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self,
+        lost_mm: tuple[float, ...] = (0.0, 0.0, 0.0),
+        excess: tuple[float, ...] = (0.0, 0.0, 0.0),
+    ) -> None:
+        """With carriages that have lost motion and a wrong scale behind their motors."""
         # There is one in a computer: other tests wait.
         self.alone = (Path(tempfile.gettempdir()) / "orthocal-linuxcnc.lock").open("w")
         fcntl.flock(self.alone, fcntl.LOCK_EX)
@@ -148,7 +167,10 @@ class LinuxCnc:
             for number, (axis, offset) in enumerate(joints)
         ]
         self.ini.write_text(_HEAD + "".join(blocks))
-        (folder / "mill.hal").write_text(_HAL)
+        hal = _HAL + "loadrt limit1 count=3\nloadrt offset count=6\nloadrt scale count=3\n"
+        for n, (width, more) in enumerate(zip(lost_mm, excess, strict=True)):
+            hal += _BEHIND.format(n=n, low=2 * n, high=2 * n + 1, half=width / 2, gain=1.0 + more)
+        (folder / "mill.hal").write_text(hal)
         for name in ("tool.tbl", "sim.var"):
             (folder / name).touch()
         self.user = "nobody" if os.geteuid() == 0 else None
@@ -215,6 +237,10 @@ class LinuxCnc:
     def motors_mm(self) -> list[float]:
         """Where the motors are, whatever the controller calls that place [mm]."""
         return [round(float(self.hal("getp", f"joint.{n}.motor-pos-cmd")), 6) for n in range(3)]
+
+    def carriages_mm(self) -> list[float]:
+        """Where the carriages are [mm]."""
+        return [float(self.hal("getp", f"scale.{n}.out")) for n in range(3)]
 
     def hal(self, *arguments: str) -> str:
         run = subprocess.run(

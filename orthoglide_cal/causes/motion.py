@@ -20,6 +20,7 @@ class EncoderScale(Cause):
     stage = Stage.MOTION
     unit = "1e-3"
     sizes = MappingProxyType({Orthoglide: 1.0, LinearDelta: 1.0})
+    by_joint = True
     size_reason = "belt or screw lead error, or a scale entered with few digits"
     scale = 1e-3
     names = ("x", "y", "z")
@@ -58,6 +59,7 @@ class Backlash(Cause):
     stage = Stage.MOTION
     unit = "mm"
     sizes = MappingProxyType({Orthoglide: 0.02, LinearDelta: 0.05})
+    by_joint = True
     size_reason = "a worn but serviceable screw and nut"
     names = ("x", "y", "z")
     nuisance = (0.3, 0.3, 0.3)

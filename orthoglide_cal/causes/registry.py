@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from orthoglide_cal.model.cause import Cause
+from orthoglide_cal.model.cause import Cause, Effect
+from orthoglide_cal.model.machine import Corrections, Machine
 
 _FOUND: dict[str, Cause] = {
     cause.id: cause
@@ -15,3 +16,11 @@ _FOUND: dict[str, Cause] = {
     for cause in importlib.import_module(f"{__package__}.{module.name}").CAUSES
 }
 CAUSES: Mapping[str, Cause] = MappingProxyType(dict(sorted(_FOUND.items())))
+
+
+def correcting(machine: Machine, corrected: Corrections) -> tuple[Effect, ...]:
+    """What the controller of a machine does that corrects this of its causes."""
+    return tuple(
+        CAUSES[id].correcting(machine.own_names(CAUSES[id].names, values))
+        for id, values in corrected.items()
+    )

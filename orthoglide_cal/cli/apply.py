@@ -79,7 +79,7 @@ def apply(
         else:
             entry = _entered(path, machine, controller, data, rule_out)
         controller = entry.controller
-        live = bool(controller and controller.adds and is_live(controller))
+        live = bool(controller and controller.adds and not entry.tables and is_live(controller))
         document = application_document(entry, path, live)
         if not entry.changes:
             if json:
@@ -124,9 +124,16 @@ def _write(entry: "Application") -> None:
     from orthoglide_cal.files.controller_file import holds, replace_file
     from orthoglide_cal.files.text import write_text
 
+    def remove_tables() -> None:
+        for table in entry.tables:
+            Path(table.path).unlink(missing_ok=True)
+
     record, controller = entry.file.document, entry.controller
     new = not Path(record.path).exists()
     writes = [(record.path, record.sha256, entry.then.document.text.encode())]
+    for table in () if entry.undone else entry.tables:
+        # Its name holds its digest: it is new, or what a killed program left.
+        write_text(Path(table.path), table.text, overwrite=True)
     if controller is not None:
         writes.append((controller.target, controller.sha256, entry.data))
     for target, before, data in reversed(writes) if entry.undone else writes:
@@ -138,7 +145,10 @@ def _write(entry: "Application") -> None:
                     Path(record.path).unlink()
                 else:
                     write_text(Path(record.path).resolve(), record.text, overwrite=True)
+                remove_tables()
             raise
+    if entry.undone:
+        remove_tables()
 
 
 def _entered(
@@ -151,6 +161,7 @@ def _entered(
     """Entry of a measurement. Raises UsageError, UnusableResultError."""
     from orthoglide_cal.files.input import machine_of_controller
     from orthoglide_cal.files.machine_file import new_machine_file
+    from orthoglide_cal.model.cause import Cause
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
     from orthoglide_cal.results.application import check_measured
@@ -168,7 +179,11 @@ def _entered(
         judged.check_recorded(remedy)
     given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)
-    answer = (case := released(given, machine)).answer
+
+    def corrects(cause: Cause) -> bool:
+        return to is not None and to.corrects(cause, given.model.machine)
+
+    answer = (case := released(given, machine, corrects=corrects)).answer
     file = file or new_machine_file(given.model, to.target if to else "")
     now = datetime.now().astimezone()
-    return application(given, answer, file, now, to, lambda: firmware_values(case))
+    return application(given, answer, file, now, to, lambda made: firmware_values(case, made, to))

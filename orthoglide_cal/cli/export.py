@@ -8,7 +8,10 @@ from orthoglide_cal.cli.common import MEASURED, argument, flag, option
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from orthoglide_cal.files.input import Input
+    from orthoglide_cal.model.cause import Cause
     from orthoglide_cal.report.case import Case
 
 Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marlin"]
@@ -68,10 +71,10 @@ def export(
         identity = identify([(case.source, given.model)], case.answer.method, machine)
         if format == "table":
             text = controller.as_table(compensation(given.model, points), case, identity)
-        elif format in FIRMWARES:
-            text = as_firmware(format, case, identity)
         elif format == "linuxcnc":
             text = controller.as_linuxcnc(case, identity)
+        elif format in FIRMWARES:
+            text = as_firmware(format, case, identity)
         else:
             text = common.json_line(case.data()) if json else controller.as_text(case, identity)
         if case.answer.release.reasons:
@@ -88,6 +91,7 @@ def released(
     method: str | None = None,
     force: bool | None = None,
     details: bool = False,
+    corrects: "Callable[[Cause], bool] | None" = None,
 ) -> "Case":
     """The offsets of an input, if they may be used or are forced to (None: cannot be forced).
 
@@ -97,7 +101,7 @@ def released(
     from orthoglide_cal.results import answer_to
 
     with common.working(given.measured.source.path):
-        answer = answer_to(given, method, details=details)
+        answer = answer_to(given, method, details=details, corrects=corrects)
     case = Case(given, answer, machine)
     if not answer.parameters or not (answer.release.usable or force):
         remedies = [

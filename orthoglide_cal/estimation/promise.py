@@ -1,6 +1,6 @@
 """The promise: what the gauges will read once offsets are entered. Computed here and only here."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +9,7 @@ from pydantic import Field
 from orthoglide_cal.estimation.accuracy import Scatter, half_width
 from orthoglide_cal.estimation.budget import Budget, influences
 from orthoglide_cal.estimation.methods import pose, table_kind
+from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import DataKind, Measured
 from orthoglide_cal.model.model import Model
@@ -44,6 +45,7 @@ def promise(
     known: OffsetEstimate,
     entered: Floats,
     right: Measured | None = None,
+    corrected: Iterable[Effect] = (),
 ) -> tuple[PromisedDifference, ...]:
     """Measured, modelled and expected differences, in the order of Table 4.
 
@@ -55,6 +57,7 @@ def promise(
     Args:
         measured, known: the data, and what is known of the machine.
         entered: added to the controller's offsets, shape (3,) [mm].
+        corrected: what the controller does from then on against causes, besides the offsets.
         right: the data without faults that will not return, such as a misreading; None if there
             are none.
     """
@@ -66,7 +69,9 @@ def promise(
     problem = posed.problem
     after = known.offsets_mm - entered
     both = np.stack((known.offsets_mm, after))
-    (modelled, left), (first, second) = problem.predict_with_jacobian(both)
+    modelled, first = problem.predict_with_jacobian(known.offsets_mm)
+    later = replace(problem, model=known.model.extended(corrected))
+    left, second = later.predict_with_jacobian(after)
     expected = kept.data + left - modelled
     # The same readings are taken once before and once after.
     scatter = 2.0 * known.noise.sigma_mm**2 * np.diag(problem.covariance())
@@ -80,7 +85,7 @@ def promise(
     if not problem.model.repeats:
         # The effect of a drift depends on the pace of measuring.
         slower = replace(problem.plan, hours=(1.0 + PACE) * problem.plan.hours)
-        sources.append((replace(problem, plan=slower).predict(after) - left)[:, None])
+        sources.append((replace(later, plan=slower).predict(after) - left)[:, None])
     variance = scatter + (np.hstack(sources) ** 2).sum(axis=1)
     # Effective degrees of freedom by Welch–Satterthwaite, all but the noise known without end.
     factor = [half_width(known.noise.dof * ratio**2) for ratio in (variance / scatter).tolist()]

@@ -1,7 +1,7 @@
 """From what was measured to joint offsets, how sure they are, and whether the model fits."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -23,6 +23,7 @@ from orthoglide_cal.estimation.least_squares import OPTIMAL, LeastSquaresFit, fi
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, UNLISTED, surprising
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
+from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Influence, Instrument, Suspicion
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
@@ -107,15 +108,18 @@ class Solution(ReadOnly):
         return Scatter(self.sigma_mm, math.inf if self.scatter is None else self.scatter.dof)
 
     def promised(
-        self, entered: Floats | None = None, right: Measured | None = None
+        self,
+        entered: Floats | None = None,
+        right: Measured | None = None,
+        corrected: Iterable[Effect] = (),
     ) -> tuple[PromisedDifference, ...]:
         """Differences to expect once (3,) [mm] were entered; its own offsets if None.
 
-        `right` as in `promise`.
+        `right` and `corrected` as in `promise`.
         """
         known = OffsetEstimate(self.model, self.offsets_mm, self.budget, self.noise)
         change = self.offsets_mm if entered is None else entered
-        return promise(self.measured, known, change, right)
+        return promise(self.measured, known, change, right, corrected)
 
     @cached_property
     def _fit(self) -> tuple[float, Floats]:

@@ -12,35 +12,47 @@ import codecs
 import hashlib
 import re
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files import moonraker
+from orthoglide_cal.files.comp_table import FILE as COMP_FILE
+from orthoglide_cal.files.comp_table import OPTIONS, Added, JointTable
 from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.text import read_bytes, write_text
-from orthoglide_cal.model.machine import Written, WrittenValue
+from orthoglide_cal.model.cause import Cause
+from orthoglide_cal.model.machine import Machine, Written, WrittenTable, WrittenValue
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.words import MM_PER_INCH, plain
 
 _SECTION = re.compile(r"\s*\[([^\]]*)\]")
 _ENTRY = re.compile(r"\s*(\w+)\s*([:=])\s*([^#;]*?)\s*([#;].*)?", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]{1,6}(\.[0-9]{0,12})?|\.[0-9]{1,12})")
+_ANY_NUMBER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)(e[-+]?[0-9]{1,2})?", re.IGNORECASE)
 _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imperial": MM_PER_INCH}
 # What is read of a file → its section and option.
 _UNIT = "unit"
 _LINEAR_UNITS = ("TRAJ", "LINEAR_UNITS")
 _KINS = re.compile(r"\s*KINEMATICS\s*=.*\bcoordinates\s*=\s*(\S+)", re.IGNORECASE)
 # An included file with a section changes what the lines behind it belong to.
-_INCLUDED = re.compile(r"^\s*(\[|#INCLUDE|(HOME_OFFSET|KINEMATICS|LINEAR_UNITS)\b)", re.MULTILINE)
+_INCLUDED = re.compile(
+    r"^\s*(\[|#INCLUDE|(KINEMATICS|LINEAR_UNITS|HOME_OFFSET|HOME_\w+_VEL|(MIN|MAX)_LIMIT|BACKLASH"
+    r"|COMP_FILE(_TYPE)?)\b)",
+    re.MULTILINE,
+)
 _KLIPPER = {
     "radius": ("printer", "delta_radius"),
     **{f"angle_{tower}": (f"stepper_{tower}", "angle") for tower in "abc"},
     **{f"arm_{tower}": (f"stepper_{tower}", "arm_length") for tower in "abc"},
     **{tower: (f"stepper_{tower}", "position_endstop") for tower in "abc"},
 }
+_PITCHES = {f"pitch_{tower}": (f"stepper_{tower}", "rotation_distance") for tower in "abc"}
 _HEADER = """
 #*# <---------------------- SAVE_CONFIG ---------------------->
 #*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
@@ -53,6 +65,21 @@ _SAVE = (
 )
 
 
+NOTHING: Mapping[str, Added] = MappingProxyType({})
+
+
+def _from_above(value: WrittenValue) -> tuple[int, bool]:
+    """Order in a file: a line put above another comes before it."""
+    return value.line, bool(value.before)
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether two values are the same, as numbers to 0.1 µm: printers round there."""
+    with suppress(ValueError):
+        return abs(float(one) - float(other)) <= 1e-4
+    return one == other
+
+
 @dataclass(frozen=True)
 class ControllerFile:
     """What stands in a controller's file."""
@@ -60,6 +87,7 @@ class ControllerFile:
     target: str  # its path or address, the same whichever way it was named
     data: bytes
     settings: Mapping[str, WrittenValue]  # by parameter; as they stand
+    tables: Mapping[str, JointTable] = field(default_factory=dict)  # of LinuxCNC, by parameter
     unit_mm: float = 1.0  # length of the unit of its values [mm]
     format: str = "klipper"  # whose the file is, as an export names it
     remarks: tuple[str, ...] = ()  # what to know before it is written
@@ -69,20 +97,46 @@ class ControllerFile:
         """Whether a change is added to what stands there; otherwise the value replaces it."""
         return self.format == "linuxcnc"
 
+    def corrects(self, cause: Cause, machine: Machine) -> bool:
+        """Whether it has a place for what takes a cause away.
+
+        LinuxCNC's tables have one for what acts by joint; a correction that changes with the
+        position needs to know where the isotropic posture is. Klipper has the arms, and
+        rotation_distance for what grows with the travel alone.
+        """
+        if not cause.by_joint:
+            return not self.adds and cause.id in machine.fixed_parameters
+        up, down = cause.correction(np.ones(cause.unknowns), np.arange(3.0), 0.0)
+        if not self.adds:
+            return f"pitch_{machine.parameter_names[0]}" in self.settings and bool(
+                np.all(up == down) and np.all(up[0] == 0.0)
+            )
+        known = [table.origin_mm(machine.home_mm) is not None for table in self.tables.values()]
+        return all(known) or bool(np.all((up == up[0]) & (down == down[0])))
+
     @property
     def sha256(self) -> str:
         return hashlib.sha256(self.data).hexdigest()
 
-    def changed(self, amounts: Mapping[str, float], decimals: int) -> tuple[Written, bytes]:
+    def changed(
+        self, amounts: Mapping[str, float], decimals: int, added: Mapping[str, Added] = NOTHING
+    ) -> tuple[Written, bytes]:
         """What is replaced, for the record, and the bytes then.
 
         The amounts, with so many decimals, are what is added to each parameter, where the file adds
-        [mm]; otherwise what is to stand there [mm, deg].
+        [mm]; otherwise what is to stand there [mm, deg]. `added` is what a table adds to a joint.
         """
-        values = []
+        values: list[WrittenValue] = []
+        tables: list[WrittenTable] = []
         decimals += 2 if self.unit_mm > 1.0 else 0
         for name, amount in amounts.items():
             stands = self.settings[name]
+            if name in added:
+                shown = max(decimals, len(stands.before.partition(".")[2]))
+                lines, table = self.tables[name].changed(added[name], amount, shown)
+                values += lines
+                tables.append(table)
+                continue
             before = float(stands.before)
             new = before + amount / self.unit_mm if self.adds else amount
             if abs(new - before) >= 0.5 * 10.0**-decimals:
@@ -92,42 +146,57 @@ class ControllerFile:
                     what = f"{self.target}: {stands.key} would become {after}."
                     raise UsageError(what, f"Check the value there, {stands.before}.")
                 values.append(stands.changed(after=after))
-        return self._replaced(values)
+        written, data = self._replaced(values)
+        return written.changed(tables=tuple(tables)), data
 
     def restored(self, written: Written) -> bytes:
         """The bytes as they were before they were written, to the last one.
 
         Raises UsageError, with what differs, if the file is not what was written any more.
         """
-        wrote = written.values
-        back = [each.changed(before=each.after, after=each.before) for each in wrote]
+        wrote, back, inserted = written.values, [], 0
+        for each in sorted(wrote, key=_from_above):
+            inserted += not each.before
+            line = each.line + inserted - (not each.before)
+            back.append(each.changed(line=line, before=each.after, after=each.before))
         then, data = self._replaced(back)
         if (self.sha256, then.sha256_after) == (written.sha256_after, written.sha256_before):
             return data
         other = "The values are the same; something else in it was changed."
-        what = self.differing({each.key: float(each.after) for each in wrote}) or other
-        by_hand = ", ".join(f"{each.key} = {each.before}" for each in wrote)
+        what = self.differing({each.key: each.after for each in wrote}) or other
+        by_hand = ", ".join(f"{each.key} = {each.before or '(no line)'}" for each in wrote)
         what = f"{self.target} was changed since it was written. {what}"
         raise UsageError(what, f"Nothing was changed. Restore these values by hand: {by_hand}")
 
-    def differing(self, expected: Mapping[str, float]) -> str:
+    def differing(self, expected: Mapping[str, str]) -> str:
         """Which values, by their keys there, are others than these, in words; "" for none."""
-        held = {each.key: each.before for each in self.settings.values()}
+        lines = (line for table in self.tables.values() for line in table.options.values())
+        held = {each.key: each.before for each in (*self.settings.values(), *lines)}
         return " ".join(
-            f"{key} holds {held.get(key, 'nothing')} instead of {value:g}."
+            f"{key} holds {held.get(key, 'nothing')} instead of {value}."
             for key, value in expected.items()
-            if key not in held or abs(float(held[key]) - value) > 1e-4  # mm, deg: rounded there
+            if not _alike(held.get(key, ""), value)
         )
 
     def _replaced(self, values: Sequence[WrittenValue]) -> tuple[Written, bytes]:
         """What is written with other values in some lines, for the record, and the bytes then."""
-        lines = dict(enumerate(self.data.splitlines(keepends=True), start=1))
-        for each in values:
-            # Behind the sign: what stands before it may hold the same digits.
-            key, *value = re.split(rb"(?<=[:=])", lines.get(each.line, b""), maxsplit=1)
-            after = b"".join(value).replace(each.before.encode(), each.after.encode(), 1)
-            lines[each.line] = key + after
-        then = replace(self, data=b"".join(lines.values()))
+        lines = self.data.splitlines(keepends=True)
+        for each in sorted(values, key=_from_above)[::-1]:
+            index = each.line - 1
+            if index >= len(lines):
+                continue  # somebody removed it since
+            if not each.before:
+                end = lines[index - 1][len(lines[index - 1].rstrip(b"\r\n")) :]
+                option = each.key.partition("] ")[2]
+                lines.insert(index, f"{option} = {each.after}".encode() + end)
+            elif not each.after:
+                del lines[index]
+            else:
+                # Behind the sign: what stands before it may hold the same digits.
+                key, *value = re.split(rb"(?<=[:=])", lines[index], maxsplit=1)
+                after = b"".join(value).replace(each.before.encode(), each.after.encode(), 1)
+                lines[index] = key + after
+        then = replace(self, data=b"".join(lines))
         digests = {"sha256_before": self.sha256, "sha256_after": then.sha256}
         return Written(target=self.target, **digests, values=tuple(values)), then.data
 
@@ -145,9 +214,15 @@ def controller_file(target: str) -> ControllerFile:
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
         text = _first_sections(target, text)
         joints = {axis: (f"JOINT_{n}", "HOME_OFFSET") for axis, n in _joints(target, text).items()}
-        found = _found(target, text, "=", {**joints, _UNIT: _LINEAR_UNITS}, 0)
+        more = {f"{a} {o}": (section, o) for a, (section, _) in joints.items() for o in OPTIONS}
+        found = _found(target, text, "=", {**joints, _UNIT: _LINEAR_UNITS, **more}, 0, more)
         unit_mm = _UNITS[found.pop(_UNIT).before.lower()]
-        return ControllerFile(target, data, found, unit_mm, "linuxcnc")
+        settings = {axis: found.pop(axis) for axis in joints}
+        tables = {}
+        for axis, home in settings.items():
+            options = {o: found[key] for o in OPTIONS if (key := f"{axis} {o}") in found}
+            tables[axis] = JointTable(target, home, options, unit_mm)
+        return ControllerFile(target, data, settings, tables, unit_mm, "linuxcnc")
     if "\n[printer]" not in text.replace("\xef\xbb\xbf", "", 1):
         raise InputError(
             "This is not the file of a known controller.",
@@ -167,7 +242,8 @@ def controller_file(target: str) -> ControllerFile:
         if not re.match(r"#\*#( |$)", line):
             what = "Because of this line below its heading Klipper ignores what SAVE_CONFIG wrote."
             raise InputError(what, "Move it above the block.", file=target, line=number, value=line)
-    found = _found(target, text.replace("\n#*#", "\n"), ":=", _KLIPPER, heading)
+    wanted, lines = _KLIPPER | _PITCHES, text.replace("\n#*#", "\n")
+    found = _found(target, lines, ":=", wanted, heading, _PITCHES)
     included = "The file includes others. A value that is also in one of them is the one in force."
     return ControllerFile(target, data, found, remarks=(included,) if "\n[include " in text else ())
 
@@ -233,7 +309,12 @@ def holds(target: str, sha256: str) -> bool:
 
 
 def _found(
-    target: str, text: str, signs: str, wanted: Mapping[str, tuple[str, str]], heading: int
+    target: str,
+    text: str,
+    signs: str,
+    wanted: Mapping[str, tuple[str, str]],
+    heading: int,
+    optional: Collection[str] = (),
 ) -> dict[str, WrittenValue]:
     """Where each value stands: once, below the heading of Klipper's block. Raises InvalidFileError.
 
@@ -253,17 +334,20 @@ def _found(
         entries = places[place]
         remedy = _ADD.format(*place, "mm (or inch)" if name == _UNIT else "NUMBER")
         remedy = _SAVE if heading else remedy
-        if not entries:
+        if not entries and name not in optional:
             faults.add("The value is missing.", remedy, column=key)
-        for number, value in entries:
+        # LinuxCNC takes the first; what is not written may be as it likes.
+        for number, value in entries[:1] if name in optional else entries:
             what = ""
             if number != entries[0][0]:
                 what = f"This is given twice: also in line {entries[0][0]}."
-            elif number <= heading:
+            elif number <= heading and name not in optional:
                 what = "This is above the SAVE_CONFIG block, so Klipper uses it first."
             elif name == _UNIT and value.lower() not in _UNITS:
                 what = "This unit is unknown."
-            elif name != _UNIT and not _NUMBER.fullmatch(value):
+            elif place[1] not in (_LINEAR_UNITS[1], COMP_FILE) and not (
+                _ANY_NUMBER if name in optional else _NUMBER
+            ).fullmatch(value):
                 what = "This is not a number."
             if what:
                 faults.add(what, remedy, line=number, column=key, value=value)

@@ -24,7 +24,7 @@ from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes,
 from orthoglide_cal.files.yaml_tree import edited, load_tree, yaml_text
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
-from orthoglide_cal.model.machine import Entered, JointOffsets, Machine
+from orthoglide_cal.model.machine import Corrections, Entered, JointOffsets, Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that, yaml_number
 
@@ -252,6 +252,18 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
     except ValidationError as error:
         tree.take(error, schema, path)
     sizes, causes = value.get("tolerances"), _causes_of(machine)
+    corrected = value.get("corrected")
+    for id, values in corrected.items() if isinstance(corrected, dict) else ():
+        if id not in causes or not CAUSES[id].by_joint:
+            by_joint = [id for id in causes if CAUSES[id].by_joint]
+            what = "No controller corrects this."
+            tree.note((*path, "corrected", id), what, f"Known: {', '.join(by_joint)}.", id)
+            continue
+        names = machine.named(CAUSES[id].names).values()
+        for name in values if isinstance(values, dict) else ():
+            if name not in names:
+                what, remedy = "This is no parameter of it.", f"Known: {', '.join(names)}."
+                tree.note((*path, "corrected", id, name), what, remedy, name)
     noted = {fault.column for fault in tree.problems}
     for id, text in sizes.items() if isinstance(sizes, dict) else ():
         place = (*path, "tolerances", id)
@@ -263,7 +275,8 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
         return None
     fields = {name: getattr(file, name) for name in machine.model_fields}
     effects = tuple(entry.effect(machine) for entry in file.identified)
-    return Model(machine.model_construct(**fields), effects)
+    made = machine.model_construct(**fields)
+    return Model(made, effects).correcting(made.corrected)
 
 
 def _causes_of(machine: type[Machine]) -> list[str]:
@@ -371,16 +384,24 @@ def new_machine_file(model: Model, controller: str) -> StoredMachine:
 
 
 def with_history(
-    file: StoredMachine, offsets_mm: JointOffsets | None, *history: Entered
+    file: StoredMachine,
+    offsets_mm: JointOffsets | None,
+    corrected: Corrections | None,
+    *history: Entered,
 ) -> StoredMachine:
-    """The file with other active offsets [mm] (None: the same) and another history, not written.
+    """The file with other active offsets [mm], corrections (None: the same) and history, not
+    written.
 
     Comments, order and blanks stay as they are; the digest is still that of the file.
     """
     held = {"offsets_mm": offsets_mm} if offsets_mm is not None else {}
     model = replace(file.model, machine=file.model.machine.changed(**held, history=history))
-    values = machine_values(model)
-    text = edited(file.document.text, {key: values[key] for key in (*held, "history")})
+    model = model if corrected is None else model.correcting(corrected)
+    values, keys, text = machine_values(model), [*held, "history"], file.document.text
+    if corrected is not None:
+        keys.append("corrected")
+        text = edited(text, {"corrected": []})  # no key of the old ones stays
+    text = edited(text, {key: values.get(key, {}) for key in keys})
     with suppress(InputError):
         if machine_values(machine_from_text(text, file.document.path)) == values:
             return replace(file, model=model, document=replace(file.document, text=text))

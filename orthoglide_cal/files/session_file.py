@@ -70,8 +70,13 @@ def session_from_tree(
     judge = model or recorded
     if judge is None:
         raise tree.error()
-    if model and recorded and model.orthoglide.offsets_mm != recorded.orthoglide.offsets_mm:
-        judge = model.holding(recorded.orthoglide.offsets_mm)
+    if model and recorded:
+        held = recorded.orthoglide
+        if (held.offsets_mm, held.corrected) != (
+            model.orthoglide.offsets_mm,
+            model.machine.corrected,
+        ):
+            judge = model.holding(held.offsets_mm, held.corrected)
     keys = Session.model_fields
     rows = tree.value["readings"]
     entries = (entry for entry in rows if isinstance(entry, dict)) if isinstance(rows, list) else ()

@@ -164,7 +164,7 @@ def _changes(group: yaml.Node | None, values: Mapping[str, object], text: str) -
             continue
         start = node.start_mark.index
         line = text.rfind("\n", 0, start)
-        if isinstance(value, Mapping) and all(_entry(node, inner)[1] for inner in value):
+        if isinstance(value, Mapping) and value and all(_entry(node, inner)[1] for inner in value):
             yield from _changes(node, value, text)
         elif _is_block(node) and not text[line:start].strip(" \n"):
             # A block below its key: the new value stands behind the key, whatever its form.

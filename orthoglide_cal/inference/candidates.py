@@ -52,7 +52,8 @@ class Candidates:
         Not those that the model knows already or rules out; `ordered` if the time order of the
         readings is known, `spots` the number of places of a bed that were touched.
         """
-        known = {effect.cause.id for effect in model.accepted}
+        # What a controller corrects may be more by now.
+        known = {effect.cause.id for effect in model.accepted} - model.machine.corrected.keys()
         usable = [
             cause
             for cause in (cause.within(spots) for cause in CAUSES.values())

@@ -228,7 +228,7 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
                 f"These data contradict {id}.", f"They name {', '.join(accepted)}."
             )
         (effect,) = (effect for effect in found.belief.fit(best).effects if effect.cause.id == id)
-        return model.extended([effect.accepted(on.isoformat(), measured.source.sha256)])
+        return model.accepting(effect.accepted(on.isoformat(), measured.source.sha256))
 
 
 def _decided(white: Whitened) -> Decision:

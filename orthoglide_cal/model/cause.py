@@ -81,6 +81,7 @@ class Cause:
     positive: bool = False  # its parameters cannot be negative
     lasting: bool = False  # the same machine still has it in the next session
     compensable: bool = False  # a controller can compensate it
+    by_joint: bool = False  # it moves a carriage by what its position and direction alone decide
     timed: bool = False  # it can only be seen in readings whose time order is known
     hides_reading: bool = False  # the reading at its place says nothing any more
     any_size: bool = False  # a blunder: no size of it is usual
@@ -244,6 +245,12 @@ class Cause:
         covariance[np.ix_(own, own)] = np.outer(stds, stds) * correlation
         return Effect(self, theta, covariance=covariance * self.scale**2)
 
+    def correcting(self, values: Mapping[str, float]) -> Effect:
+        """What a controller does that corrects parameters of these values by name, in the unit."""
+        theta = np.zeros(self.unknowns)
+        theta[[self.names.index(name) for name in values]] = [-v for v in values.values()]
+        return Effect(self, theta * self.scale, corrects=True)
+
     def transferred(self, theta: Floats, before: Machine, after: Machine) -> Floats:
         """The same parameters (p,) of the same machine, with other values in its controller."""
         return theta
@@ -255,6 +262,24 @@ class Cause:
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """True joint positions (..., n, 3) from those that the offsets alone would give [mm]."""
         return joints
+
+    def correction(self, theta: Numbers, joints: Floats, home: float) -> Floats:
+        """What added to the joints, moving + and moving -, takes it away, shape (2, n, 3) [mm].
+
+        At ascending joint positions (n,) of each carriage, for one that acts by joint; `home` is
+        the joint position from which travel counts. Found from one sweep up and down.
+        """
+        up = np.array([joints[0] - 1.0, *joints])
+        down = np.array([joints[-1] + 1.0, *joints[::-1]])
+        wanted = np.repeat(np.concatenate([up, down])[:, None], 3, axis=1)
+        sent = wanted
+        for _ in range(3):  # a correction acts on what it moves, too
+            nothing = np.zeros_like(sent)
+            rows = np.arange(len(sent))
+            command = Command(sent, home, nothing[:, 0], rows, nothing, along=wanted)
+            sent = sent + wanted - self.motion(sent, theta, command)
+        added, n = sent - wanted, len(joints)
+        return np.stack([added[1 : n + 1], added[: n + 1 : -1]])
 
     def contact(
         self, heights: Numbers, effect: Effect, where: Numbers, plan: AnyPlan, machine: Machine
@@ -282,6 +307,7 @@ class Effect(ReadOnly):
     covariance: Floats | None = None
     date: str | None = None  # ISO date of its acceptance; None before
     data_sha256: str | None = None  # digest of the readings that it was accepted from
+    corrects: bool = False  # it is what the controller does against the cause
 
     @property
     def std(self) -> Floats:

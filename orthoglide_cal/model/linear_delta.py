@@ -310,7 +310,7 @@ class LinearDelta(Machine):
     homed = len(TOWERS)
     decimals = 4
     has_cube = False
-    controller_formats = ("klipper", "reprapfirmware", "marlin")
+    controller_formats = ("klipper", "reprapfirmware", "marlin", "linuxcnc")
     vocabulary = Vocabulary(
         one="parameter",
         many="parameters",
@@ -446,6 +446,11 @@ class LinearDelta(Machine):
     def home_mm(self) -> float:
         """Height of the carriages, about, with the tool in the middle of the bed [mm]."""
         return float(np.mean(self._above(self.delta_radius_mm)))
+
+    @property
+    def endstop_carriages_mm(self) -> Floats:
+        """Heights of the carriages at their endstops, shape (3,) [mm]."""
+        return np.asarray(self.endstops_mm + self._above(self.delta_radius_mm))
 
     def command(self, plan: ProbePlan) -> Command:
         """Where the controller sends the carriages: all first places, then all second ones."""

@@ -54,13 +54,30 @@ Predicted = Callable[[Plan], Floats]  # gives the readings of any plan, (..., n)
 Named = Annotated[T, PlainSerializer(lambda values: values._asdict())]
 
 
+# Cause id → its parameters as the controller corrects them, in the unit of the cause.
+Corrections = Annotated[
+    Mapping[str, Mapping[str, Number]],
+    BeforeValidator(empty),
+    AfterValidator(MappingProxyType),
+    PlainSerializer(dict),
+]
+
+
 class WrittenValue(Schema):
     """One value of a controller's file that was replaced; the rest of its line stays."""
 
-    line: Annotated[int, Field(ge=1)]
+    line: Annotated[int, Field(ge=1)]  # of the file before
     key: Word
-    before: Word
-    after: Word
+    before: str = ""  # "": the line was put above that one
+    after: str = ""  # "": the line is removed
+
+
+class WrittenTable(Schema):
+    """A file of its own that was written beside a controller's."""
+
+    path: Word
+    sha256: Digest
+    text: str = Field(default="", exclude=True)  # to be written
 
 
 class Written(Schema):
@@ -70,6 +87,7 @@ class Written(Schema):
     sha256_before: Digest  # of the whole file
     sha256_after: Digest
     values: tuple[WrittenValue, ...] = ()
+    tables: tuple[WrittenTable, ...] = ()
     # Of files of earlier versions: whether the running controller was told, too. Not written again.
     live: bool = Field(default=False, exclude=True)
 
@@ -81,6 +99,9 @@ class Entered(Schema):
     # Active before and from then on [mm]; None for a printer, whose own file has them.
     before: Named[JointOffsets] | None = None
     after: Named[JointOffsets] | None = None
+    # `Machine.corrected` before and from then on; None where that did not change.
+    corrected_before: Corrections | None = None
+    corrected: Corrections | None = None
     data_sha256: Digest  # of the measurement that they came from
     written: Written | None = None  # to the controller; None if it was typed in by hand
 
@@ -305,6 +326,8 @@ class Machine(Schema):
         AfterValidator(MappingProxyType),
         PlainSerializer(dict),
     ] = Field(default_factory=lambda: MappingProxyType({}))
+    # What its controller corrects of what is wrong with it.
+    corrected: Corrections = Field(default_factory=lambda: MappingProxyType({}))
     # What its reports say besides the numbers, and what was entered, oldest first.
     report: Annotated[Details, BeforeValidator(empty)] = Details()
     gauges: Annotated[tuple[OwnGauge, ...], BeforeValidator(lambda given: given or ())] = ()
@@ -334,6 +357,12 @@ class Machine(Schema):
         """
         rails = dict(zip(AXES, cls.parameter_names, strict=False))
         return {name: rails.get(name, name) for name in names}
+
+    @classmethod
+    def own_names(cls, names: Sequence[str], values: Mapping[str, float]) -> dict[str, float]:
+        """Values by the names on this kind of machine → by those of the cause."""
+        called = cls.named(names)
+        return {name: values[called[name]] for name in names if called[name] in values}
 
     def entered_from(self, sha256: str) -> Entered | None:
         """What was entered from the measurement with this digest; None if nothing was."""

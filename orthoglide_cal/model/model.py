@@ -19,7 +19,7 @@ import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Stage
 from orthoglide_cal.model.kinematics import RealMachine
-from orthoglide_cal.model.machine import Instrument, JointOffsets, Machine
+from orthoglide_cal.model.machine import Corrections, Instrument, JointOffsets, Machine
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
@@ -42,10 +42,52 @@ class Model:
         """The model with more causes, after those that it has."""
         return replace(self, accepted=(*self.accepted, *effects))
 
-    def holding(self, offsets_mm: tuple[float, float, float]) -> "Model":
-        """The model of the machine with other offsets active in its controller (x, y, z) [mm]."""
+    def holding(
+        self, offsets_mm: tuple[float, float, float], corrected: Corrections | None = None
+    ) -> "Model":
+        """The model of the machine with other offsets active in its controller (x, y, z) [mm].
+
+        Other corrections, too, where they are given.
+        """
         machine = self.orthoglide.changed(offsets_mm=JointOffsets(*offsets_mm))
-        return replace(self, machine=machine)
+        held = replace(self, machine=machine)
+        return held if corrected is None else held.correcting(corrected)
+
+    def correcting(self, corrected: Corrections) -> "Model":
+        """The model with these corrections in force in the controller of its machine.
+
+        What of an accepted cause the controller corrects acts on the joints with opposite sign.
+        Where a cause is not accepted, the correction is taken to remove it.
+        """
+        accepted = tuple(effect for effect in self.accepted if not effect.corrects)
+        known = {effect.cause.id: effect.cause for effect in accepted}
+        opposite = tuple(
+            cause.correcting(self.machine.own_names(cause.names, corrected[id]))
+            for id, cause in known.items()
+            if id in corrected
+        )
+        machine = self.machine.changed(corrected=corrected)
+        return replace(self, machine=machine, accepted=accepted + opposite)
+
+    def accepting(self, effect: Effect) -> "Model":
+        """The model with a cause of which readings showed what its controller leaves."""
+        id, known = effect.cause.id, {other.cause.id for other in self.accepted}
+        corrected = self.machine.corrected
+        if id in corrected and id not in known:
+            values = self.machine.own_names(effect.cause.names, corrected[id])
+            theta = effect.theta - effect.cause.correcting(values).theta
+            effect = replace(effect, theta=theta)
+        return self.extended([effect]).correcting(corrected)
+
+    def remaining(self) -> tuple[Effect, ...]:
+        """The accepted causes, less what the controller corrects of them; one effect each."""
+        left: dict[str, Effect] = {}
+        for effect in self.accepted:
+            known = left.get(effect.cause.id)
+            left[effect.cause.id] = (
+                replace(known, theta=known.theta + effect.theta) if known else effect
+            )
+        return tuple(left.values())
 
     def judging(self, then: "Model") -> "Model":
         """`Machine.judging`, with the causes that are known now."""

@@ -156,7 +156,7 @@ def compensation(model: Model, points: int) -> Compensation:
     if not 2 <= points <= MOST_POINTS:
         what = f"A table has 2 to {MOST_POINTS} points along each edge, not {points}."
         raise UsageError(what, "Choose --points 7.")
-    chosen = tuple(effect for effect in model.accepted if effect.cause.compensable)
+    chosen = tuple(effect for effect in model.remaining() if effect.cause.compensable)
     if not chosen:
         what = "The machine file holds no accepted cause that a table could compensate."
         raise UsageError(what, "Accept one first, with diagnose and its option --accept.")
@@ -172,7 +172,7 @@ def compensation(model: Model, points: int) -> Compensation:
             break
     return Compensation(
         causes=tuple(effect.cause.id for effect in chosen),
-        left_out=tuple(e.cause.id for e in model.accepted if not e.cause.compensable),
+        left_out=tuple(e.cause.id for e in model.remaining() if not e.cause.compensable),
         points_mm=grid,
         corrections_mm=needed - nominal,
     )

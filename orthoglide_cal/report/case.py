@@ -119,7 +119,7 @@ class Case:
         sure = self.answer.causes if self.answer.verdict is Verdict.NAMED else ()
         named = [CAUSES[cause.id] for cause in sure]
         lasting = [cause for cause in named if cause.in_machine and cause.lasting]
-        return (*(effect.cause for effect in self.given.model.accepted), *lasting)
+        return (*(effect.cause for effect in self.given.model.remaining()), *lasting)
 
     @property
     def about(self) -> str:

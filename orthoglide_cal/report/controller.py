@@ -15,12 +15,14 @@ motion.cpp: after homing the nozzle is believed at H less the probe's z offset (
 lowered by its adjustment.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.causes import CAUSES, correcting
 from orthoglide_cal.errors import file_words, visible
+from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.files.probe_readings import USUAL_ANGLES_DEG
 from orthoglide_cal.files.table import csv_text
 from orthoglide_cal.model.linear_delta import LinearDelta
@@ -28,7 +30,7 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.case import NOT_NEEDED, Case, check_words
 from orthoglide_cal.report.documents.solution import common_unit
-from orthoglide_cal.results import Identity
+from orthoglide_cal.results import Correction, Identity
 from orthoglide_cal.words import coverage_words, plain, two_figures, typed
 
 _DECIMALS = 4  # of a table and of a firmware: tenths of a micrometre
@@ -89,6 +91,9 @@ def as_text(case: Case, identity: Identity) -> str:
 
 def as_linuxcnc(case: Case, identity: Identity) -> str:
     """Comments and one [JOINT_n] section per axis; true position = indicated + HOME_OFFSET."""
+    if case.machine.parameter_names != AXES:
+        left_out = _left_out("LinuxCNC's lineardeltakins", case)
+        return _around(case, identity, linuxcnc(firmware_machine(case)), "# ", *left_out)
     digits = case.answer.decimals
     lines = [
         "#",
@@ -140,12 +145,36 @@ def firmware_machine(case: Case) -> LinearDelta:
     )
 
 
-def firmware_values(case: Case) -> dict[str, float]:
-    """The same by the names that a calibration gives them; arms as arm_a, arm_b, arm_c."""
+def firmware_values(
+    case: Case, made: Sequence[Correction] = (), file: ControllerFile | None = None
+) -> dict[str, float]:
+    """The same by the names that a calibration gives them; arms as arm_a, arm_b, arm_c.
+
+    With corrections of named causes: longer arms, and pitch_a, pitch_b, pitch_c [mm per turn] of
+    the towers' scales; a carriage then stands elsewhere at its endstop.
+    """
     new = firmware_machine(case)
     names = [*"abc", "radius", *(f"{of}_{tower}" for of in ("angle", "arm") for tower in "abc")]
     values = (*new.endstops_mm, new.delta_radius_mm, *new.tower_angles_deg, *new.arm_length_mm)
-    return dict(zip(names, values, strict=True))
+    found, known = (
+        dict(zip(names, values, strict=True)),
+        {e.cause.id for e in case.given.model.accepted},
+    )
+    home, heights = new.home_mm, new.endstop_carriages_mm
+    settings = file.settings if file else {}
+    for id, tower, value, *_ in made:
+        if not CAUSES[id].by_joint:
+            found[f"arm_{tower}"] += 0.0 if id in known else value
+            continue
+        (effect,) = correcting(new, {id: {tower: value}})
+        at = "abc".index(tower)
+        low, high = effect.cause.correction(-effect.theta, np.array([home, home + 1.0]), home)[
+            0, :, at
+        ]
+        excess = 1.0 / (1.0 + high - low)
+        found[f"pitch_{tower}"] = float(settings[f"pitch_{tower}"].before) * excess
+        found[tower] += (excess - 1.0) * (heights[at] - home)
+    return found
 
 
 def klipper(new: LinearDelta) -> Iterator[str]:
@@ -199,6 +228,25 @@ def marlin(new: LinearDelta) -> Iterator[str]:
         yield "; leave A, B and C out; the difference of the arms is not entered."
 
 
+def linuxcnc(new: LinearDelta) -> Iterator[str]:
+    """R and L of lineardeltakins, whose towers stand at 90, 210 and 330 degrees, and the heights of
+    the carriages at their switches."""
+    yield "# In the HAL file, in place of the same lines; in the INI the HOME_OFFSET. Then restart"
+    yield "# LinuxCNC and home. In mm: divide by 25.4 if LINEAR_UNITS is inch."
+    arm, radius = float(np.mean(new.arm_length_mm)), new.delta_radius_mm
+    yield f"setp lineardeltakins.R {_number(radius)}"
+    yield f"setp lineardeltakins.L {_number(arm)}"
+    towers = sorted("abc", key=lambda t: (new.tower_angles_deg["abc".index(t)] - 30.0) % 360.0)
+    for number, tower in enumerate(towers):
+        height = new.endstops_mm["abc".index(tower)] + math.sqrt(arm**2 - radius**2)
+        yield from (f"[JOINT_{number}]", f"# tower {tower}", f"HOME_OFFSET = {_number(height)}")
+    if not _equal(new):
+        yield "# Not in these lines: the lengths of the single arms; L is their mean."
+    turned = np.sort(np.mod(new.tower_angles_deg, 360.0)) - (90.0, 210.0, 330.0)
+    if np.any(np.abs(turned) >= 0.5 * 10.0**-_DECIMALS):
+        yield "# Not in these lines: towers at other angles than 90, 210 and 330 degrees."
+
+
 def _equal(new: LinearDelta) -> bool:
     """True if one length is enough for the arms."""
     return len({round(arm, _DECIMALS) for arm in new.arm_length_mm}) == 1
@@ -235,10 +283,8 @@ def as_firmware(format: str, case: Case, identity: Identity) -> str:
 def _left_out(name: str, case: Case) -> Iterator[str]:
     """Parts of the calibration for which the firmware has no setting."""
     but = " (only when it is compiled)" if name == "Marlin" else ""
-    yield (
-        f"{name} has no setting for towers that lean or for a radius of each tower{but}; its mesh"
-        " corrects the shape of the bed."
-    )
+    mesh = "" if name.startswith("LinuxCNC") else "; its mesh corrects the shape of the bed"
+    yield f"{name} has no setting for towers that lean or for a radius of each tower{but}{mesh}."
     for id in dict.fromkeys(cause.id for cause in case.known):
         if id not in case.machine.fixed_parameters:
             yield f"Not in these lines: {id}; {CAUSES[id].words(case.machine).no_setting}."

@@ -254,6 +254,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "other_data_contradict": "The {data} in the same file contradicts these values beyond U:"
     " {apart:moves}.",
     # What to know although it may be entered.
+    "corrected": "They are right only with {ids:and} corrected by the controller: without that they"
+    " would be wrong by up to {change:.3f} {unit}.",
     "within_u": "With {ids:and} the {words.many} change by at most {change:.3f} {unit}, less than"
     " U.",
     "beyond_list": lambda machine, data: (
@@ -328,6 +330,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "again": "{words.again}",
     "beyond_remedy": lambda machine, data: pattern_remedy(machine, data["pattern"]),
     "accept": "{cause.advice} Or accept {id} as part of the machine:",
+    "controller_corrects": "Or let LinuxCNC correct {id}:",
     "look": "Check whether {cause.title}{where:place}. How to check: {cause.instrument}. If"
     " nothing is wrong there, rule it out:",
     "retake": _retake,

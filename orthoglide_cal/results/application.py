@@ -1,26 +1,55 @@
 """What was entered in the controller, recorded in the machine file; and taken back."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
+import numpy as np
+
+from orthoglide_cal.causes import CAUSES, correcting
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
+from orthoglide_cal.estimation.accuracy import half_width
+from orthoglide_cal.files.comp_table import Added
 from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import StoredMachine, differing, with_history
 from orthoglide_cal.files.readings import Conditions
-from orthoglide_cal.model.machine import Entered, JointOffsets, Written
+from orthoglide_cal.inference import Verdict
+from orthoglide_cal.model.machine import (
+    Corrections,
+    Entered,
+    JointOffsets,
+    Machine,
+    Written,
+    WrittenTable,
+)
 from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.results.answer import Answer
 
 _FIRST = (
     "They are written here for the first time, and the change is added: a value may hold more than"
     " the offset, such as the place of the switch."
 )
+
+
+class Correction(NamedTuple):
+    """A parameter of a cause that acts, and what the controller's file does about it."""
+
+    id: str  # of the cause
+    name: str  # of the parameter, on this kind of machine
+    value: float
+    expanded: float
+    unit: str
+    gain_mm: float | None  # error of a carriage over its travel that this is; None for others
+    left: Literal["", "no_place", "no_origin", "below_u"]  # why it is not corrected; "" where it is
 
 
 @dataclass(frozen=True)
@@ -34,7 +63,13 @@ class Application:
     conditions: Conditions | None = None  # of the measurement; None where it is taken back
     controller: ControllerFile | None = None  # as it is; None where it is not written
     data: bytes = b""  # of the controller's file, as they will be
+    corrections: tuple[Correction, ...] = ()
     simulated: bool = False  # the measurement; recorded to practise
+
+    @property
+    def tables(self) -> tuple[WrittenTable, ...]:
+        """Files beside the controller's that come or go with it."""
+        return self.entry.written.tables if self.entry.written else ()
 
     @property
     def changes(self) -> bool:
@@ -48,7 +83,7 @@ def apply(
     file: StoredMachine,
     at: datetime,
     controller: ControllerFile | None = None,
-    values: Callable[[], Mapping[str, float]] = dict,
+    values: Callable[[Sequence[Correction]], Mapping[str, float]] = lambda made: {},
 ) -> Application:
     """Record the parameters of an answer as entered, and write them where that is wanted.
 
@@ -58,8 +93,8 @@ def apply(
         answer: to the input, released; one that needs nothing to be entered changes nothing.
         file: of the machine that was measured.
         controller: the controller's file, if it is to be written.
-        values: gives what is to stand there, parameter → value [mm, deg], where the file does not
-            add.
+        values: gives what is to stand there with these corrections, parameter → value [mm, deg],
+            where the file does not add.
 
     Raises:
         UsageError: the measurement is of another machine, or was applied before, or other
@@ -69,7 +104,10 @@ def apply(
     sha256, adds = given.measured.source.sha256, controller is None or controller.adds
     simulated = given.measured.source.simulated
     machine = file.model.machine
-    if controller is not None and controller.format not in machine.controller_formats:
+    by_axis = machine.parameter_names == AXES
+    if controller is not None and not (
+        controller.format in machine.controller_formats and controller.adds == by_axis
+    ):
         kind = "a LinuxCNC" if adds else "Klipper"
         raise UsageError(
             f"{controller.target} is of {kind} machine; {machine.name} is of kind {machine.kind}.",
@@ -79,10 +117,16 @@ def apply(
         # Causes may have been accepted since; rails and legs are what they were.
         _check_same_machine(given.recorded, file, but=("identified",))
     before = given.model.orthoglide.offsets_mm if adds else None
+    active = given.model.machine.corrected
     entry = Entered(
-        date=at.isoformat(timespec="milliseconds"), data_sha256=sha256, before=before, after=before
+        date=at.isoformat(timespec="milliseconds"),
+        data_sha256=sha256,
+        before=before,
+        after=before,
     )
-    if not answer.release.needed:
+    corrections = tuple(_corrections(given.model, answer, controller))
+    made = [each for each in corrections if not each.left]
+    if not answer.release.needed and not made:
         return Application(file, entry, False, file)
     known = _last_written(file, controller)
     killed = controller and known and known.sha256_before == controller.sha256
@@ -93,12 +137,13 @@ def apply(
     if adds:
         _check_recordable(given, file)
     written, data, decimals = None, b"", answer.decimals
-    amounts = {p.name: p.change(decimals) for p in answer.parameters}
+    needed = answer.release.needed
+    amounts = {p.name: p.change(decimals) if needed else 0.0 for p in answer.parameters}
     if controller is not None:
-        expected = {value.key: float(value.after) for value in known.values} if known else {}
+        expected = {value.key: value.after for value in known.values} if known else {}
         if not adds:
             stands = controller.settings
-            expected |= {stands[p.name].key: p.active for p in answer.parameters}
+            expected |= {stands[p.name].key: f"{p.active:g}" for p in answer.parameters}
         elif not known:
             controller = replace(controller, remarks=(_FIRST,))
         if (excerpt := given.measured.source.excerpt) and excerpt.nozzle:
@@ -108,11 +153,20 @@ def apply(
                 f"{controller.target}: {differing} Somebody changed it since.",
                 "Restore it, or measure again with the present values.",
             )
-        written, data = controller.changed(amounts if adds else values(), decimals)
-    after = JointOffsets(*(p.new(decimals) for p in answer.parameters)) if adds else None
+        if adds:
+            tables = _tables(made, controller, machine) if made else {}
+            written, data = controller.changed(amounts, decimals, tables)
+        else:
+            written, data = controller.changed(values(made), decimals)
+    after = None
+    if before is not None:
+        after = JointOffsets(*(round(a + amounts[n], 9) for n, a in before._asdict().items()))
     entry = entry.changed(after=after, written=written)
-    then = with_history(file, entry.after, *file.model.machine.history, entry)
-    return Application(file, entry, False, then, given.conditions, controller, data, simulated)
+    if corrected := [each for each in made if CAUSES[each.id].by_joint]:
+        entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
+    then = with_history(file, entry.after, entry.corrected, *file.model.machine.history, entry)
+    done = Application(file, entry, False, then, given.conditions, controller, data)
+    return replace(done, corrections=corrections, simulated=simulated)
 
 
 def check_measured(given: Input, file: StoredMachine | None = None) -> None:
@@ -123,6 +177,65 @@ def check_measured(given: Input, file: StoredMachine | None = None) -> None:
             " for practice records them.",
             "Measure the machine; or practise in another folder: orthocal machine new --practice",
         )
+
+
+def _corrections(
+    model: Model, answer: Answer, controller: ControllerFile | None
+) -> Iterator[Correction]:
+    """What is known to be wrong with the joints, or was named, and what may be done about it."""
+    if controller is None:
+        return
+    machine = model.machine
+    known = [
+        (effect.cause, name, value, std)
+        for effect in model.remaining()
+        for name, (value, std, _) in model.called(effect).items()
+    ]
+    if answer.verdict is Verdict.NAMED:
+        known += [
+            (CAUSES[c.id], p.name, p.value, p.std) for c in answer.causes for p in c.parameters
+        ]
+    for cause, name, value, std in known:
+        expanded = half_width(math.inf) * std
+        left: Literal["", "no_place", "no_origin", "below_u"] = ""
+        if not controller.corrects(cause, machine):
+            left = "no_origin" if cause.by_joint and controller.tables else "no_place"
+        elif abs(value) <= expanded:
+            left = "below_u"
+        gain = None
+        if cause.by_joint:
+            (effect,) = correcting(machine, {cause.id: {name: value}})
+            travel = machine.home_mm + np.array([0.0, machine.travel_mm])
+            gain = float(np.ptp(cause.correction(-effect.theta, travel, machine.home_mm)))
+        if cause.in_machine:
+            yield Correction(cause.id, name, value, expanded, cause.unit, gain, left)
+
+
+def _added_to(active: Corrections, made: Sequence[Correction]) -> Corrections:
+    """The corrections in force with some more."""
+    sums = {id: dict(values) for id, values in active.items()}
+    for id, name, value, *_ in made:
+        values = sums.setdefault(id, {})
+        values[name] = float(f"{values.get(name, 0.0) + value:.9g}")
+    return sums
+
+
+def _tables(
+    made: Sequence[Correction], controller: ControllerFile, machine: Machine
+) -> dict[str, Added]:
+    """What is to be added to each joint that is corrected, over its position as it counts."""
+    effects = correcting(machine, _added_to({}, made))
+
+    def added(index: int, origin: float, at: Floats) -> Floats:
+        every = [e.cause.correction(-e.theta, at + origin, machine.home_mm) for e in effects]
+        return np.asarray(np.sum(every, axis=0)[..., index])
+
+    joints = {each.name for each in made}
+    return {
+        axis: partial(added, index, controller.tables[axis].origin_mm(machine.home_mm) or 0.0)
+        for index, axis in enumerate(AXES)
+        if axis in joints
+    }
 
 
 def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
@@ -186,10 +299,14 @@ def _check_recordable(given: Input, file: StoredMachine) -> None:
             "Measure again; or take it back, if it was not entered: "
             + command("apply", source.path, options="--undo"),
         )
-    if before != machine.offsets_mm and not _newer(given.conditions.started, machine.history):
+    active = given.model.machine.corrected
+    if (before, active) != (machine.offsets_mm, machine.corrected) and not _newer(
+        given.conditions.started, machine.history
+    ):
         raise UsageError(
             f"This was measured with {_triple(before)} mm in the controller (x, y, z);"
-            f" since then {_triple(machine.offsets_mm)} mm were entered ({path}).",
+            f" since then {_triple(machine.offsets_mm)} mm were entered, or other corrections"
+            f" ({path}).",
             "Measure again, with what is in the controller now.",
         )
 
@@ -233,7 +350,12 @@ def take_back(
         controller = None  # the program was killed before it wrote that file
     elif written and controller:
         data = controller.restored(written)
-    then = with_history(file, last.before, *history)
+    for table in written.tables if written else ():
+        beside = Path(table.path)
+        if beside.is_file() and hashlib.sha256(beside.read_bytes()).hexdigest() != table.sha256:
+            what = f"{table.path} was changed since it was written."
+            raise UsageError(what, "Nothing was changed. Remove COMP_FILE from the INI by hand.")
+    then = with_history(file, last.before, last.corrected_before, *history)
     return Application(file, last, True, then, None, controller, data)
 
 

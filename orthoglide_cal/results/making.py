@@ -12,7 +12,7 @@ they may be entered, and if not what to do, is decided here, too.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import chain
@@ -57,6 +57,7 @@ from orthoglide_cal.inference import (
 )
 from orthoglide_cal.inference.data import unit_of
 from orthoglide_cal.inference.result import WORTH_SAYING
+from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -87,6 +88,7 @@ def answer_to(
     holdout: str | None = None,
     details: bool = False,
     promised: bool = True,
+    corrects: Callable[[Cause], bool] | None = None,
 ) -> schema.Answer:
     """Solve, diagnose and judge one input.
 
@@ -96,6 +98,7 @@ def answer_to(
         holdout: file of the readings that the diagnosis predicted; None for those left out.
         details: also what only details, JSON and pages show: how the answer depends on plausible
             sizes, the tool's error over the workspace, and the residuals if nothing is wrong.
+        corrects: whether the controller is to correct a cause, too: it then holds no release.
         promised: also what would be measured after parameters are entered that must not be.
 
     Raises:
@@ -127,7 +130,7 @@ def answer_to(
         from orthoglide_cal.planning import best_next
 
         following = best_next(diagnosis)
-    decision = release(solution, diagnosis, following)
+    decision = release(solution, diagnosis, following, corrects)
     kept = given.conditions.questioned if given.is_session else ()
     if kept and diagnosis and diagnosis.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED):
         again = Reason.of("retake", kept=kept)
@@ -306,7 +309,7 @@ def _within_noise(model: Model, found: OffsetEstimate, known: Budget) -> bool:
     No change exceeds its U, nor all together what noise and a local shape make of them (χ²): what
     else may be wrong, and what is taken as the controller has it, would be the same again.
     """
-    for effect in model.accepted:
+    for effect in model.remaining():
         # It is to be entered, too.
         if effect.cause.compensable and np.any(np.abs(effect.theta) > REACH * effect.std):
             return False
@@ -375,7 +378,7 @@ def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | 
     if not stays(promised):
         return None
     left = rms(np.array([row.expected_mm for row in promised]))
-    ids = [effect.cause.id for effect in model.accepted]
+    ids = [effect.cause.id for effect in model.remaining()]
     return Reason.of("remains", ids=ids, left_mm=left)
 
 
@@ -508,7 +511,10 @@ def _explanations(
 
 
 def release(
-    solution: Solution, diagnosis: Diagnosis | None, following: NextMeasurement | None = None
+    solution: Solution,
+    diagnosis: Diagnosis | None,
+    following: NextMeasurement | None = None,
+    corrects: Callable[[Cause], bool] | None = None,
 ) -> Release:
     """Decide whether the solution's offsets may be entered, from its own check and the diagnosis.
 
@@ -519,12 +525,13 @@ def release(
         solution: of the offsets alone, with the accepted causes; it checks itself again here.
         diagnosis: of the same data; None if it was not or could not be made.
         following: what would distinguish the explanations that it leaves open; None without.
+        corrects: whether the controller is to correct a cause, too.
     """
     failures = tuple(_failures(solution, diagnosis))
     if diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT:
         judged = Release()
     elif diagnosis.verdict is Verdict.NAMED:
-        judged = _named(solution, diagnosis)
+        judged = _named(solution, diagnosis, corrects)
     elif diagnosis.verdict is Verdict.AMBIGUOUS:
         judged = _ambiguous(diagnosis, following)
     elif failures:
@@ -623,7 +630,9 @@ def _to_check(ids: Sequence[str], faults: Sequence[UnshownFault]) -> Release:
     return Release(reasons=tuple(reasons), remedies=tuple(remedies))
 
 
-def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
+def _named(
+    solution: Solution, diagnosis: Diagnosis, corrects: Callable[[Cause], bool] | None
+) -> Release:
     ids, units = [cause.id for cause in diagnosis.causes], solution.model.machine.parameter_units
     check = [fault for fault in diagnosis.unshown if fault.matters]
     if check:
@@ -632,6 +641,8 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
     size = {"change": float(shift.max()), "unit": units[int(np.argmax(shift))]}
     if np.all(shift <= half_width(np.inf) * diagnosis.std_mm):
         return Release(cautions=(Reason.of("within_u", ids=ids, **size),))
+    if corrects and all(corrects(CAUSES[id]) for id in ids):
+        return Release(cautions=(Reason.of("corrected", ids=ids, **size),))
     probability, remedies = diagnosis.causes[0].probability, []
     # A slip in the record is looked for sooner than a machine is taken apart.
     for cause in sorted(diagnosis.causes, key=lambda cause: cause.in_machine):
@@ -640,5 +651,9 @@ def _named(solution: Solution, diagnosis: Diagnosis) -> Release:
             accept, option = Reason.of("accept", id=cause.id), f"--accept {cause.id}"
             remedy = Remedy(sentence=accept, verb="diagnose", options=option)
         remedies.append(remedy)
+        machine = solution.model.machine
+        if CAUSES[cause.id].by_joint and machine.controller_formats[0] == "linuxcnc":
+            let = Reason.of("controller_corrects", id=cause.id)
+            remedies.append(Remedy(sentence=let, verb="apply", options="--to FILE.ini"))
     reason = Reason.of("offsets_wrong", ids=ids, probability=probability, **size)
     return Release(reasons=(reason,), remedies=tuple(remedies))

@@ -28,6 +28,7 @@ from pydantic import Field, computed_field
 from scipy.linalg import block_diag
 from scipy.special import fdtrc
 
+from orthoglide_cal.causes import correcting
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
 from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, half_width, rms
@@ -38,8 +39,10 @@ from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
+from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.machine import Corrections
 from orthoglide_cal.model.measured import DataKind, Measured, Readings, Source
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats, ReadOnly, joined
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Workspace
@@ -257,6 +260,8 @@ def verify(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
             "Give the machine that both are to be judged by: --machine FILE",
         )
+    held = _corrected(before, after)
+    added = correcting(before.model.machine, _more(before.model.machine.corrected, held))
     applied = _recorded(before, after) if applied_mm is None else np.array(applied_mm, dtype=float)
     if np.abs(applied).max() < SMALLEST_MM:
         raise UsageError(
@@ -265,11 +270,12 @@ def verify(
         )
     model = before.model
     first, right = _solved(before, model)
-    second, _ = _solved(after, model)
-    shared = shared_contrasts(before.measured, after.measured, model)
+    second, _ = _solved(after, model.correcting(held))
+    left = first.offsets_mm - applied
+    shared = shared_contrasts(before.measured, _without(added, after.measured, model, left), model)
     later = pose(after.measured, model, table_kind(before.measured))
     shown = {difference.name for difference in later.which}
-    promise = [row for row in first.promised(applied, right) if row.name in shown]
+    promise = [row for row in first.promised(applied, right, added) if row.name in shown]
     rows = _differences(promise, later, limit_mm)
     as_left = spread({row.difference: row.after_mm for row in rows})
     response = _respond(shared, first.offsets_mm, applied)
@@ -500,6 +506,40 @@ def _recorded(before: Input, after: Input) -> Floats:
             # The later one was measured without knowing what had been entered.
             first, second = known.before or (), known.after or ()
     return np.asarray((np.array(second) - np.array(first)).round(9))
+
+
+def _corrected(before: Input, after: Input) -> Corrections:
+    """The corrections that were in force in the controller in the second measurement."""
+    keeper, now = before.keeper, after.model.machine.corrected
+    known = keeper.model.machine.entered_from(before.measured.source.sha256) if keeper else None
+    # The later one may have been measured without knowing what had been entered.
+    unaware = known is not None and now == before.model.machine.corrected
+    return known.corrected if known and known.corrected is not None and unaware else now
+
+
+def _more(before: Corrections, after: Corrections) -> Corrections:
+    """What was corrected besides what was before."""
+    pairs = {id: (before.get(id, {}), after.get(id, {})) for id in {**before, **after}}
+    return {
+        id: {name: new.get(name, 0.0) - old.get(name, 0.0) for name in {**old, **new}}
+        for id, (old, new) in pairs.items()
+        if old != new
+    }
+
+
+def _without(
+    added: Sequence[Effect], measured: Measured, model: Model, offsets: Floats
+) -> Measured:
+    """What would have been measured without these corrections, at offsets (3,) [mm]."""
+    if not added:
+        return measured
+    both = model, model.extended(added)
+    if isinstance(measured, Readings):
+        plain, corrected = (simulate(each, offsets, measured.plan) for each in both)
+    else:
+        posed = (pose(measured, each, measured.kind).problem for each in both)
+        plain, corrected = (problem.predict(offsets) for problem in posed)
+    return replace(measured, value=measured.value - (corrected - plain))
 
 
 # --- what both determine ----------------------------------------------------------------------

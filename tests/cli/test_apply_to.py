@@ -10,13 +10,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from orthoglide_cal.files.controller_file import ControllerFile, replace_file
 from tests import truth
 from tests.files.test_controller_file import CFG, INI
 from tests.linuxcnc import LinuxCnc, missing
 
-from .program import FIRST, answer, done, refused, run, words
+from .program import FIRST, answer, as_measured, done, refused, run, words
 from .test_apply import history, to_practise
 
 PROGRAM = (sys.executable, "-m", "orthoglide_cal", "apply", "--to", "mill.ini", "--yes")
@@ -217,3 +218,45 @@ def test_what_was_simulated_reaches_no_machine(form: str) -> None:
     assert Path("mill.ini").read_text(encoding="utf-8") == INI
     assert done("apply", name, "--yes").startswith("SIMULATED")
     assert len(history()) == 1
+
+
+@pytest.mark.skipif(missing() is not None, reason=str(missing()))
+def test_a_real_linuxcnc_corrects_lost_motion_and_scale() -> None:
+    known = {"backlash": (0.05, 0.002, "mm"), "encoder_scale": (0.3, 0.01, "1e-3")}
+    entries = [
+        {"cause": id, "date": "2026-01-01", "data_sha256": 64 * "0",
+         "parameters": {axis: {"value": value * (axis != "z"), "std": std, "unit": unit}
+                        for axis in "xyz"}}
+        for id, (value, std, unit) in known.items()
+    ]  # fmt: skip
+    with Path("machine.yaml").open("a", encoding="utf-8") as file:
+        file.write(yaml.safe_dump({"identified": entries}))
+    done("simulate", "--machine", "machine.yaml", "--seed", "3", "--output", "worn.csv")
+    as_measured("worn.csv")
+    with LinuxCnc(lost_mm=(0.05, 0.05, 0.0), excess=(3e-4, 3e-4, 0.0)) as machine:
+        original = machine.ini.read_bytes()
+
+        def spread() -> np.ndarray:
+            """How unevenly the carriages are off, at places reached both ways [mm]."""
+            off = []
+            for position in (-90.0, 40.0, -20.0, -20.5, 0.0):
+                machine.drive(position, position, position)
+                off.append(np.subtract(machine.carriages_mm(), position))
+            return np.ptp(off, axis=0)
+
+        assert np.all(spread()[:2] > 0.04)
+        machine.stop()
+        said = answer("apply", "worn.csv", "--to", str(machine.ini), "--yes")
+        assert "no_origin" in [each["left"] for each in said["corrections"]]
+        done("apply", "--undo", "--to", str(machine.ini), "--yes")
+        # The isotropic posture is at 420 or at 0: only these limits tell.
+        narrow = re.sub(rb"(M\w\w_LIMIT = -?)500", rb"\g<1>400", original)
+        machine.ini.write_bytes(narrow)
+        done("apply", "worn.csv", "--to", str(machine.ini), "--yes")
+        machine.start()
+        assert spread() == pytest.approx(0.0, abs=1e-4)
+        machine.stop()
+        done("apply", "--undo", "--to", str(machine.ini), "--yes")
+        assert machine.ini.read_bytes() == narrow
+        assert not list(machine.folder.glob("*.comp"))
+        machine.start()

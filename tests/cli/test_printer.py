@@ -609,7 +609,6 @@ TWO_MACHINES = "two machines: arms 344 and 265 mm long, delta radius 162 and 130
         ("solve SIX --machine v400.yaml", 3,
          "readings of gauges. truth-v400 is of kind linear_delta."),
         ("solve SIX --data mesh --machine PROTOTYPE", 2, "--data is for a printer's file"),
-        ("export printer.cfg --format linuxcnc", 2, FOREIGN.format("linuxcnc")),
         ("export printer.cfg --format table", 2, FOREIGN.format("table")),
         ("export SIX --format marlin --machine PROTOTYPE", 2,
          "of kind linear_delta; this machine is of kind orthoglide"),

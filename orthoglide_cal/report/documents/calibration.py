@@ -349,7 +349,7 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
         ]
     rows += [("Machine", doc.given(machine.name)), ("Geometry", machine.geometry_words)]
     if model.accepted:
-        rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.accepted)))
+        rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.remaining())))
     if answer.method is not None and answer.noise is not None:
         rows += fit_facts(case)
     notes = (doc.small(case.says(warning)) for warning in answer.warnings)

@@ -323,6 +323,9 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             if cause.recommended:
                 typed = case.typed("diagnose", f"--accept {cause.id}")
                 yield doc.Instruction("Or accept it as part of the machine", typed)
+            if CAUSES[cause.id].by_joint and case.machine.controller_formats[0] == "linuxcnc":
+                typed = case.typed("apply", "--to FILE.ini")
+                yield doc.Instruction("Or let LinuxCNC correct it", typed)
     for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
         if CAUSES[cause.id].adjustable:
             typed = case.typed("adjust", f"--cause {cause.id}")

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from orthoglide_cal.errors import UnusableResultError, command, fault_kinds, file_words
@@ -13,7 +14,7 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import MEANS, OWNER, SIMULATED, data_words, measure_again, stated
 from orthoglide_cal.results import Application
-from orthoglide_cal.words import counted, plain, short, signed
+from orthoglide_cal.words import counted, plain, short, signed, two_figures
 
 if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction
@@ -37,6 +38,8 @@ def _machine_page(model: Model) -> doc.Page:
     ]
     known = []
     for effect in model.accepted:
+        if effect.corrects:
+            continue
         sizes = (
             f"{name} {short(each.value, 4)} ± {short(each.std, 4)} {each.unit}"
             for name, each in model.called(effect).items()
@@ -55,7 +58,7 @@ def _rows(values: Mapping[str, object], group: str = "") -> Iterator[tuple[str, 
     """Every key in words with its unit, and its value; `joint_limits_mm` is "Joint limits, mm"."""
     for key, value in values.items():
         if isinstance(value, Mapping) and "_" not in key:
-            yield from _rows(value, f"{key} ")
+            yield from _rows(value, f"{group}{key} ")
             continue
         name, _, unit = key.rpartition("_")
         unit = f", {unit}" if unit in ("mm", "deg") else ""
@@ -133,6 +136,7 @@ def application_document(
             "before": before,
             "after": after,
             "data_sha256": entry.data_sha256,
+            "corrections": [each._asdict() for each in application.corrections],
             "written": entry.written.model_dump() if entry.written else None,
         }
 
@@ -149,12 +153,16 @@ def application_document(
             for each in entry.written.values:
                 now, then = each.before, each.after
                 now, then = (then, now) if application.undone else (now, then)
+                now, then = now or "(no line)", then or "(no line)"
                 rows.append((str(each.line), each.key, now, doc.strong(then)))
             notes = (
                 f"Lines of {entry.written.target}; all others stay.",
                 *application.controller.remarks,
             )
             caption, first = " ".join(notes), machine.vocabulary.restart
+            if entry.written.tables and not application.undone:
+                names = ", ".join(Path(table.path).name for table in entry.written.tables)
+                caption += f" New files beside it: {names}."
             if application.controller.adds and not live:
                 first = f"Restart LinuxCNC: it reads its INI only then. {first}"
         again = doc.Instruction("Probe it again in the same way.")
@@ -169,11 +177,33 @@ def application_document(
             title = "To be taken back"
             steps = [doc.Instruction("The controller must hold the last column again; re-home.")]
         grid = doc.Grid(head, rows, caption=caption)
-        section = doc.Section(None, grid, doc.Instructions(steps))
+        sections = [doc.Section(None, grid)]
+        if application.corrections:
+            sections.append(doc.Section(None, _corrections(application)))
+        sections.append(doc.Section(None, doc.Instructions(steps)))
         stamp = SIMULATED if application.simulated else None
-        return doc.Page(title, machine.name, sections=[section], stamp=stamp)
+        return doc.Page(title, machine.name, sections=sections, stamp=stamp)
 
     return doc.Document(data, page)
+
+
+def _corrections(application: Application) -> doc.Grid:
+    """What the controller corrects of each cause, and what it does not."""
+    why = {
+        "": "corrected",
+        "no_place": "the controller has no place for it",
+        "no_origin": "its limits do not tell 0 from the isotropic posture",
+        "below_u": "not corrected: within U",
+    }
+    rows = []
+    for id, name, value, expanded, unit, gain, left in application.corrections:
+        row = (f"{id} {name}", f"{signed(value, 3)} ± {two_figures(expanded)} {unit}")
+        if left == "no_place":
+            row = (id, "")  # its sizes are of no use here
+        rows.append((*row, "" if gain is None or left else plain(gain, 3), why[left]))
+    caption = "What is known to be wrong, and the error of a carriage that the controller removes."
+    head = ("cause", "size", "gain, mm", "from now on")
+    return doc.Grid(head, list(dict.fromkeys(rows)), caption=caption, words=(0, 3))
 
 
 def paper_document(reproduction: "Reproduction") -> doc.Document:

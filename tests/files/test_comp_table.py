@@ -1,0 +1,151 @@
+"""LinuxCNC's table of a joint: with it a carriage goes where the controller says, however homed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import OrthocalError
+from orthoglide_cal.files.controller_file import ControllerFile, controller_file
+from tests.fuzz.run import mutant
+
+INI = """\
+[TRAJ]
+LINEAR_UNITS = {unit}
+[JOINT_0]
+MIN_LIMIT = {low}
+MAX_LIMIT = {high}
+HOME_SEARCH_VEL = {search}
+HOME_LATCH_VEL = {latch}
+HOME_OFFSET = {home}
+{more}
+[JOINT_1]
+HOME_OFFSET = 0
+[JOINT_2]
+HOME_OFFSET = 0
+"""
+WIDTH, EXCESS, ZERO = 0.05, 0.3e-3, 0.17  # lost motion, scale, joint value where travel counts from
+HOME, SWITCH = 95.0, 95.4  # where the controller believes the switch to be, and where it is [mm]
+STANDS = {
+    "nothing": ("", ""),
+    "backlash": ("BACKLASH = 0.02", ""),
+    "type 1": ("COMP_FILE = own.comp\nCOMP_FILE_TYPE = 1", "-50 0.01 -0.01\n60 0.02 0\n"),
+    "type 0": ("COMP_FILE = own.comp", "-50 -50.01 -49.99\n60 59.98 60\n"),
+}
+
+
+class Joint:
+    """What LinuxCNC and a carriage with lost motion and a wrong scale do, as measured with 2.9."""
+
+    def __init__(self, path: Path, unit: float) -> None:
+        lines = (line.partition("=") for line in path.read_text().split("[JOINT_1]")[0].split("\n"))
+        read = {key.strip(): value.strip() for key, _, value in lines}
+        self.home = float(read["HOME_OFFSET"]) * unit
+        half = float(read.get("BACKLASH", 0.0)) / 2.0
+        self.table = np.array([[0.0, half, -half]]) * unit
+        if "COMP_FILE" in read:
+            lines = (path.parent / read["COMP_FILE"]).read_text().splitlines()
+            self.table = np.array([line.split() for line in lines], dtype=float) * unit
+            assert np.all(np.diff(self.table[:, 0]) > 0.0)
+            assert len(self.table) <= 256
+            if read.get("COMP_FILE_TYPE", "0") == "0":
+                self.table[:, 1:] = self.table[:, :1] - self.table[:, 1:]
+        self.latch = float(read["HOME_LATCH_VEL"])
+        # The motor at the switch, or where it is at the start: at once, it is at 0.
+        way = 1.0 if self.latch >= 0.0 else -1.0
+        at_switch = SWITCH / (1.0 + EXCESS) + way * WIDTH / 2.0 if self.latch else SWITCH
+        counted = self.adds(self.home, way) if self.latch else 0.0
+        self.offset = at_switch - self.home - counted
+
+    def adds(self, position: float, way: float) -> float:
+        return float(np.interp(position, self.table[:, 0], self.table[:, 1 if way > 0.0 else 2]))
+
+    def truly(self, position: float, way: float) -> float:
+        """Where the carriage is, when it was moved this way to what the controller says [mm]."""
+        motor = position + self.adds(position, way) + self.offset
+        return (1.0 + EXCESS) * (motor - way * WIDTH / 2.0)
+
+
+def corrected(path: Path, unit: float, decimals: int = 6) -> ControllerFile:
+    """Its file with table, as what was measured at its joint makes it; it is written."""
+    before, joint = controller_file(str(path)), Joint(path, unit)
+    at = np.array([-40.0, 0.0, 40.0])
+    (up, down) = ([joint.truly(p, way) - p for p in at] for way in (1.0, -1.0))
+    # What a measurement finds: mean offset where travel counts from, slope, width.
+    middle = (np.array(up) + down) / 2.0
+    slope, offset = np.polyfit(at - ZERO, middle, 1)
+    theta = {
+        "encoder_scale": np.full(3, slope),
+        "backlash": np.full(6, np.mean(np.subtract(down, up))),
+    }
+
+    def added(positions: np.ndarray) -> np.ndarray:
+        parts = [
+            CAUSES[id].correction(values, positions, ZERO)[..., 0] for id, values in theta.items()
+        ]
+        return np.asarray(sum(parts))
+
+    written, data = before.changed({"x": float(offset)}, decimals, {"x": added})
+    for table in written.tables:
+        Path(table.path).write_text(table.text)
+    path.write_bytes(data)
+    now = controller_file(str(path))
+    assert now.restored(written) == before.data
+    return now
+
+
+@pytest.mark.parametrize("stands", STANDS)
+@pytest.mark.parametrize("latch", [0.0, 1.0, -1.0])
+@pytest.mark.parametrize("unit", [1.0, 25.4])
+def test_the_carriage_goes_where_the_controller_says(
+    tmp_path: Path, stands: str, latch: float, unit: float
+) -> None:
+    more, own = STANDS[stands]
+    path, table = tmp_path / "mill.ini", tmp_path / "own.comp"
+    sizes = {
+        "low": round(-100 / unit, 9),
+        "high": round(100 / unit, 9),
+        "home": round(HOME / unit, 7),
+    }
+    word = "mm" if unit == 1.0 else "inch"
+    path.write_text(INI.format(unit=word, search=20 * latch, latch=latch, more=more, **sizes))
+    table.write_text(own)
+    before = [Joint(path, unit).truly(p, way) - p for p in (-60.0, 70.0) for way in (1.0, -1.0)]
+    assert np.abs(before).max() > 0.2
+    corrected(path, unit)
+    joint = Joint(path, unit)
+    # Within the table that stands there; what it adds is scaled by 1.0003, too.
+    for position in (-45.0, -40.0, 0.0, 40.0, 55.0):
+        for way in (1.0, -1.0):
+            assert joint.truly(position, way) == pytest.approx(position, abs=2e-4)
+    # Zero at the home offset, in the direction in which it is latched.
+    assert joint.adds(joint.home, latch or 1.0) == pytest.approx(0.0, abs=1e-6)
+    assert table.read_text() == own  # what somebody made is left alone
+    assert "BACKLASH = 0\n" in path.read_text() or stands != "backlash"
+
+
+@pytest.mark.parametrize("count", [200, pytest.param(3000, marks=pytest.mark.slow)])
+def test_mutants_are_refused_or_come_back(tmp_path: Path, count: int) -> None:
+    rng, path, table = np.random.default_rng(count), tmp_path / "mill.ini", tmp_path / "own.comp"
+    more, own = STANDS["type 1"]
+    sizes = {"low": -100, "high": 100, "home": HOME, "search": 20, "latch": -1}
+    whole = INI.format(unit="mm", more=more, **sizes)
+    accepted = 0
+    for number in range(count):
+        texts = [whole, own]
+        texts[number % 2] = mutant(texts[number % 2], rng)
+        path.write_text(texts[0], "utf-8", newline="")
+        table.write_text(texts[1], "utf-8", newline="")
+        try:
+            before = controller_file(str(path))
+            written, data = before.changed({"x": 0.1}, 3, {"x": lambda at: np.ones((2, len(at)))})
+        except OrthocalError:
+            continue
+        accepted += 1
+        assert table.read_bytes() == texts[1].encode()
+        path.write_bytes(data)
+        assert controller_file(str(path)).restored(written) == texts[0].encode()
+    assert accepted > count / 10
