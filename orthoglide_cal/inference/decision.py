@@ -32,7 +32,7 @@ from orthoglide_cal.estimation.losses import (
     surprising,
 )
 from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture
+from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture, probabilities
 from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.fit import LARGEST, Fit, fit_explanations
@@ -434,16 +434,19 @@ class Decision:
     def beyond_list(self) -> tuple[tuple[float, Hypothesis], ...]:
         """Patterns that remain of those beyond the list, best first, and their probabilities."""
         unlisted, patterns = self.belief.unlisted, self.belief.patterns
-        least = DISMISSED * max(unlisted.values(), default=0.0)
-        return tuple((p, patterns[label]) for label, p in unlisted.items() if p >= least)
+        # Of weights: all probabilities may be too small for a number.
+        ordered = sorted(patterns, key=lambda label: -weight_of(patterns[label]))
+        least = max(map(weight_of, patterns.values())) + math.log(DISMISSED)
+        kept = (label for label in ordered if weight_of(patterns[label]) >= least)
+        return tuple((unlisted[label], patterns[label]) for label in kept)
 
     @cached_property
     def patterned(self) -> tuple[tuple[float, Fit], ...]:
         """Fits with these patterns and their shares, the likeliest first."""
-        total = sum(probability for probability, _ in self.beyond_list)
+        shares = probabilities({one: weight_of(one) for _, one in self.beyond_list})
         return tuple(
-            (probability * share / total, ground.fit)
-            for probability, hypothesis in self.beyond_list
+            (probability * share, ground.fit)
+            for hypothesis, probability in shares.items()
             for share, ground, _ in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
         )
 
@@ -518,6 +521,7 @@ def decide_by(linear: Belief) -> Decision:
             break
         decision = Decision(decision.belief.refined(wanted))
     decision = Decision(decision.belief.refined([decision.best]))
-    if decision.verdict is Verdict.UNEXPLAINED or decision.exceeded:
+    # Few differences follow nearly any pattern.
+    if at.white.raw and (decision.verdict is Verdict.UNEXPLAINED or decision.exceeded):
         decision = Decision(decision.belief.closely())
     return decision

@@ -132,7 +132,7 @@ def answer_to(
         following = best_next(diagnosis)
     decision = release(solution, diagnosis, following, corrects)
     kept = given.conditions.questioned if given.is_session else ()
-    if kept and diagnosis and diagnosis.verdict in (Verdict.AMBIGUOUS, Verdict.UNEXPLAINED):
+    if kept and diagnosis and diagnosis.verdict is not Verdict.CONSISTENT:
         again = Reason.of("retake", kept=kept)
         retake = Remedy(sentence=again, verb="measure", options="--resume")
         decision = decision.changed(remedies=(retake, *decision.remedies))

@@ -213,7 +213,7 @@ def test_the_worst_exit_code_wins_and_every_file_has_its_place(tmp_path: Path) -
     assert shown.exit_code == 4
     found = lines(shown)
     assert [entry["input"]["path"] for entry in found] == list(files)
-    assert ["error" in entry for entry in found] == [False, True, True, False]
+    assert ["error" in entry for entry in found] == [False, True, False, False]
     assert set(found[1]) == {"input", "error"}
     assert "no such file" in found[1]["error"]
     assert shown.stderr == ""

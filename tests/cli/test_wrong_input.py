@@ -110,7 +110,7 @@ def test_the_verdict_remembers_what_was_questioned_and_kept(doubtful: tuple[Path
     path, shown = doubtful
     assert "Or was step 3 wrong? r 3 reads both again." in shown
     found = answer("solve", str(path))
-    assert found["verdict"] in ("unexplained", "ambiguous")
+    assert found["verdict"] in ("unexplained", "ambiguous", "named")
     first = found["release"]["remedies"][0]
     assert (first["verb"], first["options"]) == ("measure", "--resume")
     assert "r 9 (0.490 mm from the last cycle), r 19 (" in first["sentence"]
