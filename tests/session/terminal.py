@@ -26,7 +26,7 @@ AT_ONCE = (
 )
 # The last thing on the screen, perhaps followed by the end of a colour.
 PROMPT = re.compile(r"(\d+)\. Gauge [XYZ][^\r\n]* > (?:\x1b\[0m)?$")
-QUESTION = re.compile(r"(\d+)\. k keep[^\r\n]* > (?:\x1b\[0m)?$")
+QUESTION = re.compile(r"(\d+)\. (?:k keep|Read again)[^\r\n]* > (?:\x1b\[0m)?$")
 # The end of any prompt; what is typed sooner is not taken for an answer.
 ASKED = re.compile(r"(?:>|\]:) (?:\x1b\[[0-9;]*m)*$")
 
