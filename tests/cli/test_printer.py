@@ -460,7 +460,8 @@ def test_values_and_page_give_the_same_residuals() -> None:
     lack, said = told["lack_of_fit"], page("diagnose", "odd.csv", *MACHINE, "--details")
     assert f"{lack['left_mm']:.4f} mm r.m.s. remains" in said
     assert f"would leave {lack['expected_mm']:.4f} mm" in said
-    assert f"{lack['left_mm']:.3f} mm r.m.s. remains" in " ".join(told["release"]["reasons"])
+    # Touches that scatter more than the probe: U allows for it, and the screen says so.
+    assert "beyond_list" in told["release"]["codes"]
 
 
 def test_of_what_the_touches_do_not_determine_no_number_is_told() -> None:
