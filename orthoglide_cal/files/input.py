@@ -481,9 +481,9 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
         readings = probe_readings.printer_readings(file, name, machine, unused)
         arms = _free_arms(model, readings)
         freed = [
-            f"{name} {value:+.3f} ± {2.0 * std:.2g}"
+            f"{one.name} {one.value:+.3f} ± {2.0 * one.std:.2g}"
             for effect in arms
-            for name, (value, std, _) in model.called(effect).items()
+            for one in model.called(effect)
         ]
         said = [_FREED.format(", ".join(freed))] if freed else []
         readings = replace(readings, remarks=(*remarks, *said, *readings.remarks))

@@ -15,7 +15,6 @@ from typing import Annotated, Any, cast
 
 import numpy as np
 from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_model, field_validator
-from pydantic_core import PydanticCustomError
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
@@ -54,19 +53,13 @@ def kind_of(keys: Mapping[str, object]) -> str:
     return max(keys_of, key=lambda kind: len(keys_of[kind]))
 
 
-def _group(value: object) -> object:
-    if not isinstance(value, Mapping | Estimate):
-        raise PydanticCustomError("model_type", "not a group")
-    return value
-
-
 class Identified(Schema):
     """An accepted cause as the file holds it; the context is the class of the machine."""
 
     cause: str
     where: Annotated[str, _NOWHERE] | None = ""  # always the whole machine
     # By their names on this kind of machine.
-    parameters: Mapping[Word, Annotated[Estimate, BeforeValidator(_group)]]
+    parameters: Mapping[Word, Estimate]
     date: Day  # of its acceptance
     data_sha256: Digest  # of the readings that it was accepted from
     correlation: tuple[tuple[Number, ...], ...] = ()  # of the parameters; () for independent ones
@@ -329,8 +322,12 @@ def machine_values(model: Model) -> dict[str, Any]:
                 "cause": effect.cause.id,
                 "where": "",
                 "parameters": {
-                    name: {"value": digits(value), "std": digits(std), "unit": unit}
-                    for name, (value, std, unit) in model.called(effect).items()
+                    one.name: {
+                        "value": digits(one.value),
+                        "std": digits(one.std),
+                        "unit": one.unit,
+                    }
+                    for one in model.called(effect)
                 },
                 "date": effect.date,
                 "data_sha256": effect.data_sha256,

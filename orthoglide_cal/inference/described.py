@@ -10,7 +10,8 @@ from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.fit import leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern
 from orthoglide_cal.inference.patterns import Ground, fits_of
-from orthoglide_cal.inference.result import FoundPattern, PatternParameter
+from orthoglide_cal.inference.result import FoundPattern
+from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, Where, without_zeros
 
@@ -42,7 +43,7 @@ def described(
     _, size, std, _ = max(gauges, key=lambda one: abs(one[1]))
     kelvin, unit = pattern.how == "temperature", "mm/K" if pattern.how == "temperature" else "mm"
     parameters = [
-        PatternParameter(name=name, unit=unit, value=value / by, std=spread / abs(by))
+        Estimate(name=name, unit=unit, value=value / by, std=spread / abs(by))
         for name, value, spread, span in gauges
         for by in [span if kelvin else 1.0]
     ]
@@ -52,7 +53,7 @@ def described(
         shapes = np.array([shape.parameter for shape in pattern.shapes])
         known = _mean_and_std(np.array([share for share, _, _ in fits]), MINUTES * shapes)
         columns = {"name": _SHAPE_NAMES[pattern.how], "unit": "min"}
-        parameters.append(PatternParameter(**columns, value=known[0], std=known[1]))
+        parameters.append(Estimate(**columns, value=known[0], std=known[1]))
         late = _heldout(rows, before, after, _last_third(white.plan))
         start = {
             "steps": known[0],

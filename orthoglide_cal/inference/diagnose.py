@@ -28,7 +28,6 @@ from orthoglide_cal.inference.fit import (
 )
 from orthoglide_cal.inference.patterns import fits_of
 from orthoglide_cal.inference.result import (
-    CauseParameter,
     Diagnosis,
     Explanation,
     FoundCause,
@@ -40,7 +39,7 @@ from orthoglide_cal.inference.result import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.measured import Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -337,7 +336,7 @@ def _named(
             id=effect.cause.id,
             probability=listed[found.accepted],
             where=where,
-            parameters=tuple(_parameters(white, effect)),
+            parameters=_parameters(white, effect),
             adds_mm=white.rms(unexplained(by_parameters, accepted.columns[:, slot] @ sizes)),
             rms_before_mm=white.rms(found.belief.at.residuals[0]) * unit_of(accepted.effects),
             rms_after_mm=white.rms(accepted.left),
@@ -404,15 +403,14 @@ def _with_patterns(found: Decision, measured: Measured) -> tuple[Floats, tuple[i
     return _predicted(found.belief.at.white, measured, left, fit.effects), tuple(wrong)
 
 
-def _parameters(white: Whitened, effect: Effect) -> Iterator[CauseParameter]:
-    """Parameters of a cause; of several wrong readings each is called by its reading."""
+def _parameters(white: Whitened, effect: Effect) -> tuple[Estimate, ...]:
+    """Parameters of a cause; several wrong readings are called by their places."""
     model, cause, place = white.problem.model, effect.cause, effect.place
-    several = cause.hides_reading and len(place) > 1
-    for number, (name, each) in enumerate(model.called(effect).items()):
-        if several:
-            name = cause.label((place[number],), white.plan, model.machine)
-        u = half_width(np.inf) * each.std
-        yield CauseParameter(name=name, **each._asdict(), expanded=u)
+    sizes = model.called(effect)
+    if not cause.hides_reading or len(place) < 2:
+        return sizes
+    names = (cause.label((row,), white.plan, model.machine) for row in place)
+    return tuple(one.changed(name=name) for one, name in zip(sizes, names, strict=True))
 
 
 def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOfFit:

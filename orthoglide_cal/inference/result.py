@@ -16,7 +16,7 @@ from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.inference.baselines import Baselines
 from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.inference.fit import Fit
-from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import Differences, Measured
 from orthoglide_cal.model.model import Model
@@ -134,32 +134,13 @@ class LackOfFit(Schema):
     residual_mm: float = Field(description="r.m.s. of the residuals per degree of freedom")
 
 
-class CauseParameter(Schema):
-    """A parameter of a cause."""
-
-    name: str
-    unit: str
-    value: float
-    std: float
-    expanded: float = Field(description="U, of a normal distribution")
-
-
-class PatternParameter(Schema):
-    """A number that describes a pattern; of a gauge y_x: along y on leg x."""
-
-    name: str
-    unit: str
-    value: float
-    std: float
-
-
 class FoundCause(Schema):
     """A cause that was found; several act together."""
 
     id: str
     probability: float
     where: str = Field(description="empty: the whole machine")
-    parameters: tuple[CauseParameter, ...]
+    parameters: tuple[Estimate, ...]
     adds_mm: float = Field(description="r.m.s. of its part that the machine's parameters leave")
     rms_before_mm: float
     rms_after_mm: float
@@ -189,7 +170,7 @@ class FoundPattern(Schema):
         " standard deviation of the additional noise"
     )
     expanded_mm: float = Field(description="U of that size, of a normal distribution")
-    parameters: tuple[PatternParameter, ...]
+    parameters: tuple[Estimate, ...] = Field(description="of a gauge y_x: along y on leg x")
     probability: float
     accepted: bool = Field(description="part of the likeliest explanation")
     rms_before_mm: float = Field(description="left by the offsets alone")

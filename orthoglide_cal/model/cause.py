@@ -15,12 +15,12 @@ from types import MappingProxyType
 from typing import Annotated, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, computed_field
 
 from orthoglide_cal.model.kinematics import Command, Geometry
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Numbers, ReadOnly
-from orthoglide_cal.schema import Number
+from orthoglide_cal.schema import Number, Schema
 
 
 class Stage(StrEnum):
@@ -37,12 +37,22 @@ Place = tuple[int, ...]
 EVERYWHERE: Place = ()
 
 
-class Estimate(NamedTuple):
-    """A value with its standard deviation, in `unit` (the unit of the files)."""
+# U/u of a normal distribution at 95 %, as `estimation.accuracy.half_width` has it.
+NORMAL_K = 1.959963986912325
 
+
+class Estimate(Schema):
+    """A number with its standard uncertainty, in `unit` (the unit of the files)."""
+
+    name: str = ""  # in a machine file it is the key
+    unit: str
     value: Annotated[Number, Field(ge=-1e6, le=1e6)]
     std: Annotated[Number, Field(ge=0.0, le=1e6)]
-    unit: str
+
+    @computed_field(description="U, of a normal distribution")
+    @property
+    def expanded(self) -> float:
+        return NORMAL_K * self.std
 
 
 class Screw(NamedTuple):
@@ -327,15 +337,16 @@ class Effect(ReadOnly):
         return float(np.abs(named).max(initial=0.0)) / size if usual else 0.0
 
     @property
-    def estimates(self) -> Mapping[str, Estimate]:
-        """Name → value and standard deviation of each parameter, of theta (p,), in its `unit`."""
-        cause = self.cause
-        return {
-            name: Estimate(
-                cause.admissible(float(value)) / cause.scale, float(std / cause.scale), cause.unit
+    def estimates(self) -> tuple[Estimate, ...]:
+        """Each parameter, of theta (p,), of any size."""
+        cause, scale = self.cause, self.cause.scale
+        rows = zip(cause.names, self.theta.tolist(), self.std.tolist(), strict=False)
+        return tuple(
+            Estimate.model_construct(
+                name=name, unit=cause.unit, value=cause.admissible(value) / scale, std=std / scale
             )
-            for name, value, std in zip(cause.names, self.theta, self.std, strict=False)
-        }
+            for name, value, std in rows
+        )
 
     @property
     def correlation(self) -> Floats:

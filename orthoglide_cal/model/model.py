@@ -11,7 +11,7 @@ Predicted readings are those of gauges whose zero is the frame's origin; each re
 its own unknown zero, which the estimation removes.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -93,10 +93,10 @@ class Model:
         """`Machine.judging`, with the causes that are known now."""
         return replace(self, machine=self.machine.judging(then.machine))
 
-    def called(self, effect: Effect) -> Mapping[str, Estimate]:
-        """Parameters of an effect by the names that they have on this kind of machine."""
+    def called(self, effect: Effect) -> tuple[Estimate, ...]:
+        """Parameters of an effect with the names that they have on this kind of machine."""
         names = self.machine.named(effect.cause.names)
-        return {names[own]: estimate for own, estimate in effect.estimates.items()}
+        return tuple(one.changed(name=names[one.name]) for one in effect.estimates)
 
     @cached_property
     def repeats(self) -> bool:

@@ -101,7 +101,7 @@ def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
     now = diagnosis.model.extended(e for e in diagnosis.effects if e.cause.lasting)
     for parameter in np.argsort(-np.abs(effect.theta)).tolist():
         name, std = cause.names[parameter], effect.std[parameter]
-        size, screw = effect.estimates[name], cause.adjustment(name)
+        size, screw = effect.estimates[parameter], cause.adjustment(name)
         if screw is None or abs(effect.theta[parameter]) <= k * std:
             continue
         cells = _cells(machine, screw.leg)

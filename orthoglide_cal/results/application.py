@@ -1,7 +1,6 @@
 """What was entered in the controller, recorded in the machine file; and taken back."""
 
 import hashlib
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -14,7 +13,6 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES, correcting
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
-from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.files.comp_table import Added
 from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.files.input import Input
@@ -186,17 +184,11 @@ def _corrections(
     if controller is None:
         return
     machine = model.machine
-    known = [
-        (effect.cause, name, value, std)
-        for effect in model.remaining()
-        for name, (value, std, _) in model.called(effect).items()
-    ]
+    known = [(effect.cause, size) for effect in model.remaining() for size in model.called(effect)]
     if answer.verdict is Verdict.NAMED:
-        known += [
-            (CAUSES[c.id], p.name, p.value, p.std) for c in answer.causes for p in c.parameters
-        ]
-    for cause, name, value, std in known:
-        expanded = half_width(math.inf) * std
+        known += [(CAUSES[c.id], size) for c in answer.causes for size in c.parameters]
+    for cause, size in known:
+        name, value, expanded = size.name, size.value, size.expanded
         left: Literal["", "no_place", "no_origin", "below_u"] = ""
         if not controller.corrects(cause, machine):
             left = "no_origin" if cause.by_joint and controller.tables else "no_place"

@@ -39,9 +39,8 @@ from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.decision import decide, state
 from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.result import CauseParameter
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
-from orthoglide_cal.model.cause import Cause
+from orthoglide_cal.model.cause import Cause, Estimate
 from orthoglide_cal.model.machine import Bed, Machine, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -54,7 +53,7 @@ LOG_LASTING = math.log(0.03)  # log prior of a lasting cause
 LASTS = 0.7  # share of the variance of a bed's local shape that lasts for weeks
 U95, ONE_SIDED = half_width(math.inf), half_width(math.inf, 0.9)
 
-Sizes = tuple[CauseParameter, ...]
+Sizes = tuple[Estimate, ...]
 _Shape = tuple[Floats, Floats, Bed]  # touched places (n, 2), what is left (n,)
 
 _ADVICE = {
@@ -276,8 +275,7 @@ def _sized(
     chosen = range(len(named)) if chosen is None else chosen
     rows = zip(chosen, values.tolist(), np.sqrt(np.diagonal(covariance)).tolist(), strict=True)
     return tuple(
-        CauseParameter(name=named[k][0], unit=named[k][1], value=value, std=std, expanded=U95 * std)
-        for k, value, std in rows
+        Estimate(name=named[k][0], unit=named[k][1], value=value, std=std) for k, value, std in rows
     )
 
 

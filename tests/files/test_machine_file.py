@@ -259,7 +259,7 @@ CORRELATION = np.array([[1.0, -0.4, 0.123456], [-0.4, 1.0, 0.3], [0.123456, 0.3,
 def accepted(id: str = "axis_gap", correlation: np.ndarray = CORRELATION) -> Effect:
     cause = CAUSES[id]
     estimates = {
-        name: Estimate(value, std, cause.unit)
+        name: Estimate(value=value, std=std, unit=cause.unit)
         for name, (value, std) in zip(cause.names, VALUES[id], strict=True)
     }
     return cause.estimated(estimates, correlation).accepted("2025-03-01", DIGEST)

@@ -79,9 +79,7 @@ class TestAccept:
         assert found.cause.id == "axis_gap"
         assert found.data_sha256 == told(readings, "--machine", machine)["input"]["sha256"]
         assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", found.date or "")
-        for true, estimate in zip(
-            session.effects[0].parameters, found.estimates.values(), strict=True
-        ):
+        for true, estimate in zip(session.effects[0].parameters, found.estimates, strict=True):
             assert 0.0 < estimate.std < 0.05
             assert estimate.unit == "mm"
             assert abs(estimate.value - true) < 4.5 * estimate.std

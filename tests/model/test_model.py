@@ -1,5 +1,6 @@
 """A model and its causes: order of stages, parameters from fit to file, values that stay as is."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
 from functools import cached_property
@@ -10,8 +11,9 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import fit_offsets, solve
+from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.inference import diagnose
-from orthoglide_cal.model.cause import Effect, Estimate, Place
+from orthoglide_cal.model.cause import Effect, Place
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import simulate, synthetic_session
@@ -71,19 +73,19 @@ def test_estimates_are_in_the_units_of_the_files() -> None:
     effect = Effect(CAUSES["axis_squareness"], 1e-3 * values, covariance=spread)
     stds = 1e3 * np.sqrt(np.diag(spread))
     assert 1e3 * effect.std == pytest.approx(stds, rel=1e-12)
-    assert list(effect.estimates) == ["xy", "yz", "zx"]
-    for estimate, value, std in zip(effect.estimates.values(), values, stds, strict=True):
-        assert isinstance(estimate, Estimate)
+    assert [estimate.name for estimate in effect.estimates] == ["xy", "yz", "zx"]
+    for estimate, value, std in zip(effect.estimates, values, stds, strict=True):
         assert estimate.unit == "mrad"
         assert (estimate.value, estimate.std) == pytest.approx((value, std), rel=1e-12)
+        assert estimate.expanded == half_width(math.inf) * estimate.std
 
 
 def test_a_width_is_not_negative_and_first_positions_are_not_told() -> None:
     theta = np.array([0.03, -0.004, 0.02, 0.011, -0.007, 0.017])
     effect = Effect(CAUSES["backlash"], theta, covariance=covariance(6, 0.01))
     estimates = effect.estimates
-    assert list(estimates) == ["x", "y", "z"]
-    assert [estimate.value for estimate in estimates.values()] == [0.03, 0.0, 0.02]
+    assert [estimate.name for estimate in estimates] == ["x", "y", "z"]
+    assert [estimate.value for estimate in estimates] == [0.03, 0.0, 0.02]
     assert CAUSES["axis_gap"].admissible(-0.3) == -0.3
 
 

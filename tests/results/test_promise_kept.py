@@ -49,7 +49,7 @@ def accepted(measured: Readings, model: Model, session: truth.Session, seed: int
     if effect.id == "leg_length":
         error = np.random.default_rng([seed, 5]).normal(scale=LEGS_MM, size=3)
         lengths = dict(zip("xyz", np.array(effect.parameters) + error, strict=True))
-        found = {name: Estimate(float(v), LEGS_MM, "mm") for name, v in lengths.items()}
+        found = {name: Estimate(value=v, std=LEGS_MM, unit="mm") for name, v in lengths.items()}
         legs = CAUSES["leg_length"].estimated(found, np.eye(3))
         return model.extended([legs.accepted(DAY.isoformat(), "0" * 64)])
     try:
@@ -102,7 +102,7 @@ def test_a_cause_from_the_same_readings_takes_its_part_of_their_noise() -> None:
 def test_a_promise_leaves_room_for_another_pace_where_time_plays_a_part() -> None:
     """Of the last leg, measured when the drift is largest, more than of the first."""
     measured, model = known(truth.make_session(3, truth.PROTOTYPE, truth.MICRON))
-    sure = {name: Estimate(0.2, 0.0, "mm/h") for name in "xyz"}
+    sure = {name: Estimate(value=0.2, std=0.0, unit="mm/h") for name in "xyz"}
     drift = CAUSES["thermal_drift"].estimated(sure, np.eye(3)).accepted(DAY.isoformat(), "0" * 64)
     still, drifting = (
         {AXES.index(row.name[-1]): row.expanded_mm for row in solve(measured, each).promised()}

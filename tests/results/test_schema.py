@@ -85,7 +85,7 @@ def test_every_key_of_the_contract_is_there() -> None:
         "Residual": "leg direction posture x_mm y_mm measured_mm modelled_mm with_causes_mm",
         "FoundCause": "id probability where parameters rms_before_mm rms_after_mm"
         " heldout_before_mm heldout_after_mm heldout_ratio aliases times_stated remedy recommended",
-        "CauseParameter": "name unit value std",
+        "Estimate": "name unit value std",
         "Baselines": "quartic_mm earlier_map_mm",
         "NextMeasurement": "what minutes separates separation_sigma",
         "CheckReading": "what expected_mm expanded_mm before_mm",

@@ -9,8 +9,8 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from orthoglide_cal.errors import command
-from orthoglide_cal.inference.result import CauseParameter
 from orthoglide_cal.inference.trends import Trend
+from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import SIMULATED
@@ -125,7 +125,7 @@ def _notice(history: History) -> doc.Notice:
     return doc.Notice(tone, f"{title} ({sure})", tuple(lines), aside=history.machine)
 
 
-def _sizes(values: Sequence[CauseParameter], by: str = "") -> str:
+def _sizes(values: Sequence[Estimate], by: str = "") -> str:
     """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
     kept = [size for size in values if not by or abs(size.value) > size.expanded] or values
     return ", ".join(
@@ -157,7 +157,7 @@ def _table(history: History, most: int) -> doc.Grid:
         every = [k for k in every if names[k] in moved] or every[:6]
     decimals = [decimals_for(size.expanded) for size in history.pooled]
 
-    def row(name: str, sizes: Sequence[CauseParameter], uncertain: bool = False) -> tuple[str, ...]:
+    def row(name: str, sizes: Sequence[Estimate], uncertain: bool = False) -> tuple[str, ...]:
         """Values, or their U; lengths beyond 10 mm are no offsets: they have no sign."""
         shown = [each.expanded if uncertain else each.value for each in sizes]
         bare = [uncertain or abs(size) > 10.0 for size in shown]

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from orthoglide_cal.inference.result import CauseParameter, FoundCause, FoundPattern
+from orthoglide_cal.inference.result import FoundCause, FoundPattern
+from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Series
@@ -178,7 +179,7 @@ def place_words(name: str) -> str:
     return Series(AXES.index(leg), AXES.index(direction)).words if leg in AXES else name
 
 
-def size_words(each: CauseParameter) -> str:
+def size_words(each: Estimate) -> str:
     """Value, U and unit; whole numbers have no U."""
     value = with_uncertainty(each.value, each.expanded) if each.std else signed(each.value, 0)
     return f"{value} {unit_words(each.unit)}"

@@ -41,8 +41,8 @@ def _machine_page(model: Model) -> doc.Page:
         if effect.corrects:
             continue
         sizes = (
-            f"{name} {short(each.value, 4)} ± {short(each.std, 4)} {each.unit}"
-            for name, each in model.called(effect).items()
+            f"{size.name} {short(size.value, 4)} ± {short(size.std, 4)} {size.unit}"
+            for size in model.called(effect)
         )
         known.append((effect.cause.id, ", ".join(sizes), (effect.date or "")[:10]))
     history = doc.Grid(("entered", "before, mm", "after, mm", "from SHA-256"), entered)
