@@ -3,4 +3,4 @@
 from orthoglide_cal.estimation.least_squares import LeastSquaresFit, Problem, fit_offsets
 from orthoglide_cal.estimation.methods import Method, Posed, pose, pose_plan, usable_methods
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise, stays
-from orthoglide_cal.estimation.solution import Solution, solve
+from orthoglide_cal.estimation.solution import Solution, fit_parameters, solve

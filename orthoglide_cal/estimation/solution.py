@@ -158,6 +158,25 @@ class Solution(ReadOnly):
             return rms(self.residuals_mm)
         return rms(self.measured.plan.precision * (self.measured.value - self.predicted_mm))
 
+    def require_possible(self) -> None:
+        """Refuse offsets that no machine has.
+
+        No carriage stands half of its travel from where it seems to be: then it could not move.
+
+        Raises:
+            UnusableResultError: with what to check.
+            UnknownSettingsError: nobody knows what they would be added to.
+        """
+        require_settings(self.measured)
+        machine, largest = self.model.machine, float(np.abs(self.offsets_mm).max())
+        if largest > machine.travel_mm / 2.0:
+            require_determined(self.posed.problem)
+            raise UnusableResultError(
+                f"The {machine.vocabulary.many} would be as large as {largest:.0f} mm, more than"
+                " half of the travel.",
+                "Check the unit and the decimal marks of the readings, and the machine file.",
+            )
+
     def at(self, offsets: Floats) -> "Solution":
         """The same model at other offsets, shape (3,) [mm], with what they leave."""
         left = self.posed.data - self.posed.problem.predict(offsets)
@@ -220,10 +239,17 @@ class Solution(ReadOnly):
         return Reason.of(code, **sizes)
 
 
-def solve(
+def solve(measured: Measured, model: Model, method: str | None = None) -> Solution:
+    """Identify the joint offsets; as `fit_parameters` and `Solution.require_possible`."""
+    solution = fit_parameters(measured, model, method)
+    solution.require_possible()
+    return solution
+
+
+def fit_parameters(
     measured: Measured, model: Model, method: str | None = None, start: Floats | None = None
 ) -> Solution:
-    """Identify the joint offsets.
+    """Fit the joint offsets, whatever their size.
 
     All readings at once are weighted by what is uncertain of them in addition to noise, such as
     where along its leg each gauge stands; the paper's methods are as the paper has them.
@@ -231,18 +257,15 @@ def solve(
     Args:
         measured, model: the data, and what they are of.
         method: name of an estimator; the default for this kind of data if None.
-        start: where its search begins, such as what a diagnosis found of these data, shape (3,)
-            [mm]; at zero if None.
+        start: where its search begins, such as at the best fit of readings without those weights,
+            shape (3,) [mm]; at zero if None.
 
     Raises:
         UsageError: the method does not exist or cannot use these data.
         RankDeficientError: the data do not determine the offsets, or so little that no search ends;
             says what to add.
         NotConvergedError: no optimum was found; there is no result.
-        UnknownSettingsError: nobody knows what they would be added to.
-        UnusableResultError: the offsets are larger than any machine has.
     """
-    require_settings(measured)
     chosen = choose_method(measured, method)
     plain = posed = pose(measured, model, chosen.uses)
     require_rank(posed.problem)
@@ -255,15 +278,6 @@ def solve(
     else:
         found = _search(posed, start)
         offsets = found.offsets_mm
-    largest = float(np.abs(offsets).max())
-    # No carriage stands half of its travel from where it seems to be: then it could not move.
-    if largest > model.machine.travel_mm / 2.0:
-        require_determined(posed.problem)
-        raise UnusableResultError(
-            f"The {model.machine.vocabulary.many} would be as large as {largest:.0f} mm, more than"
-            " half of the travel.",
-            "Check the unit and the decimal marks of the readings, and the machine file.",
-        )
     plan, gauge = posed.problem.plan, model.machine.instrument
     uncertain = influences(model, offsets, plan)
     # Causes that were fitted to these very data are not uncertain in addition to their noise: id →

@@ -1,5 +1,6 @@
 """From what was measured to a verdict on the model, and to a model extended by a cause."""
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -11,7 +12,8 @@ from scipy.special import fdtrc
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation.accuracy import half_width, rms, scatter_of_repeats
+from orthoglide_cal.estimation import Solution, fit_parameters
+from orthoglide_cal.estimation.accuracy import half_width, scatter_of_repeats
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
@@ -84,6 +86,7 @@ def diagnose(
         if applied is not None:
             entered[: len(applied)] = applied
         found = _decided(white)
+        alone = fit_parameters(measured, model, start=found.belief.at.offsets[0])
         again = repeats(white, later)
         nothing, accepted = found.belief.fit(()), found.fit
         causes: tuple[FoundCause, ...] = ()
@@ -129,7 +132,7 @@ def diagnose(
                     repeats=again,
                 )
             better = beside is not None and beside.better is not None
-            causes = _named(found, before, after, better)
+            causes = _named(found, alone, before, after, better)
         changes: dict[str, Otherwise] = {}
         if sensitivity and found.verdict is not Verdict.CONSISTENT:
             for name, factor in (("halved", 0.5), ("doubled", 2.0)):
@@ -138,9 +141,8 @@ def diagnose(
         offsets, covariance = found.offsets
         unshown = _unshown(found, offsets, half_width(np.inf) * np.sqrt(np.diag(covariance)))
         matter = {fault.id for fault in unshown if fault.matters}
-        nominal = _predicted(white, measured, found.belief.at.residuals[0])
         patterns, wrong = tuple(_patterns(found, measured)), accepted.wrong_readings
-        explained = nominal
+        explained = alone.predicted_mm
         if accepted.effects:
             explained = _predicted(white, measured, accepted.left, accepted.effects)
         if any(pattern.accepted for pattern in patterns):
@@ -150,7 +152,7 @@ def diagnose(
             model=model,
             verdict=found.verdict,
             refuted=found.refuted,
-            lack_of_fit=_lack_of_fit(found, measured, nominal),
+            lack_of_fit=_lack_of_fit(found, alone),
             causes=causes,
             baselines=beside,
             ambiguous_with=found.ambiguous_with,
@@ -162,8 +164,7 @@ def diagnose(
             ),
             offsets_mm=offsets,
             covariance_mm2=covariance,
-            alone_mm=found.belief.at.offsets[0],
-            nominal_mm=nominal,
+            alone=alone,
             explained_mm=explained,
             wrong_readings=wrong,
             sensitivity=MappingProxyType(changes),
@@ -307,7 +308,7 @@ def _unshown(found: Decision, offsets: Floats, u: Floats) -> tuple[UnshownFault,
 
 
 def _named(
-    found: Decision, before: HeldOut, after: HeldOut, better: bool
+    found: Decision, alone: Solution, before: HeldOut, after: HeldOut, better: bool
 ) -> tuple[FoundCause, ...]:
     """The accepted causes; the one without which the data are hardest to explain comes first.
 
@@ -338,7 +339,7 @@ def _named(
             where=where,
             parameters=_parameters(white, effect),
             adds_mm=white.rms(unexplained(by_parameters, accepted.columns[:, slot] @ sizes)),
-            rms_before_mm=white.rms(found.belief.at.residuals[0]) * unit_of(accepted.effects),
+            rms_before_mm=alone.rms_after_mm * unit_of(accepted.effects),
             rms_after_mm=white.rms(accepted.left),
             heldout_before_mm=before.rms_mm,
             heldout_after_mm=after.rms_mm,
@@ -357,8 +358,10 @@ def _named(
         for sizes in (effect.theta[: slot.stop - slot.start],)
         for times in (effect.times(machine),)
     ]
-    alone = {cause.id: -found.belief.hypotheses[(cause.id,)].log_evidence for cause in named}
-    return tuple(sorted(named, key=lambda each: (each.id in machine.companions, alone[each.id])))
+    single = {cause.id: -found.belief.hypotheses[(cause.id,)].log_evidence for cause in named}
+    return tuple(
+        sorted(named, key=lambda cause: (cause.id in machine.companions, single[cause.id]))
+    )
 
 
 def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
@@ -413,30 +416,32 @@ def _parameters(white: Whitened, effect: Effect) -> tuple[Estimate, ...]:
     return tuple(one.changed(name=name) for one, name in zip(sizes, names, strict=True))
 
 
-def _lack_of_fit(found: Decision, measured: Measured, nominal: Floats) -> LackOfFit:
-    white, nothing = found.belief.at.white, found.alone
-    noise, dof = white.machine.instrument.noise_mm, len(white) - nothing.offsets.size
-    total = nothing.square
+def _lack_of_fit(found: Decision, alone: Solution) -> LackOfFit:
+    """Judge the parameters alone; a bed's local shape as large as it is found."""
+    white, measured = found.belief.at.white, alone.measured
+    noise, dof, size = white.machine.instrument.noise_mm, alone.dof, alone.sigma_residuals_mm or 0.0
+    p_value = 1.0 if alone.lack_of_fit_p is None else alone.lack_of_fit_p
+    if white.texture is not None:
+        dof, p_value = len(white) - alone.offsets_mm.size, found.chance
+        size = math.sqrt(found.alone.square / dof) if dof else 0.0
     repeats, chance = None, None
     if white.raw:
         repeats = scatter_of_repeats(white.plan, measured.value)
     if repeats is not None and repeats.sigma_mm > 0.0 and dof > repeats.dof:
-        pure = repeats.dof * repeats.sigma_mm**2
-        lack = max(total - pure, 0.0) / (dof - repeats.dof)
+        lack = max(dof * size**2 - repeats.dof * repeats.sigma_mm**2, 0.0) / (dof - repeats.dof)
         chance = float(fdtrc(dof - repeats.dof, repeats.dof, lack / repeats.sigma_mm**2))
-    left = rms(measured.weight * (measured.value - nominal))
-    residual = float(np.sqrt(total / dof)) if dof else 0.0
+    left = alone.rms_after_mm
     return LackOfFit(
-        statistic=total / noise**2,
+        statistic=dof * size**2 / noise**2,
         dof=dof,
-        p_value=found.chance,
+        p_value=p_value,
         repeats_p_value=chance,
         repeats_mm=None if repeats is None else repeats.sigma_mm,
         left_mm=left,
         # The fit takes a part of the noise away, too.
-        expected_mm=left * noise / residual if residual else noise,
+        expected_mm=left * noise / size if size else noise,
         noise_mm=noise,
-        residual_mm=residual,
+        residual_mm=size,
     )
 
 

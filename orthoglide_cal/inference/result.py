@@ -245,9 +245,7 @@ class Diagnosis(ReadOnly):
     by_place: tuple[tuple[float, Fit], ...]
     offsets_mm: Floats  # their mean, shape (3,)
     covariance_mm2: Floats  # of the offsets, shape (3, 3); carries the choice within an alias class
-    # Offsets where the offsets-only model fits these data best, all readings alike, shape (3,).
-    alone_mm: Floats
-    nominal_mm: Floats  # prediction of the offsets-only model with fitted zeros, shape (n,)
+    alone: Solution  # the calibrated parameters alone
     explained_mm: Floats  # prediction of the accepted model, or with patterns, shape (n,)
     # With all tolerances "halved" and "doubled"; empty if it was not asked for.
     sensitivity: Mapping[str, Otherwise]
@@ -308,13 +306,10 @@ class Diagnosis(ReadOnly):
                 )
 
     def adds_to(self, solution: Solution) -> tuple[Contribution, ...]:
-        """Contributions to the uncertainty of the solution's offsets, by cause.
+        """Contributions to the uncertainty of a solution's offsets for these data, by cause.
 
         Each explanation, besides the offsets alone, by the probability that the data leave it: how
         far it would move the offsets, and how much less sure of them it is.
-
-        Args:
-            solution: of the same data.
         """
         least, fits = solution.covariance_mm2, self.left_open
         if self.verdict is Verdict.UNEXPLAINED:

@@ -25,6 +25,7 @@ from orthoglide_cal.estimation import (
     OffsetEstimate,
     PromisedDifference,
     Solution,
+    fit_parameters,
     promise,
     solve,
     stays,
@@ -55,7 +56,6 @@ from orthoglide_cal.inference import (
     diagnose,
     nothing_wrong,
 )
-from orthoglide_cal.inference.data import unit_of
 from orthoglide_cal.inference.result import WORTH_SAYING
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
@@ -115,15 +115,15 @@ def answer_to(
         # Numbers out of all proportion: the solution's own check is all there is.
         diagnosis = None
     try:
-        solution = solve(measured, model, method, diagnosis.alone_mm if diagnosis else None)
+        known = diagnosis.alone if diagnosis and method is None else None
+        solution = known or fit_parameters(measured, model, method)
+        solution.require_possible()
     except UnusableResultError as error:
         remedy = (Remedy(sentence=Reason.of("do", what=error.remedy)),) if error.remedy else ()
         unknown = isinstance(error, UnknownSettingsError)
         reason = Reason.of("settings_unknown" if unknown else "refused", what=error.what)
         refused = Release(reasons=(reason,), remedies=remedy, sound=False)
         return schema.Answer(input=file, machine=name, release=refused, validity=conditions)
-    if diagnosis is not None and method is None:
-        diagnosis = _one_fit(solution, diagnosis)
     following = None
     if diagnosis is not None and diagnosis.undecided:
         # Planning takes long to load, and has nothing to say where all is decided.
@@ -349,28 +349,6 @@ def _with_others(
     if reasons:
         return Release(reasons=tuple(reasons), remedies=tuple(remedies))
     return decision.changed(cautions=(*decision.cautions, *cautions))
-
-
-def _one_fit(solution: Solution, diagnosis: Diagnosis) -> Diagnosis:
-    """The diagnosis with what the offsets alone leave as the solution has it: one fit, one number.
-
-    The two search for the same optimum, and end within their tolerances of it. But of touches of a
-    bed the diagnosis judges with a local shape as large as it is found, the solution as stated.
-    """
-    lack, left = diagnosis.lack_of_fit, solution.rms_after_mm
-    dof, size = solution.dof, solution.sigma_residuals_mm or 0.0
-    expected = lack.expected_mm * (left / lack.left_mm if lack.left_mm else 1.0)
-    fields: dict[str, object] = {"left_mm": left, "expected_mm": expected}
-    measured = diagnosis.measured
-    if isinstance(measured, Differences) or not measured.plan.touches.any():
-        p_value = solution.lack_of_fit_p
-        # The fit takes a part of the noise away, too.
-        fields["expected_mm"] = left * lack.noise_mm / size if size else lack.noise_mm
-        fields |= {"p_value": 1.0 if p_value is None else p_value, "residual_mm": size, "dof": dof}
-        fields["statistic"] = dof * size**2 / lack.noise_mm**2
-    before = left * unit_of(diagnosis.effects)
-    causes = tuple(cause.changed(rms_before_mm=before) for cause in diagnosis.causes)
-    return replace(diagnosis, lack_of_fit=lack.changed(**fields), causes=causes)
 
 
 def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | None:

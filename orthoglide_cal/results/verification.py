@@ -438,11 +438,12 @@ def _by_axis(values: Floats) -> dict[str, float]:
 
 def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     """The parameters, as unsure as the diagnosis leaves them, and data without passing faults."""
-    solution = solve(given.measured, model)
     try:
         diagnosis = diagnose(given.measured, model)
     except UnusableResultError:
-        return solution, given.measured
+        return solve(given.measured, model), given.measured
+    solution = diagnosis.alone
+    solution.require_possible()
     budget = solution.budget.extended(diagnosis.adds_to(solution))
     return replace(solution, budget=budget), diagnosis.put_right
 

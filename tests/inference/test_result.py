@@ -92,9 +92,10 @@ def test_differences_are_shown_in_the_order_of_the_file() -> None:
     backwards = replace(data, which=data.which[::-1], value=data.value[::-1])
     straight, reverse = (diagnose(each, NOMINAL) for each in (data, backwards))
     assert reverse.measured.value.tolist() == data.value.tolist()[::-1]
-    np.testing.assert_allclose(reverse.nominal_mm[::-1], straight.nominal_mm, atol=1e-9)
+    alone = [found.alone.predicted_mm for found in (reverse, straight)]
+    np.testing.assert_allclose(alone[0][::-1], alone[1], atol=1e-9)
     np.testing.assert_allclose(reverse.explained_mm[::-1], straight.explained_mm, atol=1e-6)
-    assert np.ptp(straight.nominal_mm) > 0.5
+    assert np.ptp(alone[1]) > 0.5
 
 
 @pytest.mark.parametrize(
@@ -109,7 +110,7 @@ def test_readings_are_explained_by_the_whole_model(hidden: tuple[str, ...]) -> N
     simulated = simulate(model.extended(found.effects), found.offsets_mm, readings.plan)
     left = without_zeros(readings.plan, found.explained_mm - simulated)
     assert np.abs(left).max() < 2e-4
-    assert np.abs(without_zeros(readings.plan, found.nominal_mm - simulated)).max() > 0.02
+    assert np.abs(without_zeros(readings.plan, found.alone.predicted_mm - simulated)).max() > 0.02
 
 
 def test_differences_are_explained_under_the_label_that_was_written_down() -> None:
