@@ -112,11 +112,11 @@ class ExchangeCause(RelabelCause, ABC):
 
     def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
         own, signs = super().relabel(plan, place)
-        index = _partners(self, plan, place)
+        index = _partners(self, plan.steps, place)
         return own if index is None else index, signs
 
     def reversible(self, plan: GaugePlan, place: Place) -> bool:
-        return _partners(self, plan, place) is not None
+        return _partners(self, plan.steps, place) is not None
 
     def really_read(self, plan: GaugePlan, place: Place) -> GaugePlan:
         """Each reading under the leg and direction that was read, at the posture of that leg."""

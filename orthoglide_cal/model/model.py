@@ -233,6 +233,8 @@ def _simulate(
 ) -> tuple[Numbers, Floats | None]:
     """Readings; if it is wanted and known in closed form, their derivative by the parameters."""
     machine = model.machine
+    if model.repeats:
+        plan = plan.steps
     readings, where, jacobian = machine.sensed(model.real, parameters, plan, strict, derivative)
     for effect in model.accepted:
         readings = effect.cause.contact(readings, effect, where, plan, machine)

@@ -22,6 +22,7 @@ Bools = NDArray[np.bool_]
 # Real in use; complex only while a derivative is taken by a complex step.
 Numbers = NDArray[Any]
 PlanT = TypeVar("PlanT", bound="Plan")
+T = TypeVar("T")
 # A plan of the kind of machine whose methods take it; these name its class, the base cannot.
 AnyPlan = Any
 # Where a pattern acts: leg, direction, posture, as far as these matter; empty for everywhere.
@@ -45,6 +46,17 @@ class ReadOnly:
         for name, given in list(vars(self).items()):
             if isinstance(given, np.ndarray) and (given.flags.writeable or given.base is not None):
                 object.__setattr__(self, name, read_only(given, given.dtype))
+
+
+class step_property(cached_property[T]):
+    """A cached property of a plan that no clock changes: sessions of the same steps share it."""
+
+    def __get__(self, plan: "Plan", owner: type | None = None) -> T:  # type: ignore[override]
+        if plan is plan.steps:
+            return super().__get__(plan, owner)
+        name = str(self.attrname)
+        value: T = vars(plan).setdefault(name, getattr(plan.steps, name))
+        return value
 
 
 # Of the arrays of a plan, by their annotations.
@@ -104,12 +116,17 @@ class Plan(ABC):
     def __hash__(self) -> int:
         return hash(self._content)
 
+    @cached_property
+    def steps(self) -> Self:
+        """The same readings, whenever they were taken: one plan for all sessions of these steps."""
+        return known_plan(replace(self, hours=np.zeros(len(self))) if self.hours.any() else self)
+
     @property
     def parts(self) -> int:
         """Number of parts, empty ones before the last included."""
         return int(self.part.max()) + 1 if len(self) else 0
 
-    @cached_property
+    @step_property
     def in_time(self) -> Ints:
         """Indices of the readings from first to last, shape (n,)."""
         return read_only(np.argsort(self.order, kind="stable"), np.intp)
@@ -168,7 +185,7 @@ class Plan(ABC):
     def shared(self) -> Ints:
         """Number, from 0, of what creeps or is knocked together with each reading, shape (n,)."""
 
-    @cached_property
+    @step_property
     def sequence(self) -> tuple[Ints, Bools]:
         """Indices of the readings by what they share, then in time; which come first, both (n,)."""
         rows = np.lexsort((self.order, self.shared))
@@ -321,6 +338,8 @@ def zero_free(plan: Plan) -> Contrasts:
     Orthonormal where all readings are equally precise. Least squares on the contrasts is
     generalised least squares on the readings with one unknown zero per set-up.
     """
+    if plan is not plan.steps:
+        return zero_free(plan.steps)
     return Contrasts(np.linalg.qr(plan.zeros)[0], plan.precision)
 
 

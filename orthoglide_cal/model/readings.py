@@ -18,6 +18,7 @@ from orthoglide_cal.model.plan import (
     Where,
     alike,
     read_only,
+    step_property,
 )
 
 AXES = ("x", "y", "z")
@@ -97,7 +98,7 @@ class GaugePlan(Plan):
     def shared(self) -> Ints:
         return self.setup
 
-    @cached_property
+    @step_property
     def standing(self) -> Bools:
         """Readings by gauges on stands that were not moved since, shape (n,).
 
@@ -107,7 +108,7 @@ class GaugePlan(Plan):
         here = (self.leg == self.leg[last]) & (self.part == self.part[last])
         return read_only(here & (self.contact == Contact.FIXED), np.bool_)
 
-    @cached_property
+    @step_property
     def stood(self) -> Floats:
         """What was entered when each reading's gauge was set up, shape (n, 3) [mm].
 
@@ -121,7 +122,7 @@ class GaugePlan(Plan):
         stood[self.in_time] = self.entered[self.in_time][first][setup.reshape(-1)]
         return read_only(stood)
 
-    @cached_property
+    @step_property
     def places(self) -> list[tuple[float, ...]]:
         """Where each gauge stood: (part, leg, direction, place along the leg, bar turned).
 
@@ -132,15 +133,15 @@ class GaugePlan(Plan):
         columns = (self.part, self.leg, self.direction, at, self.turned)
         return list(zip(*(values.tolist() for values in columns), strict=True))
 
-    @cached_property
+    @step_property
     def zeros(self) -> Floats:
         return read_only(self.setup[:, None] == np.arange(self.setups), np.float64)
 
-    @cached_property
+    @step_property
     def cells(self) -> Ints:
         return alike(self.leg, self.direction, self.displacement, self.contact, *self.state)[1]
 
-    @cached_property
+    @step_property
     def moments(self) -> tuple[Ints, Ints]:
         """Distinct true postures: a reading of each, (m,), and each reading's one, (n,)."""
         leg = np.where(self.displacement == 0.0, 0, self.leg)
@@ -151,18 +152,18 @@ class GaugePlan(Plan):
         """With nothing entered, then and when their gauge was set up."""
         return np.asarray(~(self.entered.any(axis=1) | self.stood.any(axis=1)))
 
-    @cached_property
+    @step_property
     def set_up_moments(self) -> tuple[Floats, Ints]:
         """Distinct `stood`, (s, 3) [mm], and each reading's one, (n,)."""
         stood, which = np.unique(self.stood, axis=0, return_inverse=True)
         return read_only(stood), read_only(which.reshape(-1), np.intp)
 
-    @cached_property
+    @step_property
     def state(self) -> tuple[Floats, ...]:
         """What else readings must agree in to repeat each other, each (n,); () where all do."""
         return (*_columns(self.turned[:, None]), *_columns(self.entered))
 
-    @cached_property
+    @step_property
     def cycles(self) -> Ints:
         """Repeats counted in time within each part and cell, from 1, shape (n,)."""
         kind = alike(self.part, self.cells)[1]
@@ -171,7 +172,7 @@ class GaugePlan(Plan):
         cycles[rows] = 1 + np.arange(len(self)) - np.searchsorted(kind[rows], kind[rows])
         return read_only(cycles, np.intp)
 
-    @cached_property
+    @step_property
     def repeats(self) -> Ints:
         where = (self.leg, self.direction, self.displacement, self.contact, self.gauge_at)
         return alike(self.setup, *where, *self.state)[1]
@@ -217,7 +218,7 @@ class GaugePlan(Plan):
                 yield where, own.reshape(-1) == number
         yield from super().wheres(ordered)
 
-    @cached_property
+    @step_property
     def series(self) -> tuple[Series, ...]:
         """The (leg, direction) of each reading."""
         pairs = zip(self.leg.tolist(), self.direction.tolist(), strict=True)
@@ -231,7 +232,7 @@ class GaugePlan(Plan):
     def reductions(self) -> tuple[str, ...]:
         return ("six", "twelve") if self.fixed else ("single",)
 
-    @cached_property
+    @step_property
     def fixed(self) -> bool:
         return bool(np.all(self.contact == Contact.FIXED))
 

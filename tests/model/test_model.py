@@ -121,7 +121,8 @@ def arrays_in(value: object) -> Iterator[Floats]:
             yield from arrays_in(part)
     elif is_dataclass(value) and not isinstance(value, type):
         once = getmembers(type(value), lambda member: isinstance(member, cached_property))
-        for name in (*(field.name for field in fields(value)), *dict(once)):
+        # `steps` is a plan of its own.
+        for name in (*(field.name for field in fields(value)), *dict(once).keys() - {"steps"}):
             yield from arrays_in(getattr(value, name))
 
 
