@@ -434,9 +434,7 @@ def _common(
         )
         for given in inputs
     )
-    found, left = (
-        Parameter.all_of(s.model, s.offsets_mm, s.std_mm, s.budget.k) for s in solutions
-    )
+    found, left = (Parameter.all_of(s.model, s.offsets_mm, s.std_mm, s.budget.k) for s in solutions)
     return {
         "inputs": tuple((s.measured.source, s.model) for s in solutions),
         "before": before,
