@@ -7,7 +7,7 @@ gauge's stated noise and the degrees of freedom that the readings will have. On 
 
 from bisect import bisect_left
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any, Self
 
@@ -46,18 +46,6 @@ def lengths(model: Model, values: Floats) -> dict[str, float]:
     return {name: value for name, unit, value in named if unit == "mm"}
 
 
-@dataclass(frozen=True)
-class ParameterForecast:
-    """The forecast of one calibrated parameter, in its unit."""
-
-    unit: str
-    noise_std: float
-    expanded: float
-    determined: bool  # well enough
-    lessened: float  # U of what other readings could reduce
-    fixed: float  # U of what is taken as stated
-
-
 class SessionForecast(Schema):
     """The forecast of a `Layout`, or of a session like it."""
 
@@ -71,9 +59,6 @@ class SessionForecast(Schema):
     readings: int
     gauge_moves: int
     minutes: Minutes
-    noise_std_mm: dict[str, float]  # what the scatter of the readings leaves of each length
-    expanded_mm: dict[str, float]  # U of each length
-    parameters: dict[str, ParameterForecast]  # also those that are no lengths
 
     @classmethod
     def of(
@@ -92,24 +77,52 @@ class SessionForecast(Schema):
         taken = fixed_influences(model, np.zeros(len(machine.parameter_names)), plan)
         both = (*uncertain, *taken)
         budget = budget_of_readings(estimator, plan, machine.instrument, scatter, both)
-        parts = [np.square(c.std) for c in budget.contributions if c.source in AVERAGED]
-        noise, expanded = np.sqrt(np.sum(parts, axis=0)), budget.expanded_mm
-        others = {c.source for c in budget.contributions}.difference(machine.fixed_parameters)
-        parted = (_without(budget, machine.fixed_parameters), _without(budget, others))
-        reach = [np.zeros_like(noise) if part is None else part.expanded_mm for part in parted]
-        values = (noise, expanded, determined(model, expanded), *reach)
-        rows = zip(machine.parameter_units, *(np.asarray(v).tolist() for v in values), strict=True)
-        parameters = [ParameterForecast(*row) for row in rows]
-        return cls(
-            model=model,
-            budget=budget,
-            readings=len(plan),
-            noise_std_mm=lengths(model, noise),
-            expanded_mm=lengths(model, expanded),
-            parameters=dict(zip(machine.parameter_names, parameters, strict=True)),
-            **session._asdict(),
-            **more,
-        )
+        return cls(model=model, budget=budget, readings=len(plan), **session._asdict(), **more)
+
+    @cached_property
+    def _scatter(self) -> Floats:
+        """Standard uncertainty that the scatter of the readings leaves, (p,)."""
+        parts = (part for part in self.budget.contributions if part.source in AVERAGED)
+        return np.asarray(np.sqrt(sum(np.square(part.std) for part in parts)))
+
+    @computed_field(description="what the scatter of the readings leaves of each length")
+    @cached_property
+    def noise_std_mm(self) -> dict[str, float]:
+        return lengths(self.model, self._scatter)
+
+    @computed_field(description="U of each length")
+    @cached_property
+    def expanded_mm(self) -> dict[str, float]:
+        return lengths(self.model, self.budget.expanded_mm)
+
+    @property
+    def determined(self) -> tuple[bool, ...]:
+        """Which parameters it determines well enough."""
+        return determined(self.model, self.budget.expanded_mm)
+
+    @cached_property
+    def parted(self) -> tuple[Floats, Floats]:
+        """U of what other readings could reduce, and of what is taken as stated, each (p,)."""
+        fixed, zero = self.model.machine.fixed_parameters, np.zeros_like(self.budget.std_mm)
+        others = {part.source for part in self.budget.contributions}.difference(fixed)
+        parts = (_without(self.budget, fixed), _without(self.budget, others))
+        lessened, stated = (zero if part is None else part.expanded_mm for part in parts)
+        return lessened, stated
+
+    @computed_field(description="each parameter, also those that are no lengths, in its unit")
+    @property
+    def parameters(self) -> dict[str, dict[str, object]]:
+        machine, (lessened, stated) = self.model.machine, self.parted
+        columns = {
+            "unit": machine.parameter_units,
+            "noise_std": self._scatter.tolist(),
+            "expanded": self.budget.expanded_mm.tolist(),
+            "determined": self.determined,
+            "lessened": lessened.tolist(),
+            "fixed": stated.tolist(),
+        }
+        rows = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+        return dict(zip(machine.parameter_names, rows, strict=True))
 
     @computed_field
     @cached_property
