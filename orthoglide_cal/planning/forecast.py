@@ -173,8 +173,8 @@ def session_of(
     """A session as `measure` guides it: at least one cycle, `stands` gauges read side by side."""
     steps = sequence(model.orthoglide, protocol, cycles, order, stands)
     plan, minutes = timed_plan(steps)
-    what = f"{protocol}, {counted(cycles, 'cycle')}"
-    return Layout(protocol, what, plan, minutes, cycles, gauge_moves(steps))
+    words = f"{protocol}, {counted(cycles, 'cycle')}"
+    return Layout(protocol, words, plan, minutes, cycles, gauge_moves(steps))
 
 
 # The same sessions are asked for by number of cycles, by target and by comparison.

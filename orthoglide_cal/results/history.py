@@ -328,16 +328,20 @@ def compare(
         UnusableResultError: a session does not determine the parameters.
     """
     if len(dates) not in (0, len(inputs)):
-        what = f"There are {len(dates)} dates for {len(inputs)} sessions."
-        raise UsageError(what, "Give --dates one date for each, in the order of the files.")
+        raise UsageError(
+            f"There are {len(dates)} dates for {len(inputs)} sessions.",
+            "Give --dates one date for each, in the order of the files.",
+        )
     measured = [not given.measured.source.simulated for given in inputs]
     notes = []
     if 0 < sum(measured) < len(inputs):
         notes.append(Reason.of("left_out", count=measured.count(False)))
         inputs, dates = [*compress(inputs, measured)], [*compress(dates, measured)]
     if len(inputs) < 2:
-        what = f"A history needs two sessions or more{', without simulated ones' * len(notes)}."
-        raise UsageError(what, "Name files, or their folder.")
+        without = ", without simulated ones" * len(notes)
+        raise UsageError(
+            f"A history needs two sessions or more{without}.", "Name files, or their folder."
+        )
     if limit_mm is not None and limit_mm <= 0.0:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     moments = [at for given, day in zip_longest(inputs, dates) if (at := moment_of(given, day))]
@@ -355,8 +359,8 @@ def compare(
         try:
             diagnosed.append(_DiagnosedSession(given, inputs[-1].model))
         except UnusableResultError as error:
-            what = f"{given.measured.source.path}: {error.what}"
-            raise UnusableResultError(what, error.remedy) from error
+            path = given.measured.source.path
+            raise UnusableResultError(f"{path}: {error.what}", error.remedy) from error
     standing = _standing(diagnosed)
     causes = tuple(cause for id, cause in CAUSES.items() if any(id in ids for ids in standing))
     for session, ids in zip(diagnosed, standing, strict=True):

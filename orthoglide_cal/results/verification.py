@@ -168,8 +168,8 @@ class Verification(Schema):
     remains: Sentence | None = Field(
         default=None, description="what offsets do not remove; null: only noise is left"
     )
-    found: tuple[Parameter, ...] = Field(exclude=True, description="by the first measurement")
-    left: tuple[Parameter, ...] = Field(exclude=True, description="by the second one")
+    first: tuple[Parameter, ...] = Field(exclude=True, description="by the first measurement")
+    second: tuple[Parameter, ...] = Field(exclude=True, description="by the second one")
     entered: tuple[float | None, ...] = Field(exclude=True, description="null: nobody knows")
     applied_mm: dict[str, float] = Field(default_factory=dict)
     corrected: Corrections = Field({}, description="causes that the controller corrects since then")
@@ -192,19 +192,19 @@ class Verification(Schema):
     @computed_field(description="before: in the controller; found and entered: change; left: after")
     @property
     def parameters(self) -> dict[str, dict[str, object]]:
-        rows = zip(self.found, self.entered, self.left, strict=True)
+        rows = zip(self.first, self.entered, self.second, strict=True)
         return {
-            found.name: {
-                "unit": found.unit,
-                "before": found.active,
-                "found": found.found,
-                "expanded": found.expanded,
+            before.name: {
+                "unit": before.unit,
+                "before": before.active,
+                "found": before.found,
+                "expanded": before.expanded,
                 "entered": entered,
-                "left": left.found,
-                "left_expanded": left.expanded,
-                "as_found": None if entered is None else found.name not in self.entered_otherwise,
+                "left": after.found,
+                "left_expanded": after.expanded,
+                "as_found": None if entered is None else before.name not in self.entered_otherwise,
             }
-            for found, entered, left in rows
+            for before, entered, after in rows
         }
 
     @computed_field(description="of one of the two, or both")
@@ -216,9 +216,9 @@ class Verification(Schema):
     def entered_otherwise(self) -> tuple[str, ...]:
         """Parameters of which something else was entered than what was found."""
         return tuple(
-            found.name
-            for found, entered in zip(self.found, self.entered, strict=True)
-            if entered is not None and abs(entered - (found.found or 0.0)) > AS_FOUND
+            parameter.name
+            for parameter, entered in zip(self.first, self.entered, strict=True)
+            if entered is not None and abs(entered - (parameter.found or 0.0)) > AS_FOUND
         )
 
     @property
@@ -273,9 +273,8 @@ def verify(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
             "Give the machine that both are to be judged by: --machine FILE",
         )
-    model, held = before.model, _corrected(before, after)
+    model, (applied, held) = before.model, _entered(before, after, applied_mm)
     corrected = _more(model.machine.corrected, held)
-    applied = _recorded(before, after) if applied_mm is None else np.array(applied_mm, dtype=float)
     applied = np.where(np.abs(applied) < SMALLEST_MM, 0.0, applied)
     if not applied.any() and not corrected:
         raise UsageError(
@@ -332,7 +331,7 @@ def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
     largest = max(rows, key=lambda row: abs(row.after_mm))
     outcomes = {row.outcome for row in rows}
     order = Outcome.FAIL, Outcome.UNDECIDED, Outcome.PASS
-    outcome = next(each for each in order if each in outcomes)
+    outcome = next(outcome for outcome in order if outcome in outcomes)
     return Conformity(
         outcome=outcome,
         limit_mm=limit_mm,
@@ -434,15 +433,17 @@ def _common(
         )
         for given in inputs
     )
-    found, left = (Parameter.all_of(s.model, s.offsets_mm, s.std_mm, s.budget.k) for s in solutions)
+    first, second = (
+        Parameter.all_of(s.model, s.offsets_mm, s.std_mm, s.budget.k) for s in solutions
+    )
     return {
         "inputs": tuple((s.measured.source, s.model) for s in solutions),
         "before": before,
         "after": after,
         "machine": solutions[0].model.machine.name,
         "reservations": tuple(compare_reservations(before.validity, after.validity)),
-        "found": found,
-        "left": left,
+        "first": first,
+        "second": second,
         "entered": tuple(entered),
     }
 
@@ -506,30 +507,28 @@ def _swapped(before: Input, after: Input) -> bool:
     return any((entry.before, entry.after) == (then, held) for entry in history if then != held)
 
 
-def _recorded(before: Input, after: Input) -> Floats:
-    """Difference of the offsets that were active, rounded as offsets are entered [mm]."""
-    first, second = (given.model.machine.active for given in (before, after))
-    if first == second or not (before.is_session and after.is_session):
-        keeper, sha256 = before.keeper, before.measured.source.sha256
-        known = keeper.model.machine.entered_from(sha256) if keeper else None
-        if known is None:
-            raise UsageError(
-                "The files do not say what was entered in the controller between them.",
-                "Give it: --applied DX DY DZ; next time record it with orthocal apply.",
-            )
-        if first == second:
-            # The later one was measured without knowing what had been entered.
-            first, second = known.before or (), known.after or ()
-    return np.asarray((np.array(second) - np.array(first)).round(9))
+def _entered(
+    before: Input, after: Input, applied: Sequence[float] | None
+) -> tuple[Floats, Corrections]:
+    """What was added to the offsets, (3,) [mm], and what the controller corrected from then on.
 
-
-def _corrected(before: Input, after: Input) -> Corrections:
-    """The corrections that were in force in the controller in the second measurement."""
-    keeper, now = before.keeper, after.model.machine.corrected
+    The second may have been measured without knowing what had been entered: its machine file does.
+    """
+    keeper, first, second = before.keeper, before.model.machine, after.model.machine
     known = keeper.model.machine.entered_from(before.measured.source.sha256) if keeper else None
-    # The later one may have been measured without knowing what had been entered.
-    unaware = known is not None and now == before.model.machine.corrected
-    return known.corrected if known and known.corrected is not None and unaware else now
+    then, now, corrected = first.active, second.active, second.corrected
+    if known and known.corrected is not None and corrected == first.corrected:
+        corrected = known.corrected
+    if applied is not None:
+        return np.array(applied, dtype=float), corrected
+    if known is None and (then == now or not (before.is_session and after.is_session)):
+        raise UsageError(
+            "The files do not say what was entered in the controller between them.",
+            "Give it: --applied DX DY DZ; next time record it with orthocal apply.",
+        )
+    if known and then == now:
+        then, now = known.before or (), known.after or ()
+    return np.asarray((np.array(now) - np.array(then)).round(9)), corrected
 
 
 def _more(before: Corrections, after: Corrections) -> Corrections:
@@ -548,9 +547,9 @@ def _without(
     """What would have been measured without these corrections, at offsets (3,) [mm]."""
     both = model, model.extended(added)
     if isinstance(measured, Readings):
-        plain, corrected = (simulate(each, offsets, measured.plan) for each in both)
+        plain, corrected = (simulate(machine, offsets, measured.plan) for machine in both)
     else:
-        posed = (pose(measured, each, measured.kind).problem for each in both)
+        posed = (pose(measured, machine, measured.kind).problem for machine in both)
         plain, corrected = (problem.predict(offsets) for problem in posed)
     return replace(measured, value=measured.value - (corrected - plain))
 

@@ -63,7 +63,7 @@ def _says(result: Verification) -> Callable[[Reason], str]:
 
 
 def _screen(result: Verification) -> doc.Page:
-    known = [(p.name, p.found, p.expanded, p.unit) for p in result.left]
+    known = [(p.name, p.found, p.expanded, p.unit) for p in result.second]
     left = [(name, size, u, its) for name, size, u, its in known if size is not None]
     unit = common_unit(result.inputs[1][1].machine)
     grid = sizes_grid([(f"left{unit}", sizes(left, not unit))], 3 if unit else 2)
@@ -285,7 +285,7 @@ def _decision(result: Verification) -> str:
 def parameters_left(result: Verification) -> doc.Section:
     """Each parameter as found, as entered, and what remains of it."""
     decimals = _entered(result) if result.remaining_mm else 4
-    found, entered = result.found, result.entered
+    found, entered = result.first, result.entered
     now = [None if by is None else p.active + by for p, by in zip(found, entered, strict=True)]
     columns: dict[str, list[doc.Blank]] = {
         "": [doc.strong(p.name) for p in found],
@@ -294,7 +294,7 @@ def parameters_left(result: Verification) -> doc.Section:
         "before": [plain(p.active, decimals) for p in found],
         "entered": ["unknown" if by is None else signed(by, decimals) for by in entered],
         "now": ["unknown" if new is None else doc.strong(plain(new, decimals)) for new in now],
-        "left ± U": [_size(p) for p in result.left],
+        "left ± U": [_size(p) for p in result.second],
     }
     caption = "Before, now: active in the controller. Found by the first measurement, left by the"
     caption += " second."
