@@ -6,7 +6,7 @@ gauge's stated noise and the degrees of freedom that the readings will have. On 
 """
 
 from bisect import bisect_left
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any, Self
@@ -39,10 +39,10 @@ AVERAGED = frozenset({Origin.NOISE, Origin.RESOLUTION})
 TINY = 1e-18  # mm²
 
 
-def lengths(model: Model, values: Floats) -> dict[str, float]:
-    """Name → value of those calibrated parameters that are lengths; values of shape (p,)."""
+def lengths(model: Model, values: Sequence[float]) -> dict[str, float]:
+    """Name → value of those calibrated parameters that are lengths; of p values."""
     machine = model.machine
-    named = zip(machine.parameter_names, machine.parameter_units, values.tolist(), strict=True)
+    named = zip(machine.parameter_names, machine.parameter_units, values, strict=True)
     return {name: value for name, unit, value in named if unit == "mm"}
 
 
@@ -80,49 +80,40 @@ class SessionForecast(Schema):
         return cls(model=model, budget=budget, readings=len(plan), **session._asdict(), **more)
 
     @cached_property
-    def _scatter(self) -> Floats:
-        """Standard uncertainty that the scatter of the readings leaves, (p,)."""
-        parts = (part for part in self.budget.contributions if part.source in AVERAGED)
-        return np.asarray(np.sqrt(sum(np.square(part.std) for part in parts)))
+    def by_parameter(self) -> Mapping[str, Sequence[Any]]:
+        """Of each parameter, in its unit: u from the scatter of the readings, U, whether it is
+        determined, U of what other readings could reduce and of what is taken as stated."""
+        machine, budget, zero = self.model.machine, self.budget, 0.0 * self.budget.std_mm
+        fixed = machine.fixed_parameters
+        others = {part.source for part in budget.contributions}.difference(fixed)
+        parts = (_without(budget, sources) for sources in (fixed, others))
+        lessened, stated = (zero if part is None else part.expanded_mm for part in parts)
+        scatter = (part.std for part in budget.contributions if part.source in AVERAGED)
+        return {
+            "unit": machine.parameter_units,
+            "noise_std": np.sqrt(np.sum(np.square([*scatter]), axis=0)).tolist(),
+            "expanded": budget.expanded_mm.tolist(),
+            "determined": determined(self.model, budget.expanded_mm),
+            "lessened": lessened.tolist(),
+            "fixed": stated.tolist(),
+        }
+
+    @computed_field(description="the same for each parameter, also those that are no lengths")
+    @property
+    def parameters(self) -> dict[str, dict[str, object]]:
+        rows = zip(*self.by_parameter.values(), strict=True)
+        named = zip(self.model.machine.parameter_names, rows, strict=True)
+        return {name: dict(zip(self.by_parameter, row, strict=True)) for name, row in named}
 
     @computed_field(description="what the scatter of the readings leaves of each length")
-    @cached_property
+    @property
     def noise_std_mm(self) -> dict[str, float]:
-        return lengths(self.model, self._scatter)
+        return lengths(self.model, self.by_parameter["noise_std"])
 
     @computed_field(description="U of each length")
     @cached_property
     def expanded_mm(self) -> dict[str, float]:
-        return lengths(self.model, self.budget.expanded_mm)
-
-    @property
-    def determined(self) -> tuple[bool, ...]:
-        """Which parameters it determines well enough."""
-        return determined(self.model, self.budget.expanded_mm)
-
-    @cached_property
-    def parted(self) -> tuple[Floats, Floats]:
-        """U of what other readings could reduce, and of what is taken as stated, each (p,)."""
-        fixed, zero = self.model.machine.fixed_parameters, np.zeros_like(self.budget.std_mm)
-        others = {part.source for part in self.budget.contributions}.difference(fixed)
-        parts = (_without(self.budget, fixed), _without(self.budget, others))
-        lessened, stated = (zero if part is None else part.expanded_mm for part in parts)
-        return lessened, stated
-
-    @computed_field(description="each parameter, also those that are no lengths, in its unit")
-    @property
-    def parameters(self) -> dict[str, dict[str, object]]:
-        machine, (lessened, stated) = self.model.machine, self.parted
-        columns = {
-            "unit": machine.parameter_units,
-            "noise_std": self._scatter.tolist(),
-            "expanded": self.budget.expanded_mm.tolist(),
-            "determined": self.determined,
-            "lessened": lessened.tolist(),
-            "fixed": stated.tolist(),
-        }
-        rows = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
-        return dict(zip(machine.parameter_names, rows, strict=True))
+        return lengths(self.model, self.budget.expanded_mm.tolist())
 
     @computed_field
     @cached_property

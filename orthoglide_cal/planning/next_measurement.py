@@ -342,7 +342,7 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[Option, ...]:
             ),
             separation_sigma=0.0 if pair is None else float(apart[number][pair]),
             chance=chance,
-            expanded_mm=lengths(model, expanded),
+            expanded_mm=lengths(model, expanded.tolist()),
         )
         gained = float(expanded.max() - now) / (SITTING + option.minutes)
         ranking.append((losses[number] if decides else 0.0, gained, measurement))

@@ -202,7 +202,9 @@ class Verification(Schema):
                 "entered": entered,
                 "left": after.found,
                 "left_expanded": after.expanded,
-                "as_found": None if entered is None else before.name not in self.entered_otherwise,
+                "as_found": None
+                if entered is None
+                else abs(entered - (before.found or 0.0)) <= AS_FOUND,
             }
             for before, entered, after in rows
         }
@@ -211,15 +213,6 @@ class Verification(Schema):
     @property
     def simulated(self) -> bool:
         return self.before.validity.simulated or self.after.validity.simulated
-
-    @property
-    def entered_otherwise(self) -> tuple[str, ...]:
-        """Parameters of which something else was entered than what was found."""
-        return tuple(
-            parameter.name
-            for parameter, entered in zip(self.first, self.entered, strict=True)
-            if entered is not None and abs(entered - (parameter.found or 0.0)) > AS_FOUND
-        )
 
     @property
     def failed(self) -> bool:

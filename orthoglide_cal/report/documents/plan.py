@@ -206,7 +206,7 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     else:
         lines.append(f"U: {reach}")
     lines += near
-    known = zip(model.machine.parameter_names, chosen.determined, strict=True)
+    known = zip(chosen.parameters, chosen.by_parameter["determined"], strict=True)
     missing = [name for name, determined in known if not determined]
     if missing:
         lines.append(f"Not determined: {' and '.join(missing)}. {words.more}")
@@ -309,8 +309,9 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         columns["noise"] = [two_figures(max(each.noise_std_mm.values())) for each in shown]
         meaning.append("Noise: part of u that comes from scatter, of the worst offset.")
     for k, name in enumerate(machine.parameter_names):
+        rows = [session.by_parameter for session in shown]
         columns[name] = [
-            two_figures(session.parted[0][k]) if session.determined[k] else "–" for session in shown
+            two_figures(row["lessened"][k]) if row["determined"][k] else "–" for row in rows
         ]
     if machine.has_cube:
         columns["tool"] = [two_figures(each.tool_mm or 0.0) for each in shown]
@@ -323,7 +324,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     # What no layout determines, and what it adds to U.
     fixed = [each.source for each in plan.budget if each.source in machine.fixed_parameters]
     if fixed:
-        added = map(two_figures, plan.chosen.parted[1].tolist())
+        added = map(two_figures, plan.chosen.by_parameter["fixed"])
         last = " and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)
         for column, cell in zip(columns.values(), last, strict=True):
             column.append(cell)

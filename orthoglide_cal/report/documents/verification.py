@@ -298,7 +298,7 @@ def parameters_left(result: Verification) -> doc.Section:
     }
     caption = "Before, now: active in the controller. Found by the first measurement, left by the"
     caption += " second."
-    other = result.entered_otherwise
+    other = [name for name, row in result.parameters.items() if row["as_found"] is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
         note = "The files do not record what was entered. A saved printer.cfg does."
