@@ -159,9 +159,9 @@ def _entered(
     rule_out: common.RuleOut,
 ) -> "Application":
     """Entry of a measurement. Raises UsageError, UnusableResultError."""
+    from orthoglide_cal.causes import CAUSES
     from orthoglide_cal.files.input import machine_of_controller
     from orthoglide_cal.files.machine_file import new_machine_file
-    from orthoglide_cal.model.cause import Cause
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
     from orthoglide_cal.results.application import check_measured
@@ -179,10 +179,8 @@ def _entered(
         judged.check_recorded(remedy)
     given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)
-
-    def corrects(cause: Cause) -> bool:
-        return to is not None and to.corrects(cause, given.model.machine)
-
+    measured_on = given.model.machine
+    corrects = [id for id, cause in CAUSES.items() if to and to.corrects(cause, measured_on)]
     answer = (case := released(given, machine, corrects=corrects)).answer
     file = file or new_machine_file(given.model, to.target if to else "")
     now = datetime.now().astimezone()

@@ -1,5 +1,6 @@
 """`orthocal export`: the offsets for the controller, unless they must not be used."""
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -8,10 +9,7 @@ from orthoglide_cal.cli.common import MEASURED, argument, flag, option
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from orthoglide_cal.files.input import Input
-    from orthoglide_cal.model.cause import Cause
     from orthoglide_cal.report.case import Case
 
 Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marlin"]
@@ -91,7 +89,7 @@ def released(
     method: str | None = None,
     force: bool | None = None,
     details: bool = False,
-    corrects: "Callable[[Cause], bool] | None" = None,
+    corrects: Collection[str] = (),
 ) -> "Case":
     """The offsets of an input, if they may be used or are forced to (None: cannot be forced).
 

@@ -61,7 +61,7 @@ def plan(
 ) -> None:
     """Predict readings, minutes and U; rank what to measure next."""
     from orthoglide_cal.inference import diagnose
-    from orthoglide_cal.planning import ranked
+    from orthoglide_cal.planning import rank_measurements
     from orthoglide_cal.planning.design import require_on_bar
     from orthoglide_cal.planning.plan import Wanted, chosen_session, measurement_plan
     from orthoglide_cal.planning.program import APPROACH_MM, posture_program
@@ -110,7 +110,9 @@ def plan(
     full = details or json or html is not None
     with common.working(file or "A plan"):
         diagnosis = diagnose(given.measured, model) if given else None
-        found = measurement_plan(model, wanted, ranked(diagnosis) if diagnosis else (), full)
+        found = measurement_plan(
+            model, wanted, rank_measurements(diagnosis) if diagnosis else (), full
+        )
         begun = Case(given, answer_to(given, diagnosed=diagnosis), machine) if given else None
     document = plan_document(found, machine, begun)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)

@@ -75,14 +75,16 @@ class Response(ReadOnly):
 
 
 def responses(applied: Floats) -> Iterator[Response]:
-    """Every hypothesis about what was applied, shape (3,) [mm], not all zero."""
-    nothing, every = np.zeros((3, 0)), np.abs(applied).max() * np.eye(3)
+    """Every hypothesis about what was applied, (3,) [mm], not all zero; or all as one, (1,)."""
+    nothing, every = np.zeros((len(applied), 0)), np.abs(applied).max() * np.eye(len(applied))
     yield Response(Behaviour.AS_MODELLED, 1.0, applied, nothing)
     yield Response(Behaviour.OPPOSITE, 1.0, -applied, nothing)
     yield Response(Behaviour.NO_RESPONSE, 1.0, 0.0 * applied, nothing)
     yield Response(Behaviour.OTHER_GAIN, 0.5, applied, applied[:, None])
     for gain in (MM_PER_INCH, 1.0 / MM_PER_INCH):
         yield Response(Behaviour.OTHER_GAIN, 0.25, gain * applied, nothing)
+    if len(applied) == 1:
+        return  # nothing is exchanged, and a part of it is another gain
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         if order != (0, 1, 2) or len(set(signs)) > 1:
             share = SIGNS_KEPT if min(signs) > 0.0 else SIGNS_CHANGED

@@ -250,12 +250,12 @@ def table_4(model: Model) -> Reproduction:
             ("measured", printed.measured, printed.rms_before, [r.measured_mm for r in table]),
             ("expected", printed.expected, printed.rms_after, [r.expected_mm for r in table]),
         ):
-            found = (*computed, rms(np.array(computed)))
-            rows.append(ReproducedRow(f"#{number} {name}", (*values, size), found, PRINTED_MM))
+            figures = (*computed, rms(np.array(computed)))
+            rows.append(ReproducedRow(f"#{number} {name}", (*values, size), figures, PRINTED_MM))
     return Reproduction(
         "4",
         "Experimental data and expected improvements of accuracy, mm",
-        (*(each.name for each in DIFFERENCES[DataKind.SIX]), "r.m.s."),
+        (*(difference.name for difference in DIFFERENCES[DataKind.SIX]), "r.m.s."),
         2,
         tuple(rows),
         (
@@ -269,8 +269,8 @@ def table_5(model: Model) -> Reproduction:
     """Joint offsets of the three experiments."""
     rows = []
     for number, printed in EXPERIMENTS.items():
-        found = solve(experiment(number), model)
-        computed = (*found.offsets_mm.tolist(), found.rms_after_mm)
+        solution = solve(experiment(number), model)
+        computed = (*solution.offsets_mm.tolist(), solution.rms_after_mm)
         six = (*printed.six_offsets, printed.rms_after)
         rows.append(ReproducedRow(f"#{number} six-equation", six, computed, PRINTED_MM))
         twelve = (*printed.twelve_offsets, printed.twelve_rms)

@@ -6,8 +6,8 @@ gauge's stated noise and the degrees of freedom that the readings will have. On 
 """
 
 from bisect import bisect_left
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any, Self
 
@@ -39,23 +39,11 @@ AVERAGED = frozenset({Origin.NOISE, Origin.RESOLUTION})
 TINY = 1e-18  # mm²
 
 
-def lengths(model: Model, values: Floats) -> dict[str, float]:
-    """Name → value of those calibrated parameters that are lengths; values of shape (p,)."""
+def lengths(model: Model, values: Sequence[float]) -> dict[str, float]:
+    """Name → value of those calibrated parameters that are lengths; of p values."""
     machine = model.machine
-    named = zip(machine.parameter_names, machine.parameter_units, values.tolist(), strict=True)
+    named = zip(machine.parameter_names, machine.parameter_units, values, strict=True)
     return {name: value for name, unit, value in named if unit == "mm"}
-
-
-@dataclass(frozen=True)
-class ParameterForecast:
-    """The forecast of one calibrated parameter, in its unit."""
-
-    unit: str
-    noise_std: float
-    expanded: float
-    determined: bool  # well enough
-    lessened: float  # U of what other readings could reduce
-    fixed: float  # U of what is taken as stated
 
 
 class SessionForecast(Schema):
@@ -71,9 +59,6 @@ class SessionForecast(Schema):
     readings: int
     gauge_moves: int
     minutes: Minutes
-    noise_std_mm: dict[str, float]  # what the scatter of the readings leaves of each length
-    expanded_mm: dict[str, float]  # U of each length
-    parameters: dict[str, ParameterForecast]  # also those that are no lengths
 
     @classmethod
     def of(
@@ -92,24 +77,43 @@ class SessionForecast(Schema):
         taken = fixed_influences(model, np.zeros(len(machine.parameter_names)), plan)
         both = (*uncertain, *taken)
         budget = budget_of_readings(estimator, plan, machine.instrument, scatter, both)
-        parts = [np.square(c.std) for c in budget.contributions if c.source in AVERAGED]
-        noise, expanded = np.sqrt(np.sum(parts, axis=0)), budget.expanded_mm
-        others = {c.source for c in budget.contributions}.difference(machine.fixed_parameters)
-        parted = (_without(budget, machine.fixed_parameters), _without(budget, others))
-        reach = [np.zeros_like(noise) if part is None else part.expanded_mm for part in parted]
-        values = (noise, expanded, determined(model, expanded), *reach)
-        rows = zip(machine.parameter_units, *(np.asarray(v).tolist() for v in values), strict=True)
-        parameters = [ParameterForecast(*row) for row in rows]
-        return cls(
-            model=model,
-            budget=budget,
-            readings=len(plan),
-            noise_std_mm=lengths(model, noise),
-            expanded_mm=lengths(model, expanded),
-            parameters=dict(zip(machine.parameter_names, parameters, strict=True)),
-            **session._asdict(),
-            **more,
-        )
+        return cls(model=model, budget=budget, readings=len(plan), **session._asdict(), **more)
+
+    @cached_property
+    def by_parameter(self) -> Mapping[str, Sequence[Any]]:
+        """Of each parameter, in its unit: u from the scatter of the readings, U, whether it is
+        determined, U of what other readings could reduce and of what is taken as stated."""
+        machine, budget, zero = self.model.machine, self.budget, 0.0 * self.budget.std_mm
+        fixed = machine.fixed_parameters
+        others = {part.source for part in budget.contributions}.difference(fixed)
+        parts = (_without(budget, sources) for sources in (fixed, others))
+        lessened, stated = (zero if part is None else part.expanded_mm for part in parts)
+        scatter = (part.std for part in budget.contributions if part.source in AVERAGED)
+        return {
+            "unit": machine.parameter_units,
+            "noise_std": np.sqrt(np.sum(np.square([*scatter]), axis=0)).tolist(),
+            "expanded": budget.expanded_mm.tolist(),
+            "determined": determined(self.model, budget.expanded_mm),
+            "lessened": lessened.tolist(),
+            "fixed": stated.tolist(),
+        }
+
+    @computed_field(description="the same for each parameter, also those that are no lengths")
+    @property
+    def parameters(self) -> dict[str, dict[str, object]]:
+        rows = zip(*self.by_parameter.values(), strict=True)
+        named = zip(self.model.machine.parameter_names, rows, strict=True)
+        return {name: dict(zip(self.by_parameter, row, strict=True)) for name, row in named}
+
+    @computed_field(description="what the scatter of the readings leaves of each length")
+    @property
+    def noise_std_mm(self) -> dict[str, float]:
+        return lengths(self.model, self.by_parameter["noise_std"])
+
+    @computed_field(description="U of each length")
+    @cached_property
+    def expanded_mm(self) -> dict[str, float]:
+        return lengths(self.model, self.budget.expanded_mm.tolist())
 
     @computed_field
     @cached_property
@@ -160,8 +164,8 @@ def session_of(
     """A session as `measure` guides it: at least one cycle, `stands` gauges read side by side."""
     steps = sequence(model.orthoglide, protocol, cycles, order, stands)
     plan, minutes = timed_plan(steps)
-    what = f"{protocol}, {counted(cycles, 'cycle')}"
-    return Layout(protocol, what, plan, minutes, cycles, gauge_moves(steps))
+    words = f"{protocol}, {counted(cycles, 'cycle')}"
+    return Layout(protocol, words, plan, minutes, cycles, gauge_moves(steps))
 
 
 # The same sessions are asked for by number of cycles, by target and by comparison.

@@ -144,7 +144,7 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
     rows = [*ends.values()]
 
     def option(
-        what: str, stops: Sequence[float], wait_min: float = 0.0, short_mm: Floats | float = 0.0
+        task: str, stops: Sequence[float], wait_min: float = 0.0, short_mm: Floats | float = 0.0
     ) -> Option:
         """Further postures, in the same set-ups, each carriage commanded short by `short_mm`."""
         index = np.array(rows * len(stops))
@@ -160,7 +160,7 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
         *times, minutes = clock(steps_of(as_it_lies, machine, Order.PAPER, stands=2))
         start = float(first.hours.max()) + (MINUTES_PER_POSTURE + wait_min) / 60.0
         plan = replace(plan, hours=start + np.array(times) / 60.0)
-        return Option(what=what, plan=plan, minutes=minutes + wait_min, continues=True)
+        return Option(what=task, plan=plan, minutes=minutes + wait_min, continues=True)
 
     # Of two stands the one that is farther from half-way bounds the travel.
     farthest = max(first.gauge_at[rows].tolist(), key=lambda at: abs(at - HALF_WAY))
@@ -182,9 +182,9 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
         moved = machine.joints_at(leg, np.array(stops))[:, axis] - machine.home_mm
         for step, way in ((STEP_MM, "short"), (-STEP_MM, "too far")):
             if low <= (moved - step).min() and (moved - step).max() <= high:
-                what = f"carriage {AXES[axis]} {STEP_MM:g} mm {way}, as the screen shows: {words}"
-                what = f"{still}, drive as before but with {what}."
-                yield option(what, (*stops, 0.0), short_mm=step * np.eye(3)[axis])
+                move = f"carriage {AXES[axis]} {STEP_MM:g} mm {way}, as the screen shows: {words}"
+                task = f"{still}, drive as before but with {move}."
+                yield option(task, (*stops, 0.0), short_mm=step * np.eye(3)[axis])
                 break
 
 
@@ -196,12 +196,12 @@ def _alone(machine: Orthoglide) -> Iterator[Option]:
         session = (protocol, cycles, Order.PAPER, 2)
         plan, minutes = timed_plan(sequence(machine, *session), MINUTES_PER_SETUP)
         how_often = counted(cycles, "cycle")
-        what = (
+        task = (
             f"Measure a separate session, {protocol}, {how_often} per leg, reading by reading."
             " It needs no old data: keep those apart."
         )
         typed = sequence_options(*session)
-        yield Option(what=what, plan=plan, minutes=minutes, session=typed)
+        yield Option(what=task, plan=plan, minutes=minutes, session=typed)
 
 
 def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
@@ -216,31 +216,31 @@ def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
         for leg in LEGS:
             stand = f"et the stands up again at leg {AXES[leg]}{half_way}"
             for words, stops in walks:
-                what = f"S{stand}, {checked}, and read {how_often}: {words}."
-                yield _session(first, machine, (leg,), what, stops * times)
-            what = f"Turn the bar of leg {AXES[leg]} {turn}, s{stand} and read {how_often}."
-            yield _session(first, machine, (leg,), what, usual * times, turned=True)
+                task = f"S{stand}, {checked}, and read {how_often}: {words}."
+                yield _session(first, machine, (leg,), task, stops * times)
+            task = f"Turn the bar of leg {AXES[leg]} {turn}, s{stand} and read {how_often}."
+            yield _session(first, machine, (leg,), task, usual * times, turned=True)
         repeat = f"epeat the session, {how_often} per leg"
         for words, stops in walks:
-            what = f"R{repeat}{half_way}: {words}; stands set up again, {checked}."
-            yield _session(first, machine, LEGS, what, stops * times)
-        what = f"Turn every bar {turn}, and r{repeat}{half_way}."
-        yield _session(first, machine, LEGS, what, usual * times, turned=True)
+            task = f"R{repeat}{half_way}: {words}; stands set up again, {checked}."
+            yield _session(first, machine, LEGS, task, stops * times)
+        task = f"Turn every bar {turn}, and r{repeat}{half_way}."
+        yield _session(first, machine, LEGS, task, usual * times, turned=True)
         for at in machine.gauge_places:
             if np.any(np.abs(fixed - at) <= ANOTHER_PLACE):
                 continue
             from_joint = at * machine.leg_length_mm
-            what = f"R{repeat}, with the gauges {from_joint:.0f} mm from the carriage joint."
-            yield _session(first, machine, LEGS, what, usual * times, gauge_at=at)
-    what = f"Repeat the session, one cycle per leg, with the legs in the order z, y, x{half_way}."
-    yield _session(first, machine, LEGS[::-1], what, usual)
+            task = f"R{repeat}, with the gauges {from_joint:.0f} mm from the carriage joint."
+            yield _session(first, machine, LEGS, task, usual * times, gauge_at=at)
+    task = f"Repeat the session, one cycle per leg, with the legs in the order z, y, x{half_way}."
+    yield _session(first, machine, LEGS[::-1], task, usual)
 
 
 def _session(
     first: GaugePlan,
     machine: Orthoglide,
     legs: Sequence[int],
-    what: str,
+    task: str,
     stops: tuple[float, ...],
     gauge_at: float = HALF_WAY,
     turned: bool = False,
@@ -256,7 +256,7 @@ def _session(
         # What was commanded short was so for those readings alone.
         entered=plan.entered + first.stood[first.in_time[-1]],
     )
-    return Option(what=what, plan=plan, minutes=minutes)
+    return Option(what=task, plan=plan, minutes=minutes)
 
 
 # --- ranked -----------------------------------------------------------------------------------
@@ -264,7 +264,7 @@ def _session(
 
 # `plan FILE` asks for all, and so does the calibration that it shows as well.
 @functools.lru_cache(maxsize=1)
-def ranked(diagnosis: Diagnosis) -> tuple[Option, ...]:
+def rank_measurements(diagnosis: Diagnosis) -> tuple[Option, ...]:
     """All that can be done next, best first.
 
     For differences and readings along a leg, which no others can be solved together with, these
@@ -279,8 +279,8 @@ def ranked(diagnosis: Diagnosis) -> tuple[Option, ...]:
     if plan is not None:
         # What the kind of machine has to offer other than gauges on legs.
         choice = tuple(
-            Option(what=what, plan=_later(plan, new), minutes=minutes)
-            for what, new, minutes in model.machine.further(plan)
+            Option(what=task, plan=_later(plan, new), minutes=minutes)
+            for task, new, minutes in model.machine.further(plan)
         )
     first = plan if choice or (plan is not None and plan.fixed) else None
     choice = choice or options(first, model.orthoglide)
@@ -342,7 +342,7 @@ def ranked(diagnosis: Diagnosis) -> tuple[Option, ...]:
             ),
             separation_sigma=0.0 if pair is None else float(apart[number][pair]),
             chance=chance,
-            expanded_mm=lengths(model, expanded),
+            expanded_mm=lengths(model, expanded.tolist()),
         )
         gained = float(expanded.max() - now) / (SITTING + option.minutes)
         ranking.append((losses[number] if decides else 0.0, gained, measurement))
@@ -361,7 +361,7 @@ def best_next(diagnosis: Diagnosis) -> Option | None:
 
     None if none does.
     """
-    best = ranked(diagnosis)[0] if diagnosis.undecided else None
+    best = rank_measurements(diagnosis)[0] if diagnosis.undecided else None
     return best if best is not None and best.separates else None
 
 

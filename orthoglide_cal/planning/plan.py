@@ -140,7 +140,7 @@ class MeasurementPlan(Schema):
 
     @field_serializer("budget")
     def _with_lengths(self, lines: tuple[Contribution, ...]) -> list[dict[str, object]]:
-        stds = (lengths(self.model, np.array(line.std)) for line in lines)
+        stds = (lengths(self.model, line.std) for line in lines)
         return [{**line.model_dump(), "std_mm": std} for line, std in zip(lines, stds, strict=True)]
 
 
@@ -193,7 +193,7 @@ def measurement_plan(
         budget=lines,
         total=total,
         limits={
-            "expanded_mm": floor and lengths(model, floor.expanded_mm),
+            "expanded_mm": floor and lengths(model, floor.expanded_mm.tolist()),
             "source": floor and floor.largest.source,
             "cycles": most,
         },

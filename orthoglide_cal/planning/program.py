@@ -40,7 +40,7 @@ _FOREIGN = re.compile(r"[^A-Za-z0-9 .,:+=<>'/_-]")
 _COMMENT_WIDTH = 76  # some controllers read no more than 80 characters of a line
 _CSV = (
     *("block", "set_up", "leg", "posture", "displacement_mm", "cycle", "steps", "gauges"),
-    *(f"{what}_{axis}_mm" for what in ("joint", "tool", "approach_joint") for axis in AXES),
+    *(f"{point}_{axis}_mm" for point in ("joint", "tool", "approach_joint") for axis in AXES),
     *("from_above", "machine", "session"),
 )
 
@@ -101,10 +101,10 @@ def posture_program(
         )
     machine = model.orthoglide
 
-    def refuse(number: int, wrong: Bools, what: str, remedy: str) -> None:
+    def refuse(number: int, wrong: Bools, fault: str, remedy: str) -> None:
         """Raise PostureError for the first carriage with which something is wrong."""
         for axis in np.flatnonzero(wrong):
-            at = f"carriage {AXES[axis].upper()} {what.format(f'{moved[axis]:+.6g} mm')}"
+            at = f"carriage {AXES[axis].upper()} {fault.format(f'{moved[axis]:+.6g} mm')}"
             limits = f"Its limits are {low:+g} and {high:+g} mm."
             raise PostureError(f"N{number}: {at} {limits}", remedy)
 
@@ -121,12 +121,12 @@ def posture_program(
         for joints in (*set_up, *way, posture):
             moved = joints - machine.home_mm
             outside = (moved < low - _ROUNDING_MM) | (moved > high + _ROUNDING_MM)
-            what = "would be driven to {} from the isotropic posture."
-            refuse(number, outside, what, "Choose postures inside the limits.")
+            fault = "would be driven to {} from the isotropic posture."
+            refuse(number, outside, fault, "Choose postures inside the limits.")
         above = moved - approach_mm < low - _ROUNDING_MM
         narrow = above & (moved + approach_mm > high + _ROUNDING_MM)
-        what = f"has no room for an approach of {approach_mm:g} mm to {{}}."
-        refuse(number, narrow, what, "Take a shorter approach.")
+        fault = f"has no room for an approach of {approach_mm:g} mm to {{}}."
+        refuse(number, narrow, fault, "Take a shorter approach.")
         start = posture + np.where(above, approach_mm, -approach_mm)
         from_above = tuple(np.flatnonzero(above).tolist())
         blocks.append(Block(number, visit, np.array(way), start, posture, from_above, set_up))

@@ -16,6 +16,7 @@ from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     chance,
     counted,
+    listed,
     percent,
     plain,
     two_figures,
@@ -291,7 +292,19 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     " ISO 14253-1).",
     "temperatures_differ": "The temperature differed: {before_c:tenths} °C before, {after_c:tenths}"
     " °C after.",
-    # What to do about the history of a machine.
+    # The history of a machine, and what to do about it.
+    "left_out": lambda _, data: f"Left out: {counted(data['count'], 'simulated session')}.",
+    "undated": "Not every file has a date: the order given counts.",
+    "judged_by_last": "All are judged by the machine of the last session; others differ in"
+    " {names:names}.",
+    "temperatures_vary": "The temperature differs ({low_c:tenths} to {high_c:tenths} °C); what"
+    " follows it is not a change of the machine.",
+    "gauges_vary": "The gauges differ; the scale error of each set is accounted for.",
+    "arms_vary": "The arm lengths in the firmware differ: parameters are compared at the last"
+    " ones.",
+    "adjusted": "Recorded adjustment between {before} and {after}: {entered:names} mm.",
+    "shown_in_all": "{id} shows in all sessions: it is pooled.",
+    "shown_in": lambda _, data: f"{data['id']} shows in {listed(data['paths'])}.",
     "one_more_session": "Measure once more: one further session decides between them.",
     "home_repeatedly": "Home three times and measure one cycle after each: that decides between"
     " them.",

@@ -46,7 +46,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.validity import STEP_K
 from orthoglide_cal.schema import Reason, Schema, Sentence
-from orthoglide_cal.words import counted, listed, signed
+from orthoglide_cal.words import listed, signed
 
 PLAIN = 0.2  # readings that noise leaves so often are not searched for causes
 LOG_LASTING = math.log(0.03)  # log prior of a lasting cause
@@ -116,7 +116,7 @@ class History(Schema):
     prediction: Sizes = Field(description="what the next session will find")
     also: tuple[Trend, ...] = ()
     limit: Reached | None = None
-    notes: tuple[str, ...] = ()
+    notes: tuple[Sentence, ...] = ()
     next: Sentence
     newest: Machine = Field(exclude=True, repr=False, description="machine of the last session")
     shapes: tuple[_Shape, ...] = Field((), exclude=True, repr=False)  # of a bed: first, last
@@ -326,16 +326,20 @@ def compare(
         UnusableResultError: a session does not determine the parameters.
     """
     if len(dates) not in (0, len(inputs)):
-        what = f"There are {len(dates)} dates for {len(inputs)} sessions."
-        raise UsageError(what, "Give --dates one date for each, in the order of the files.")
+        raise UsageError(
+            f"There are {len(dates)} dates for {len(inputs)} sessions.",
+            "Give --dates one date for each, in the order of the files.",
+        )
     measured = [not given.measured.source.simulated for given in inputs]
     notes = []
     if 0 < sum(measured) < len(inputs):
-        notes.append(f"Left out: {counted(measured.count(False), 'simulated session')}.")
+        notes.append(Reason.of("left_out", count=measured.count(False)))
         inputs, dates = [*compress(inputs, measured)], [*compress(dates, measured)]
     if len(inputs) < 2:
-        what = " ".join(("A history needs two sessions or more.", *notes))
-        raise UsageError(what, "Name files, or their folder.")
+        without = ", without simulated ones" * len(notes)
+        raise UsageError(
+            f"A history needs two sessions or more{without}.", "Name files, or their folder."
+        )
     if limit_mm is not None and limit_mm <= 0.0:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
     moments = [at for given, day in zip_longest(inputs, dates) if (at := moment_of(given, day))]
@@ -346,15 +350,15 @@ def compare(
         inputs, moments = [inputs[k] for k in order], [moments[k] for k in order]
         times = np.array([(moment - moments[0]) / timedelta(days=1) for moment in moments])
     machine = inputs[-1].model.machine
-    notes += [] if dated else ["Not every file has a date: the order given counts."]
+    notes += [] if dated else [Reason.of("undated")]
     notes += _one_machine([given.model for given in inputs])
     diagnosed = []
     for given in inputs:
         try:
             diagnosed.append(_DiagnosedSession(given, inputs[-1].model))
         except UnusableResultError as error:
-            what = f"{given.measured.source.path}: {error.what}"
-            raise UnusableResultError(what, error.remedy) from error
+            path = given.measured.source.path
+            raise UnusableResultError(f"{path}: {error.what}", error.remedy) from error
     standing = _standing(diagnosed)
     causes = tuple(cause for id, cause in CAUSES.items() if any(id in ids for ids in standing))
     for session, ids in zip(diagnosed, standing, strict=True):
@@ -455,7 +459,7 @@ def _state(
     return verdict, min(share[verdict], 1.0), rivals, also, weighed[best][1]
 
 
-def _one_machine(models: Sequence[Model]) -> list[str]:
+def _one_machine(models: Sequence[Model]) -> list[Reason]:
     """Differences between the machines of sessions; raises UsageError for several machines."""
     last = models[-1]
     pairs = ((machine_values(model), machine_values(last.judging(model))) for model in models)
@@ -469,33 +473,31 @@ def _one_machine(models: Sequence[Model]) -> list[str]:
     for model in models:
         model.machine.check_same(last.machine)
     other -= {"offsets_mm", "history", "gauges", "report"}
-    judged = "All are judged by the machine of the last session; others differ in"
-    return [f"{judged} {', '.join(sorted(other))}."] if other else []
+    return [Reason.of("judged_by_last", names=sorted(other))] if other else []
 
 
 def _circumstances(
     sessions: Sequence[DatedSession], diagnosed: Sequence[_DiagnosedSession]
-) -> Iterator[str]:
+) -> Iterator[Reason]:
     """Other differences between the sessions, and the causes that they show."""
     warm = [s.temperature_c for s in sessions if s.temperature_c is not None]
     if warm and max(warm) - min(warm) > STEP_K:
-        swing = f"{min(warm):.1f} to {max(warm):.1f} °C"
-        yield f"The temperature differs ({swing}); what follows it is not a change of the machine."
+        yield Reason.of("temperatures_vary", low_c=min(warm), high_c=max(warm))
     if len({s.gauges for s in sessions if s.gauges}) > 1:
-        yield "The gauges differ; the scale error of each set is accounted for."
+        yield Reason.of("gauges_vary")
     if len({tuple(session.white.machine.nominal_rails.lengths) for session in diagnosed}) > 1:
-        yield "The arm lengths in the firmware differ: parameters are compared at the last ones."
+        yield Reason.of("arms_vary")
     machines = [session.given.model.machine for session in diagnosed]
     for (one, old), (two, new) in pairwise(zip(sessions, machines, strict=True)):
         # What a machine that is homed anew has otherwise is no adjustment of it.
-        moved = zip(new.parameter_names, np.subtract(new.active, old.active), strict=True)
-        entered = ", ".join(f"{name} {signed(by, 3)}" for name, by in moved if abs(by) > 1e-9)
+        changes = zip(new.parameter_names, np.subtract(new.active, old.active), strict=True)
+        entered = [f"{name} {signed(by, 3)}" for name, by in changes if abs(by) > 1e-9]
         if entered and not old.differing(new):
-            yield f"Recorded adjustment between {one.path} and {two.path}: {entered} mm."
+            yield Reason.of("adjusted", before=one.path, after=two.path, entered=entered)
     for id in dict.fromkeys(id for session in sessions for id in session.causes):
         shown = [session.path for session in sessions if id in session.causes]
-        where = "all sessions: it is pooled" if len(shown) == len(diagnosed) else listed(shown)
-        yield f"{id} shows in {where}."
+        every = len(shown) == len(sessions)
+        yield Reason.of("shown_in_all" if every else "shown_in", id=id, paths=shown)
 
 
 def _shape(session: _DiagnosedSession) -> _Shape:

@@ -12,7 +12,7 @@ they may be entered, and if not what to do, is decided here, too.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import chain
@@ -51,13 +51,11 @@ from orthoglide_cal.inference import (
     FoundCause,
     NextMeasurement,
     Parameter,
-    UnshownFault,
     Verdict,
     diagnose,
     nothing_wrong,
 )
 from orthoglide_cal.inference.result import WORTH_SAYING
-from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -88,7 +86,7 @@ def answer_to(
     holdout: str | None = None,
     details: bool = False,
     promised: bool = True,
-    corrects: Callable[[Cause], bool] | None = None,
+    corrects: Collection[str] = (),
 ) -> schema.Answer:
     """Solve, diagnose and judge one input.
 
@@ -98,7 +96,7 @@ def answer_to(
         holdout: file of the readings that the diagnosis predicted; None for those left out.
         details: also what only details, JSON and pages show: how the answer depends on plausible
             sizes, the tool's error over the workspace, and the residuals if nothing is wrong.
-        corrects: whether the controller is to correct a cause, too: it then holds no release.
+        corrects: ids that the controller is to correct, too: those hold no release.
         promised: also what would be measured after parameters are entered that must not be.
 
     Raises:
@@ -140,8 +138,8 @@ def answer_to(
     if diagnosis is not None and diagnosis.verdict is not Verdict.CONSISTENT:
         diagnosed_as = _as_diagnosed(given, solution, diagnosis)
     named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED
-    found = None if method else diagnosed_as
-    chosen = found or alone
+    shown_as = None if method else diagnosed_as
+    chosen = shown_as or alone
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
     real = (diagnosed_as if named else None) or chosen
     budget, std = chosen.budget, chosen.budget.std_mm
@@ -159,7 +157,7 @@ def answer_to(
 
     change = np.array([parameter.change(decimals) for parameter in parameters])
     rows: tuple[PromisedDifference, ...] = ()
-    known = found.budget if found else solution.budget
+    known = shown_as.budget if shown_as else solution.budget
     if decision.usable and _within_noise(model, chosen, known):
         # What would change then; the differences become no smaller where U allows for all of it.
         rows = promised_after(change)
@@ -179,14 +177,14 @@ def answer_to(
         cautions = *([left] if left else []), *decision.cautions, *conditions.cautions
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
-    left_mm = solution.at(chosen.offsets_mm).rms_after_mm if found else solution.rms_after_mm
-    if diagnosis is not None and named and found:
+    left_mm = solution.at(chosen.offsets_mm).rms_after_mm if shown_as else solution.rms_after_mm
+    if diagnosis is not None and named and shown_as:
         left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
     shift = np.abs(alone.offsets_mm - chosen.offsets_mm)
     lines, total = budget_lines(budget)
     correlation = budget.covariance_mm2 / np.outer(std, std)
     np.fill_diagonal(correlation, 1.0)
-    found_alone = schema.Answer(
+    answer = schema.Answer(
         input=file,
         machine=name,
         method=solution.method,
@@ -205,7 +203,7 @@ def answer_to(
             wrong_by=float(shift.max()),
             unit=machine.parameter_units[int(np.argmax(shift))],
         )
-        if named and found is not None
+        if named and shown_as is not None
         else None,
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
         noise=schema.Noise(
@@ -224,7 +222,7 @@ def answer_to(
         total=total,
         remains=stays(rows),
         converged=solution.converged,
-        residuals=tuple(_residuals(measured, solution, diagnosis)) if details or found else (),
+        residuals=tuple(_residuals(measured, solution, diagnosis)) if details or shown_as else (),
         undetermined=tuple(_undetermined(model, parameters)),
         check=_check(given, solution, rows, budget.k) if decision.needed else None,
         ruled_out=model.ruled_out,
@@ -235,8 +233,8 @@ def answer_to(
         others=others,
     )
     if diagnosis is None:
-        return found_alone
-    return found_alone.changed(
+        return answer
+    return answer.changed(
         **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
         explanations=tuple(_explanations(diagnosis, solution, alone)),
         shims=tuple(_shims(diagnosis.causes)) if named else (),
@@ -258,15 +256,11 @@ def with_dates(
     lasting = [effect.accepted(day, sha256) for effect in diagnosis.effects if effect.cause.lasting]
     dates = []
     for dated in inputs:
-        before, own = diagnosis.model.machine, dated.model.machine
-        model = dated.model.extended(effect.transferred(before, own) for effect in lasting)
-        found = _alone(replace(dated, model=model), solve(dated.measured, model), None)
-        dates.append(
-            schema.OfDate(
-                path=dated.measured.source.path,
-                parameters=_parameters(found),
-            )
-        )
+        machines = diagnosis.model.machine, dated.model.machine
+        model = dated.model.extended(effect.transferred(*machines) for effect in lasting)
+        alone = _alone(replace(dated, model=model), solve(dated.measured, model), None)
+        path = dated.measured.source.path
+        dates.append(schema.OfDate(path=path, parameters=_parameters(alone)))
     return answer.changed(inputs=tuple(map(schema.InputFile.of, inputs)), dates=tuple(dates))
 
 
@@ -303,7 +297,7 @@ def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
     )
 
 
-def _within_noise(model: Model, found: OffsetEstimate, known: Budget) -> bool:
+def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool:
     """True if the controller has the parameters already, as well as the readings know them.
 
     No change exceeds its U, nor all together what noise and a local shape make of them (χ²): what
@@ -313,9 +307,9 @@ def _within_noise(model: Model, found: OffsetEstimate, known: Budget) -> bool:
         # It is to be entered, too.
         if effect.cause.compensable and np.any(np.abs(effect.theta) > REACH * effect.std):
             return False
-    if np.any(np.abs(found.offsets_mm) > found.budget.expanded_mm):
+    if np.any(np.abs(estimate.offsets_mm) > estimate.budget.expanded_mm):
         return False
-    budget, change = known.without(model.machine.fixed_parameters), found.offsets_mm
+    budget, change = known.without(model.machine.fixed_parameters), estimate.offsets_mm
     apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
     widened = budget.k / half_width(np.inf)
     return chance_of_residual(apart, len(change), widened) >= 1.0 - CONFIDENCE
@@ -390,20 +384,20 @@ def _residuals(
         if isinstance(measured, Differences):
             which = measured.which[k]
             leg, direction = (AXES[axis] for axis in which.series)
-            own: dict[str, object] = {"leg": leg, "direction": direction, "posture": which.name}
+            place: dict[str, object] = {"leg": leg, "direction": direction, "posture": which.name}
         else:
-            own = {"cycle": int(measured.cycle[k]), "weight": weight[k]}
-            own |= {"posture": measured.posture[k] or None, **measured.plan.entry(k)}
+            place = {"cycle": int(measured.cycle[k]), "weight": weight[k]}
+            place |= {"posture": measured.posture[k] or None, **measured.plan.entry(k)}
             recorded = {"moved_mm": moved[k], "temperature_c": measured.temperature[k]}
-            own |= {name: known for name, known in recorded.items() if np.isfinite(known)}
-            own |= {
+            place |= {name: known for name, known in recorded.items() if np.isfinite(known)}
+            place |= {
                 "minutes": 60.0 * measured.plan.hours[k],
                 "pattern_mm": [one.effect_mm[k] for one in patterns],
                 "pattern_expanded_mm": [one.effect_expanded_mm[k] for one in patterns],
                 "wrong": diagnosis is not None and k in diagnosis.wrong_readings,
             }
         left = {"measured_mm": value, "modelled_mm": modelled, "with_causes_mm": explained}
-        yield schema.Residual.model_validate({**own, "order": order[k], **left})
+        yield schema.Residual.model_validate({**place, "order": order[k], **left})
 
 
 def _undetermined(model: Model, parameters: Iterable[Parameter]) -> Iterator[schema.Undetermined]:
@@ -424,7 +418,7 @@ def _check(
     """The difference that the offsets change most: it shows whether they were entered."""
     if not promised:
         return None
-    row = max(promised, key=lambda each: abs(each.measured_mm - each.expected_mm))
+    row = max(promised, key=lambda row: abs(row.measured_mm - row.expected_mm))
     machine = given.model.orthoglide
     series, posture = next(e for e in chain(*DIFFERENCES.values()) if e.name == row.name)
     ends = (posture, posture) if posture else (Posture.MIN, Posture.MAX)
@@ -449,13 +443,13 @@ def _check(
     )
 
 
-def _workspace(found: OffsetEstimate, model: Model) -> Workspace | None:
+def _workspace(estimate: OffsetEstimate, model: Model) -> Workspace | None:
     """Tool-position error before and after the adjustment; None if it cannot be computed."""
     if not model.machine.has_cube:
         return None
-    budget = found.budget
+    budget = estimate.budget
     try:
-        return workspace_error(model, found.offsets_mm, budget.covariance_mm2, budget.k)
+        return workspace_error(model, estimate.offsets_mm, budget.covariance_mm2, budget.k)
     except PostureError:
         return None
 
@@ -492,7 +486,7 @@ def release(
     solution: Solution,
     diagnosis: Diagnosis | None,
     following: NextMeasurement | None = None,
-    corrects: Callable[[Cause], bool] | None = None,
+    corrects: Collection[str] = (),
 ) -> Release:
     """Decide whether the solution's offsets may be entered, from its own check and the diagnosis.
 
@@ -503,9 +497,10 @@ def release(
         solution: of the offsets alone, with the accepted causes; it checks itself again here.
         diagnosis: of the same data; None if it was not or could not be made.
         following: what would distinguish the explanations that it leaves open; None without.
-        corrects: whether the controller is to correct a cause, too.
+        corrects: ids that the controller is to correct, too.
     """
     failures = tuple(_failures(solution, diagnosis))
+    patterns = [one for one in diagnosis.patterns if one.accepted] if diagnosis else []
     if diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT:
         judged = Release()
     elif diagnosis.verdict is Verdict.NAMED:
@@ -516,14 +511,13 @@ def release(
         # What the check found is the explanation.
         judged = Release()
     elif not is_likely(diagnosis.enterable, FALSE_RELEASE, NEEDLESS_HOLD):
-        known = [one for one in diagnosis.patterns if one.accepted]
-        judged = Release(cautions=(Reason.of("beyond_list", patterns=known),))
+        judged = Release(cautions=(Reason.of("beyond_list", patterns=patterns),))
     else:
         lack, beyond = diagnosis.lack_of_fit, bool(diagnosis.beyond_tolerance)
         sizes = {"left_mm": lack.left_mm, "expected_mm": lack.expected_mm}
         reason = diagnosis.refuted or Reason.of("unexplained", beyond=beyond, **sizes)
-        known = [one for one in diagnosis.patterns if one.accepted]
-        advice = [Reason.of("beyond_remedy", pattern=one) for one in known] or [Reason.of("again")]
+        advice = [Reason.of("beyond_remedy", pattern=one) for one in patterns]
+        advice = advice or [Reason.of("again")]
         judged = Release(reasons=(reason,), remedies=tuple(Remedy(sentence=a) for a in advice))
     if not failures:
         more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
@@ -572,59 +566,46 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
 
 
 def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
-    ids, sound = [cause.id for cause in diagnosis.causes], nothing_wrong(diagnosis.explanations)
-    reasons = [
-        Reason.of(
-            "undecided",
-            ids=ids,
-            rivals=diagnosis.rivals,
-            sound=sound is not None,
-            unlisted=any(each.pattern for each in diagnosis.explanations),
-        )
-    ]
-    advice = [*map(_advice, diagnosis.causes)] or [Reason.of("more_readings")]
-    if following is not None:
-        advice = [Reason.of("do", what=following.what)]
+    explanations = diagnosis.explanations
+    data = {
+        "ids": [cause.id for cause in diagnosis.causes],
+        "rivals": diagnosis.rivals,
+        "sound": nothing_wrong(explanations) is not None,
+        "unlisted": any(explanation.pattern for explanation in explanations),
+    }
+    reasons = [Reason.of("undecided", **data)]
+    tasks = [following.what] if following else [cause.remedy for cause in diagnosis.causes]
+    advice = [Reason.of("do", what=task) for task in tasks]
     if diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0:
         reasons.append(Reason.of("few_readings"))
-        advice = [Reason.of("more_readings")]
+        advice = []
+    advice = advice or [Reason.of("more_readings")]
     remedies = tuple(Remedy(sentence=reason) for reason in advice)
     return Release(reasons=tuple(reasons), remedies=remedies)
 
 
-def _advice(cause: FoundCause) -> Reason:
-    return Reason.of("do", what=cause.remedy)
-
-
-def _to_check(ids: Sequence[str], faults: Sequence[UnshownFault]) -> Release:
-    """Hold the release until faults that these readings would not show are looked at."""
-    reasons, remedies = [Reason.of("cause_found", ids=ids)], []
-    for fault in faults:
-        place = {"id": fault.id, "where": fault.where}
-        reasons.append(Reason.of("unshown_fault", **place, change=fault.change, unit=fault.unit))
-        ruled_out = f"--rule-out {fault.id}"
-        look = Reason.of("look", **place)
-        remedies.append(Remedy(sentence=look, verb="diagnose", options=ruled_out))
-    return Release(reasons=tuple(reasons), remedies=tuple(remedies))
-
-
-def _named(
-    solution: Solution, diagnosis: Diagnosis, corrects: Callable[[Cause], bool] | None
-) -> Release:
+def _named(solution: Solution, diagnosis: Diagnosis, corrects: Collection[str]) -> Release:
     ids, units = [cause.id for cause in diagnosis.causes], solution.model.machine.parameter_units
-    check = [fault for fault in diagnosis.unshown if fault.matters]
-    if check:
-        return _to_check(ids, check)
+    reasons, remedies = [Reason.of("cause_found", ids=ids)], []
+    for fault in diagnosis.unshown:
+        if fault.matters:
+            # Faults that these readings would not show are looked at first.
+            place = {"id": fault.id, "where": fault.where}
+            size = {"change": fault.change, "unit": fault.unit}
+            reasons.append(Reason.of("unshown_fault", **place, **size))
+            look, ruled_out = Reason.of("look", **place), f"--rule-out {fault.id}"
+            remedies.append(Remedy(sentence=look, verb="diagnose", options=ruled_out))
+    if remedies:
+        return Release(reasons=tuple(reasons), remedies=tuple(remedies))
     shift = np.abs(solution.offsets_mm - diagnosis.offsets_mm)
     size = {"change": float(shift.max()), "unit": units[int(np.argmax(shift))]}
     if np.all(shift <= half_width(np.inf) * diagnosis.std_mm):
         return Release(cautions=(Reason.of("within_u", ids=ids, **size),))
-    if corrects and all(corrects(CAUSES[id]) for id in ids):
+    if all(id in corrects for id in ids):
         return Release(cautions=(Reason.of("corrected", ids=ids, **size),))
-    probability, remedies = diagnosis.causes[0].probability, []
     # A slip in the record is looked for sooner than a machine is taken apart.
     for cause in sorted(diagnosis.causes, key=lambda cause: cause.in_machine):
-        remedy = Remedy(sentence=_advice(cause))
+        remedy = Remedy(sentence=Reason.of("do", what=cause.remedy))
         if cause.recommended:
             accept, option = Reason.of("accept", id=cause.id), f"--accept {cause.id}"
             remedy = Remedy(sentence=accept, verb="diagnose", options=option)
@@ -633,5 +614,6 @@ def _named(
         if CAUSES[cause.id].by_joint and machine.controller_formats[0] == "linuxcnc":
             let = Reason.of("controller_corrects", id=cause.id)
             remedies.append(Remedy(sentence=let, verb="apply", options="--to FILE.ini"))
+    probability = diagnosis.causes[0].probability
     reason = Reason.of("offsets_wrong", ids=ids, probability=probability, **size)
     return Release(reasons=(reason,), remedies=tuple(remedies))

@@ -37,7 +37,7 @@ from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Corrections
@@ -77,23 +77,6 @@ class ComparedInput(InputFile):
     finished: str | None
     operator: str | None
     validity: Validity
-
-
-class VerifiedParameter(Schema):
-    """One parameter, in its unit."""
-
-    unit: str
-    before: float = Field(description="what the controller had")
-    found: float = Field(description="change that the first measurement asked for")
-    expanded: float
-    entered: float | None = Field(description="change in the controller; null: nobody knows")
-    left: float = Field(description="change that the second measurement asks for")
-    left_expanded: float
-
-    @computed_field(description="entered is what was found")
-    @property
-    def as_found(self) -> bool | None:
-        return None if self.entered is None else abs(self.entered - self.found) <= AS_FOUND
 
 
 class Coefficient(Schema):
@@ -185,8 +168,11 @@ class Verification(Schema):
     remains: Sentence | None = Field(
         default=None, description="what offsets do not remove; null: only noise is left"
     )
-    parameters: dict[str, VerifiedParameter]
+    first: tuple[Parameter, ...] = Field(exclude=True, description="by the first measurement")
+    second: tuple[Parameter, ...] = Field(exclude=True, description="by the second one")
+    entered: tuple[float | None, ...] = Field(exclude=True, description="null: nobody knows")
     applied_mm: dict[str, float] = Field(default_factory=dict)
+    corrected: Corrections = Field({}, description="causes that the controller corrects since then")
     differences: tuple[ComparedDifference, ...] = ()
     response: Coefficient | None = Field(default=None, description="all axes together")
     response_dof: int | None = None
@@ -202,6 +188,26 @@ class Verification(Schema):
     workspace: Workspace | None = Field(
         default=None, description="of the machine as measured afterwards: its before_mm; reports"
     )
+
+    @computed_field(description="before: in the controller; found and entered: change; left: after")
+    @property
+    def parameters(self) -> dict[str, dict[str, object]]:
+        rows = zip(self.first, self.entered, self.second, strict=True)
+        return {
+            before.name: {
+                "unit": before.unit,
+                "before": before.active,
+                "found": before.found,
+                "expanded": before.expanded,
+                "entered": entered,
+                "left": after.found,
+                "left_expanded": after.expanded,
+                "as_found": None
+                if entered is None
+                else abs(entered - (before.found or 0.0)) <= AS_FOUND,
+            }
+            for before, entered, after in rows
+        }
 
     @computed_field(description="of one of the two, or both")
     @property
@@ -260,19 +266,22 @@ def verify(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
             "Give the machine that both are to be judged by: --machine FILE",
         )
-    held = _corrected(before, after)
-    added = correcting(before.model.machine, _more(before.model.machine.corrected, held))
-    applied = _recorded(before, after) if applied_mm is None else np.array(applied_mm, dtype=float)
-    if np.abs(applied).max() < SMALLEST_MM:
+    model, (applied, held) = before.model, _entered(before, after, applied_mm)
+    corrected = _more(model.machine.corrected, held)
+    applied = np.where(np.abs(applied) < SMALLEST_MM, 0.0, applied)
+    if not applied.any() and not corrected:
         raise UsageError(
             "Nothing was applied, so there is no response to verify.",
             "Give the change that was entered in the controller: --applied DX DY DZ",
         )
-    model = before.model
+    added = correcting(model.machine, corrected)
     first, right = _solved(before, model)
     second, _ = _solved(after, model.correcting(held))
-    left = first.offsets_mm - applied
-    shared = shared_contrasts(before.measured, _without(added, after.measured, model, left), model)
+    shared = shared_contrasts(before.measured, after.measured, model)
+    if added:
+        without = _without(added, after.measured, model, first.offsets_mm - applied)
+        plain = shared_contrasts(before.measured, without, model).change
+        shared = replace(shared, change=plain, corrected=shared.change - plain)
     later = pose(after.measured, model, table_kind(before.measured))
     shown = {difference.name for difference in later.which}
     promise = [row for row in first.promised(applied, right, added) if row.name in shown]
@@ -294,6 +303,7 @@ def verify(
         as_left=as_left,
         remains=remainder(promise, model),
         applied_mm=_by_axis(applied),
+        corrected=corrected,
         differences=rows,
         **response,
         remaining_mm=_by_axis(second.offsets_mm),
@@ -314,7 +324,7 @@ def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
     largest = max(rows, key=lambda row: abs(row.after_mm))
     outcomes = {row.outcome for row in rows}
     order = Outcome.FAIL, Outcome.UNDECIDED, Outcome.PASS
-    outcome = next(each for each in order if each in outcomes)
+    outcome = next(outcome for outcome in order if outcome in outcomes)
     return Conformity(
         outcome=outcome,
         limit_mm=limit_mm,
@@ -416,19 +426,18 @@ def _common(
         )
         for given in inputs
     )
-    machine = solutions[0].model.machine
-    found, left = ((s.offsets_mm.tolist(), s.expanded_mm.tolist()) for s in solutions)
-    columns = machine.parameter_units, machine.active, *found, entered, *left
-    fields = ("unit", "before", "found", "expanded", "entered", "left", "left_expanded")
-    rows = (dict(zip(fields, row, strict=True)) for row in zip(*columns, strict=True))
-    parameters = map(VerifiedParameter.model_validate, rows)
+    first, second = (
+        Parameter.all_of(s.model, s.offsets_mm, s.std_mm, s.budget.k) for s in solutions
+    )
     return {
         "inputs": tuple((s.measured.source, s.model) for s in solutions),
         "before": before,
         "after": after,
-        "machine": machine.name,
+        "machine": solutions[0].model.machine.name,
         "reservations": tuple(compare_reservations(before.validity, after.validity)),
-        "parameters": dict(zip(machine.parameter_names, parameters, strict=True)),
+        "first": first,
+        "second": second,
+        "entered": tuple(entered),
     }
 
 
@@ -492,30 +501,28 @@ def _swapped(before: Input, after: Input) -> bool:
     return any((entry.before, entry.after) == (then, held) for entry in history if then != held)
 
 
-def _recorded(before: Input, after: Input) -> Floats:
-    """Difference of the offsets that were active, rounded as offsets are entered [mm]."""
-    first, second = (given.model.machine.active for given in (before, after))
-    if first == second or not (before.is_session and after.is_session):
-        keeper, sha256 = before.keeper, before.measured.source.sha256
-        known = keeper.model.machine.entered_from(sha256) if keeper else None
-        if known is None:
-            raise UsageError(
-                "The files do not say what was entered in the controller between them.",
-                "Give it: --applied DX DY DZ; next time record it with orthocal apply.",
-            )
-        if first == second:
-            # The later one was measured without knowing what had been entered.
-            first, second = known.before or (), known.after or ()
-    return np.asarray((np.array(second) - np.array(first)).round(9))
+def _entered(
+    before: Input, after: Input, applied: Sequence[float] | None
+) -> tuple[Floats, Corrections]:
+    """What was added to the offsets, (3,) [mm], and what the controller corrected from then on.
 
-
-def _corrected(before: Input, after: Input) -> Corrections:
-    """The corrections that were in force in the controller in the second measurement."""
-    keeper, now = before.keeper, after.model.machine.corrected
+    The second may have been measured without knowing what had been entered: its machine file does.
+    """
+    keeper, first, second = before.keeper, before.model.machine, after.model.machine
     known = keeper.model.machine.entered_from(before.measured.source.sha256) if keeper else None
-    # The later one may have been measured without knowing what had been entered.
-    unaware = known is not None and now == before.model.machine.corrected
-    return known.corrected if known and known.corrected is not None and unaware else now
+    then, now, corrected = first.active, second.active, second.corrected
+    if known and known.corrected is not None and corrected == first.corrected:
+        corrected = known.corrected
+    if applied is not None:
+        return np.array(applied, dtype=float), corrected
+    if known is None and (then == now or not (before.is_session and after.is_session)):
+        raise UsageError(
+            "The files do not say what was entered in the controller between them.",
+            "Give it: --applied DX DY DZ; next time record it with orthocal apply.",
+        )
+    if known and then == now:
+        then, now = known.before or (), known.after or ()
+    return np.asarray((np.array(now) - np.array(then)).round(9)), corrected
 
 
 def _more(before: Corrections, after: Corrections) -> Corrections:
@@ -532,13 +539,11 @@ def _without(
     added: Sequence[Effect], measured: Measured, model: Model, offsets: Floats
 ) -> Measured:
     """What would have been measured without these corrections, at offsets (3,) [mm]."""
-    if not added:
-        return measured
     both = model, model.extended(added)
     if isinstance(measured, Readings):
-        plain, corrected = (simulate(each, offsets, measured.plan) for each in both)
+        plain, corrected = (simulate(machine, offsets, measured.plan) for machine in both)
     else:
-        posed = (pose(measured, each, measured.kind).problem for each in both)
+        posed = (pose(measured, machine, measured.kind).problem for machine in both)
         plain, corrected = (problem.predict(offsets) for problem in posed)
     return replace(measured, value=measured.value - (corrected - plain))
 
@@ -552,8 +557,9 @@ class SharedContrasts(ReadOnly):
 
     kind: DataKind  # contrasts of readings, or differences
     problem: Problem  # predicts them for given offsets
-    change: Floats  # after − before, measured, shape (k,) [mm]
+    change: Floats  # after − before, measured, without what was corrected, shape (k,) [mm]
     covariance: Floats  # of it for unit variance of one reading, shape (k, k)
+    corrected: Floats  # what corrections by the controller change besides, (k,) [mm]
 
 
 def shared_contrasts(before: Measured, after: Measured, model: Model) -> SharedContrasts:
@@ -595,6 +601,7 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
         problem=replace(first.problem, matrix=of_first @ first.problem.matrix),
         change=of_second @ second.data - of_first @ first.data,
         covariance=np.asarray(sum(spreads)),
+        corrected=np.zeros(len(both)),
     )
 
 
@@ -618,6 +625,7 @@ def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContr
         problem=Problem(model, plan, contrasts),
         change=variance * (contrasts @ (seen.T @ np.concatenate(values))),
         covariance=np.diag(variance),
+        corrected=np.zeros(len(variance)),
     )
 
 
@@ -630,27 +638,31 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     Args:
         shared: k quantities of both sessions.
         offsets: Δρ before the correction, shape (3,) [mm].
-        applied: δ, shape (3,) [mm], not all zero.
+        applied: δ, shape (3,) [mm]; all zero only where something was corrected.
     """
     problem = shared.problem
     gauge = problem.model.machine.instrument
     # Midway, where a linear model of the change is right to third order.
     jacobian = -problem.predict_with_jacobian(offsets - applied / 2.0)[1]
-    values = shared.change, problem.change(offsets, applied), jacobian
-    change, predicted, jacobian = whiten(shared.covariance, *values)
-    dof, spare = len(change) - 1, len(change) - 3
-    # Each joint, fitted together. No reading is known better than its gauge's resolution allows.
-    inverse = np.linalg.pinv(jacobian)
-    found = inverse @ change
-    residual = change - jacobian @ found
+    values = shared.change, shared.corrected, problem.change(offsets, applied), jacobian
+    moved, corrected, predicted, jacobian = whiten(shared.covariance, *values)
+    change, predicted = moved + corrected, predicted + corrected
+    entered, columns = applied, jacobian
+    if not applied.any():  # Corrections have one gain.
+        entered, columns, moved = np.ones(1), predicted[:, None], change
+    dof, spare = len(change) - 1, len(change) - len(entered)
+    # All fitted together. No reading is known better than its gauge's resolution allows.
+    inverse = np.linalg.pinv(columns)
+    responses = inverse @ moved
+    residual = moved - columns @ responses
     left = float(residual @ residual)
     sigma = max(float(np.sqrt(left / spare)), gauge.rounding_mm)
     stds = (sigma * np.sqrt(np.diag(inverse @ inverse.T))).tolist()
     answer, likeliest = decide_response(
-        found, inverse @ inverse.T, left, spare, gauge.noise_mm, applied
+        responses, inverse @ inverse.T, left, spare, gauge.noise_mm, entered
     )
-    axes, columns = {}, (applied.tolist(), found.tolist(), stds, likeliest.otherwise(applied))
-    for axis, size, value, std, otherwise in zip(AXES, *columns, strict=True):
+    axes, rows = {}, (applied.tolist(), responses.tolist(), stds, likeliest.otherwise(entered))
+    for axis, size, value, std, otherwise in zip(AXES, *rows, strict=True) if applied.any() else ():
         reach = half_width(spare) * std
         axes[axis] = AxisResponse(
             applied_mm=size,

@@ -25,7 +25,7 @@ from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.model.readings import GaugePlan
-from orthoglide_cal.planning import Option, ranked
+from orthoglide_cal.planning import Option, rank_measurements
 from orthoglide_cal.planning.design import require_on_bar
 from orthoglide_cal.planning.steps import (
     CYCLES,
@@ -284,7 +284,7 @@ def _recommended(path: str, request: Request) -> tuple[Recommendation, Model]:
             " gauges; readings of both kinds cannot be joined.",
             "Measure a separate session: orthocal measure",
         )
-    options = ranked(diagnose(first.readings, first.model))
+    options = rank_measurements(diagnose(first.readings, first.model))
     if choice is not None and choice > len(options):
         what = f"There is no recommendation {choice} for {path}: there are {len(options)}."
         raise UsageError(what, "Leave out --choice for the best one.")

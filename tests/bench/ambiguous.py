@@ -13,7 +13,7 @@ import numpy as np
 
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.model.readings import GaugePlan
-from orthoglide_cal.planning import Option, ranked
+from orthoglide_cal.planning import Option, rank_measurements
 from tests.inference.sessions import known
 from tests.truth import Gauge, Machine, Session, continue_session, make_session, separation
 from tests.truth.separation import STANDS_OUT
@@ -102,7 +102,7 @@ def draw(
         session = make_session(100_000 * seed + n, machine, gauge, causes, pace=pace)
         found = diagnose(*known(session))
         if found.verdict is Verdict.AMBIGUOUS or any(fault.matters for fault in found.unshown):
-            yield Ambiguous(session, found, ranked(found))
+            yield Ambiguous(session, found, rank_measurements(found))
 
 
 @dataclass

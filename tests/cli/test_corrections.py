@@ -86,6 +86,7 @@ def test_what_is_corrected_is_not_found_again(large: Path, cause: tuple[str, ...
     verified = answer("verify", "before.csv", "after.csv")
     assert verified["kept"]
     assert not verified["other_change"]["found"]
+    assert verified["corrected"] == entry["corrected"]
     assert not answer("solve", "after.csv")["release"]["needed"]
     before = large.read_bytes(), Path("mill.ini").read_bytes()
     assert "Nothing to enter" in words(
@@ -98,6 +99,23 @@ def test_what_is_corrected_is_not_found_again(large: Path, cause: tuple[str, ...
     assert Path("mill.ini").read_text() == INI
     assert not list(Path().glob("*.comp"))
     assert not yaml.safe_load(large.read_text()).get("corrected")
+
+
+def test_corrections_alone_are_verified(large: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing else was entered: that the controller corrects shows, and that it does not."""
+    monkeypatch.setattr(f"{__name__}.TRUE", dict.fromkeys("xyz", 0.0))
+    measured("before.csv", 5, "backlash=0.09,0.05,0")
+    measured("idle.csv", 6, "backlash=0.09,0.05,0")
+    applied("before.csv")
+    measured("after.csv", 6, "backlash=0.09,0.05,0")
+    verified = answer("verify", "before.csv", "after.csv")
+    assert verified["kept"]
+    assert verified["corrected"]["backlash"]["x"] == pytest.approx(0.09, abs=0.01)
+    assert verified["response"]["value"] == pytest.approx(1.0, abs=0.1)
+    assert verified["axes"] == {}
+    shown = words(run("verify", "before.csv", "idle.csv").stdout)
+    assert "corrects backlash x +0.0" in shown
+    assert "The machine did not respond" in shown
 
 
 def test_a_second_correction_is_added_to_the_first(large: Path) -> None:

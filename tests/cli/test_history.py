@@ -126,4 +126,4 @@ def test_what_was_simulated_is_no_history():
     assert "Left out: 2 simulated sessions." in shown
     assert done("history", "s1.csv", "s2.csv").startswith("SIMULATED")
     assert answer("history", "s1.csv", "s2.csv")["simulated"] is True
-    assert "Left out: 1 simulated session." in refused(2, "history", "s1.csv", "m3.csv")
+    assert "without simulated ones" in refused(2, "history", "s1.csv", "m3.csv")

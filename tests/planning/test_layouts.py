@@ -185,11 +185,7 @@ def test_a_parameter_that_readings_do_not_determine_is_said_to_be_so() -> None:
     gauge = V400_MODEL.machine.probe.changed(repeatability_mm=0.3)
     coarse = measurement_plan(Model(V400_MODEL.machine.changed(probe=gauge)), Wanted())
     of_coarse, of_usual = (
-        {
-            each.name
-            for each in plan.by_cycles
-            if not all(p.determined for p in each.parameters.values())
-        }
+        {each.name for each in plan.by_cycles if not all(each.by_parameter["determined"])}
         for plan in (coarse, PLAN)
     )
     assert "bed-7" in of_coarse

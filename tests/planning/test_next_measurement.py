@@ -16,7 +16,7 @@ from orthoglide_cal.model.model import Model, differentiate, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, joined
 from orthoglide_cal.model.readings import GaugePlan, Posture
-from orthoglide_cal.planning import Option, best_next, ranked
+from orthoglide_cal.planning import Option, best_next, rank_measurements
 from orthoglide_cal.planning.next_measurement import _pair, options, predictions
 from orthoglide_cal.results import answer_to
 from tests import truth
@@ -41,7 +41,7 @@ LIMITS = double_posture(MACHINE, postures=ENDS, closing=False)
 
 def chosen(found: Diagnosis, *words: str) -> Option:
     """The best option whose instruction holds these words."""
-    return next(each for each in ranked(found) if all(w in each.what for w in words))
+    return next(each for each in rank_measurements(found) if all(w in each.what for w in words))
 
 
 def measured(plan: GaugePlan, cause: str, seed: int = 3) -> Readings:
@@ -109,7 +109,7 @@ def test_the_next_measurement_separates_as_far_as_it_says(cause: str, rival: str
     before = assessed(readings)
     found = diagnose(readings, MODEL)
     # With new zeros, as the later readings below have them.
-    new_stands = [each for each in ranked(found) if not each.continues]
+    new_stands = [each for each in rank_measurements(found) if not each.continues]
     following = max(new_stands, key=lambda each: each.separation_sigma)
     assert following.between
     assert set(following.between) == {(cause,), (rival,)}
@@ -148,7 +148,7 @@ def test_what_no_reading_tells_is_not_looked_for(
     assert found.verdict == "ambiguous"
     assert found.ambiguous_with == (rival,)
     assert best_next(found) is None
-    ranking = ranked(found)
+    ranking = rank_measurements(found)
     assert all(each.chance == 0.0 for each in ranking)
     longest = max(ranking, key=lambda each: each.minutes)
     after = [diagnose(*known(continued(session, longest, n))) for n in range(3)]
@@ -174,7 +174,7 @@ def test_what_u_will_be_is_what_solve_prints(
     Sound machines, causes that bar the offsets, and causes that are only a part of their U.
     """
     session = truth.make_session(seed, truth.PROTOTYPE, gauge, causes)
-    ranking = ranked(diagnose(*known(session)))
+    ranking = rank_measurements(diagnose(*known(session)))
     for following in ranking[:: len(ranking) // 3]:
         became = [printed_u(continued(session, following, n)) for n in range(4)]
         largest = np.mean(became, axis=0).max()
@@ -185,7 +185,7 @@ def test_what_is_taken_from_the_firmware_stays_as_unsure_as_it_is() -> None:
     """Arms of a printer: most of U of its endstops and radius, whatever is touched next."""
     session = make_delta_session(5, layout=Layout(81))
     read, now = given(session), printed_u(session)
-    for following in ranked(diagnose(read.measured, read.model)):
+    for following in rank_measurements(diagnose(read.measured, read.model)):
         ratio = following.expanded / now
         assert np.all((ratio > 0.9) & (ratio < 1.05))
 
@@ -236,7 +236,7 @@ def test_u_is_that_of_one_fit_to_all_readings() -> None:
     found = diagnose(replace(session, value=session.value + knocked), model)
     ((_, fit),) = found.by_place
     (knock,) = fit.effects
-    for following in (each for each in ranked(found) if each.continues):
+    for following in (each for each in rank_measurements(found) if each.continues):
         both = joined(plan, following.plan)
         _, slopes = differentiate(model, fit.offsets, both, [knock])
         others = [each.columns for each in influences(model, fit.offsets, both)]

@@ -11,7 +11,7 @@ import pytest
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.inference import Verdict, diagnose
 from orthoglide_cal.model.measured import DataKind, Readings
-from orthoglide_cal.planning import Option, best_next, ranked
+from orthoglide_cal.planning import Option, best_next, rank_measurements
 from tests import truth
 from tests.bench.ambiguous import continued
 from tests.inference.sessions import known, readings_of, reduced
@@ -60,7 +60,7 @@ def test_u_is_that_of_the_session_alone(gauge: truth.Gauge) -> None:
     """On average over sessions of it, whatever the differences knew before."""
     session = truth.make_session(5, truth.PROTOTYPE, gauge)
     readings, model = known(session)
-    for following in ranked(diagnose(reduced(DataKind.SIX, readings, model), model)):
+    for following in rank_measurements(diagnose(reduced(DataKind.SIX, readings, model), model)):
         sessions = [measured(session, following, seed) for seed in range(6)]
         reach = [solve(readings, model).expanded_mm.max() for readings in sessions]
         assert following.expanded.max() == pytest.approx(np.mean(reach), rel=0.1)
@@ -70,8 +70,8 @@ def test_readings_along_the_leg_are_not_gone_on_with_either() -> None:
     """Only what `measure` takes as a session is ranked, and each names its options."""
     session = truth.make_session(5, truth.PROTOTYPE, truth.DIAL)
     readings, model = known(session)
-    assert {each.session for each in ranked(diagnose(readings, model))} == {None}
-    found = ranked(diagnose(reduced(DataKind.SIX, readings, model), model))
+    assert {each.session for each in rank_measurements(diagnose(readings, model))} == {None}
+    found = rank_measurements(diagnose(reduced(DataKind.SIX, readings, model), model))
     told = {each.session for each in found}
     assert told == {"--cycles 1", "--cycles 2", "", "--cycles 5"}
     assert not any(each.continues for each in found)

@@ -13,7 +13,7 @@ import pytest
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.planning import ranked
+from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.plan import MeasurementPlan, Wanted, measurement_plan
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from orthoglide_cal.report.case import Case
@@ -146,6 +146,6 @@ def test_every_number_of_a_plan_is_in_its_json(machine: str, wanted: Wanted) -> 
 def test_every_number_of_a_plan_to_go_on_is_in_its_json() -> None:
     case = CASES["ambiguous"]()
     measured, model = case.given.measured, case.given.model
-    plan = measurement_plan(model, Wanted(), ranked(diagnose(measured, model)))
+    plan = measurement_plan(model, Wanted(), rank_measurements(diagnose(measured, model)))
     document = plan_document(plan, None, case)
     assert missing(document, mapped(plan)) == []

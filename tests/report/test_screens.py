@@ -12,7 +12,7 @@ from rich.cells import cell_len
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import machine_text, read_machine_file, shipped_folder
 from orthoglide_cal.inference import Verdict, diagnose
-from orthoglide_cal.planning import ranked
+from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
@@ -181,7 +181,7 @@ def test_what_was_questioned_and_kept_is_retaken_first() -> None:
 def test_what_to_measure_next() -> None:
     read = read_input(str(SAMPLES / "experiment1.csv"), None, lambda: NOMINAL)
     diagnosis = diagnose(read.measured, read.model)
-    plan = measurement_plan(read.model, Wanted(), ranked(diagnosis))
+    plan = measurement_plan(read.model, Wanted(), rank_measurements(diagnosis))
     begun = Case(read, answer_to(read, diagnosed=diagnosis))
     screen(plan_document(plan, None, begun), MOST["plan"])
 

@@ -10,7 +10,7 @@ import yaml
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.planning import Option, ranked
+from orthoglide_cal.planning import Option, rank_measurements
 from orthoglide_cal.session.events import Event
 from orthoglide_cal.session.journal import decode
 
@@ -27,7 +27,7 @@ def read(path: Path) -> Readings:
 def _options(path: Path, content: bytes) -> tuple[Option, ...]:
     """Recommended after a file with this content, best first; ranked once."""
     given = read_input(str(path))
-    return ranked(diagnose(given.measured, given.model))
+    return rank_measurements(diagnose(given.measured, given.model))
 
 
 def choice(path: Path, wanted: Callable[[Option], object]) -> tuple[str, ...]:

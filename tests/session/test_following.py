@@ -14,7 +14,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine, read_machine_file
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import diagnose
-from orthoglide_cal.planning import Option, ranked
+from orthoglide_cal.planning import Option, rank_measurements
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.session.events import Planned, Taken
 from orthoglide_cal.session.opening import Recommendation, Request, open_session
@@ -30,7 +30,7 @@ from .virtual import Screen, Script
 def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_path: Path) -> None:
     before = first.read_bytes()
     given = read_input(str(first))
-    best = ranked(diagnose(given.measured, given.model))[0]
+    best = rank_measurements(diagnose(given.measured, given.model))[0]
     shown = finished(tmp_path, "b.yaml", "--then", str(first), "--yes")
     words = " ".join(shown.split())
     assert f"Next, about {best.minutes:.0f} min: {best.what}" in words

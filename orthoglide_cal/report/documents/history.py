@@ -45,15 +45,16 @@ def history_document(history: History, machine_file: Path | None = None) -> doc.
     see = command("solve", history.sessions[-1].path, machine=machine_file)
     says = partial(sentence, machine=history.newest)
     steps = doc.Instruction(says(history.next)), doc.Instruction("See the last session", see)
-    page, screen = partial(_page, history, steps), partial(_screen, history, steps)
+    notes = [*map(says, history.notes)]
+    page, screen = partial(_page, history, notes, steps), partial(_screen, history, notes, steps)
     return doc.Document(partial(history.model_dump, mode="json", context=says), page, screen)
 
 
-def _screen(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
+def _screen(history: History, notes: Sequence[str], steps: Sequence[doc.Instruction]) -> doc.Page:
     """As many sessions as a screen has lines for, three at least."""
     more = "More: the same with --details, or as a page: --html history.html"
     for most in range(max(min(len(history.sessions), _HIGH), 3), 2, -1):
-        table = doc.Section(None, _table(history, most), *history.notes[:3])
+        table = doc.Section(None, _table(history, most), *notes[:3])
         sections = table, doc.next_steps(steps, more)
         stamp = SIMULATED if history.simulated else None
         page = doc.Page("History", stamp=stamp, notice=_notice(history), sections=sections)
@@ -62,9 +63,9 @@ def _screen(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
     return page
 
 
-def _page(history: History, steps: Sequence[doc.Instruction]) -> doc.Page:
+def _page(history: History, notes: Sequence[str], steps: Sequence[doc.Instruction]) -> doc.Page:
     notes = [
-        *history.notes,
+        *notes,
         f"The next session is expected to find: {_sizes(history.prediction)} (95 %).",
     ]
     for count, expanded in history.further.items():
@@ -106,7 +107,7 @@ def _notice(history: History) -> doc.Notice:
     title, *others = lines or [f"Unchanged in {counted(len(history.sessions), 'session')}, {ends}"]
     lines = [f"{line}." for line in others]
     last = history.changes[-1].before if history.changes else None
-    if last and not any(last in note and "adjustment" in note for note in history.notes):
+    if last and last not in [note.data.get("before") for note in history.notes]:
         lines.insert(0, "No adjustment is recorded in between.")
     if history.ambiguous_with:
         stories = " or ".join(_STORIES[trend] for trend in history.ambiguous_with)

@@ -206,7 +206,8 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     else:
         lines.append(f"U: {reach}")
     lines += near
-    missing = [name for name, each in chosen.parameters.items() if not each.determined]
+    known = zip(chosen.parameters, chosen.by_parameter["determined"], strict=True)
+    missing = [name for name, determined in known if not determined]
     if missing:
         lines.append(f"Not determined: {' and '.join(missing)}. {words.more}")
     tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
@@ -307,9 +308,11 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     if cycles:
         columns["noise"] = [two_figures(max(each.noise_std_mm.values())) for each in shown]
         meaning.append("Noise: part of u that comes from scatter, of the worst offset.")
-    for name in machine.parameter_names:
-        parameters = [each.parameters[name] for each in shown]
-        columns[name] = [two_figures(u.lessened) if u.determined else "–" for u in parameters]
+    for k, name in enumerate(machine.parameter_names):
+        rows = [session.by_parameter for session in shown]
+        columns[name] = [
+            two_figures(row["lessened"][k]) if row["determined"][k] else "–" for row in rows
+        ]
     if machine.has_cube:
         columns["tool"] = [two_figures(each.tool_mm or 0.0) for each in shown]
         meaning.append("Tool: U at the worst point of the workspace, offsets entered.")
@@ -321,7 +324,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     # What no layout determines, and what it adds to U.
     fixed = [each.source for each in plan.budget if each.source in machine.fixed_parameters]
     if fixed:
-        added = (two_figures(each.fixed) for each in plan.chosen.parameters.values())
+        added = map(two_figures, plan.chosen.by_parameter["fixed"])
         last = " and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)
         for column, cell in zip(columns.values(), last, strict=True):
             column.append(cell)

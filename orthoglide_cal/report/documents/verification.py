@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
@@ -22,7 +23,7 @@ from orthoglide_cal.report.case import (
 from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.documents.solution import common_unit, deviations_grid, sizes, sizes_grid
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import Identity
+from orthoglide_cal.results import Identity, Parameter
 from orthoglide_cal.results.verification import (
     Coefficient,
     ComparedInput,
@@ -38,6 +39,7 @@ from orthoglide_cal.words import (
     entered_decimals,
     plain,
     signed,
+    unit_words,
     with_uncertainty,
 )
 
@@ -61,8 +63,8 @@ def _says(result: Verification) -> Callable[[Reason], str]:
 
 
 def _screen(result: Verification) -> doc.Page:
-    parameters = result.parameters.items()
-    left = [(name, each.left, each.left_expanded, each.unit) for name, each in parameters]
+    known = [(p.name, p.found, p.expanded, p.unit) for p in result.second]
+    left = [(name, size, u, its) for name, size, u, its in known if size is not None]
     unit = common_unit(result.inputs[1][1].machine)
     grid = sizes_grid([(f"left{unit}", sizes(left, not unit))], 3 if unit else 2)
     before, after = (count for _, count in _measured(result))
@@ -114,7 +116,9 @@ def verification_notice(result: Verification) -> doc.Notice:
     size = f"Predicted {promised}, measured {after} (r.m.s.; before {before})."
     says = _says(result)
     remains = says(result.remains) if result.remains else ""
-    lines = tuple(filter(None, (size, _answer(result), _decision(result), remains)))
+    lines = tuple(
+        filter(None, (size, _corrected(result), _answer(result), _decision(result), remains))
+    )
     if not result.differences:
         better = result.rms_after_mm < result.rms_before_mm
         came = "as predicted"
@@ -194,6 +198,16 @@ def verification_steps(
         yield doc.Instruction("Nothing more: keep this report with the machine.")
 
 
+def _corrected(result: Verification) -> str:
+    """What the controller corrects since the first measurement, in one sentence."""
+    causes = [
+        f"{id} {', '.join(f'{name} {signed(by, 3)}' for name, by in values.items())}"
+        f" {unit_words(CAUSES[id].unit)}"
+        for id, values in result.corrected.items()
+    ]
+    return f"The controller now corrects {'; '.join(causes)}." if causes else ""
+
+
 def _answer(result: Verification) -> str:
     """How the machine responded, in one sentence; nothing where that was not looked at."""
     if result.response is None or result.answer is None:
@@ -271,26 +285,31 @@ def _decision(result: Verification) -> str:
 def parameters_left(result: Verification) -> doc.Section:
     """Each parameter as found, as entered, and what remains of it."""
     decimals = _entered(result) if result.remaining_mm else 4
-    every = result.parameters.values()
-    now = [None if e.entered is None else e.before + e.entered for e in every]
+    found, entered = result.first, result.entered
+    now = [None if by is None else p.active + by for p, by in zip(found, entered, strict=True)]
     columns: dict[str, list[doc.Blank]] = {
-        "": [doc.strong(name) for name in result.parameters],
-        "unit": [e.unit for e in every],
-        "found ± U": [with_uncertainty(e.found, e.expanded) for e in every],
-        "before": [plain(e.before, decimals) for e in every],
-        "entered": ["unknown" if e.entered is None else signed(e.entered, decimals) for e in every],
+        "": [doc.strong(p.name) for p in found],
+        "unit": [p.unit for p in found],
+        "found ± U": [_size(p) for p in found],
+        "before": [plain(p.active, decimals) for p in found],
+        "entered": ["unknown" if by is None else signed(by, decimals) for by in entered],
         "now": ["unknown" if new is None else doc.strong(plain(new, decimals)) for new in now],
-        "left ± U": [with_uncertainty(e.left, e.left_expanded) for e in every],
+        "left ± U": [_size(p) for p in result.second],
     }
     caption = "Before, now: active in the controller. Found by the first measurement, left by the"
     caption += " second."
-    other = [name for name, each in result.parameters.items() if each.as_found is False]
+    other = [name for name, row in result.parameters.items() if row["as_found"] is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
         note = "The files do not record what was entered. A saved printer.cfg does."
     elif other:
         note = f"What was entered differs from what was found here: {', '.join(other)}."
     return doc.Section("Parameters", doc.Grid.of(columns, caption=caption), note)
+
+
+def _size(parameter: Parameter) -> str | None:
+    known = parameter.found
+    return None if known is None else with_uncertainty(known, parameter.expanded)
 
 
 def _outcome(result: Verification) -> doc.Section:
@@ -351,7 +370,7 @@ def _response(result: Verification, response: Coefficient) -> doc.Section:
         doc.strong(_interval(response)),
         f". Expected: 1. (95 % interval, {result.response_dof} degrees of freedom.)",
     )
-    blocks: list[doc.Block] = [lead, grid]
+    blocks: list[doc.Block] = [lead, *([grid] if rows else [])]
     if change := result.other_change:
         size = f"{1000 * change.rms_mm:.0f} µm per difference"
         noise = f"noise alone gives {1000 * change.noise_mm:.0f} µm ({chance(change.p_value)})."
