@@ -41,10 +41,10 @@ from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
-    ZERO_UNKNOWN,
     PrinterFile,
-    Stored,
     delta_of,
+    stored_grid,
+    stored_mesh,
     within,
 )
 from orthoglide_cal.files.text import FileText, read_document
@@ -54,6 +54,8 @@ from orthoglide_cal.model.linear_delta import (
     LinearDelta,
     counter_clockwise,
 )
+from orthoglide_cal.model.measured import Readings, Source
+from orthoglide_cal.schema import Reason
 
 _CODE = re.compile(r"\b(M665|M666|M851|G31)\b(.*?)(?=\b[GM][0-9]|$)")
 _WORD = re.compile(r"([A-Z])(\{[^}]*\}|[^A-Z\s]*)")
@@ -140,18 +142,15 @@ def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile
         files.pop()
     if not any(SETTINGS.search(file.text) for file in files):
         return None
-    names = " and ".join(PurePath(file.path).name for file in files)
-    remarks = [f"The settings are those of {names} in the same folder."]
+    names = [PurePath(file.path).name for file in files]
+    remarks = [Reason.of("settings_beside", names=names)]
     both = (files[-1], measured) if measured else ()
-    found = [_DATE.search(file.text.split("\n", 1)[0]) for file in both]
-    dates = [date[0] for date in found if date]
-    stale = ""
+    matches = [_DATE.search(file.text.split("\n", 1)[0]) for file in both]
+    dates = [date[0] for date in matches if date]
     if len(dates) == 2 and dates[1] < dates[0]:
-        stale = (
-            f"The height map ({dates[1]}) is older than the calibration in force"
-            f" ({PurePath(files[-1].path).name}, {dates[0]}): probe the bed again (G29)."
-        )
-    return replace(read_codes(*files), remarks=tuple(remarks), stale=stale)
+        stale = Reason.of("stale_map", date=dates[1], settings=names[-1], calibrated=dates[0])
+        remarks.append(stale)
+    return replace(read_codes(*files), remarks=tuple(remarks))
 
 
 def check_delta(folder: Path, path: str) -> None:
@@ -214,9 +213,9 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
         faults.add(what, _AGAIN, line=4)
     faults.check()
     offset = np.nan_to_num(settings.probe)
-    grid = Stored.of_grid("heightmap", x, y, heights, range(4, 4 + len(y)), offset)
-    remark = f"If G30 was sent before G29, the map counts from that place: {ZERO_UNKNOWN}"
-    mesh, source = replace(grid, remarks=(remark,)), document.source
+    source, at = document.source, range(4, 4 + len(y))
+    grid = stored_grid(source, "heightmap", x, y, heights, at, offset)
+    mesh = replace(grid, remarks=(Reason.of("map_from_place"),))
     return replace(settings, probe=offset, mesh=mesh, source=source, firmware="reprapfirmware")
 
 
@@ -356,8 +355,8 @@ class _Reader:
         heights = np.array(rows)
         x, y = (np.linspace(-self.reach, self.reach, count) for count in heights.shape[::-1])
         heights[np.hypot(*np.meshgrid(x, y)) > self.reach + _ROUNDED] = math.nan
-        mesh = Stored.of_grid("", x, y, heights, lines, self.offset)
-        points = np.column_stack((mesh.line, mesh.plan.place[:, :2], mesh.value))
+        mesh = stored_grid(Source("", ""), "", x, y, heights, lines, self.offset)
+        points = np.column_stack((mesh.line, mesh.plan.spots[:, :2], mesh.value))
         if len(points):
             self.probed["G29"] = self.grid[0], points[mesh.plan.in_time].tolist()
 
@@ -374,7 +373,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             reader.take(number, line)
     faults.check()
     if math.isnan(settings.probe[2]):
-        remarks.append("M851 is not known and is taken as 0: do not add it to H again.")
+        remarks.append(Reason.of("m851_unknown"))
 
     def needs_reach(name: str) -> None:
         if not reader.reach > 0.0:
@@ -383,36 +382,31 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
                 "Send G29 V4, which does; or give the machine file, with bed_radius_mm: --machine"
             )
             raise InputError(what, remedy, file=document.path)
-        remarks.append(
-            f"{name} does not print where it probed. Marlin's usual reach is assumed:"
-            f" {reader.reach:g} mm from the middle ({_MARGIN_MM:g} mm from the edge)."
-        )
+        reach = {"reach_mm": reader.reach, "margin_mm": _MARGIN_MM}
+        remarks.append(Reason.of("marlin_reach", name=name, **reach))
 
-    def stored(name: str, radius: float = 1.0) -> Stored | None:
+    def stored(name: str, radius: float = 1.0) -> Readings | None:
         if name not in reader.probed:
             return None
         then, touches = reader.probed[name]
         placed = np.array(touches) * (1.0, radius, radius, 1.0)
-        mesh = Stored.of_touches(name, placed, reader.offset[2])
+        mesh = stored_mesh(document.source, name, placed, reader.offset[2])
         if then is reader.now:
             return mesh
-        remarks.append(
-            f"The heights of {name} were probed before G33 changed the settings (line"
-            f" {reader.changed}); they are converted to those in force after it."
-        )
+        remarks.append(Reason.of("converted", name=name, line=reader.changed))
         try:
-            place = reader.now.believed(then, mesh.plan.place)
+            place = reader.now.believed(then, mesh.plan.spots)
         except UnreachableError as error:
             what = f"The arms cannot reach a place of {name}."
             remedy = "Check the settings (M503, or the machine file)."
             raise InputError(what, remedy, file=document.path, line=int(mesh.line[0])) from error
-        plan = replace(mesh.plan, place=place, other=place)
-        return replace(mesh, plan=plan, value=place[:, 2] - reader.offset[2])
+        moved = np.column_stack((mesh.line, place - [0.0, 0.0, reader.offset[2]]))
+        return stored_mesh(document.source, name, moved, reader.offset[2])
 
     if "G33" in reader.probed:
         if reader.radius is None:
             needs_reach("G33")
-        remarks.append("G33 with P4 to P10 prints averages around seven places: take P3.")
+        remarks.append(Reason.of("averaged_places"))
     heights = stored("G33", reader.reach if reader.radius is None else reader.radius)
     if "G29" not in reader.probed and reader.grid[1]:
         needs_reach("G29")
@@ -458,7 +452,7 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     lines = [(text[: m.start()].count("\n") + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
     if lines:
         firmware = "text"
-        remarks += (f"The map counts from a height that it does not state: {ZERO_UNKNOWN}",)
+        remarks += (Reason.of("map_height_unknown"),)
     else:
         match = [*PROBE_HEIGHTS.finditer(text)][-1]
         line, heights = text[: match.start()].count("\n") + 1, match[1].split()
@@ -476,6 +470,8 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
             if firmware != "text" or not math.hypot(x, y) > settings.machine.bed_radius_mm:
                 rows.append((line, x - offset[0], y - offset[1], height))
     faults.check()
-    mesh = Stored.of_touches("console", np.array(rows), offset[2])
-    settings = replace(settings, probe=offset, mesh=mesh, remarks=remarks)
-    return replace(settings, source=document.source, firmware=firmware)
+    source = document.source
+    mesh = stored_mesh(source, "console", np.array(rows), offset[2])
+    return replace(
+        settings, probe=offset, mesh=mesh, remarks=remarks, source=source, firmware=firmware
+    )

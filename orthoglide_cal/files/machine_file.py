@@ -26,7 +26,17 @@ from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Corrections, Entered, JointOffsets, Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that, yaml_number
+from orthoglide_cal.schema import (
+    Day,
+    Digest,
+    Number,
+    Reason,
+    Schema,
+    Version,
+    Word,
+    text_that,
+    yaml_number,
+)
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
@@ -156,11 +166,11 @@ def _file_schema(machine: type[Machine]) -> type[_Around]:
 
 @dataclass(frozen=True)
 class StoredMachine:
-    """A machine file as read; `remarks` is what to know although nothing is wrong."""
+    """A machine file as read."""
 
     model: Model
     document: FileText
-    remarks: tuple[str, ...]
+    remarks: tuple[Reason, ...]  # to know although nothing is wrong
 
 
 def read_machine_file(path: Path | str) -> StoredMachine:
@@ -196,9 +206,8 @@ def machine_file_in(tree: Content) -> StoredMachine:
         tree.add(what, remedy, line=file.text.count("\n"), column="complete")
     if model is None or tree.problems:
         raise tree.error()
-    remark = "It does not say `identified:`. Was it cut off? If not, add the line `identified: []`."
-    remarks = (*map(str, model.machine.instrument.implausible().values()),)
-    return StoredMachine(model, file, remarks if "identified" in value else (remark, *remarks))
+    missing = () if "identified" in value else (Reason.of("no_identified"),)
+    return StoredMachine(model, file, (*missing, *model.machine.instrument.implausible().values()))
 
 
 def machine_from_text(content: str, path: str) -> Model:

@@ -1,5 +1,6 @@
 """A file's text, read and written."""
 
+import codecs
 import errno
 import hashlib
 import os
@@ -37,6 +38,7 @@ class FileText:
     text: str
     sha256: str  # hex digest of the bytes
     size: int  # their number
+    marked: bool = False  # they began with a byte order mark
 
     @property
     def source(self) -> Source:
@@ -80,7 +82,8 @@ def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Fil
     text = _decoded(data, path)
     if not text.strip():
         raise InputError("The file is empty.", "Give a file with readings.", file=path)
-    return FileText(path, text, hashlib.sha256(data).hexdigest(), len(data))
+    marked = data.startswith(codecs.BOM_UTF8)
+    return FileText(path, text, hashlib.sha256(data).hexdigest(), len(data), marked)
 
 
 def check_size(size: int, path: str, limit: int) -> None:

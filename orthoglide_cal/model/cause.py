@@ -122,8 +122,8 @@ class Cause:
 
     def size(self, machine: Machine) -> float:
         """The same, wider where the controller's own values are doubted."""
-        stated, doubt = self.stated(machine), machine.doubted.get(self.id)
-        return math.hypot(stated, doubt.size) if stated > 0.0 and doubt else stated
+        stated = self.stated(machine)
+        return math.hypot(stated, machine.doubted.get(self.id, 0.0)) if stated > 0.0 else stated
 
     def assumed(self, machine: Machine) -> bool:
         """Whether that size is the default of its kind: the machine file gives none."""

@@ -49,7 +49,6 @@ from orthoglide_cal.model.machine import (
     Origin,
     Predicted,
     SimulationOptions,
-    Suspicion,
     Vocabulary,
 )
 from orthoglide_cal.model.measured import Measured, Readings, Source
@@ -394,21 +393,10 @@ class LinearDelta(Machine):
         return ("backlash",) if self.probe.scanning else ()
 
     @property
-    def doubted(self) -> Mapping[str, Suspicion]:
+    def doubted(self) -> Mapping[str, float]:
         """Arms of one printer are cut alike; what a calibration made of them need not be."""
-        arms = self.arm_length_mm
-        spread = max(arms) - min(arms)
-        if spread <= UNEQUAL_MM:
-            return super().doubted
-        first, second, third = (f"{arm:.1f}" for arm in arms)
-        doubt = Suspicion(
-            f"Arms of {first}, {second} and {third} mm are stored; printers of this kind have equal"
-            " arms.",
-            f"Their difference, {spread:.1f} mm, is taken as their tolerance. Measure them from"
-            " joint centre to joint centre.",
-            spread,
-        )
-        return MappingProxyType({"leg_length": doubt})
+        spread = max(self.arm_length_mm) - min(self.arm_length_mm)
+        return {"leg_length": spread} if spread > UNEQUAL_MM else {}
 
     @property
     def active(self) -> tuple[float, ...]:

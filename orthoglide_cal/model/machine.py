@@ -24,7 +24,7 @@ from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.schema import Day, Digest, Number, Positive, Schema, Word, told
+from orthoglide_cal.schema import Day, Digest, Number, Positive, Reason, Schema, Word, told
 
 LARGEST_OFFSET_MM = 1000.0  # nobody enters more
 # The home switch or index pulse of a carriage is set to within a few millimetres; an offset beyond
@@ -161,12 +161,11 @@ class Bed(NamedTuple):
 
 
 class Suspicion(NamedTuple):
-    """Something of a gauge, a set-up or a controller's values that can hardly be right."""
+    """A plunger that leaves its bar, or comes near its end."""
 
     what: str  # one sentence, with the place
-    remedy: str  # what to do
-    # How far it is off, in the unit of what is doubted: of a plunger, beyond the end of its bar.
-    size: float = 0.0
+    remedy: str
+    size: float  # how far it is beyond the end [mm]; 0 on the bar
 
     def __str__(self) -> str:
         return f"{self.what} {self.remedy}"
@@ -184,11 +183,11 @@ class Instrument(Schema):
         """Travel of one turn of its dial [mm]; 0 where no turns can be miscounted."""
         return 0.0
 
-    def doubts(self, measured: Measured) -> tuple[Suspicion, ...]:
-        """What it can hardly have shown; nothing is known of how firmware writes what it read."""
+    def doubts(self, measured: Measured) -> tuple[Reason, ...]:
+        """Readings that it can hardly have shown; firmware may write them as it likes."""
         return ()
 
-    def implausible(self) -> dict[str, Suspicion]:
+    def implausible(self) -> dict[str, Reason]:
         """Field → why no such instrument has the value that is stated, though it may be written."""
         return {}
 
@@ -404,8 +403,8 @@ class Machine(Schema):
         return ()
 
     @property
-    def doubted(self) -> Mapping[str, Suspicion]:
-        """Id of a cause → why the controller's own values make it likely."""
+    def doubted(self) -> Mapping[str, float]:
+        """Id of a cause → its size by the controller's own values, which can hardly be right."""
         return MappingProxyType({})
 
     @property

@@ -11,6 +11,7 @@ import numpy as np
 
 from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, read_only
 from orthoglide_cal.model.readings import Posture, Series
+from orthoglide_cal.schema import Reason
 
 
 class DataKind(StrEnum):
@@ -59,11 +60,8 @@ class Excerpt:
     data: str  # its name: "calibration" or "mesh"
     words: str  # how much of what
     firmware: str = "klipper"  # whose the file is, as an export names it
-    stale: str = ""  # why it is older than the settings in force, in a sentence
-    unused: str = ""  # why the other data of the file were not used, in sentences
-    nozzle: str = ""  # how entering what is found moves the nozzle, in sentences
     unknown: str = ""  # why the settings in force are not known, in a sentence
-    lowers_mm: float = 0.0  # by which entering the result lets the nozzle down
+    mesh: str = ""  # its name among several
 
 
 @dataclass(frozen=True)
@@ -92,7 +90,7 @@ class Readings(ReadOnly):
     temperature: Floats = field(default_factory=lambda: read_only(()))  # °C; NaN where not given
     gauge: tuple[str, ...] = ()  # its label; "" where not given
     note: tuple[str, ...] = ()  # remark; "" where not given
-    remarks: tuple[str, ...] = ()  # what the user should know: unknown columns, assumed times
+    remarks: tuple[Reason, ...] = ()  # on the file: unknown columns, assumed times
 
     kind = DataKind.READINGS
 
@@ -131,7 +129,7 @@ class Differences(ReadOnly):
     which: tuple[Difference, ...]  # in the order of the file
     value: Floats  # shape (k,) [mm]
     source: Source
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Reason, ...] = ()
 
     @property
     def kinds(self) -> tuple[DataKind, ...]:
@@ -148,6 +146,15 @@ class Differences(ReadOnly):
 
 
 Measured = Readings | Differences
+# Codes of remarks that are cautions, and no notes.
+CAUTIONS = ("stale_mesh", "stale_map", "unused_data")
+# Those on where entering the result lets the nozzle go.
+NOZZLE = ("nozzle_raised", "nozzle_lowered")
+
+
+def notes_on(measured: Measured) -> tuple[Reason, ...]:
+    """The remarks on a file, cautions left out."""
+    return tuple(remark for remark in measured.remarks if remark.code not in CAUTIONS)
 
 
 def weighing(measured: Measured) -> str:

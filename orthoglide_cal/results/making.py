@@ -587,8 +587,8 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
     if names:
         yield Reason.of("undetermined", names=names), more
     for doubt in solution.doubts:
-        remedy = Remedy(sentence=Reason.of("do", what=doubt.remedy))
-        yield Reason.of("gauge_doubt", what=doubt.what), remedy
+        remedy = Remedy(sentence=Reason.of("check_gauge", doubt=doubt))
+        yield Reason.of("gauge_doubt", doubt=doubt), remedy
     if diagnosis is None and solution.suspicious:
         yield solution.judgement, more
 

@@ -11,6 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import chain, count
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.readings import doubted_temperatures
+from orthoglide_cal.files.readings import implausible_c
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
@@ -36,7 +37,7 @@ from orthoglide_cal.planning.steps import (
     sequence,
     steps_of,
 )
-from orthoglide_cal.schema import parse_number
+from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Show, Style
 from orthoglide_cal.session.dialogue import Dialogue
@@ -78,6 +79,7 @@ class Request:
     operator: str = ""
     temperature_c: float | None = None
     gauges: tuple[events.GaugeLabel, ...] = ()
+    says: Callable[[Reason], str] = attrgetter("code")  # words a reason
 
 
 def clock() -> str:
@@ -136,8 +138,9 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
 def _check_options(request: Request) -> None:
     """Raises UsageError if what is asked for does not go together."""
     path, following = request.path, request.following
-    for doubt in doubted_temperatures([request.temperature_c]):
-        raise UsageError(doubt, "Correct it, or leave it out.")
+    for celsius in implausible_c([request.temperature_c]):
+        what = f"A workshop of {celsius:g} °C? Temperatures are in °C, from -40 to 60."
+        raise UsageError(what, "Correct it, or leave it out.")
     if following is None:
         if request.choice is not None:
             raise UsageError("--choice needs a recommendation.", "Name its data: --then FILE")
@@ -183,8 +186,9 @@ def _confirmed(
             plan, following, change = recommended.measured_with(model.orthoglide.offsets_mm)
         careful = require_on_bar(plan, model.orthoglide)
         asker.say(wording.machine(model))
-        for doubt in filter(None, (careful, *model.machine.instrument.implausible().values())):
-            asker.say(str(doubt), Style.BAD)
+        doubts = map(request.says, model.machine.instrument.implausible().values())
+        for doubt in (*([str(careful)] if careful else []), *doubts):
+            asker.say(doubt, Style.BAD)
         if change:
             asker.say(change, Style.BAD)
         if following:
