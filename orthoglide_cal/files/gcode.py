@@ -92,22 +92,22 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     The radius of the bed is NaN where it is not stated. Raises InvalidFileError with everything
     that is wrong in one of them.
     """
-    said: Words = {}
+    words: Words = {}
     for file in (document, *overriding):
-        said |= _words(file)
+        words |= _words(file)
     faults, marlin = Faults(document.path), _MARLIN.search(document.text) is not None
 
     def three(code: str, usual: float = 0.0) -> np.ndarray:
-        return np.array([said.get(code + axis, (usual,))[0] for axis in "XYZ"])
+        return np.array([words.get(code + axis, (usual,))[0] for axis in "XYZ"])
 
     for letter in "LRH":
-        if "M665" + letter not in said:
+        if "M665" + letter not in words:
             remedy = f"Add it to the line M665, or give a file that has it: M665 … {letter}…"
             faults.add(f"M665 with {letter} is missing.", remedy)
     faults.check()
-    arms, radius = np.array(said["M665L"]) * np.ones(3), said["M665R"][0]
-    if marlin and "M665C" in said:
-        arms += [said.get("M665" + tower, (0.0,))[0] for tower in "ABC"]
+    arms, radius = np.array(words["M665L"]) * np.ones(3), words["M665R"][0]
+    if marlin and "M665C" in words:
+        arms += [words.get("M665" + tower, (0.0,))[0] for tower in "ABC"]
     angles = three("M665") + USUAL_ANGLES_DEG
     if not 0.0 < radius < arms.min():
         what = f"The delta radius R ({radius:g}) is not between 0 and the arms' length L."
@@ -118,13 +118,13 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     if marlin:
         probe = three("M851", math.nan) * (1.0, 1.0, -1.0)
         # Where no arm is stated by B, it is the radius on which Marlin 1.1 probes.
-        on = said.get("M665B", (math.nan,))[0] if "M665C" not in said else math.nan
+        on = words.get("M665B", (math.nan,))[0] if "M665C" not in words else math.nan
         bed = on + _MARGIN_MM
-        endstops = said["M665H"][0] - three("M666") + np.nan_to_num(probe[2])
+        endstops = words["M665H"][0] - three("M666") + np.nan_to_num(probe[2])
     else:
         probe = three("G31", math.nan)
-        bed = said.get("M665B", (math.nan,))[0]
-        endstops = said["M665H"][0] + three("M666")
+        bed = words.get("M665B", (math.nan,))[0]
+        endstops = words["M665H"][0] + three("M666")
     machine = delta_of(document, arms, radius, angles, endstops, bed)
     unknown = "" if marlin or overriding or not _LOADS.search(document.text) else _UNKNOWN
     name = PurePath(document.path).name
@@ -132,7 +132,7 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
 
 
 def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile | None:
-    """What config.g, and config-override.g if M501 loads it, state; None if there are no arms.
+    """Settings of config.g, and of config-override.g if M501 loads it; None if there are no arms.
 
     The date of what was measured by these settings is compared with theirs.
     """
@@ -221,24 +221,24 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
 
 def _words(file: FileText) -> Words:
     """Code and letter → numbers: {"M665L": (215.0,)}, by the last line that has it."""
-    faults, found = Faults(file.path), Words()
+    faults, words = Faults(file.path), Words()
     for number, line in enumerate(file.text.split("\n"), start=1):
         for code, rest in _CODE.findall(line.split(";")[0].upper()):
-            own = Words()
+            new = Words()
             for letter, text in _WORD.findall(rest):
                 if letter not in _LETTERS[code]:
                     continue
                 word = code + letter
                 low = 0.0 if word in ("M665L", "M665R") else -LARGEST_MM
                 with faults.noting(number, letter + text, f"{letter} of {code}"):
-                    own[word] = tuple(within(part, low) for part in text.split(":"))
-                    if len(own[word]) not in ((1, 3) if word == "M665L" else (1,)):
+                    new[word] = tuple(within(part, low) for part in text.split(":"))
+                    if len(new[word]) not in ((1, 3) if word == "M665L" else (1,)):
                         remedy = "Write one, or L215:215:215."
                         raise InputError("The number of values is wrong.", remedy)
-            if own.get("G31K", (0.0,)) == (0.0,):  # of several probes the first
-                found |= own
+            if new.get("G31K", (0.0,)) == (0.0,):  # of several probes the first
+                words |= new
     faults.check()
-    return found
+    return words
 
 
 # --- what Marlin prints while it probes ---------------------------------------------------------
@@ -311,19 +311,21 @@ class _Reader:
                     self.probed.pop("G33", None)
             if touches:
                 self._add("G33", touches)
-        elif said := dict(_SETTING.findall(line)):
-            self._set({name: within(text, -LARGEST_MM) for name, text in said.items()}, number)
+        elif settings := dict(_SETTING.findall(line)):
+            self._set({name: within(text, -LARGEST_MM) for name, text in settings.items()}, number)
 
-    def _set(self, said: dict[str, float], number: int) -> None:
+    def _set(self, settings: dict[str, float], number: int) -> None:
         """Settings as G33 prints them, rounded, in one line or in two. Raises InputError."""
         endstops = np.array(self.now.endstops_mm)
-        if "Height" in said:
+        if "Height" in settings:
             below = zip("xyz", endstops.min() - endstops, strict=True)
-            adjusted = np.array([said.get(f"E{axis}", known) for axis, known in below])
-            endstops = said["Height"] + self.offset[2] - adjusted
+            adjusted = np.array([settings.get(f"E{axis}", known) for axis, known in below])
+            endstops = settings["Height"] + self.offset[2] - adjusted
         usual = zip("xyz", USUAL_ANGLES_DEG, self.now.tower_angles_deg, strict=True)
-        angles = [known if f"T{a}" not in said else at + said[f"T{a}"] for a, at, known in usual]
-        radius = said.get("Radius", self.now.delta_radius_mm)
+        angles = [
+            known if f"T{a}" not in settings else at + settings[f"T{a}"] for a, at, known in usual
+        ]
+        radius = settings.get("Radius", self.now.delta_radius_mm)
         if not (0.0 < radius < min(self.now.arm_length_mm) and counter_clockwise(angles)):
             remedy = "Check them, and the arms (M665 L)."
             raise InputError("No delta can have these settings.", remedy)

@@ -60,7 +60,7 @@ _DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECAS
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """What was measured, on which machine and under which conditions."""
+    """A measurement, its machine and its conditions."""
 
     measured: Measured
     model: Model  # the machine to judge it by, with its accepted causes
@@ -84,7 +84,7 @@ class CheckedFile(Schema):
 
 
 class Fault(Schema):
-    """What is wrong at one place of a file."""
+    """A fault at one place of a file."""
 
     model_config = ConfigDict(from_attributes=True)
 
@@ -96,7 +96,7 @@ class Fault(Schema):
 
 
 class Check(Schema):
-    """What a check found: the object of `validate --json`."""
+    """Result of a check: the object of `validate --json`."""
 
     schema_version: Literal[1] = 1
     input: CheckedFile
@@ -318,7 +318,7 @@ def _files_in(folder: Path) -> dict[Path, dict[str, str]]:
 
 
 def _is_yaml(document: FileText) -> bool:
-    """Whether the first line that says anything is YAML; the name decides what it leaves open."""
+    """True if the first line that says anything is YAML; the name decides what it leaves open."""
     if machine_file.PRINTER_SECTION.search(document.text):
         return False
     if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
@@ -356,7 +356,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
 
 
 def printer_settings(path: Path) -> PrinterFile | None:
-    """What a firmware's file says of its machine; None for another kind. Raises InputError."""
+    """Settings in a firmware's file; None for a file of another kind. Raises InputError."""
     document = read_document(str(path))
     if machine_file.PRINTER_SECTION.search(document.text):
         return klipper.read_printer_file(document)
@@ -381,7 +381,7 @@ def _with_bed(file: PrinterFile, radius: float) -> PrinterFile:
 def _firmware_file(
     document: FileText, known: Known | None, otherwise: Callable[[], Model]
 ) -> PrinterFile | None:
-    """What a printer's firmware wrote, or its console printed; None for a file of another kind."""
+    """Content of a file of a printer's firmware or console; None for a file of another kind."""
     text = document.text
     if klipper.KLIPPY_LOG.search(text):
         return klipper.read_klippy_log(document)
@@ -458,26 +458,28 @@ def _free_arms(model: Model, readings: Readings) -> tuple[Effect, ...]:
         return ()
     ratio = math.sqrt(_TRUST * plan.touches.sum() / distance.sum())
     weight = np.where(distance, ratio, 1.0)
-    found = np.zeros(len(machine.parameter_names) + cause.unknowns)
-    rest, own = np.split(np.arange(len(found)), [-cause.unknowns])
+    unknowns = np.zeros(len(machine.parameter_names) + cause.unknowns)
+    rest, arms = np.split(np.arange(len(unknowns)), [-cause.unknowns])
     for _ in range(_STEPS):
-        lengths = cause.at(found[own])
-        predicted, slope = differentiate(model, found[rest], plan, [lengths], strict=False)
+        lengths = cause.at(unknowns[arms])
+        predicted, slope = differentiate(model, unknowns[rest], plan, [lengths], strict=False)
         left, slope = weight * (readings.value - predicted), weight[:, None] * slope
-        if not np.isfinite(slope).all() or np.linalg.matrix_rank(slope, _NEGLIGIBLE) < len(found):
+        if not np.isfinite(slope).all() or np.linalg.matrix_rank(slope, _NEGLIGIBLE) < len(
+            unknowns
+        ):
             return ()
-        found += np.linalg.pinv(slope) @ left
+        unknowns += np.linalg.pinv(slope) @ left
     local = machine.local_shape(plan)
     shape = plan.touches * (local.size or 0.0) if local else 0.0
     apart = weight * np.hypot(machine.instrument.noise_mm / plan.precision, shape)
-    scatter = float(np.sum((left / apart) ** 2)) / max(len(plan) - len(found), 1)
-    spread = np.linalg.pinv(slope)[own] * apart * math.sqrt(max(scatter, 1.0))
+    scatter = float(np.sum((left / apart) ** 2)) / max(len(plan) - len(unknowns), 1)
+    spread = np.linalg.pinv(slope)[arms] * apart * math.sqrt(max(scatter, 1.0))
     digest = readings.source.sha256
-    return (Effect(cause, found[own], covariance=spread @ spread.T, data_sha256=digest),)
+    return (Effect(cause, unknowns[arms], covariance=spread @ spread.T, data_sha256=digest),)
 
 
 def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Input:
-    """What a printer's file stores, on the machine that it describes.
+    """Measurements that a printer's file stores, on the machine that it describes.
 
     What else is known of the machine (its probe, tolerances, accepted causes) comes from the
     machine file that the user names, if any: one in the same folder may be another printer's.

@@ -179,7 +179,7 @@ class _Settings(Content):
         fault: T,
         default: T | None = None,
     ) -> T:
-        """What a rule makes of an option; `fault` where that raises InputError.
+        """Value that a rule makes of an option; `fault` where that raises InputError.
 
         The default is for one that is not there; None if it must be.
         """
@@ -205,7 +205,7 @@ class _Settings(Content):
 def read_printer_file(
     document: FileText, calibration: Mapping[str, tuple[int, str]] | None = None
 ) -> PrinterFile:
-    """What a printer.cfg says; `calibration` stands for its [delta_calibrate]: option → line, text.
+    """Content of a printer.cfg; `calibration` replaces its [delta_calibrate]: option → line, text.
 
     Raises InvalidFileError with everything that is wrong in the lines that matter here.
     """
@@ -359,7 +359,7 @@ def _step(settings: _Settings, tower: str) -> float:
 def _calibration(
     settings: _Settings, home: Floats, step: Floats, names: Sequence[str], ends: tuple[str, str]
 ) -> list[Floats]:
-    """What [delta_calibrate] stores under these names, n values.
+    """Values that [delta_calibrate] stores under these names, n of them.
 
     Returns:
         Heights of the carriage joints over the bed at both ends of a distance, the same twice of a
@@ -497,7 +497,7 @@ def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:
     inside = away <= (stated if fits else width) + _ROUNDED
 
     def repeats(row: Floats, kept: Bools) -> bool:
-        """Whether the rest of a row repeats the outermost of those kept."""
+        """True if the rest of a row repeats the outermost of those kept."""
         places = np.flatnonzero(kept)
         if not places.size:
             return False

@@ -137,7 +137,7 @@ def stored_grid(
 
 @dataclass(frozen=True)
 class PrinterFile(ReadOnly):
-    """What files of a firmware state and store of a linear delta."""
+    """Settings and data of a linear delta in the files of its firmware."""
 
     machine: LinearDelta  # with the parameters in force, and what is usual else
     # What is added to the nozzle's place to have the probe's, shape (3,) [mm]; x, y, and the

@@ -59,7 +59,7 @@ class GaugeIdentity(Schema):
 
 
 class Circumstances(Schema):
-    """What a session says around its readings; None or empty where not given, never invented."""
+    """Frame of the readings of a session; None or empty where not given, never invented."""
 
     protocol: str | None = None  # as `measure` was told
     operator: str | None = None
@@ -84,7 +84,7 @@ class Conditions(Circumstances):
         return tuple((match[1], match[2]) for match in matches if match)
 
     def _stated_c(self, end: int, *names: str) -> float | None:
-        """What the environment states under one of these names, else the thermometer at one end."""
+        """Temperature that the environment states, else that of the thermometer at one end."""
         for name in names:
             with suppress(InputError):
                 return parse_number(dict(self.environment).get(name, ""))
@@ -212,7 +212,7 @@ def readings_of(
 
 
 def conditions_in(readings: Readings) -> Conditions:
-    """What the readings alone say of the circumstances."""
+    """Conditions that the readings alone state."""
     known = [t for t in readings.temperature[readings.plan.in_time].tolist() if t == t]
     labels = dict.fromkeys(label for label in readings.gauge if label)
     notes = zip(readings.line.tolist(), readings.note, strict=True)

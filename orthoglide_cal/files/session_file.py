@@ -137,7 +137,7 @@ def session_of_readings(
 
 
 def _recorded(tree: Content, machine: Model | None) -> Session | None:
-    """What is written around the readings; None after noting what is wrong with it."""
+    """The session without its readings; None after noting what is wrong with it."""
     content = {key: value for key, value in tree.value.items() if value is not None}
     before = len(tree.problems)
     for key, wanted in (("retaken", True), ("skipped", False)):

@@ -18,7 +18,7 @@ from pydantic import Field
 from orthoglide_cal.model.machine import Instrument
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import Floats, Ints, read_only
-from orthoglide_cal.schema import Number, Reason, told
+from orthoglide_cal.schema import Number, Reason, ask
 from orthoglide_cal.words import MM, MM_PER_INCH
 
 CHANCE = 1e-6  # at which healthy readings are doubted
@@ -59,13 +59,13 @@ Travel = Annotated[Number, Field(ge=1e-3, le=1e3)]
 class Gauge(Instrument):
     """A dial indicator."""
 
-    resolution_mm: Annotated[Fine, told("Gauge: one division", "the smallest step that it shows")]
-    range_mm: Annotated[Travel, told("Gauge: range", "travel of its plunger")]
+    resolution_mm: Annotated[Fine, ask("Gauge: one division", "the smallest step that it shows")]
+    range_mm: Annotated[Travel, ask("Gauge: range", "travel of its plunger")]
     revolution_mm: Annotated[
-        Travel | None, told("Gauge: one turn", "travel of one turn; 0 without a dial")
+        Travel | None, ask("Gauge: one turn", "travel of one turn; 0 without a dial")
     ] = None
     repeatability_mm: Annotated[
-        Fine, told("Gauge: repeatability", "standard deviation of one reading")
+        Fine, ask("Gauge: repeatability", "standard deviation of one reading")
     ]
     # How well its stand is put at its place along the leg, one standard deviation, and standard
     # uncertainty of its scale (1); None if nobody stated it.
@@ -76,18 +76,8 @@ class Gauge(Instrument):
     def turn_mm(self) -> float:
         return self.revolution_mm or 0.0
 
-    @property
-    def placement_std_mm(self) -> float:
-        """`placement_mm`, or its default."""
-        return PLACEMENT_MM if self.placement_mm is None else self.placement_mm
-
-    @property
-    def scale_std(self) -> float:
-        """`scale_u`, or its default."""
-        return SCALE_U if self.scale_u is None else self.scale_u
-
     def doubts(self, measured: Measured) -> tuple[Reason, ...]:
-        """Of differences only the decimals say something."""
+        """Doubts of readings; of differences only the decimals say something."""
         if isinstance(measured, Readings):
             return tuple(_doubt_readings(measured, self))
         return tuple(_doubt_differences(measured.value, self))
@@ -224,8 +214,8 @@ def _log_moments(size: int, noise: float) -> Floats:
         width = math.sqrt(0.5 / (rate * size))
         ends = reach + 6.0 * width
         means = np.linspace(-ends, ends, 2 * math.ceil(2.0 * ends / width) + 1)
-        each = chance @ np.exp(-rate * (shown[:, None] - means) ** 2)
-        integral = (each**size).sum(axis=1) * (means[1] - means[0])
+        weighted = chance @ np.exp(-rate * (shown[:, None] - means) ** 2)
+        integral = (weighted**size).sum(axis=1) * (means[1] - means[0])
         logs.append(math.log(float(integral.max()) * math.sqrt(size * rate / math.pi)))
     return read_only(np.minimum(logs, 0.0))
 
@@ -275,10 +265,7 @@ def _other_unit(readings: Readings, gauge: Gauge) -> float | None:
 
 @lru_cache(maxsize=4)
 def _ordinary(readings: Readings, unit_mm: float, gauge: Gauge) -> bool:
-    """Whether the readings repeat and range as this gauge does if they are in a unit [mm].
-
-    Not where none repeat.
-    """
+    """True if readings in this unit [mm] repeat and range as of this gauge; not if none repeat."""
     value, plan = readings.value * unit_mm, readings.plan
     left, repeat = _about_means(value, plan.shared, plan.cells)
     again = np.bincount(repeat)[repeat] > 1

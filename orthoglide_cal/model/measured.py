@@ -1,4 +1,4 @@
-"""What was measured, as arrays: readings, or differences of readings as the paper prints them."""
+"""Measurements as arrays: readings, or differences of readings as the paper prints them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from orthoglide_cal.schema import Reason
 
 
 class DataKind(StrEnum):
-    """What was measured: raw readings, or one of the paper's sets of differences."""
+    """Kind of a measurement: raw readings, or one of the paper's sets of differences."""
 
     READINGS = "readings"
     SIX = "six"  # max − min
@@ -95,7 +95,7 @@ class Readings(ReadOnly):
     kind = DataKind.READINGS
 
     def __post_init__(self) -> None:
-        """What is not given is filled in."""
+        """Fill in what is not given."""
         n = len(self)
         nothing = {
             "cycle": np.ones(n, dtype=np.intp),
@@ -109,7 +109,7 @@ class Readings(ReadOnly):
 
     @property
     def kinds(self) -> tuple[DataKind, ...]:
-        """What can be made of them: themselves, and the differences of their protocol."""
+        """Themselves, and the differences of their protocol."""
         return (self.kind, *map(DataKind, self.plan.reductions))
 
     @property
@@ -133,7 +133,7 @@ class Differences(ReadOnly):
 
     @property
     def kinds(self) -> tuple[DataKind, ...]:
-        """What can be made of them: themselves, and of twelve also six."""
+        """Themselves, and of twelve also six."""
         return (self.kind, DataKind.SIX) if self.kind is DataKind.TWELVE else (self.kind,)
 
     @property
@@ -158,5 +158,5 @@ def notes_on(measured: Measured) -> tuple[Reason, ...]:
 
 
 def weighing(measured: Measured) -> str:
-    """What is to be put behind "r.m.s."; empty where all readings count alike."""
+    """Words behind "r.m.s."; empty where all readings count alike."""
     return " (a distance counts by its precision)" if np.any(measured.weight != 1.0) else ""

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
-from itertools import chain, count
 from operator import attrgetter
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.readings import implausible_c
-from orthoglide_cal.files.text import read_document
+from orthoglide_cal.files.text import free_path, read_document
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
@@ -459,9 +458,7 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
                 f"There is an unfinished session here: {names}.",
                 "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
             )
-        stems = chain(("session",), (f"session-{number}" for number in count(2)))
-        free = (folder / f"{stem}.yaml" for stem in stems)
-        return next(f for f in free if not (f.exists() or f.with_suffix(JOURNAL).exists()))
+        return free_path(folder, "session", ".yaml", JOURNAL)
     path = session_path(given)
     journal = path.with_suffix(JOURNAL)
     if not resume and path.exists():
@@ -489,8 +486,7 @@ def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -
         opened = Journal.resume(journal)
         readings = counted(len(events.replay(opened.events).accepted), "reading")
         opened.close()
-    names = chain((path.stem,), (f"{path.stem}-{number}" for number in count(2)))
-    aside = next(p for name in names if not (p := path.with_name(f"{name}.discarded")).exists())
+    aside = free_path(path.parent, path.stem, ".discarded")
     fate = f"It will be kept as {aside} and cannot be resumed.\nGive it up?"
     if not agrees(f"{journal} holds {readings}. {fate}"):
         return None
