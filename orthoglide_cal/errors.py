@@ -33,8 +33,8 @@ def visible(text: str) -> str:
     return _HIDDEN.sub(_code, text)
 
 
-def _code(found: re.Match[str]) -> str:
-    character = found[0]
+def _code(match: re.Match[str]) -> str:
+    character = match[0]
     return " " if character in "\n\t\r" else f"⟨U+{ord(character):04X}⟩"
 
 
@@ -69,7 +69,7 @@ def file_words(path: str) -> str:
 
 
 def system_words(error: object) -> str:
-    """What the system says of an error, without its number."""
+    """Words of the system for an error, without its number."""
     return getattr(error, "strerror", None) or str(error)
 
 
@@ -152,7 +152,7 @@ def fault_kinds(faults: Sequence[Any]) -> tuple[list[tuple[Any, str]], list[str]
         kinds.setdefault((fault.what, fault.remedy), []).append(fault)
     shown = []
     for first, *more in list(kinds.values())[:_MOST_KINDS]:
-        places = dict.fromkeys(_INDEX.sub("[]", each.column or "") for each in (first, *more))
+        places = dict.fromkeys(_INDEX.sub("[]", fault.column or "") for fault in (first, *more))
         also = f"; also in {listed([*places][1:])}" if len(places) > 1 else ""
         often = f"The first of {len(more) + 1} such faults{also}." if more else ""
         shown.append((first, often))

@@ -38,7 +38,7 @@ _EXAMPLE = "Write a plain number such as -0.123."
 
 
 class Schema(BaseModel):
-    """What one file, or one group of keys in it, holds; an unknown key is a fault."""
+    """Base of the content of one file, or of one group of keys; an unknown key is a fault."""
 
     model_config = ConfigDict(
         frozen=True,
@@ -78,10 +78,10 @@ class Reason(Schema):
 Sentence = Annotated[Reason, WithJsonSchema({"type": "string"})]
 
 
-def told(title: str, why: str, unit: str = "mm") -> FieldInfo:
-    """What people are told when they are asked for a field: its name, what it is, its unit."""
-    found: FieldInfo = Field(title=title, description=why, json_schema_extra={"unit": unit})
-    return found
+def ask(title: str, why: str, unit: str = "mm") -> FieldInfo:
+    """Texts for people who are asked for a field: its name, its meaning, its unit."""
+    field: FieldInfo = Field(title=title, description=why, json_schema_extra={"unit": unit})
+    return field
 
 
 def parse_number(text: str, *, decimal_comma: bool = False) -> float:

@@ -1,4 +1,4 @@
-"""What can be wrong with a machine or a measurement: a file for each stage of a reading.
+"""Faults of a machine or a measurement: a file for each stage of a reading.
 
 A new cause is a class in the `CAUSES` of its file, or of a new file here; it is found there.
 """

@@ -32,7 +32,7 @@ class PatternCause(Cause):
         return 1.0
 
     def onward(self, place: Place) -> bool:
-        """Whether all later readings that share what the one at its place does are concerned."""
+        """True if it concerns all later readings that share a zero with the one at its place."""
         return False
 
     def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
@@ -108,12 +108,12 @@ class ExchangeCause(RelabelCause, ABC):
 
     @abstractmethod
     def really(self, series: Series, place: Place) -> Series:
-        """What was read where this was written down; twice is not at all."""
+        """Series that was read where this one was written down; its own inverse."""
 
     def relabel(self, plan: GaugePlan, place: Place) -> tuple[np.ndarray, Floats]:
-        own, signs = super().relabel(plan, place)
+        unchanged, signs = super().relabel(plan, place)
         index = _partners(self, plan.steps, place)
-        return own if index is None else index, signs
+        return unchanged if index is None else index, signs
 
     def reversible(self, plan: GaugePlan, place: Place) -> bool:
         return _partners(self, plan.steps, place) is not None
@@ -132,13 +132,13 @@ def _partners(cause: ExchangeCause, plan: GaugePlan, place: Place) -> np.ndarray
     """The partner of each reading, shape (n,); None if they do not pair up, or none has one."""
     index, concerned = np.arange(len(plan)), cause.concerned(plan, place)
     for series in set(plan.series):
-        own, other = (
-            plan.in_time[(plan.of(each) & concerned)[plan.in_time]]
-            for each in (series, cause.really(series, place))
+        rows, partners = (
+            plan.in_time[(plan.of(one) & concerned)[plan.in_time]]
+            for one in (series, cause.really(series, place))
         )
-        if own.size != other.size or np.any(_step(plan, own) != _step(plan, other)):
+        if rows.size != partners.size or np.any(_step(plan, rows) != _step(plan, partners)):
             return None
-        index[own] = other
+        index[rows] = partners
     # Readings that share a zero must do so after the exchange.
     zeros = set(zip(plan.setup.tolist(), plan.setup[index].tolist(), strict=True))
     changed = np.any(index != np.arange(len(plan)))
@@ -146,7 +146,7 @@ def _partners(cause: ExchangeCause, plan: GaugePlan, place: Place) -> np.ndarray
 
 
 def _step(plan: GaugePlan, readings: np.ndarray) -> np.ndarray:
-    """What some readings must agree in to be the same step but for the labels, shape (q, k)."""
+    """Keys that readings of the same step agree in, labels aside, shape (q, k)."""
     return np.stack([key[readings] for key in (plan.displacement, plan.contact, *plan.state)])
 
 
@@ -161,8 +161,8 @@ def place_in(part: int, *where: int) -> Place:
 
 def series_places(plan: GaugePlan) -> tuple[Place, ...]:
     """One place for each (leg, direction) that was read, in each part."""
-    found = sorted(set(zip(plan.part.tolist(), plan.series, strict=True)))
-    return tuple(place_in(part, *series) for part, series in found)
+    places = sorted(set(zip(plan.part.tolist(), plan.series, strict=True)))
+    return tuple(place_in(part, *series) for part, series in places)
 
 
 def _part(place: Place, width: int) -> int:
@@ -183,7 +183,7 @@ def words_of(plan: GaugePlan, place: Place, width: int = 2) -> str:
 
 
 def apart(plan: Plan, readings: Ints) -> tuple[int, ...]:
-    """Of some readings of a set-up and the rest of it, the fewer: its zero is unknown.
+    """The fewer of some readings of a set-up and the rest of it: its zero is unknown.
 
     A step that leaves one reading behind is one wrong reading, as is one that moves one.
     """

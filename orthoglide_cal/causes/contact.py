@@ -1,4 +1,4 @@
-"""What can be wrong with what gauges and probes touch, with their stands, and with a bed."""
+"""Faults of what gauges and probes touch, of their stands, and of a bed."""
 
 import math
 from copy import copy
@@ -56,9 +56,9 @@ class BarSkew(Cause):
         self, heights: Numbers, effect: Effect, where: Numbers, plan: GaugePlan, machine: Machine
     ) -> Numbers:
         """Reading += slope · distance from the carriage joint; theta (..., 6) [rad]."""
-        own = np.array([plan.of(series) for series in _SERIES])
+        members = np.array([plan.of(series) for series in _SERIES])
         # Turned half round, a bar rises where it fell.
-        slope: Numbers = effect.theta @ (own * np.where(plan.turned, -1.0, 1.0))
+        slope: Numbers = effect.theta @ (members * np.where(plan.turned, -1.0, 1.0))
         return np.asarray(heights + slope * where * machine.nominal_rails.lengths[plan.leg])
 
 
@@ -129,7 +129,7 @@ def _zernike(name: str) -> dict[tuple[int, int], float]:
     Terms below the second degree are left out: height and tilt are the endstops'.
     """
     n, m = map(int, name[1:].split("_"))
-    found: dict[tuple[int, int], float] = {}
+    coefficients: dict[tuple[int, int], float] = {}
     for k in range((n - abs(m)) // 2 + 1):
         below = (k, (n + abs(m)) // 2 - k, (n - abs(m)) // 2 - k)
         radial = (-1) ** k * math.factorial(n - k) / math.prod(map(math.factorial, below))
@@ -138,8 +138,8 @@ def _zernike(name: str) -> dict[tuple[int, int], float]:
             for q in range(m < 0, abs(m) + 1, 2):
                 sign = math.comb(rest, p) * math.comb(abs(m), q) * (-1) ** (q // 2)
                 powers = 2 * (rest - p) + abs(m) - q, 2 * p + q
-                found[powers] = found.get(powers, 0.0) + radial * sign
-    return {powers: value for powers, value in found.items() if sum(powers) > 1}
+                coefficients[powers] = coefficients.get(powers, 0.0) + radial * sign
+    return {powers: value for powers, value in coefficients.items() if sum(powers) > 1}
 
 
 _TERMS = (
@@ -183,7 +183,7 @@ class _Surface(Cause):
         """With its terms of whole degrees: which they are depends on no axis of the bed."""
         degrees = [_degree(name) for name in self.names]
         most = spots // PLACES_PER_TERM
-        kept = [each for each in degrees if sum(other <= each for other in degrees) <= most]
+        kept = [degree for degree in degrees if sum(other <= degree for other in degrees) <= most]
         if not 0 < len(kept) < len(degrees):
             return self if kept else None
         first = copy(self)

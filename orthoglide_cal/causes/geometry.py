@@ -1,4 +1,4 @@
-"""What can be wrong with where the rails and legs are."""
+"""Faults of the places of rails and legs."""
 
 from types import MappingProxyType
 
@@ -126,7 +126,7 @@ class LegLength(Cause):
     )
 
     def transferred(self, theta: Floats, before: Machine, after: Machine) -> Floats:
-        """What was in excess of other lengths."""
+        """Excess over the other lengths."""
         stored = before.nominal_rails.lengths - after.nominal_rails.lengths
         return np.asarray(theta + stored)
 

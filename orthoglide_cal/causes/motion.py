@@ -1,4 +1,4 @@
-"""What can be wrong with where the carriages stand."""
+"""Faults of the motion of the carriages."""
 
 from types import MappingProxyType
 

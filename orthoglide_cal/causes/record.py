@@ -1,4 +1,4 @@
-"""What can be wrong with what was written down."""
+"""Faults of the record."""
 
 from copy import copy
 from types import MappingProxyType
@@ -53,10 +53,10 @@ class Misread(PatternCause):
 
     def several(self, count: int) -> Self:
         """Errors of so many readings, each by itself; their places are one."""
-        each = copy(self)
-        each.names = tuple(f"size_{number}" for number in range(1, count + 1))
-        each.advice = "Take these readings again: {where}. If that cannot be done, leave them out."
-        return each
+        cause = copy(self)
+        cause.names = tuple(f"size_{number}" for number in range(1, count + 1))
+        cause.advice = "Take these readings again: {where}. If that cannot be done, leave them out."
+        return cause
 
     def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
         return "; ".join(machine.reading_words(plan, reading) for reading in place)

@@ -320,8 +320,11 @@ def read_machine_file(path: Path) -> StoredMachine:
     from orthoglide_cal.files.machine_file import read_machine_file as read
 
     file = read(path)
-    for remark in file.remarks if sys.stderr.isatty() else ():
-        tell(f"{file_words(str(path))}: {remark}")
+    if file.remarks and sys.stderr.isatty():
+        from orthoglide_cal.report.sentences import sentence
+
+        for remark in file.remarks:
+            tell(f"{file_words(str(path))}: {sentence(remark)}")
     return file
 
 

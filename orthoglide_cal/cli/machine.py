@@ -126,8 +126,10 @@ def new(
         _ask_tolerances(answers, target)
     write_text(target, _text(answers, target))
     show(target, json)
+    from orthoglide_cal.report.sentences import sentence
+
     for doubt in () if sys.stderr.isatty() else common.read_machine_file(target).remarks:
-        common.tell(doubt)
+        common.tell(sentence(doubt))
     common.tell(f"Written to {target}, with usual tolerances. Check its values.")
     guided = MACHINES[kind].vocabulary.measure
     first = command(MACHINES[kind].first_steps[0][1])
@@ -223,7 +225,9 @@ def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
             made = machine_from_text(_text({**answers, key: value}, target), str(target))
             doubt = made.machine.instrument.implausible().get(key.rpartition(".")[2])
             if doubt and value != doubted:
-                common.tell(f"{doubt} To take it anyway, type it again.")
+                from orthoglide_cal.report.sentences import sentence
+
+                common.tell(f"{sentence(doubt)} To take it anyway, type it again.")
                 doubted = value
                 continue
             answers[key] = value

@@ -121,6 +121,7 @@ def measure(
     from orthoglide_cal.planning.steps import Order
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.solution import solution_document
+    from orthoglide_cal.report.sentences import sentence
     from orthoglide_cal.results import answer_to
     from orthoglide_cal.session.events import GaugeLabel
     from orthoglide_cal.session.keyboard import Keyboard
@@ -166,6 +167,7 @@ def measure(
         operator=visible(operator or ""),
         temperature_c=temperature,
         gauges=labels,
+        says=sentence,
     )
     standing = Standing(follow) if follow else None
     aside = common.console(stderr=True)

@@ -24,8 +24,8 @@ from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, UNLIST
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
 from orthoglide_cal.model.cause import Effect
-from orthoglide_cal.model.machine import Influence, Instrument, Suspicion
-from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings
+from orthoglide_cal.model.machine import Influence, Instrument
+from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only
 from orthoglide_cal.schema import Reason
@@ -183,7 +183,7 @@ class Solution(ReadOnly):
         return replace(self, offsets_mm=offsets, residuals_mm=left)
 
     @cached_property
-    def doubts(self) -> tuple[Suspicion, ...]:
+    def doubts(self) -> tuple[Reason, ...]:
         """Readings that no such gauge can have shown."""
         return self.model.machine.instrument.doubts(self.measured)
 
@@ -191,11 +191,10 @@ class Solution(ReadOnly):
     def warnings(self) -> tuple[Reason, ...]:
         """Remarks on the data."""
         scatter, floor = self.sigma_residuals_mm, self.model.machine.instrument.rounding_mm
-        doubts = (Reason.of("doubtful_readings", **doubt._asdict()) for doubt in self.doubts)
-        remarks = (Reason.of("remark", text=text) for text in self.measured.remarks)
+        remarks = (*self.doubts, *notes_on(self.measured))
         if scatter is None or scatter >= floor:
-            return (*doubts, *remarks)
-        return (*doubts, *remarks, Reason.of("below_resolution", floor_mm=floor))
+            return remarks
+        return (*remarks, Reason.of("below_resolution", floor_mm=floor))
 
     @cached_property
     def remaining(self) -> float:

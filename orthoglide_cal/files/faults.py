@@ -10,8 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from orthoglide_cal.errors import InputError, InvalidFileError
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.schema import parse_number, shortened, yaml_number
-from orthoglide_cal.words import listed
+from orthoglide_cal.schema import Reason, parse_number, shortened, yaml_number
 
 Steps = tuple[str | int, ...]
 _MOST = 1000  # faults; a file of garbage has millions, and nobody reads them
@@ -198,13 +197,11 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"Did you mean {close[0]!r}? " if close else ""
 
 
-def unused(what: str, names: Iterable[str], known: Iterable[str]) -> list[str]:
+def unused(kind: str, names: Iterable[str], known: Iterable[str]) -> list[Reason]:
     """A remark on names without a meaning and what they may stand for, if there are any."""
     given, words = [name for name in names if name], list(known)
-    if not given:
-        return []
     hints = "".join(nearest(name, words) for name in given[:10])
-    return [f"{what} are not known and were not used: {listed(given)}. {hints}".strip()]
+    return [Reason.of("unknown_names", kind=kind, names=given, hints=hints)] if given else []
 
 
 def _known(path: Steps, schema: object) -> list[str]:

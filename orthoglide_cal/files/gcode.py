@@ -41,10 +41,10 @@ from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
-    ZERO_UNKNOWN,
     PrinterFile,
-    Stored,
     delta_of,
+    stored_grid,
+    stored_mesh,
     within,
 )
 from orthoglide_cal.files.text import FileText, read_document
@@ -54,6 +54,8 @@ from orthoglide_cal.model.linear_delta import (
     LinearDelta,
     counter_clockwise,
 )
+from orthoglide_cal.model.measured import Readings, Source
+from orthoglide_cal.schema import Reason
 
 _CODE = re.compile(r"\b(M665|M666|M851|G31)\b(.*?)(?=\b[GM][0-9]|$)")
 _WORD = re.compile(r"([A-Z])(\{[^}]*\}|[^A-Z\s]*)")
@@ -90,22 +92,22 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     The radius of the bed is NaN where it is not stated. Raises InvalidFileError with everything
     that is wrong in one of them.
     """
-    said: Words = {}
+    words: Words = {}
     for file in (document, *overriding):
-        said |= _words(file)
+        words |= _words(file)
     faults, marlin = Faults(document.path), _MARLIN.search(document.text) is not None
 
     def three(code: str, usual: float = 0.0) -> np.ndarray:
-        return np.array([said.get(code + axis, (usual,))[0] for axis in "XYZ"])
+        return np.array([words.get(code + axis, (usual,))[0] for axis in "XYZ"])
 
     for letter in "LRH":
-        if "M665" + letter not in said:
+        if "M665" + letter not in words:
             remedy = f"Add it to the line M665, or give a file that has it: M665 … {letter}…"
             faults.add(f"M665 with {letter} is missing.", remedy)
     faults.check()
-    arms, radius = np.array(said["M665L"]) * np.ones(3), said["M665R"][0]
-    if marlin and "M665C" in said:
-        arms += [said.get("M665" + tower, (0.0,))[0] for tower in "ABC"]
+    arms, radius = np.array(words["M665L"]) * np.ones(3), words["M665R"][0]
+    if marlin and "M665C" in words:
+        arms += [words.get("M665" + tower, (0.0,))[0] for tower in "ABC"]
     angles = three("M665") + USUAL_ANGLES_DEG
     if not 0.0 < radius < arms.min():
         what = f"The delta radius R ({radius:g}) is not between 0 and the arms' length L."
@@ -116,13 +118,13 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     if marlin:
         probe = three("M851", math.nan) * (1.0, 1.0, -1.0)
         # Where no arm is stated by B, it is the radius on which Marlin 1.1 probes.
-        on = said.get("M665B", (math.nan,))[0] if "M665C" not in said else math.nan
+        on = words.get("M665B", (math.nan,))[0] if "M665C" not in words else math.nan
         bed = on + _MARGIN_MM
-        endstops = said["M665H"][0] - three("M666") + np.nan_to_num(probe[2])
+        endstops = words["M665H"][0] - three("M666") + np.nan_to_num(probe[2])
     else:
         probe = three("G31", math.nan)
-        bed = said.get("M665B", (math.nan,))[0]
-        endstops = said["M665H"][0] + three("M666")
+        bed = words.get("M665B", (math.nan,))[0]
+        endstops = words["M665H"][0] + three("M666")
     machine = delta_of(document, arms, radius, angles, endstops, bed)
     unknown = "" if marlin or overriding or not _LOADS.search(document.text) else _UNKNOWN
     name = PurePath(document.path).name
@@ -130,7 +132,7 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
 
 
 def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile | None:
-    """What config.g, and config-override.g if M501 loads it, state; None if there are no arms.
+    """Settings of config.g, and of config-override.g if M501 loads it; None if there are no arms.
 
     The date of what was measured by these settings is compared with theirs.
     """
@@ -140,18 +142,15 @@ def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile
         files.pop()
     if not any(SETTINGS.search(file.text) for file in files):
         return None
-    names = " and ".join(PurePath(file.path).name for file in files)
-    remarks = [f"The settings are those of {names} in the same folder."]
+    names = [PurePath(file.path).name for file in files]
+    remarks = [Reason.of("settings_beside", names=names)]
     both = (files[-1], measured) if measured else ()
-    found = [_DATE.search(file.text.split("\n", 1)[0]) for file in both]
-    dates = [date[0] for date in found if date]
-    stale = ""
+    matches = [_DATE.search(file.text.split("\n", 1)[0]) for file in both]
+    dates = [date[0] for date in matches if date]
     if len(dates) == 2 and dates[1] < dates[0]:
-        stale = (
-            f"The height map ({dates[1]}) is older than the calibration in force"
-            f" ({PurePath(files[-1].path).name}, {dates[0]}): probe the bed again (G29)."
-        )
-    return replace(read_codes(*files), remarks=tuple(remarks), stale=stale)
+        stale = Reason.of("stale_map", date=dates[1], settings=names[-1], calibrated=dates[0])
+        remarks.append(stale)
+    return replace(read_codes(*files), remarks=tuple(remarks))
 
 
 def check_delta(folder: Path, path: str) -> None:
@@ -214,32 +213,32 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
         faults.add(what, _AGAIN, line=4)
     faults.check()
     offset = np.nan_to_num(settings.probe)
-    grid = Stored.of_grid("heightmap", x, y, heights, range(4, 4 + len(y)), offset)
-    remark = f"If G30 was sent before G29, the map counts from that place: {ZERO_UNKNOWN}"
-    mesh, source = replace(grid, remarks=(remark,)), document.source
+    source, at = document.source, range(4, 4 + len(y))
+    grid = stored_grid(source, "heightmap", x, y, heights, at, offset)
+    mesh = replace(grid, remarks=(Reason.of("map_from_place"),))
     return replace(settings, probe=offset, mesh=mesh, source=source, firmware="reprapfirmware")
 
 
 def _words(file: FileText) -> Words:
     """Code and letter → numbers: {"M665L": (215.0,)}, by the last line that has it."""
-    faults, found = Faults(file.path), Words()
+    faults, words = Faults(file.path), Words()
     for number, line in enumerate(file.text.split("\n"), start=1):
         for code, rest in _CODE.findall(line.split(";")[0].upper()):
-            own = Words()
+            new = Words()
             for letter, text in _WORD.findall(rest):
                 if letter not in _LETTERS[code]:
                     continue
                 word = code + letter
                 low = 0.0 if word in ("M665L", "M665R") else -LARGEST_MM
                 with faults.noting(number, letter + text, f"{letter} of {code}"):
-                    own[word] = tuple(within(part, low) for part in text.split(":"))
-                    if len(own[word]) not in ((1, 3) if word == "M665L" else (1,)):
+                    new[word] = tuple(within(part, low) for part in text.split(":"))
+                    if len(new[word]) not in ((1, 3) if word == "M665L" else (1,)):
                         remedy = "Write one, or L215:215:215."
                         raise InputError("The number of values is wrong.", remedy)
-            if own.get("G31K", (0.0,)) == (0.0,):  # of several probes the first
-                found |= own
+            if new.get("G31K", (0.0,)) == (0.0,):  # of several probes the first
+                words |= new
     faults.check()
-    return found
+    return words
 
 
 # --- what Marlin prints while it probes ---------------------------------------------------------
@@ -312,19 +311,21 @@ class _Reader:
                     self.probed.pop("G33", None)
             if touches:
                 self._add("G33", touches)
-        elif said := dict(_SETTING.findall(line)):
-            self._set({name: within(text, -LARGEST_MM) for name, text in said.items()}, number)
+        elif settings := dict(_SETTING.findall(line)):
+            self._set({name: within(text, -LARGEST_MM) for name, text in settings.items()}, number)
 
-    def _set(self, said: dict[str, float], number: int) -> None:
+    def _set(self, settings: dict[str, float], number: int) -> None:
         """Settings as G33 prints them, rounded, in one line or in two. Raises InputError."""
         endstops = np.array(self.now.endstops_mm)
-        if "Height" in said:
+        if "Height" in settings:
             below = zip("xyz", endstops.min() - endstops, strict=True)
-            adjusted = np.array([said.get(f"E{axis}", known) for axis, known in below])
-            endstops = said["Height"] + self.offset[2] - adjusted
+            adjusted = np.array([settings.get(f"E{axis}", known) for axis, known in below])
+            endstops = settings["Height"] + self.offset[2] - adjusted
         usual = zip("xyz", USUAL_ANGLES_DEG, self.now.tower_angles_deg, strict=True)
-        angles = [known if f"T{a}" not in said else at + said[f"T{a}"] for a, at, known in usual]
-        radius = said.get("Radius", self.now.delta_radius_mm)
+        angles = [
+            known if f"T{a}" not in settings else at + settings[f"T{a}"] for a, at, known in usual
+        ]
+        radius = settings.get("Radius", self.now.delta_radius_mm)
         if not (0.0 < radius < min(self.now.arm_length_mm) and counter_clockwise(angles)):
             remedy = "Check them, and the arms (M665 L)."
             raise InputError("No delta can have these settings.", remedy)
@@ -356,8 +357,8 @@ class _Reader:
         heights = np.array(rows)
         x, y = (np.linspace(-self.reach, self.reach, count) for count in heights.shape[::-1])
         heights[np.hypot(*np.meshgrid(x, y)) > self.reach + _ROUNDED] = math.nan
-        mesh = Stored.of_grid("", x, y, heights, lines, self.offset)
-        points = np.column_stack((mesh.line, mesh.plan.place[:, :2], mesh.value))
+        mesh = stored_grid(Source("", ""), "", x, y, heights, lines, self.offset)
+        points = np.column_stack((mesh.line, mesh.plan.spots[:, :2], mesh.value))
         if len(points):
             self.probed["G29"] = self.grid[0], points[mesh.plan.in_time].tolist()
 
@@ -374,7 +375,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             reader.take(number, line)
     faults.check()
     if math.isnan(settings.probe[2]):
-        remarks.append("M851 is not known and is taken as 0: do not add it to H again.")
+        remarks.append(Reason.of("m851_unknown"))
 
     def needs_reach(name: str) -> None:
         if not reader.reach > 0.0:
@@ -383,36 +384,31 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
                 "Send G29 V4, which does; or give the machine file, with bed_radius_mm: --machine"
             )
             raise InputError(what, remedy, file=document.path)
-        remarks.append(
-            f"{name} does not print where it probed. Marlin's usual reach is assumed:"
-            f" {reader.reach:g} mm from the middle ({_MARGIN_MM:g} mm from the edge)."
-        )
+        reach = {"reach_mm": reader.reach, "margin_mm": _MARGIN_MM}
+        remarks.append(Reason.of("marlin_reach", name=name, **reach))
 
-    def stored(name: str, radius: float = 1.0) -> Stored | None:
+    def stored(name: str, radius: float = 1.0) -> Readings | None:
         if name not in reader.probed:
             return None
         then, touches = reader.probed[name]
         placed = np.array(touches) * (1.0, radius, radius, 1.0)
-        mesh = Stored.of_touches(name, placed, reader.offset[2])
+        mesh = stored_mesh(document.source, name, placed, reader.offset[2])
         if then is reader.now:
             return mesh
-        remarks.append(
-            f"The heights of {name} were probed before G33 changed the settings (line"
-            f" {reader.changed}); they are converted to those in force after it."
-        )
+        remarks.append(Reason.of("converted", name=name, line=reader.changed))
         try:
-            place = reader.now.believed(then, mesh.plan.place)
+            place = reader.now.believed(then, mesh.plan.spots)
         except UnreachableError as error:
             what = f"The arms cannot reach a place of {name}."
             remedy = "Check the settings (M503, or the machine file)."
             raise InputError(what, remedy, file=document.path, line=int(mesh.line[0])) from error
-        plan = replace(mesh.plan, place=place, other=place)
-        return replace(mesh, plan=plan, value=place[:, 2] - reader.offset[2])
+        moved = np.column_stack((mesh.line, place - [0.0, 0.0, reader.offset[2]]))
+        return stored_mesh(document.source, name, moved, reader.offset[2])
 
     if "G33" in reader.probed:
         if reader.radius is None:
             needs_reach("G33")
-        remarks.append("G33 with P4 to P10 prints averages around seven places: take P3.")
+        remarks.append(Reason.of("averaged_places"))
     heights = stored("G33", reader.reach if reader.radius is None else reader.radius)
     if "G29" not in reader.probed and reader.grid[1]:
         needs_reach("G29")
@@ -458,7 +454,7 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     lines = [(text[: m.start()].count("\n") + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
     if lines:
         firmware = "text"
-        remarks += (f"The map counts from a height that it does not state: {ZERO_UNKNOWN}",)
+        remarks += (Reason.of("map_height_unknown"),)
     else:
         match = [*PROBE_HEIGHTS.finditer(text)][-1]
         line, heights = text[: match.start()].count("\n") + 1, match[1].split()
@@ -476,6 +472,8 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
             if firmware != "text" or not math.hypot(x, y) > settings.machine.bed_radius_mm:
                 rows.append((line, x - offset[0], y - offset[1], height))
     faults.check()
-    mesh = Stored.of_touches("console", np.array(rows), offset[2])
-    settings = replace(settings, probe=offset, mesh=mesh, remarks=remarks)
-    return replace(settings, source=document.source, firmware=firmware)
+    source = document.source
+    mesh = stored_mesh(source, "console", np.array(rows), offset[2])
+    return replace(
+        settings, probe=offset, mesh=mesh, remarks=remarks, source=source, firmware=firmware
+    )

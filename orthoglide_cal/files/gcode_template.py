@@ -36,7 +36,7 @@ _MODES = (
 
 
 class PostureValues(StrEnum):
-    """What the numbers behind the axis words are."""
+    """Meaning of the numbers behind the axis words."""
 
     JOINTS = "joints"
     DISPLACEMENTS = "displacements"
@@ -102,13 +102,13 @@ def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
             remedy = "Number your own lines otherwise, or not at all."
             wrong = "A posture has this block number."
             content.add(wrong, remedy, line=line, value=f"N{number[1]}")
-        for found in [] if markers else _CODE.findall(code):
-            modes |= {k: (line, found) for k, codes in enumerate(_MODES) if found in codes}
-    for k, (line, found) in modes.items():
-        if meaning := _MODES[k][found]:
+        for mode in [] if markers else _CODE.findall(code):
+            modes |= {k: (line, mode) for k, codes in enumerate(_MODES) if mode in codes}
+    for k, (line, mode) in modes.items():
+        if meaning := _MODES[k][mode]:
             wrong = f"The blocks are not written for this code ({meaning})."
             remedy = f"Write G{next(iter(_MODES[k]))} before the blocks."
-            content.add(wrong, remedy, line=line, value=f"G{found}")
+            content.add(wrong, remedy, line=line, value=f"G{mode}")
     if not markers:
         wrong = "The template does not say where the blocks go."
         content.add(wrong, f"Put a line (orthocal blocks) there. {_PRINT}")

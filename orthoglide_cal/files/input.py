@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path, PurePath
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -23,7 +23,7 @@ from orthoglide_cal.files.readings import (
     Conditions,
     conditions_in,
     differences_from_table,
-    doubted_temperatures,
+    implausible_c,
     readings_from_table,
 )
 from orthoglide_cal.files.session_file import session_from_tree
@@ -38,9 +38,9 @@ from orthoglide_cal.files.text import (
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.measured import Excerpt, Measured, Readings, Source
+from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings, Source, notes_on
 from orthoglide_cal.model.model import Model, differentiate
-from orthoglide_cal.schema import Schema
+from orthoglide_cal.schema import Reason, Schema, Sentence
 
 # The machine that the user names, or the settings of its firmware.
 Known = Model | PrinterFile
@@ -51,10 +51,6 @@ _KEY = re.compile(
     r"^(machine|readings|finished|started|kind|leg_length_mm):[ \t]*(.*)$", re.MULTILINE
 )
 
-_FREED = (
-    "The distances free the arms, as Klipper does: {} mm (U). Enter them with the parameters;"
-    " export and apply write them."
-)
 # Of a distance by that of a height in DELTA_CALIBRATE, where both are as many.
 _TRUST = 0.5
 _STEPS = 8  # of a search that converges quadratically
@@ -64,7 +60,7 @@ _DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECAS
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """What was measured, on which machine and under which conditions."""
+    """A measurement, its machine and its conditions."""
 
     measured: Measured
     model: Model  # the machine to judge it by, with its accepted causes
@@ -88,7 +84,7 @@ class CheckedFile(Schema):
 
 
 class Fault(Schema):
-    """What is wrong at one place of a file."""
+    """A fault at one place of a file."""
 
     model_config = ConfigDict(from_attributes=True)
 
@@ -100,7 +96,7 @@ class Fault(Schema):
 
 
 class Check(Schema):
-    """What a check found: the object of `validate --json`."""
+    """Result of a check: the object of `validate --json`."""
 
     schema_version: Literal[1] = 1
     input: CheckedFile
@@ -108,7 +104,7 @@ class Check(Schema):
     valid: bool = True
     simulated: bool = Field(False, description="some of it, or all")
     problems: tuple[Fault, ...] = Field((), description="everything that is wrong")
-    remarks: tuple[str, ...] = Field((), description="to know although nothing is wrong")
+    remarks: tuple[Sentence, ...] = Field((), description="to know although nothing is wrong")
     refused: str | None = Field(None, description="why sound data give no offsets")
 
 
@@ -169,12 +165,15 @@ def check_file(
     measured, machine = given.measured, given.model.machine
     kind = "session" if given.is_session else measured.kind
     input = input.changed(kind=kind, readings=len(measured))
-    doubts = [str(doubt) for doubt in machine.instrument.doubts(measured)]
-    if excerpt := measured.source.excerpt:
-        doubts += filter(None, (excerpt.stale, excerpt.unused))
-    doubts += map(str, machine.instrument.implausible().values())
-    doubts += doubted_temperatures(given.conditions.temperatures_c)
-    remarks = (*doubts, *measured.remarks)
+    remarks = (
+        *machine.instrument.doubts(measured),
+        *machine.instrument.implausible().values(),
+        *(
+            Reason.of("implausible_temperature", celsius=celsius)
+            for celsius in implausible_c(given.conditions.temperatures_c)
+        ),
+        *measured.remarks,
+    )
     simulated = measured.source.simulated
     return Check(input=input, machine=machine.name, simulated=simulated, remarks=remarks), given
 
@@ -195,27 +194,39 @@ def together(inputs: Sequence[Input]) -> Input:
     )
     reads = [given.measured for given in inputs if isinstance(given.measured, Readings)]
     sources = [read.source for read in reads]
-    doubts: dict[str, Any] = {
-        name: " ".join(
-            f"{PurePath(source.path).name}: {text}"
+    excerpt = replace(
+        sources[-1].excerpt or Excerpt("", ""),
+        words=f"{len(plan)} readings of {len(inputs)} dates",
+        unknown=" ".join(
+            f"{PurePath(source.path).name}: {source.excerpt.unknown}"
             for source in sources
-            if (text := getattr(source.excerpt, name, ""))
+            if source.excerpt and source.excerpt.unknown
+        ),
+    )
+    changed = [
+        Reason.of(
+            "other_settings",
+            files=[PurePath(given.measured.source.path).name for given in (before, after)],
+            settings=names,
         )
-        for name in ("stale", "unused", "unknown")
-    }
-    words = f"{len(plan)} readings of {len(inputs)} dates"
+        for before, after in pairwise(inputs)
+        if (names := before.model.machine.differing(after.model.machine))
+    ]
+    cautions = [
+        remark.changed(data={**remark.data, "of_file": PurePath(read.source.path).name})
+        for read in reads
+        for remark in read.remarks
+        if remark.code in CAUTIONS
+    ]
+    noted: list[Reason] = []
+    for note in (note for read in reads for note in notes_on(read)):
+        noted += [note] if note not in noted else []
     source = Source(
         sources[-1].path,
         hashlib.sha256("".join(source.sha256 for source in sources).encode()).hexdigest(),
-        replace(sources[-1].excerpt or Excerpt("", ""), words=words, **doubts),
+        excerpt,
         tuple(source.path for source in sources[:-1]),
         any(source.simulated for source in sources),
-    )
-    changed = (
-        f"{PurePath(before.measured.source.path).name} and"
-        f" {PurePath(after.measured.source.path).name}: other {', '.join(names)} in force."
-        for before, after in pairwise(inputs)
-        if (names := before.model.machine.differing(after.model.machine))
     )
     measured = Readings(
         plan,
@@ -223,7 +234,7 @@ def together(inputs: Sequence[Input]) -> Input:
         np.concatenate([read.line for read in reads]),
         all(read.timed for read in reads),
         source,
-        remarks=tuple(dict.fromkeys((*changed, *(r for read in reads for r in read.remarks)))),
+        remarks=(*changed, *noted, *cautions),
     )
     return replace(last, measured=measured, others=())
 
@@ -307,7 +318,7 @@ def _files_in(folder: Path) -> dict[Path, dict[str, str]]:
 
 
 def _is_yaml(document: FileText) -> bool:
-    """Whether the first line that says anything is YAML; the name decides what it leaves open."""
+    """True if the first line that says anything is YAML; the name decides what it leaves open."""
     if machine_file.PRINTER_SECTION.search(document.text):
         return False
     if PurePath(document.path).suffix.lower() in (".yaml", ".yml", ".json"):
@@ -345,7 +356,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
 
 
 def printer_settings(path: Path) -> PrinterFile | None:
-    """What a firmware's file says of its machine; None for another kind. Raises InputError."""
+    """Settings in a firmware's file; None for a file of another kind. Raises InputError."""
     document = read_document(str(path))
     if machine_file.PRINTER_SECTION.search(document.text):
         return klipper.read_printer_file(document)
@@ -370,7 +381,7 @@ def _with_bed(file: PrinterFile, radius: float) -> PrinterFile:
 def _firmware_file(
     document: FileText, known: Known | None, otherwise: Callable[[], Model]
 ) -> PrinterFile | None:
-    """What a printer's firmware wrote, or its console printed; None for a file of another kind."""
+    """Content of a file of a printer's firmware or console; None for a file of another kind."""
     text = document.text
     if klipper.KLIPPY_LOG.search(text):
         return klipper.read_klippy_log(document)
@@ -389,7 +400,7 @@ def _firmware_file(
         title = "what Klipper's console prints"
         if folder and (folder / "printer.cfg").is_file():
             beside = klipper.read_printer_file(read_document(str(folder / "printer.cfg")))
-            remark = "The settings are those of printer.cfg in the same folder."
+            remark = Reason.of("settings_beside", names=["printer.cfg"])
             beside = replace(beside, heights=None, mesh=None, remarks=(remark,))
     elif gcode.MARLIN_OUTPUT.search(text):
         read, named = gcode.read_marlin, "--machine FILE, or keep what M503 prints in this file"
@@ -421,7 +432,7 @@ def _firmware_file(
         what = f"This is {title}; it does not say which printer it is from."
         nothing = InputError(what, f"Name its settings: {named}", file=document.path)
         machine = _delta(known or otherwise(), document.path, nothing)
-        remark = "The probe's offset from the nozzle is not known: x and y of it are taken as 0."
+        remark = Reason.of("probe_offset_unknown")
         settings = PrinterFile(machine, np.full(3, np.nan), document.source, remarks=(remark,))
     return read(document, settings)
 
@@ -447,53 +458,51 @@ def _free_arms(model: Model, readings: Readings) -> tuple[Effect, ...]:
         return ()
     ratio = math.sqrt(_TRUST * plan.touches.sum() / distance.sum())
     weight = np.where(distance, ratio, 1.0)
-    found = np.zeros(len(machine.parameter_names) + cause.unknowns)
-    rest, own = np.split(np.arange(len(found)), [-cause.unknowns])
+    unknowns = np.zeros(len(machine.parameter_names) + cause.unknowns)
+    rest, arms = np.split(np.arange(len(unknowns)), [-cause.unknowns])
     for _ in range(_STEPS):
-        lengths = cause.at(found[own])
-        predicted, slope = differentiate(model, found[rest], plan, [lengths], strict=False)
+        lengths = cause.at(unknowns[arms])
+        predicted, slope = differentiate(model, unknowns[rest], plan, [lengths], strict=False)
         left, slope = weight * (readings.value - predicted), weight[:, None] * slope
-        if not np.isfinite(slope).all() or np.linalg.matrix_rank(slope, _NEGLIGIBLE) < len(found):
+        if not np.isfinite(slope).all() or np.linalg.matrix_rank(slope, _NEGLIGIBLE) < len(
+            unknowns
+        ):
             return ()
-        found += np.linalg.pinv(slope) @ left
+        unknowns += np.linalg.pinv(slope) @ left
     local = machine.local_shape(plan)
     shape = plan.touches * (local.size or 0.0) if local else 0.0
     apart = weight * np.hypot(machine.instrument.noise_mm / plan.precision, shape)
-    scatter = float(np.sum((left / apart) ** 2)) / max(len(plan) - len(found), 1)
-    spread = np.linalg.pinv(slope)[own] * apart * math.sqrt(max(scatter, 1.0))
+    scatter = float(np.sum((left / apart) ** 2)) / max(len(plan) - len(unknowns), 1)
+    spread = np.linalg.pinv(slope)[arms] * apart * math.sqrt(max(scatter, 1.0))
     digest = readings.source.sha256
-    return (Effect(cause, found[own], covariance=spread @ spread.T, data_sha256=digest),)
+    return (Effect(cause, unknowns[arms], covariance=spread @ spread.T, data_sha256=digest),)
 
 
 def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Input:
-    """What a printer's file stores, on the machine that it describes.
+    """Measurements that a printer's file stores, on the machine that it describes.
 
     What else is known of the machine (its probe, tolerances, accepted causes) comes from the
     machine file that the user names, if any: one in the same folder may be another printer's.
     """
     for readings in filter(None, (file.mesh, file.heights)):
-        file = _with_bed(file, float(np.hypot(*readings.plan.place.T[:2]).max()))
+        file = _with_bed(file, float(np.hypot(*readings.plan.spots.T[:2]).max()))
     model = _as_model(known) or Model(file.machine)
     machine, remarks = probe_readings.known_printer(file, _delta(model, file.source.path))
     model = replace(model, machine=machine)
 
-    def read(name: str | None, unused: str = "") -> Input:
-        readings = probe_readings.printer_readings(file, name, machine, unused)
+    def read(name: str | None, *unused: Reason) -> Input:
+        readings = probe_readings.printer_readings(file, name, machine)
         arms = _free_arms(model, readings)
-        freed = [
-            f"{one.name} {one.value:+.3f} ± {2.0 * one.std:.2g}"
-            for effect in arms
-            for one in model.called(effect)
-        ]
-        said = [_FREED.format(", ".join(freed))] if freed else []
-        readings = replace(readings, remarks=(*remarks, *said, *readings.remarks))
+        freed = [Reason.of("arms_freed", arms=model.called(effect)) for effect in arms]
+        readings = replace(readings, remarks=(*remarks, *freed, *readings.remarks, *unused))
         return Input(readings, model.extended(arms), conditions_in(readings))
 
-    others, unused = [], ""
+    others, unused = [], []
     for name in file.stored:
         if name != (stored or file.stored[0]):
             try:
                 others.append(read(name))
             except InputError as error:
-                unused = f"The {name} in the same file was not used. {error.what} {error.remedy}"
-    return replace(read(stored, unused), others=tuple(others))
+                why = {"what": error.what, "remedy": error.remedy}
+                unused.append(Reason.of("unused_data", data=name, **why))
+    return replace(read(stored, *unused), others=tuple(others))

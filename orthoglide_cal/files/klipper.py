@@ -29,20 +29,22 @@ from orthoglide_cal.files.faults import Content, FaultPlace, Faults, Steps
 from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
-    ZERO_UNKNOWN,
     PrinterFile,
-    Stored,
     delta_of,
+    stored_grid,
+    stored_mesh,
     within,
 )
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise, touching
+from orthoglide_cal.model.measured import NOZZLE, Readings, Source
 from orthoglide_cal.model.plan import Bools, Floats
-from orthoglide_cal.schema import parse_count, shortened
+from orthoglide_cal.schema import Reason, parse_count, shortened
 
 T = TypeVar("T")
 
-SAVED = "#*#"
+_SAVED = "#*#"
+_HEADING = re.compile(r"#\*# <-+ SAVE_CONFIG -+>")
 _SECTION = re.compile(r"\[(.+)\]")  # what follows the bracket is passed over
 _OPTION = re.compile(r"([^:=]+?)\s*[:=]\s*(.*)")
 _COMMENT = re.compile(r"#.*$|(?:^|(?<=\s));.*$")
@@ -85,8 +87,8 @@ class _Settings(Content):
     def __init__(self, document: FileText) -> None:
         super().__init__(document)
         lines = list(enumerate(document.text.split("\n"), start=1))
-        written = [(line, text[len(SAVED) :]) for line, text in lines if text.startswith(SAVED)]
-        above = [(line, text) for line, text in lines if not text.startswith(SAVED)]
+        written = [(line, text[len(_SAVED) :]) for line, text in lines if text.startswith(_SAVED)]
+        above = [(line, text) for line, text in lines if not text.startswith(_SAVED)]
         own_sections, typed, typed_lines = self._parsed(above)
         saved_sections, saved, saved_lines = self._parsed(written)
         self.sections = {**saved_sections, **own_sections}  # name → line
@@ -95,10 +97,19 @@ class _Settings(Content):
         # Whether it includes other files, which are not read.
         self.included = any(name.startswith("include ") for name in own_sections)
         self._cut_off = not saved_sections
-        self.remarks = [  # on what SAVE_CONFIG wrote in vain
-            f"Line {saved_lines[key]}, {key[1]} of [{key[0]}], which SAVE_CONFIG wrote, is not in"
-            f" force: line {typed_lines[key]} says otherwise, and Klipper obeys that one."
-            " Delete one of the two."
+        heading = next((line for line, text in lines if _HEADING.match(text)), 0)
+        stray = [line for line, text in written if line < heading and text.startswith(" ")]
+        self.remarks = [Reason.of("stray_saved", line=line) for line in stray]
+        if document.marked:
+            self.remarks.append(Reason.of("byte_order_mark"))
+        self.remarks += [
+            Reason.of(
+                "not_in_force",
+                line=saved_lines[key],
+                option=key[1],
+                section=key[0],
+                other=typed_lines[key],
+            )
             for key, text in saved.items()
             if key in typed and typed[key].split() != text.split() and _MATTERS.fullmatch(key[0])
         ]
@@ -168,7 +179,7 @@ class _Settings(Content):
         fault: T,
         default: T | None = None,
     ) -> T:
-        """What a rule makes of an option; `fault` where that raises InputError.
+        """Value that a rule makes of an option; `fault` where that raises InputError.
 
         The default is for one that is not there; None if it must be.
         """
@@ -194,7 +205,7 @@ class _Settings(Content):
 def read_printer_file(
     document: FileText, calibration: Mapping[str, tuple[int, str]] | None = None
 ) -> PrinterFile:
-    """What a printer.cfg says; `calibration` stands for its [delta_calibrate]: option → line, text.
+    """Content of a printer.cfg; `calibration` replaces its [delta_calibrate]: option → line, text.
 
     Raises InvalidFileError with everything that is wrong in the lines that matter here.
     """
@@ -238,7 +249,7 @@ def read_printer_file(
         machine,
         probe,
         document.source,
-        heights=_reached(machine, heights, distances),
+        heights=_reached(document.source, machine, heights, distances),
         mesh=mesh,
         remarks=tuple(settings.remarks),
     )
@@ -264,10 +275,7 @@ def read_klippy_log(document: FileText) -> PrinterFile:
         calculated = _calculated(document, lines, calibrations[-1])
     file = read_printer_file(replace(document, text="\n".join(kept)), calculated)
     if unsaved:
-        remark = (
-            f"SAVE_CONFIG does not follow the calibration of line {calibrations[-1] + 1}: the"
-            " settings before it are in force and are used."
-        )
+        remark = Reason.of("unsaved_calibration", line=calibrations[-1] + 1)
         file = replace(file, remarks=(*file.remarks, remark))
     if file.heights is None and file.mesh is None and PROBED.search(document.text):
         return read_probed(document, file)
@@ -306,10 +314,10 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     usual = 0.0 if less.all() else float(np.median(at[~less, 2]))
     if offset[2] == 0.0 and abs(usual) > _LEVEL_MM:
         offset[2] = usual
-        remarks += (f"The probe's z offset is not known: {ZERO_UNKNOWN}",)
+        remarks += (Reason.of("probe_z_unknown"),)
     at[less, :2] -= offset[:2]
     at[~less, 2] -= offset[2]
-    mesh = Stored.of_touches("console", touches[:, :4], offset[2])
+    mesh = stored_mesh(document.source, "console", touches[:, :4], offset[2])
     return replace(settings, probe=offset, mesh=mesh, source=document.source, remarks=remarks)
 
 
@@ -351,7 +359,7 @@ def _step(settings: _Settings, tower: str) -> float:
 def _calibration(
     settings: _Settings, home: Floats, step: Floats, names: Sequence[str], ends: tuple[str, str]
 ) -> list[Floats]:
-    """What [delta_calibrate] stores under these names, n values.
+    """Values that [delta_calibrate] stores under these names, n of them.
 
     Returns:
         Heights of the carriage joints over the bed at both ends of a distance, the same twice of a
@@ -385,7 +393,7 @@ def _calibration(
     return [*carriages, np.array(values), np.array(list(lines.values()))]
 
 
-def _reached(machine: LinearDelta, *stored: Sequence[Floats]) -> Stored | None:
+def _reached(source: Source, machine: LinearDelta, *stored: Sequence[Floats]) -> Readings | None:
     """Heights and distances, at the places where the machine's parameters put the nozzle."""
     rails, known = machine.nominal_rails, stored[0][2]
     if not len(known):
@@ -396,19 +404,12 @@ def _reached(machine: LinearDelta, *stored: Sequence[Floats]) -> Stored | None:
     value = np.where(plan.distance, value - plan.wanted, place[:, 2] - value)
     trimmed = float(np.mean(value[: len(known)]))
     # What the settings in force take for higher is reached lower down.
-    now, then = ("lower", "raises") if trimmed > 0.0 else ("higher", "lowers")
-    remark = (
-        f"For the same Z the nozzle stands {abs(trimmed):.3f} mm {now} with the settings in force"
-        " than with those of DELTA_CALIBRATE. If you changed the endstops afterwards, as for a"
-        f" first layer, entering the result undoes this and {then} the nozzle by as much. Set its"
-        " height again before you print."
-    )
-    nozzle = remark if abs(trimmed) > _TRIMMED_MM else ""
-    lowers = max(-trimmed, 0.0) if nozzle else 0.0
-    return Stored(plan, value, line.astype(int), nozzle=nozzle, lowers_mm=lowers)
+    moved = Reason.of(NOZZLE[trimmed < 0.0], mm=abs(trimmed))
+    remarks = (moved,) if abs(trimmed) > _TRIMMED_MM else ()
+    return Readings(plan, value, line.astype(int), False, source, remarks=remarks)
 
 
-def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Stored | None:
+def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Readings | None:
     profiles = [name for name in settings.sections if name.startswith(_PROFILE)]
     if not profiles:
         return None
@@ -416,10 +417,7 @@ def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Stored | None:
     profile = section.removeprefix(_PROFILE).strip()
     remarks = [*_mesh_remarks(settings, sensor, section)]
     if len(profiles) > 1:
-        remarks.append(
-            f"Of {len(profiles)} stored meshes, {profile!r} was taken. To take another, name it"
-            " [bed_mesh default] in a copy of the file."
-        )
+        remarks.append(Reason.of("other_meshes", count=len(profiles), mesh=profile))
     x, y = (_grid(settings, section, axis) for axis in "xy")
     lines, rows = _rows(settings, section, len(x), len(y))
     stated = settings.number("bed_mesh", "mesh_radius", 0.0, low=0.0)
@@ -429,43 +427,27 @@ def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Stored | None:
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
     offset = probe * (0.0, 0.0, 1.0) if (section, "x_offset") in settings.options else probe
     if padded := int(np.sum(~probed)):
-        remarks.append(
-            f"{padded} points of the mesh {profile!r} were not probed: they repeat a neighbour and"
-            " are left out."
-        )
-    mesh = Stored.of_grid(profile, x, y, np.where(probed, rows, math.nan), lines, offset)
-    return replace(mesh, remarks=tuple(remarks), stale=_stale(settings, section))
+        remarks.append(Reason.of("padded", count=padded, mesh=profile))
+    heights = np.where(probed, rows, math.nan)
+    mesh = stored_grid(settings.document.source, profile, x, y, heights, lines, offset)
+    return replace(mesh, remarks=tuple(remarks))
 
 
-def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[str]:
-    """What to know about the places and the heights of a mesh."""
-    unstated = [axis for axis in ("x_offset", "y_offset") if (sensor, axis) not in settings.options]
-    if settings.included and unstated:
-        yield (
-            f"{' and '.join(unstated)} of [{sensor}] taken as 0: the file does not state it. If an"
-            f" included file does, copy its [{sensor}] into this one."
-        )
-    for option in _ZEROS:
-        if ("bed_mesh", option) in settings.options:
-            yield (
-                f"By line {settings.lines['bed_mesh', option]}, {option}, the mesh counts"
-                f" from one of its own places: {ZERO_UNKNOWN}"
-            )
-
-
-def _stale(settings: _Settings, section: str) -> str:
-    """Why a mesh may be older than the calibration in force; empty if nothing says so."""
+def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[Reason]:
+    """Remarks on the age, the places and the heights of a mesh."""
     # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
     mesh = settings.lines.get((section, "points"), math.inf)
     stored = settings.options_of(_CALIBRATION).items()
     first = min((line for option, line in stored if _STORED.match(option)), default=0)
-    if first <= mesh:
-        return ""
-    return (
-        f"The calibration (line {first}) was stored after this mesh was first saved (line"
-        f" {mesh}). If BED_MESH_CALIBRATE was not run again since then, the mesh is older"
-        " than the calibration in force: the result is wrong."
-    )
+    if first > mesh:
+        yield Reason.of("stale_mesh", calibration=first, mesh=mesh)
+    unstated = [axis for axis in ("x_offset", "y_offset") if (sensor, axis) not in settings.options]
+    if settings.included and unstated:
+        yield Reason.of("offset_not_stated", options=unstated, sensor=sensor)
+    for option in _ZEROS:
+        if ("bed_mesh", option) in settings.options:
+            line = settings.lines["bed_mesh", option]
+            yield Reason.of("mesh_zero", line=line, option=option)
 
 
 def _grid(settings: _Settings, section: str, axis: str) -> Floats:
@@ -515,7 +497,7 @@ def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:
     inside = away <= (stated if fits else width) + _ROUNDED
 
     def repeats(row: Floats, kept: Bools) -> bool:
-        """Whether the rest of a row repeats the outermost of those kept."""
+        """True if the rest of a row repeats the outermost of those kept."""
         places = np.flatnonzero(kept)
         if not places.size:
             return False

@@ -19,13 +19,29 @@ from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_mo
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, InvalidFileError
 from orthoglide_cal.files.faults import WORDS, Content, Steps, dotted, nearest
-from orthoglide_cal.files.text import YAML_LIMIT, FileText, document_from_bytes, read_document
+from orthoglide_cal.files.text import (
+    YAML_LIMIT,
+    FileText,
+    document_from_bytes,
+    free_path,
+    read_document,
+)
 from orthoglide_cal.files.yaml_tree import edited, load_tree, yaml_text
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
 from orthoglide_cal.model.machine import Corrections, Entered, JointOffsets, Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.schema import Day, Digest, Number, Schema, Version, Word, text_that, yaml_number
+from orthoglide_cal.schema import (
+    Day,
+    Digest,
+    Number,
+    Reason,
+    Schema,
+    Version,
+    Word,
+    text_that,
+    yaml_number,
+)
 
 # A section that only a Klipper configuration has, or a part of one.
 PRINTER_SECTION = re.compile(
@@ -131,7 +147,7 @@ class Identified(Schema):
 
 
 class _Around(Schema):
-    """What a machine file says besides the machine; the context is the class of the machine."""
+    """Keys of a machine file besides the machine; the context is the class of the machine."""
 
     schema_version: Version
     identified: Annotated[
@@ -149,11 +165,11 @@ def _file_schema(machine: type[Machine]) -> type[_Around]:
 
 @dataclass(frozen=True)
 class StoredMachine:
-    """A machine file as read; `remarks` is what to know although nothing is wrong."""
+    """A machine file as read."""
 
     model: Model
     document: FileText
-    remarks: tuple[str, ...]
+    remarks: tuple[Reason, ...]  # to know although nothing is wrong
 
 
 def read_machine_file(path: Path | str) -> StoredMachine:
@@ -189,9 +205,8 @@ def machine_file_in(tree: Content) -> StoredMachine:
         tree.add(what, remedy, line=file.text.count("\n"), column="complete")
     if model is None or tree.problems:
         raise tree.error()
-    remark = "It does not say `identified:`. Was it cut off? If not, add the line `identified: []`."
-    remarks = (*map(str, model.machine.instrument.implausible().values()),)
-    return StoredMachine(model, file, remarks if "identified" in value else (remark, *remarks))
+    missing = () if "identified" in value else (Reason.of("no_identified"),)
+    return StoredMachine(model, file, (*missing, *model.machine.instrument.implausible().values()))
 
 
 def machine_from_text(content: str, path: str) -> Model:
@@ -278,7 +293,7 @@ def _causes_of(machine: type[Machine]) -> list[str]:
 
 
 def _size_fault(id: str, size: float, machine: type[Machine]) -> tuple[str, str] | None:
-    """What is wrong with the plausible size of a cause, and the remedy; None if nothing is."""
+    """Fault of the plausible size of a cause, and the remedy; None without one."""
     usual = CAUSES[id].usual(machine) or 0.0
     if size > _LARGEST_TOLERANCE * usual:
         what = f"That is more than {_LARGEST_TOLERANCE:g} times the usual size of {id}, {usual:g}."
@@ -295,7 +310,7 @@ def _unknown_cause(id: str, known: list[str]) -> tuple[str, str]:
 
 
 def is_machine_file(tree: Content) -> bool:
-    """Whether a file without readings has a key that makes it a machine file, or means to."""
+    """True for a file without readings that has a key of a machine file."""
     keys = set(tree.value) if isinstance(tree.value, dict) else set()
     known = machine_values(default_machine()).keys() - {"name"}
     return "readings" not in keys and not known.isdisjoint(keys)
@@ -309,14 +324,14 @@ def machine_values(model: Model) -> dict[str, Any]:
         return float(f"{value:.12g}")
 
     machine = model.machine
-    stated = _stated(machine)
+    stated = machine.model_dump(mode="json", exclude_none=True)
     common = Machine.model_fields.keys() - {"kind", "name"}
     last = {key: stated.pop(key) for key in list(stated) if key in common}
     return {
         "schema_version": 1,
         **stated,
         **{key: value for key, value in last.items() if value or key == "tolerances"},
-        "history": [entry.model_dump(mode="json", exclude_none=True) for entry in machine.history],
+        "history": last.pop("history"),
         "identified": [
             {
                 "cause": effect.cause.id,
@@ -337,20 +352,6 @@ def machine_values(model: Model) -> dict[str, Any]:
             if effect.date  # what is fitted to each file anew is no part of the machine
         ],
     }
-
-
-def _stated(schema: Schema) -> dict[str, object]:
-    """Plain values of a schema, without what is None.
-
-    That a gauge has no revolution is a statement, too.
-    """
-    values = {}
-    for key, plain in schema.model_dump(mode="json").items():
-        inner = getattr(schema, key)
-        value = _stated(inner) if isinstance(inner, Schema) else plain
-        if value is not None or key == "revolution_mm":
-            values[key] = value
-    return values
 
 
 def differing(one: Model, other: Model) -> list[str]:
@@ -375,8 +376,7 @@ def new_machine_file(model: Model, controller: str) -> StoredMachine:
     is another machine's.
     """
     name = re.sub(r"[^\w.-]+", "-", PurePath(controller).name.removesuffix(".cfg"))
-    names = (f"{name}{number}.yaml" for number in ("", *(f"-{k}" for k in range(2, 1000))))
-    path = next(path for path in names if not Path(path).exists())
+    path = str(free_path(Path(), name, ".yaml"))
     return machine_file_in(load_tree(document_from_bytes(machine_text(model).encode(), path)))
 
 

@@ -16,7 +16,7 @@ from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, Prob
 from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
-from orthoglide_cal.schema import parse_number
+from orthoglide_cal.schema import Reason, parse_number
 
 PLACE_COLUMNS = ("x_mm", "y_mm")
 # A place farther out than so many radii of the bed is not on it.
@@ -30,10 +30,6 @@ ARMS = "leg_length"
 USUAL_ANGLES_DEG = (210.0, 330.0, 90.0)
 # What no firmware states: a probe repeats within a hundredth.
 REPEATABILITY_MM = 0.012
-ZERO_UNKNOWN = (
-    "it cannot show the common height of the three endstops. Set the height of the nozzle again"
-    " after entering them."
-)
 LARGEST_MM = 10_000.0
 
 
@@ -62,7 +58,7 @@ def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
     times = {row.minutes for row in rows}
     timed = None not in times and (len(rows) == 1 or len(times) > 1)
     if not timed and None not in times:
-        remarks.append("All minutes are the same: they were not used.")
+        remarks.append(Reason.of("equal_minutes"))
     place = np.array([(row.x_mm, row.y_mm, row.reading_mm) for row in rows])
     surface = np.array([row.z_mm or 0.0 for row in rows])
     seq = [-1 if row.seq is None else row.seq for row in rows]
@@ -101,64 +97,57 @@ def probe_points_csv(readings: Readings) -> str:
 # --- files of a firmware, whichever it is ---------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Stored(ReadOnly):
-    """Touches, and distances on a printed object, that a file stores; n readings."""
+def stored_mesh(
+    source: Source, mesh: str, touches: Floats, trigger: float, order: Ints | None = None
+) -> Readings:
+    """A mesh from line, x, y and height of its touches, shape (n, 4); in their order if None.
 
-    plan: ProbePlan  # with the places where the controller believes the nozzle to be
-    value: Floats  # as of `Readings`, shape (n,) [mm]; NaN where no arms reach
-    line: Ints  # in the file, shape (n,)
-    mesh: str | None = None  # its name; None for heights stored with positions of the carriages
-    remarks: tuple[str, ...] = ()  # what to know about it
-    stale: str = ""  # as of `Excerpt`
-    nozzle: str = ""  # as of `Excerpt`
-    lowers_mm: float = 0.0  # the same
+    Heights are those of the nozzle over where it is when the probe triggers, `trigger` [mm].
+    """
+    line, x, y, height = touches.T
+    place = np.column_stack((x, y, height + trigger))
+    order = np.arange(len(line)) if order is None else order
+    plan = touching(place, np.full(len(line), trigger), order)
+    source = replace(source, excerpt=Excerpt("mesh", "", mesh=mesh))
+    return Readings(plan, height, line.astype(int), False, source)
 
-    @classmethod
-    def of_touches(cls, mesh: str, touches: Floats, trigger: float) -> "Stored":
-        """From line, x, y and height of each, in the order of time, shape (n, 4).
 
-        Heights are those of the nozzle over where it is when the probe triggers, `trigger` [mm].
-        """
-        line, x, y, height = touches.T
-        place = np.column_stack((x, y, height + trigger))
-        plan = touching(place, np.full(len(line), trigger), np.arange(len(line)))
-        return cls(plan, height, line.astype(int), mesh)
+def stored_grid(
+    source: Source,
+    mesh: str,
+    x: Floats,
+    y: Floats,
+    height: Floats,
+    line: Sequence[int],
+    offset: Floats,
+) -> Readings:
+    """A mesh from rows of heights (m, n), NaN where nothing was probed, at x (n,), y (m,) [mm].
 
-    @classmethod
-    def of_grid(
-        cls, mesh: str, x: Floats, y: Floats, height: Floats, line: Sequence[int], offset: Floats
-    ) -> "Stored":
-        """From rows of heights (m, n), NaN where nothing was probed, at x (n,) and y (m,) [mm].
-
-        These are places of the probe, whose offset from the nozzle is of shape (3,) [mm]. The first
-        row was probed in the direction of +x, the second of -x, and so on; `line` is of each row.
-        """
-        probed = np.isfinite(height)
-        turn = np.arange(probed.size).reshape(probed.shape)
-        turn[1::2] = turn[1::2, ::-1].copy()
-        at, along = (place[probed] for place in np.meshgrid(x, y))
-        order = np.argsort(np.argsort(turn[probed]))
-        lines = np.repeat(line, len(x)).reshape(probed.shape)[probed]
-        place = np.column_stack((at - offset[0], along - offset[1], height[probed] + offset[2]))
-        plan = touching(place, np.full(len(place), offset[2]), order)
-        return cls(plan, height[probed], lines, mesh)
+    These are places of the probe, whose offset from the nozzle is of shape (3,) [mm]. The first
+    row was probed in the direction of +x, the second of -x, and so on; `line` is of each row.
+    """
+    probed = np.isfinite(height)
+    turn = np.arange(probed.size).reshape(probed.shape)
+    turn[1::2] = turn[1::2, ::-1].copy()
+    across, along = (place[probed] for place in np.meshgrid(x, y))
+    lines = np.repeat(line, len(x)).reshape(probed.shape)[probed]
+    touches = np.column_stack((lines, across - offset[0], along - offset[1], height[probed]))
+    return stored_mesh(source, mesh, touches, offset[2], np.argsort(np.argsort(turn[probed])))
 
 
 @dataclass(frozen=True)
 class PrinterFile(ReadOnly):
-    """What files of a firmware state and store of a linear delta."""
+    """Settings and data of a linear delta in the files of its firmware."""
 
     machine: LinearDelta  # with the parameters in force, and what is usual else
     # What is added to the nozzle's place to have the probe's, shape (3,) [mm]; x, y, and the
     # nozzle's height when the probe triggers. NaN where it is not known.
     probe: Floats
     source: Source
-    heights: Stored | None = None  # with the distances behind them; None where nothing is stored
-    mesh: Stored | None = None
-    remarks: tuple[str, ...] = ()  # what to know about it, but for its mesh
+    heights: Readings | None = None  # with the distances behind them; None where none are stored
+    mesh: Readings | None = None
+    remarks: tuple[Reason, ...] = ()  # those on its mesh excluded
     firmware: str = "klipper"  # as an export names it
-    stale: str = ""  # as of `Excerpt`
     unknown: str = ""  # as of `Excerpt`
 
     @property
@@ -200,7 +189,7 @@ def within(text: str, low: float, high: float = LARGEST_MM) -> float:
     return value
 
 
-def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, tuple[str, ...]]:
+def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, tuple[Reason, ...]]:
     """A known machine with the parameters in force in its firmware, and a remark on its arms.
 
     The firmware reckons with its own arms: how far they are from those that are known is part of
@@ -213,70 +202,61 @@ def known_printer(file: PrinterFile, known: LinearDelta) -> tuple[LinearDelta, t
     apart, size = float(np.abs(np.diff(arms, axis=0)).max()), CAUSES[ARMS].size(known)
     if apart <= size:
         return machine, ()
-    stated, used = (", ".join(f"{arm:g}" for arm in dict.fromkeys(row)) for row in arms.tolist())
-    remark = (
-        f"Arms: the machine file says {stated} mm, the firmware {used} mm. The result holds with"
-        f" the firmware's; U includes the difference, {apart:.2g} mm. Enter the measured arms in"
-        " both (arm_length), calibrate and probe again."
-    )
+    stated, used = arms.tolist()
+    remark = Reason.of("arms_differ", stated=stated, used=used, apart_mm=apart)
     sizes = {**known.tolerances, ARMS: round(math.hypot(size, apart), 3)}
     return machine.changed(tolerances=sizes), (remark,)
 
 
-def printer_readings(
-    file: PrinterFile, stored: str | None, machine: LinearDelta, unused: str = ""
-) -> Readings:
-    """What a printer.cfg stores, as readings at places meant by the parameters of a machine.
+def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta) -> Readings:
+    """Readings that a printer.cfg stores, at places meant by the parameters of a machine.
 
-    `stored` is "calibration" or "mesh"; None for the first of the two that there is; `unused` is
-    as of `Excerpt`. Raises InputError: it does not store that.
+    `stored` is "calibration" or "mesh"; None for the first of the two that there is. Raises
+    InputError: it does not store that.
     """
     chosen = stored or ("mesh" if file.heights is None else "calibration")
-    found = file.mesh if chosen == "mesh" else file.heights
-    if found is None:
+    readings = file.mesh if chosen == "mesh" else file.heights
+    if readings is None:
         what, remedy = f"The file stores no {chosen}.", "Leave out --data, or run"
         if file.heights is None and file.mesh is None:
             what, remedy = "The file stores neither probed heights nor a mesh.", "Run"
         again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
         probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
         raise InputError(what, f"{remedy} {probing[file.firmware]}.", file=file.source.path)
-    _check_stored(file, found, machine)
-    distances = int(found.plan.distance.sum())
-    words = f"{len(found.plan) - distances} {'points of a mesh' if chosen == 'mesh' else 'heights'}"
-    if distances:
-        words += f" and {distances} distances"
-    stale = found.stale or file.stale
-    excerpt = Excerpt(chosen, words, file.firmware, stale, unused, found.nozzle, file.unknown)
-    excerpt = replace(excerpt, lowers_mm=found.lowers_mm)
+    _check_stored(readings, machine)
+    touches = readings.plan.touches
+    words = f"{touches.sum()} {'points of a mesh' if readings.source.excerpt else 'heights'}"
+    if not touches.all():
+        words += f" and {np.sum(~touches)} distances"
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
-    return Readings(
-        replace(found.plan, precision=np.where(found.plan.distance, ratio, 1.0)),
-        found.value,
-        found.line,
-        False,
-        replace(file.source, excerpt=excerpt),
-        remarks=(*file.remarks, *found.remarks, *filter(None, [found.nozzle])),
+    return replace(
+        readings,
+        plan=replace(readings.plan, precision=np.where(touches, 1.0, ratio)),
+        source=replace(file.source, excerpt=Excerpt(chosen, words, file.firmware, file.unknown)),
+        remarks=(*file.remarks, *readings.remarks),
     )
 
 
-def _check_stored(file: PrinterFile, found: Stored, machine: LinearDelta) -> None:
-    """Raises InputError for what cannot belong to the settings in force."""
+def _check_stored(readings: Readings, machine: LinearDelta) -> None:
+    """Raise InputError for readings that cannot belong to the settings in force."""
 
     def refuse(index: int, what: str, remedy: str) -> InputError:
-        return InputError(what, remedy, file=file.source.path, line=int(found.line[index]))
+        path, line = readings.source.path, int(readings.line[index])
+        return InputError(what, remedy, file=path, line=line)
 
-    n, value, mesh = len(found.plan), found.value, f"mesh {found.mesh!r}"
-    if found.mesh is not None and n > 1 and np.ptp(value) == 0.0:
+    n, value, excerpt = len(readings), readings.value, readings.source.excerpt
+    mesh = f"mesh {excerpt.mesh!r}" if excerpt else ""
+    if mesh and n > 1 and np.ptp(value) == 0.0:
         what = f"All {n} heights of the {mesh} are {value[0]:g}: a placeholder, not a measurement."
         raise refuse(0, what, "Probe the bed, and save the mesh.")
     far = np.flatnonzero(~(np.abs(value) < _FAR_MM))
     if far.size:
         first = int(far[0])
         what, remedy = "A height of the mesh", "Check it, and probe the bed again."
-        if found.plan.distance[first]:
+        if not readings.plan.touches[first]:
             what = "The stored distance"
             remedy = "Measure it again on the printed object, and give it to DELTA_ANALYZE."
-        elif found.mesh is None:
+        elif not mesh:
             what = "The stored height"
             remedy = (
                 "Were rotation_distance, microsteps, position_endstop, delta_radius or arm_length"
@@ -285,8 +265,8 @@ def _check_stored(file: PrinterFile, found: Stored, machine: LinearDelta) -> Non
         size = abs(float(value[first]))
         off = "out of reach" if math.isnan(size) else f"{size:.0f} mm off"
         raise refuse(first, f"{what} is {off} with the settings in force.", remedy)
-    away = np.hypot(*found.plan.place.T[:2])
-    if found.mesh is not None and away.max() > BEYOND * machine.bed_radius_mm:
+    away = np.hypot(*readings.plan.spots.T[:2])
+    if mesh and away.max() > BEYOND * machine.bed_radius_mm:
         raise refuse(
             int(np.argmax(away)),
             f"The {mesh} reaches {away.max():.0f} mm from the middle of the bed.",

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
@@ -30,7 +30,7 @@ from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Re
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import known_plan
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, number_setups
-from orthoglide_cal.schema import Day, Moment, Positive, Schema, Word, parse_number
+from orthoglide_cal.schema import Day, Moment, Positive, Reason, Schema, Word, parse_number
 
 # The note of a reading that was questioned and kept, with its step.
 QUESTIONED = "kept although questioned (r {}): {}"
@@ -38,10 +38,9 @@ _QUESTIONED = re.compile(r"kept although questioned \(r ([0-9]+)\): ([^;:]+)")
 _MINUTES_PER_READING = 0.4  # assumed where no times are given: 60 readings in 24 minutes
 
 
-def doubted_temperatures(known: Iterable[float | None]) -> list[str]:
-    """The first temperature that no workshop has [°C], in a sentence; none if all are plausible."""
-    wild = (c for c in known if c is not None and not -40.0 <= c <= 60.0)
-    return [f"A workshop of {c:g} °C? Temperatures are in °C, from -40 to 60." for c in wild][:1]
+def implausible_c(known: Iterable[float | None]) -> list[float]:
+    """The first temperature that no workshop has [°C]; none if all are plausible."""
+    return [c for c in known if c is not None and not -40.0 <= c <= 60.0][:1]
 
 
 class GaugeIdentity(Schema):
@@ -60,7 +59,7 @@ class GaugeIdentity(Schema):
 
 
 class Circumstances(Schema):
-    """What a session says around its readings; None or empty where not given, never invented."""
+    """Frame of the readings of a session; None or empty where not given, never invented."""
 
     protocol: str | None = None  # as `measure` was told
     operator: str | None = None
@@ -85,7 +84,7 @@ class Conditions(Circumstances):
         return tuple((match[1], match[2]) for match in matches if match)
 
     def _stated_c(self, end: int, *names: str) -> float | None:
-        """What the environment states under one of these names, else the thermometer at one end."""
+        """Temperature that the environment states, else that of the thermometer at one end."""
         for name in names:
             with suppress(InputError):
                 return parse_number(dict(self.environment).get(name, ""))
@@ -131,7 +130,7 @@ def readings_in(
     path: Steps = (),
     *,
     started: str | None = None,
-    remarks: Sequence[str] = (),
+    remarks: Sequence[Reason] = (),
 ) -> Readings:
     """Convert and check the readings of a file, by the limits of a machine.
 
@@ -213,7 +212,7 @@ def readings_of(
 
 
 def conditions_in(readings: Readings) -> Conditions:
-    """What the readings alone say of the circumstances."""
+    """Conditions that the readings alone state."""
     known = [t for t in readings.temperature[readings.plan.in_time].tolist() if t == t]
     labels = dict.fromkeys(label for label in readings.gauge if label)
     notes = zip(readings.line.tolist(), readings.note, strict=True)
@@ -314,31 +313,24 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
 
 def _remarks(
     readings: Readings, rows: Sequence[Mapping[str, str]], machine: Orthoglide
-) -> list[str]:
-    """What the user should know although nothing is wrong."""
-    remarks = []
+) -> Iterator[Reason]:
+    """Remarks on readings in which nothing is wrong."""
     travel = machine.gauge.range_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel)
     if beyond.size:
-        first = beyond[0]
-        remarks.append(
-            f"{beyond.size} of {len(readings)} readings are beyond the gauge's range of"
-            f" {travel:g} mm (first: line {readings.line[first]}, {readings.value[first]:g} mm):"
-            " check the unit, and the gauge in the machine file."
-        )
+        line, value = int(readings.line[beyond[0]]), float(readings.value[beyond[0]])
+        counts = {"count": beyond.size, "readings": len(readings)}
+        yield Reason.of("beyond_range", **counts, range_mm=travel, line=line, value_mm=value)
     if not readings.timed:
-        assumed = f"{_MINUTES_PER_READING:g} minutes per reading were assumed."
-        remarks.append(f"Times were not given, or are all the same; {assumed}")
+        yield Reason.of("untimed", minutes=_MINUTES_PER_READING)
     if readings.timed or "cycle" in rows[0]:
         # Cycle or minutes should tell repeats apart.
         lines: dict[frozenset[tuple[str, str]], int] = {}
         for line, cells in zip(readings.line.tolist(), rows, strict=True):
             content = frozenset(item for item in cells.items() if item[0] != "seq")
             if content in lines:
-                repeats = f"Line {line} repeats line {lines[content]} word for word"
-                remarks.append(f"{repeats}; both were used.")
+                yield Reason.of("repeated_line", line=line, first=lines[content])
             lines.setdefault(content, line)
-    return remarks
 
 
 # --- differences of readings, as the paper prints them --------------------------------------------
@@ -353,12 +345,9 @@ def differences_from_table(table: Table, machine: Orthoglide) -> Differences:
     values = {row.difference: row.value_mm for row in rows.checked()}
     known = {difference.name: difference for difference in DIFFERENCES[kind]}
     if missing := [name for name in known if name not in values]:
-        remarks.append(f"Of the {kind} differences these are missing: {', '.join(missing)}.")
+        remarks.append(Reason.of("missing_differences", kind=kind, names=missing))
     if kind is DataKind.TWELVE and values.keys() <= {e.name for e in DIFFERENCES[DataKind.SINGLE]}:
-        remarks.append(
-            "These names were taken as max and min relative to the isotropic posture; a"
-            " single-posture file also has dz_x0 or dz_y0."
-        )
+        remarks.append(Reason.of("taken_as_twelve"))
     which = tuple(known[name] for name in values)
     value = np.array(list(values.values()))
     return Differences(kind, which, value, rows.source, remarks=tuple(remarks))

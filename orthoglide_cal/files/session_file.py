@@ -20,7 +20,7 @@ from orthoglide_cal.files.rows import ReadingRow, Rows
 from orthoglide_cal.files.yaml_tree import yaml_text
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.schema import Version
+from orthoglide_cal.schema import Reason, Version
 
 _COLUMNS = (*ReadingRow.columns(), "timestamp")
 _ROWS = ("readings", "retaken", "skipped")
@@ -84,11 +84,8 @@ def session_from_tree(
     remarks = unused("Keys", (key for key in tree.value if key not in keys), keys)
     remarks += unused("Columns", columns, ReadingRow.columns())
     if recorded and (names := machine_file.differing(recorded, judge)):
-        differ = (
-            f"The session was measured on {recorded.machine.name!r}, which differs from the machine"
-            f" given, {judge.machine.name!r}, in: {', '.join(names)}. The machine given was used."
-        )
-        remarks.insert(0, differ)
+        machines = {"recorded": recorded.machine.name, "given": judge.machine.name}
+        remarks.insert(0, Reason.of("other_machine", **machines, keys=names))
     # The readings pass the same checks as those of a CSV; faults around them are raised with
     # theirs.
     started = session.started if session else None
@@ -140,7 +137,7 @@ def session_of_readings(
 
 
 def _recorded(tree: Content, machine: Model | None) -> Session | None:
-    """What is written around the readings; None after noting what is wrong with it."""
+    """The session without its readings; None after noting what is wrong with it."""
     content = {key: value for key, value in tree.value.items() if value is not None}
     before = len(tree.problems)
     for key, wanted in (("retaken", True), ("skipped", False)):

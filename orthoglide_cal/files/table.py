@@ -15,7 +15,7 @@ from orthoglide_cal.errors import visible
 from orthoglide_cal.files.faults import Content, FaultPlace, Faults, Steps, unused
 from orthoglide_cal.files.rows import CODED, Row
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.schema import parse_number, shortened
+from orthoglide_cal.schema import Reason, parse_number, shortened
 from orthoglide_cal.words import MM, listed, short
 
 _COLUMNS = 100
@@ -48,7 +48,7 @@ class Table(Content):
         column = str(path[1]) if len(path) > 1 else ""
         return FaultPlace(self.lines[path[:1]], column or None, cells.get(column))
 
-    def check_header(self, schema: type[Row]) -> list[str]:
+    def check_header(self, schema: type[Row]) -> list[Reason]:
         """A remark on the columns without a meaning, if there are any.
 
         Raises what is found so far if the header lacks one of the columns that rows of a schema

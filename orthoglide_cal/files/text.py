@@ -1,5 +1,6 @@
 """A file's text, read and written."""
 
+import codecs
 import errno
 import hashlib
 import os
@@ -11,6 +12,7 @@ import time
 import uuid
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 
 from orthoglide_cal.errors import InputError, UsageError, system_words
@@ -37,6 +39,7 @@ class FileText:
     text: str
     sha256: str  # hex digest of the bytes
     size: int  # their number
+    marked: bool = False  # they began with a byte order mark
 
     @property
     def source(self) -> Source:
@@ -80,7 +83,8 @@ def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Fil
     text = _decoded(data, path)
     if not text.strip():
         raise InputError("The file is empty.", "Give a file with readings.", file=path)
-    return FileText(path, text, hashlib.sha256(data).hexdigest(), len(data))
+    marked = data.startswith(codecs.BOM_UTF8)
+    return FileText(path, text, hashlib.sha256(data).hexdigest(), len(data), marked)
 
 
 def check_size(size: int, path: str, limit: int) -> None:
@@ -141,6 +145,13 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
     finally:
         with suppress(OSError):  # a folder that cannot be written to says so above
             temporary.unlink(missing_ok=True)
+
+
+def free_path(folder: Path, stem: str, suffix: str, *others: str) -> Path:
+    """The first of stem, stem-2, … that no file with one of the suffixes has; with the first."""
+    stems = chain((stem,), (f"{stem}-{number}" for number in count(2)))
+    paths, ends = (folder / f"{name}{suffix}" for name in stems), (suffix, *others)
+    return next(p for p in paths if not any(p.with_suffix(end).exists() for end in ends))
 
 
 def number_text(value: float) -> str:

@@ -42,7 +42,7 @@ from orthoglide_cal.inference.result import (
     Verdict,
 )
 from orthoglide_cal.model.cause import Effect, Estimate
-from orthoglide_cal.model.measured import Measured
+from orthoglide_cal.model.measured import Measured, notes_on
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
@@ -478,9 +478,11 @@ def _of_local_shape(found: Decision) -> Iterator[Reason]:
 
 
 def _notes(found: Decision, measured: Measured) -> Iterator[Reason]:
-    doubted = found.belief.at.white.machine.doubted.values()
-    for text in (*measured.remarks, *map(str, doubted)):
-        yield Reason.of("remark", text=text)
+    yield from notes_on(measured)
+    machine = found.belief.at.white.machine
+    for spread in machine.doubted.values():
+        lengths = machine.nominal_rails.lengths.tolist()
+        yield Reason.of("unequal_arms", lengths_mm=lengths, spread_mm=spread)
     causes = [effect.cause for effect in found.fit.effects]
     listed, unlisted = found.belief.listed, found.belief.unlisted
     accepted, raw = found.accepted, found.belief.at.white.raw

@@ -1,1 +1,1 @@
-"""What every gauge reads: plan, rails, causes, the forward model; tool error and compensation."""
+"""The model of readings: plan, rails, causes, the forward model; tool error and compensation."""

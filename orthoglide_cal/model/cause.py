@@ -1,4 +1,4 @@
-"""What may be wrong with a reading: a cause, and a cause with values for its parameters.
+"""A cause: a fault of readings; and an effect: a cause with values for its parameters.
 
 A cause acts in exactly one of the four stages of a reading (`model.model`). Bound to values it is
 an `Effect`, from the fit that finds it to the machine file that keeps it and back.
@@ -56,7 +56,7 @@ class Estimate(Schema):
 
 
 class Screw(NamedTuple):
-    """What a technician loosens to correct one parameter of a cause."""
+    """Fastener that a technician loosens to correct one parameter of a cause."""
 
     leg: int  # whose rail, or what is on whose leg: it alone is moved, the gauge is on this leg
     loosen: str  # in words
@@ -132,11 +132,11 @@ class Cause:
 
     def size(self, machine: Machine) -> float:
         """The same, wider where the controller's own values are doubted."""
-        stated, doubt = self.stated(machine), machine.doubted.get(self.id)
-        return math.hypot(stated, doubt.size) if stated > 0.0 and doubt else stated
+        stated = self.stated(machine)
+        return math.hypot(stated, machine.doubted.get(self.id, 0.0)) if stated > 0.0 else stated
 
     def assumed(self, machine: Machine) -> bool:
-        """Whether that size is the default of its kind: the machine file gives none."""
+        """True if that size is the default of its kind: the machine file gives none."""
         return self.usual(type(machine)) is not None and self.id not in machine.tolerances
 
     def beyond_words(self, machine: Machine, times: float) -> str:
@@ -148,7 +148,7 @@ class Cause:
         return f"{times:.0f} times its {stated} size: {check}"
 
     def possible(self, machine: Machine) -> bool:
-        """Whether it can happen on this machine and its gauge."""
+        """True if it can happen on this machine and its gauge."""
         return self.size(machine) > 0.0
 
     def within(self, spots: int) -> Self | None:
@@ -167,7 +167,7 @@ class Cause:
         return None
 
     def adjustment(self, name: str) -> Screw | None:
-        """What is loosened to correct a parameter; None if no screw or shim corrects it."""
+        """Fastener that corrects a parameter; None if no screw or shim does."""
         return None
 
     @property
@@ -186,7 +186,7 @@ class Cause:
 
     @property
     def repeats(self) -> bool:
-        """Whether readings that differ in nothing but set-up and time stay equal under it."""
+        """True if readings that differ in nothing but set-up and time stay equal under it."""
         return self.lasting and not self.timed
 
     @property
@@ -224,7 +224,7 @@ class Cause:
         return 1.0
 
     def reversible(self, plan: AnyPlan, place: Place) -> bool:
-        """Whether the data can express it: no reading was taken of something else than the plan."""
+        """True if the data can express it: no reading was taken of something else than the plan."""
         return True
 
     def really_read(self, plan: AnyPlan, place: Place) -> AnyPlan:
@@ -236,8 +236,8 @@ class Cause:
 
         Shape (p,), the named parameters and then the nuisance ones; `choice` is among `shares`.
         """
-        own = self.shares[choice] if self.shares else (1.0,) * len(self.names)
-        return np.asarray((*own, *self.nuisance)) * self.scale * self.size(machine)
+        shares = self.shares[choice] if self.shares else (1.0,) * len(self.names)
+        return np.asarray((*shares, *self.nuisance)) * self.scale * self.size(machine)
 
     def at(self, theta: Numbers, place: Place = EVERYWHERE) -> Effect:
         """The effect of parameters `theta`, shape (..., p) in internal units."""
@@ -248,15 +248,15 @@ class Cause:
 
         `correlation` is that of the parameters in the order of `estimates`, shape (p, p).
         """
-        own = [self.names.index(name) for name in estimates]
+        rows = [self.names.index(name) for name in estimates]
         theta, covariance = np.zeros(self.unknowns), np.zeros((self.unknowns,) * 2)
-        stds = np.array([each.std for each in estimates.values()])
-        theta[own] = [each.value * self.scale for each in estimates.values()]
-        covariance[np.ix_(own, own)] = np.outer(stds, stds) * correlation
+        stds = np.array([estimate.std for estimate in estimates.values()])
+        theta[rows] = [estimate.value * self.scale for estimate in estimates.values()]
+        covariance[np.ix_(rows, rows)] = np.outer(stds, stds) * correlation
         return Effect(self, theta, covariance=covariance * self.scale**2)
 
     def correcting(self, values: Mapping[str, float]) -> Effect:
-        """What a controller does that corrects parameters of these values by name, in the unit."""
+        """Effect of a controller that corrects parameters of these values by name, in the unit."""
         theta = np.zeros(self.unknowns)
         theta[[self.names.index(name) for name in values]] = [-v for v in values.values()]
         return Effect(self, theta * self.scale, corrects=True)
@@ -274,7 +274,7 @@ class Cause:
         return joints
 
     def correction(self, theta: Numbers, joints: Floats, home: float) -> Floats:
-        """What added to the joints, moving + and moving -, takes it away, shape (2, n, 3) [mm].
+        """Joint corrections, moving + and moving -, that cancel it, shape (2, n, 3) [mm].
 
         At ascending joint positions (n,) of each carriage, for one that acts by joint; `home` is
         the joint position from which travel counts. Found from one sweep up and down.
@@ -302,7 +302,7 @@ class Cause:
         return readings
 
     def record(self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
-        """What was written down (..., n) [mm]."""
+        """Values that were written down (..., n) [mm]."""
         return readings
 
 
@@ -355,8 +355,8 @@ class Effect(ReadOnly):
         if self.covariance is None:
             return np.eye(named)
         size = np.outer(self.std[:named], self.std[:named])
-        own = self.covariance[:named, :named]
-        matrix = np.divide(own, size, out=np.eye(named), where=size > 0.0)
+        covariance = self.covariance[:named, :named]
+        matrix = np.divide(covariance, size, out=np.eye(named), where=size > 0.0)
         np.fill_diagonal(matrix, 1.0)
         return matrix
 

@@ -15,10 +15,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from orthoglide_cal.model.machine import Instrument, Suspicion
+from orthoglide_cal.model.machine import Instrument
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import Floats, Ints, Plan, read_only
-from orthoglide_cal.schema import Number, told
+from orthoglide_cal.model.plan import Floats, Ints, read_only
+from orthoglide_cal.schema import Number, Reason, ask
 from orthoglide_cal.words import MM, MM_PER_INCH
 
 CHANCE = 1e-6  # at which healthy readings are doubted
@@ -59,13 +59,13 @@ Travel = Annotated[Number, Field(ge=1e-3, le=1e3)]
 class Gauge(Instrument):
     """A dial indicator."""
 
-    resolution_mm: Annotated[Fine, told("Gauge: one division", "the smallest step that it shows")]
-    range_mm: Annotated[Travel, told("Gauge: range", "travel of its plunger")]
+    resolution_mm: Annotated[Fine, ask("Gauge: one division", "the smallest step that it shows")]
+    range_mm: Annotated[Travel, ask("Gauge: range", "travel of its plunger")]
     revolution_mm: Annotated[
-        Travel | None, told("Gauge: one turn", "travel of one turn; 0 without a dial")
+        Travel | None, ask("Gauge: one turn", "travel of one turn; 0 without a dial")
     ] = None
     repeatability_mm: Annotated[
-        Fine, told("Gauge: repeatability", "standard deviation of one reading")
+        Fine, ask("Gauge: repeatability", "standard deviation of one reading")
     ]
     # How well its stand is put at its place along the leg, one standard deviation, and standard
     # uncertainty of its scale (1); None if nobody stated it.
@@ -76,100 +76,59 @@ class Gauge(Instrument):
     def turn_mm(self) -> float:
         return self.revolution_mm or 0.0
 
-    @property
-    def placement_std_mm(self) -> float:
-        """`placement_mm`, or its default."""
-        return PLACEMENT_MM if self.placement_mm is None else self.placement_mm
-
-    @property
-    def scale_std(self) -> float:
-        """`scale_u`, or its default."""
-        return SCALE_U if self.scale_u is None else self.scale_u
-
-    def doubts(self, measured: Measured) -> tuple[Suspicion, ...]:
-        """Of differences only the decimals say something."""
+    def doubts(self, measured: Measured) -> tuple[Reason, ...]:
+        """Doubts of readings; of differences only the decimals say something."""
         if isinstance(measured, Readings):
             return tuple(_doubt_readings(measured, self))
         return tuple(_doubt_differences(measured.value, self))
 
-    def implausible(self) -> dict[str, Suspicion]:
-        step, travel, repeats = self.resolution_mm, self.range_mm, self.repeatability_mm
-        wrong: dict[str, str] = {}
-        if repeats > _MOST_DIVISIONS * step:
-            words = f"repeatability of {repeats:g} mm with divisions of {step:g} mm"
-            wrong["repeatability_mm"] = words
-        if step > _COARSEST_MM:
-            wrong["resolution_mm"] = f"division of {step:g} mm"
-        if not _FEWEST_DIVISIONS * step <= travel <= _LONGEST_MM:
-            wrong["range_mm"] = f"range of {travel:g} mm with divisions of {step:g} mm"
-        if self.turn_mm > travel:
-            wrong["revolution_mm"] = f"turn of {self.turn_mm:g} mm within a range of {travel:g} mm"
-        remedy = "Check the unit: lengths are in mm."
-        return {
-            field: Suspicion(f"No dial indicator has a {words}.", remedy)
-            for field, words in wrong.items()
+    def implausible(self) -> dict[str, Reason]:
+        step, travel = self.resolution_mm, self.range_mm
+        wrong = {
+            "repeatability_mm": self.repeatability_mm > _MOST_DIVISIONS * step,
+            "resolution_mm": step > _COARSEST_MM,
+            "range_mm": not _FEWEST_DIVISIONS * step <= travel <= _LONGEST_MM,
+            "revolution_mm": self.turn_mm > travel,
         }
+        values = self.model_dump()
+        return {name: Reason.of(f"gauge_{name}", **values) for name in wrong if wrong[name]}
 
     def mistaken_unit(self, measured: Measured) -> float | None:
         """Differences do not show it."""
         return _other_unit(measured, self) if isinstance(measured, Readings) else None
 
 
-def _doubt_readings(readings: Readings, gauge: Gauge) -> Iterator[Suspicion]:
+def _doubt_readings(readings: Readings, gauge: Gauge) -> Iterator[Reason]:
     """Repeats that differ too little, decimals that it does not show, travel that it has not."""
     if unit := _other_unit(readings, gauge):
         # Where another unit makes all of it ordinary, the rest need not be said.
         mistake, remedy = UNITS[unit]
-        what = f"This gauge cannot show these readings in mm. Are they {mistake}?"
-        yield Suspicion(what, remedy)
+        yield Reason.of("other_unit", mistake=mistake, remedy=remedy)
         return
     plan, value, step = readings.plan, readings.value, gauge.resolution_mm
     ordinary = _ordinary(readings, 1.0, gauge)
-    found = None if ordinary else too_steady(value, plan.shared, plan.cells, gauge)
-    if found is not None:
-        setup, scatter = found
-        repeats = "Repeated readings"
-        if setup is not None:
-            repeats = (
-                f"{_series_words(plan, int(np.argmax(plan.shared == setup)))}: repeated readings"
-            )
-        differ, check = "never differ", "Is the gauge stuck or its display held? Measure again."
-        if scatter > 0.0:
-            differ = f"differ by {scatter:.1g} mm only"
-            check = "Check the unit, and whether the gauge moves freely."
-        yield Suspicion(
-            f"{repeats} {differ}, though the gauge repeats within {gauge.repeatability_mm:g} mm.",
-            f"{check} If the gauge repeats better than stated, correct repeatability_mm in the"
-            " machine file.",
-        )
+    steady = None if ordinary else too_steady(value, plan.shared, plan.cells, gauge)
+    if steady is not None:
+        setup, scatter = steady
+        where = plan.entry(int(np.argmax(plan.shared == setup))) if setup is not None else None
+        sizes = {"scatter_mm": scatter, "repeatability_mm": gauge.repeatability_mm}
+        yield Reason.of("steady" if scatter else "stuck", where=where, **sizes)
     between = np.flatnonzero(off_scale(value, step))
     # An inch gauge's divisions need not be those of the machine file.
     inches = value[between] / _INCH_STEP
     if between.size and np.any(np.abs(inches - np.rint(inches)) >= 1e-2):
-        first = between[0]
-        yield Suspicion(
-            f"{between.size} of {len(readings)} readings have more decimals than a gauge with"
-            f" divisions of {step:g} mm shows (first: line {readings.line[first]},"
-            f" {value[first]:g} mm).",
-            "Check the unit, and resolution_mm in the machine file.",
-        )
+        line, first = int(readings.line[between[0]]), float(value[between[0]])
+        counts = {"count": between.size, "readings": len(readings)}
+        yield Reason.of("off_scale", **counts, step_mm=step, line=line, value_mm=first)
     for setup in () if ordinary else range(plan.setups):
-        own = np.flatnonzero(plan.shared == setup)
-        span = float(np.ptp(value[own]))
+        rows = np.flatnonzero(plan.shared == setup)
+        span = float(np.ptp(value[rows]))
         if span > gauge.range_mm * (1.0 + 1e-9):
-            far = own[np.argmax(np.abs(value[own] - np.median(value[own])))]
-            yield Suspicion(
-                f"{_series_words(plan, far)}: readings {span:.4g} mm apart (line"
-                f" {readings.line[far]}: {value[far]:g} mm) are beyond the gauge's range of"
-                f" {gauge.range_mm:g} mm.",
-                "Correct the reading or the unit, or range_mm in the machine file.",
-            )
+            far = int(rows[np.argmax(np.abs(value[rows] - np.median(value[rows])))])
+            line, farthest = int(readings.line[far]), float(value[far])
+            sizes = {"span_mm": span, "range_mm": gauge.range_mm, "value_mm": farthest}
+            yield Reason.of("too_far_apart", where=plan.entry(far), line=line, **sizes)
             return
-
-
-def _series_words(plan: Plan, reading: int) -> str:
-    """Leg and direction of a reading, at the beginning of a sentence."""
-    return "Leg {leg}, direction {direction}".format(**plan.entry(reading))
 
 
 # --- repeats ----------------------------------------------------------------------------------
@@ -255,8 +214,8 @@ def _log_moments(size: int, noise: float) -> Floats:
         width = math.sqrt(0.5 / (rate * size))
         ends = reach + 6.0 * width
         means = np.linspace(-ends, ends, 2 * math.ceil(2.0 * ends / width) + 1)
-        each = chance @ np.exp(-rate * (shown[:, None] - means) ** 2)
-        integral = (each**size).sum(axis=1) * (means[1] - means[0])
+        weighted = chance @ np.exp(-rate * (shown[:, None] - means) ** 2)
+        integral = (weighted**size).sum(axis=1) * (means[1] - means[0])
         logs.append(math.log(float(integral.max()) * math.sqrt(size * rate / math.pi)))
     return read_only(np.minimum(logs, 0.0))
 
@@ -271,7 +230,7 @@ def off_scale(value: Floats, step: float) -> np.ndarray:
     return np.asarray(np.abs(value / step - np.rint(value / step)) > OFF_SCALE)
 
 
-def _doubt_differences(value: Floats, gauge: Gauge) -> Iterator[Suspicion]:
+def _doubt_differences(value: Floats, gauge: Gauge) -> Iterator[Reason]:
     """Decimals that neither differences of readings nor of means of up to ten have."""
     step = gauge.resolution_mm
     if step <= 0.0:
@@ -280,11 +239,7 @@ def _doubt_differences(value: Floats, gauge: Gauge) -> Iterator[Suspicion]:
     nearest = (np.rint(value * count / step) * step / count for count in _MEANS_OF)
     if any(np.all(np.abs(value - mean) <= 0.5 * 10.0**-written + 1e-9) for mean in nearest):
         return
-    yield Suspicion(
-        f"The differences have more decimals than a gauge with divisions of {step:g} mm gives,"
-        " even as means of readings.",
-        "Check the unit, and resolution_mm in the machine file.",
-    )
+    yield Reason.of("fine_differences", step_mm=step)
 
 
 # --- units ------------------------------------------------------------------------------------
@@ -310,10 +265,7 @@ def _other_unit(readings: Readings, gauge: Gauge) -> float | None:
 
 @lru_cache(maxsize=4)
 def _ordinary(readings: Readings, unit_mm: float, gauge: Gauge) -> bool:
-    """Whether the readings repeat and range as this gauge does if they are in a unit [mm].
-
-    Not where none repeat.
-    """
+    """True if readings in this unit [mm] repeat and range as of this gauge; not if none repeat."""
     value, plan = readings.value * unit_mm, readings.plan
     left, repeat = _about_means(value, plan.shared, plan.cells)
     again = np.bincount(repeat)[repeat] > 1

@@ -164,9 +164,9 @@ class Points(NamedTuple):
 
 def components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:
     """Move the last `axes` axes to the front, with axes of length 1 up to `batch` behind them."""
-    own = values.ndim - axes
-    moved = values.transpose(*range(own, values.ndim), *range(own)).copy()
-    missing = 0 if batch is None else batch - own
+    leading = values.ndim - axes
+    moved = values.transpose(*range(leading, values.ndim), *range(leading)).copy()
+    missing = 0 if batch is None else batch - leading
     return moved.reshape(moved.shape[:axes] + (1,) * missing + moved.shape[axes:])
 
 

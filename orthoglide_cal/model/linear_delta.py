@@ -49,8 +49,8 @@ from orthoglide_cal.model.machine import (
     Origin,
     Predicted,
     SimulationOptions,
-    Suspicion,
     Vocabulary,
+    stated_or,
 )
 from orthoglide_cal.model.measured import Measured, Readings, Source
 from orthoglide_cal.model.plan import (
@@ -63,7 +63,7 @@ from orthoglide_cal.model.plan import (
     joined,
     read_only,
 )
-from orthoglide_cal.schema import Number, told
+from orthoglide_cal.schema import Number, ask
 
 TOWERS = ("a", "b", "c")
 FEW = 13  # places, to be touched once more on blocks
@@ -103,7 +103,7 @@ def _shares(scales: tuple[float, ...], spread: float) -> Mapping[float, float]:
 
 
 def counter_clockwise(angles: Sequence[float]) -> bool:
-    """Whether three towers follow each other in this sense; angles in degrees, of any turn."""
+    """True if three towers follow each other in this sense; angles in degrees, of any turn."""
     turns = [(b - a) % 360.0 for a, b in zip(angles, (*angles[1:], angles[0]), strict=True)]
     return all(turn > 1.0 for turn in turns) and math.isclose(sum(turns), 360.0)
 
@@ -137,14 +137,14 @@ Step = Annotated[Number, Field(ge=0.0, le=10.0)]
 class Probe(Instrument):
     """The probe of a printer, its bed, and the calliper for what it printed."""
 
-    resolution_mm: Annotated[Step, told("Probe: resolution", "the smallest step that it resolves")]
+    resolution_mm: Annotated[Step, ask("Probe: resolution", "the smallest step that it resolves")]
     repeatability_mm: Annotated[
         Annotated[Number, Field(ge=1e-6, le=10.0)],
-        told("Probe: repeatability", "standard deviation of one touch"),
+        ask("Probe: repeatability", "standard deviation of one touch"),
     ]
     calliper_mm: Annotated[
         Annotated[Number, Field(ge=1e-6, le=10.0)],
-        told("Calliper", "standard deviation of a distance on a printed object"),
+        ask("Calliper", "standard deviation of a distance on a printed object"),
     ] = CALLIPER_MM
     # Standard deviation of the local shape of the bed; None if nobody stated it.
     texture_mm: Step | None = None
@@ -180,9 +180,9 @@ class ProbePlan(Plan):
 
     @cached_property
     def zeros(self) -> Floats:
-        """Of the parameters of each other day, shape (n, 6 for each)."""
-        each = [self.slope * (self.date == day)[:, None] for day in np.unique(self.date)]
-        return read_only(np.hstack([np.zeros((len(self), 0)), *(s for s in each if s.any())]))
+        """Columns of the parameters of each other day, shape (n, 6 for each)."""
+        days = [self.slope * (self.date == day)[:, None] for day in np.unique(self.date)]
+        return read_only(np.hstack([np.zeros((len(self), 0)), *(s for s in days if s.any())]))
 
     @property
     def wanted(self) -> Floats:
@@ -206,7 +206,7 @@ class ProbePlan(Plan):
 
     @property
     def flat(self) -> bool:
-        """Whether all are touches of one height: what makes a shape does not show in them."""
+        """True if all are touches of one height: the reason of a shape does not show in them."""
         return not self.distance.any() and len(np.unique(self.surface)) < 2
 
     @cached_property
@@ -252,8 +252,8 @@ class ProbePlan(Plan):
         """Square patches of the bed; neighbours share what the bed has there, shape (n,)."""
         reach = float(np.abs(self.place[:, :2]).max(initial=1.0))
         patch = np.floor(self.place[:, :2] / (reach * PATCH)).astype(np.intp)
-        own = np.where(self.distance, 1 + np.arange(len(self)), 0)
-        return alike(*patch.T, own)[1]
+        alone = np.where(self.distance, 1 + np.arange(len(self)), 0)
+        return alike(*patch.T, alone)[1]
 
     def entry(self, index: int) -> Mapping[str, object]:
         place = dict(zip(("x_mm", "y_mm", "z_mm"), self.place[index].tolist(), strict=True))
@@ -356,17 +356,17 @@ class LinearDelta(Machine):
     arm_length_mm: Annotated[
         tuple[Length, Length, Length],
         WrapValidator(_of_each),
-        told("Length of an arm", "centre to centre of its joints"),
+        ask("Length of an arm", "centre to centre of its joints"),
     ]
     delta_radius_mm: Annotated[
-        Length, told("Delta radius", "from upper to lower joint of an arm, seen from above")
+        Length, ask("Delta radius", "from upper to lower joint of an arm, seen from above")
     ]
     # Counter-clockwise from x.
     tower_angles_deg: Annotated[tuple[Number, Number, Number], AfterValidator(_turning)]
     endstops_mm: Annotated[
-        Named[Endstops], told("Endstop", "height of the nozzle, in the middle, where it triggers")
+        Named[Endstops], ask("Endstop", "height of the nozzle, in the middle, where it triggers")
     ]
-    bed_radius_mm: Annotated[Length, told("Radius of the bed", "as far as the probe may touch")]
+    bed_radius_mm: Annotated[Length, ask("Radius of the bed", "as far as the probe may touch")]
     probe: Probe
 
     @field_validator("delta_radius_mm")
@@ -390,25 +390,14 @@ class LinearDelta(Machine):
 
     @property
     def unobservable(self) -> tuple[str, ...]:
-        """What depends on the approach is not lost motion where the probe reads while it moves."""
+        """Lost motion, where the probe reads while it moves: its lag looks the same."""
         return ("backlash",) if self.probe.scanning else ()
 
     @property
-    def doubted(self) -> Mapping[str, Suspicion]:
+    def doubted(self) -> Mapping[str, float]:
         """Arms of one printer are cut alike; what a calibration made of them need not be."""
-        arms = self.arm_length_mm
-        spread = max(arms) - min(arms)
-        if spread <= UNEQUAL_MM:
-            return super().doubted
-        first, second, third = (f"{arm:.1f}" for arm in arms)
-        doubt = Suspicion(
-            f"Arms of {first}, {second} and {third} mm are stored; printers of this kind have equal"
-            " arms.",
-            f"Their difference, {spread:.1f} mm, is taken as their tolerance. Measure them from"
-            " joint centre to joint centre.",
-            spread,
-        )
-        return MappingProxyType({"leg_length": doubt})
+        spread = max(self.arm_length_mm) - min(self.arm_length_mm)
+        return {"leg_length": spread} if spread > UNEQUAL_MM else {}
 
     @property
     def active(self) -> tuple[float, ...]:
@@ -494,8 +483,7 @@ class LinearDelta(Machine):
 
         `place` is where the printer's controller of another date, `other`, believed it to be.
         """
-        both = self, other
-        ends, others = (each.endstops_mm + each._above(each.delta_radius_mm) for each in both)
+        ends, others = self.endstop_carriages_mm, other.endstop_carriages_mm
         joints = other.nominal_rails.joints_for(place) + ends - others
         return np.asarray(self.nominal_rails.tool_for(joints))
 
@@ -532,7 +520,7 @@ class LinearDelta(Machine):
 
     def check_same(self, later: Machine) -> None:
         both = self, LinearDelta.require(later)
-        sizes = np.array([(*each.arm_length_mm, each.delta_radius_mm) for each in both])
+        sizes = np.array([(*machine.arm_length_mm, machine.delta_radius_mm) for machine in both])
         # Endstops, rods and stored arms may be changed from date to date.
         if np.abs(sizes[1] / sizes[0] - 1.0).max() > ANOTHER:
             arms, radii = sizes[:, :-1].mean(axis=1), sizes[:, -1]
@@ -599,7 +587,7 @@ class LinearDelta(Machine):
         return Readings(touched, value, lines, timed=True, source=source)
 
     def further(self, plan: ProbePlan) -> Iterator[tuple[str, ProbePlan, float]]:
-        """What can be touched next: in words, its plan, and its minutes.
+        """Blocks under the probe, for each height.
 
         On a flat bed a frame that is out of square and a bed that is bent read the same; higher up
         only the effect of the frame changes.
@@ -644,22 +632,21 @@ class LinearDelta(Machine):
 
     def distinguishing_layouts(self) -> tuple[Layout, ...]:
         """Touches that distinguish skew frame and bent bed."""
-        found = []
+        layouts = []
         for some, count in product(RAISED, SPREAD):
             upper = self._rings(some)
             # A place that is touched on both heights has one local shape.
             bed = mixed(np.vstack((self._rings(count), upper)))
             again = f"{some} of them again on a block of {HIGH_MM:g} mm"
             what = f"{len(bed)} places of the bed, and {again}"
-            found.append(layout_of("telling", what, [(bed, 0.0), (mixed(upper), HIGH_MM)]))
-        return tuple(sorted(found, key=lambda each: each.minutes))
+            layouts.append(layout_of("telling", what, [(bed, 0.0), (mixed(upper), HIGH_MM)]))
+        return tuple(sorted(layouts, key=lambda layout: layout.minutes))
 
     def _rings(self, count: int) -> Floats:
         return rings(count, REACH * self.bed_radius_mm)
 
     def local_shape(self, plan: ProbePlan) -> Influence:
-        assumed = self.probe.texture_mm is None
-        size = TEXTURE_MM if self.probe.texture_mm is None else self.probe.texture_mm
+        size, assumed = stated_or(self.probe.texture_mm, TEXTURE_MM)
         columns, rest = size * plan.texture, size**2 * plan.texture_rest
         return Influence(Origin.BED_TEXTURE, size, "mm", assumed, columns, local=True, rest=rest)
 
@@ -708,12 +695,12 @@ def rings(count: int, radius: float) -> Floats:
     n = max(round((np.sqrt(1.0 + 4.0 * (count - 1) / 3.0) - 1.0) / 2.0), 1)
     shares = np.cumsum(np.arange(1, n + 1)) / (n * (n + 1) / 2.0)
     ends = np.round((count - 1) * shares).astype(int)
-    found = [np.zeros((1, 2))]
+    places = [np.zeros((1, 2))]
     for k, (begin, end) in enumerate(zip([0, *ends[:-1]], ends, strict=True), start=1):
         turn = np.radians(30.0) + 2.0 * np.pi * (np.arange(end - begin) + k / 2.0) / (end - begin)
         away = radius * k / n
-        found.append(away * np.stack((np.cos(turn), np.sin(turn)), axis=1))
-    return np.asarray(np.round(np.vstack(found), DECIMALS) + 0.0, dtype=np.float64)
+        places.append(away * np.stack((np.cos(turn), np.sin(turn)), axis=1))
+    return np.asarray(np.round(np.vstack(places), DECIMALS) + 0.0, dtype=np.float64)
 
 
 def mixed(places: Floats) -> Floats:

@@ -24,7 +24,7 @@ from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.schema import Day, Digest, Number, Positive, Schema, Word, told
+from orthoglide_cal.schema import Day, Digest, Number, Positive, Reason, Schema, Word, ask
 
 LARGEST_OFFSET_MM = 1000.0  # nobody enters more
 # The home switch or index pulse of a carriage is set to within a few millimetres; an offset beyond
@@ -47,6 +47,11 @@ class JointOffsets(NamedTuple):
     x: Offset
     y: Offset
     z: Offset
+
+
+def stated_or(value: float | None, usual: float) -> tuple[float, bool]:
+    """The stated value, or the usual one; and whether it is assumed."""
+    return (usual, True) if value is None else (value, False)
 
 
 Predicted = Callable[[Plan], Floats]  # gives the readings of any plan, (..., n) [mm]
@@ -81,7 +86,7 @@ class WrittenTable(Schema):
 
 
 class Written(Schema):
-    """What was written to a controller, so that it can be restored exactly."""
+    """Changes in a controller, so that it can be restored exactly."""
 
     target: Word  # path of its file, or address of its server
     sha256_before: Digest  # of the whole file
@@ -116,7 +121,7 @@ class OwnGauge(Schema):
 
 
 class Details(Schema):
-    """What the people who read a report want to see on it; None where it is not given."""
+    """Entries of a report for the people who read it; None where not given."""
 
     organisation: Word | None = None  # who calibrates
     address: Word | None = None  # of that laboratory
@@ -153,7 +158,7 @@ class Layout(NamedTuple):
 
 
 class Bed(NamedTuple):
-    """What a probe touches, seen from above."""
+    """Surface that a probe touches, seen from above."""
 
     radius_mm: float
     tower_angles_deg: tuple[float, ...]  # where what carries the tool stands around it
@@ -161,19 +166,18 @@ class Bed(NamedTuple):
 
 
 class Suspicion(NamedTuple):
-    """Something of a gauge, a set-up or a controller's values that can hardly be right."""
+    """A plunger that leaves its bar, or comes near its end."""
 
     what: str  # one sentence, with the place
-    remedy: str  # what to do
-    # How far it is off, in the unit of what is doubted: of a plunger, beyond the end of its bar.
-    size: float = 0.0
+    remedy: str
+    size: float  # how far it is beyond the end [mm]; 0 on the bar
 
     def __str__(self) -> str:
         return f"{self.what} {self.remedy}"
 
 
 class Instrument(Schema):
-    """What is known of any gauge or probe; each declares it in the order of the machine file."""
+    """Any gauge or probe; each kind declares its values in the order of the machine file."""
 
     if TYPE_CHECKING:
         resolution_mm: float
@@ -184,11 +188,11 @@ class Instrument(Schema):
         """Travel of one turn of its dial [mm]; 0 where no turns can be miscounted."""
         return 0.0
 
-    def doubts(self, measured: Measured) -> tuple[Suspicion, ...]:
-        """What it can hardly have shown; nothing is known of how firmware writes what it read."""
+    def doubts(self, measured: Measured) -> tuple[Reason, ...]:
+        """Readings that it can hardly have shown; firmware may write them as it likes."""
         return ()
 
-    def implausible(self) -> dict[str, Suspicion]:
+    def implausible(self) -> dict[str, Reason]:
         """Field → why no such instrument has the value that is stated, though it may be written."""
         return {}
 
@@ -315,7 +319,7 @@ class Machine(Schema):
     geometry_keys: ClassVar[tuple[str, ...]]
 
     kind: str  # what tells the classes apart in the file
-    name: Annotated[Word, told("Name of the machine", "stands on every report", "")]
+    name: Annotated[Word, ask("Name of the machine", "stands on every report", "")]
     # How far a home switch can plausibly be off; None for what is usual.
     homing_mm: Annotated[Number, Field(ge=1e-3, le=1e3)] | None = None
     # Cause id → plausible size (one standard deviation, contract's unit), 0 for a cause that is
@@ -365,8 +369,8 @@ class Machine(Schema):
         return {name: values[called[name]] for name in names if called[name] in values}
 
     def entered_from(self, sha256: str) -> Entered | None:
-        """What was entered from the measurement with this digest; None if nothing was."""
-        return next((each for each in self.history if each.data_sha256 == sha256), None)
+        """Entry from the measurement with this digest; None without one."""
+        return next((entry for entry in self.history if entry.data_sha256 == sha256), None)
 
     @property
     def homing_std_mm(self) -> float:
@@ -376,11 +380,11 @@ class Machine(Schema):
     @property
     @abstractmethod
     def instrument(self) -> Instrument:
-        """What reads it."""
+        """Its gauge or probe."""
 
     @property
     def bed(self) -> Bed:
-        """What its probe touches; raises UsageError for a machine without one."""
+        """Bed that its probe touches; raises UsageError for a machine without one."""
         raise UsageError(
             f"{self.name} is of kind {self.kind}.",
             "Give the file of a machine of kind linear_delta: --machine FILE",
@@ -404,14 +408,14 @@ class Machine(Schema):
         return ()
 
     @property
-    def doubted(self) -> Mapping[str, Suspicion]:
-        """Id of a cause → why the controller's own values make it likely."""
+    def doubted(self) -> Mapping[str, float]:
+        """Id of a cause → its size by the controller's own values, which can hardly be right."""
         return MappingProxyType({})
 
     @property
     @abstractmethod
     def active(self) -> tuple[float, ...]:
-        """What the controller has of each calibrated parameter, in its unit."""
+        """The controller's value of each calibrated parameter, in its unit."""
 
     @property
     @abstractmethod
@@ -453,8 +457,8 @@ class Machine(Schema):
     def sensed(
         self, real: RealMachine, parameters: Numbers, plan: AnyPlan, strict: bool, derivative: bool
     ) -> GaugeResponse:
-        """What gauges or probes are pushed to, and its derivative where that is asked for and
-        known in closed form; arguments and errors as of `simulate`."""
+        """Positions of gauges or probes, and their derivative where it is asked for and known in
+        closed form; arguments and errors as of `simulate`."""
 
     @abstractmethod
     def reading_words(self, plan: AnyPlan, index: int) -> str:
@@ -475,7 +479,7 @@ class Machine(Schema):
         """Raises UsageError, with this remedy, if its file does not keep what is entered."""
 
     def home_words(self, changes: Mapping[str, float], decimals: int) -> tuple[str, ...]:
-        """What the controller says at home, and what is true then; () where it does not say."""
+        """Indicated and true positions at home, in words; () where the controller shows none."""
         return ()
 
     def check_guided(self) -> None:
@@ -489,7 +493,7 @@ class Machine(Schema):
         """Raises UsageError for a machine that calibration cannot make of this one."""
 
     def further(self, plan: AnyPlan) -> Iterator[tuple[str, Plan, float]]:
-        """What can be measured next besides its protocols: in words, its plan, its minutes."""
+        """Further measurements besides its protocols: each in words, its plan, its minutes."""
         return iter(())
 
     def layouts(self) -> tuple[Layout, ...]:
@@ -501,11 +505,11 @@ class Machine(Schema):
         return ()
 
     def local_shape(self, plan: AnyPlan) -> Influence | None:
-        """What neighbouring readings share, and what nobody calls an error; None for nothing."""
+        """Deviation that neighbouring readings share and nobody calls an error; None for none."""
         return None
 
     def uncertain(self, plan: AnyPlan, predict: Predicted) -> Iterator[Influence]:
-        """What nobody knows exactly of gauges, or of what they touch, in the readings of a plan."""
+        """Influences of gauges, or of what they touch, on the readings of a plan."""
         local = self.local_shape(plan)
         return iter(() if local is None else (local,))
 
@@ -517,4 +521,4 @@ class Machine(Schema):
     def synthetic(
         self, plan: AnyPlan, predict: Predicted, rng: np.random.Generator, gauge: Instrument
     ) -> Readings:
-        """What this instrument would show of a plan; arguments as of `synthetic_session`."""
+        """Readings that this instrument would show; arguments as of `synthetic_session`."""

@@ -1,4 +1,4 @@
-"""What was measured, as arrays: readings, or differences of readings as the paper prints them."""
+"""Measurements as arrays: readings, or differences of readings as the paper prints them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,10 +11,11 @@ import numpy as np
 
 from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, read_only
 from orthoglide_cal.model.readings import Posture, Series
+from orthoglide_cal.schema import Reason
 
 
 class DataKind(StrEnum):
-    """What was measured: raw readings, or one of the paper's sets of differences."""
+    """Kind of a measurement: raw readings, or one of the paper's sets of differences."""
 
     READINGS = "readings"
     SIX = "six"  # max − min
@@ -59,11 +60,8 @@ class Excerpt:
     data: str  # its name: "calibration" or "mesh"
     words: str  # how much of what
     firmware: str = "klipper"  # whose the file is, as an export names it
-    stale: str = ""  # why it is older than the settings in force, in a sentence
-    unused: str = ""  # why the other data of the file were not used, in sentences
-    nozzle: str = ""  # how entering what is found moves the nozzle, in sentences
     unknown: str = ""  # why the settings in force are not known, in a sentence
-    lowers_mm: float = 0.0  # by which entering the result lets the nozzle down
+    mesh: str = ""  # its name among several
 
 
 @dataclass(frozen=True)
@@ -92,12 +90,12 @@ class Readings(ReadOnly):
     temperature: Floats = field(default_factory=lambda: read_only(()))  # °C; NaN where not given
     gauge: tuple[str, ...] = ()  # its label; "" where not given
     note: tuple[str, ...] = ()  # remark; "" where not given
-    remarks: tuple[str, ...] = ()  # what the user should know: unknown columns, assumed times
+    remarks: tuple[Reason, ...] = ()  # on the file: unknown columns, assumed times
 
     kind = DataKind.READINGS
 
     def __post_init__(self) -> None:
-        """What is not given is filled in."""
+        """Fill in what is not given."""
         n = len(self)
         nothing = {
             "cycle": np.ones(n, dtype=np.intp),
@@ -111,7 +109,7 @@ class Readings(ReadOnly):
 
     @property
     def kinds(self) -> tuple[DataKind, ...]:
-        """What can be made of them: themselves, and the differences of their protocol."""
+        """Themselves, and the differences of their protocol."""
         return (self.kind, *map(DataKind, self.plan.reductions))
 
     @property
@@ -131,11 +129,11 @@ class Differences(ReadOnly):
     which: tuple[Difference, ...]  # in the order of the file
     value: Floats  # shape (k,) [mm]
     source: Source
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[Reason, ...] = ()
 
     @property
     def kinds(self) -> tuple[DataKind, ...]:
-        """What can be made of them: themselves, and of twelve also six."""
+        """Themselves, and of twelve also six."""
         return (self.kind, DataKind.SIX) if self.kind is DataKind.TWELVE else (self.kind,)
 
     @property
@@ -148,8 +146,17 @@ class Differences(ReadOnly):
 
 
 Measured = Readings | Differences
+# Codes of remarks that are cautions, and no notes.
+CAUTIONS = ("stale_mesh", "stale_map", "unused_data")
+# Those on where entering the result lets the nozzle go.
+NOZZLE = ("nozzle_raised", "nozzle_lowered")
+
+
+def notes_on(measured: Measured) -> tuple[Reason, ...]:
+    """The remarks on a file, cautions left out."""
+    return tuple(remark for remark in measured.remarks if remark.code not in CAUTIONS)
 
 
 def weighing(measured: Measured) -> str:
-    """What is to be put behind "r.m.s."; empty where all readings count alike."""
+    """Words behind "r.m.s."; empty where all readings count alike."""
     return " (a distance counts by its precision)" if np.any(measured.weight != 1.0) else ""

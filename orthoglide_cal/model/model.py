@@ -100,7 +100,7 @@ class Model:
 
     @cached_property
     def repeats(self) -> bool:
-        """Whether readings that differ in nothing but set-up and time are predicted equal."""
+        """True if readings that differ in nothing but set-up and time are predicted equal."""
         return all(effect.cause.repeats for effect in self.accepted)
 
     @cached_property
@@ -137,7 +137,7 @@ def synthetic_session(
     rng: np.random.Generator,
     gauge: Instrument | None = None,
 ) -> Readings:
-    """What would be written down, or stored, of this plan on a machine that is known.
+    """Readings of this plan that a known machine would give.
 
     Args:
         offsets: what each real value exceeds the controller's by, shape (p,) [mm, deg].
@@ -177,7 +177,7 @@ def differentiate(
     """
     ends = np.cumsum([offsets.shape[-1], *(effect.theta.size for effect in effects)])
     many = [offsets, *(effect.theta for effect in (*effects, *model.accepted))]
-    batch = max(each.ndim for each in many) - 1
+    batch = max(values.ndim for values in many) - 1
     steps = 1j * STEP * np.eye(ends[-1] + 1, ends[-1], k=-1)
     steps = steps.reshape(-1, *[1] * batch, ends[-1])
     some = max(AT_ONCE * offsets.shape[-1] // max(offsets.size * len(plan), 1), 1)
@@ -211,21 +211,21 @@ def differentiate_absent(
 
 
 def carried_uncertainty(model: Model, offsets: Floats, plan: Plan) -> tuple[Floats, ...]:
-    """What one standard deviation of each accepted cause's parameters adds to readings.
+    """Change of readings by one standard deviation of each accepted cause's parameters.
 
     At offsets Δρ (..., 3) [mm]; shape (..., n, p) [mm] for each accepted cause, p its independent
     uncertainties.
     """
     accepted, before = model.accepted, simulate(model, offsets, plan)
-    found = []
+    changes = []
     for k, effect in enumerate(accepted):
         moved = (
             replace(model, accepted=(*accepted[:k], other, *accepted[k + 1 :]))
             for other in effect.moved()
         )
         columns = [(simulate(other, offsets, plan) - before)[..., None] for other in moved]
-        found.append(np.concatenate([np.zeros((*before.shape, 0)), *columns], axis=-1))
-    return tuple(found)
+        changes.append(np.concatenate([np.zeros((*before.shape, 0)), *columns], axis=-1))
+    return tuple(changes)
 
 
 def _simulate(

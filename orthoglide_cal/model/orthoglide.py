@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
 from orthoglide_cal.errors import InputError, PostureError, UnreachableError, UsageError
-from orthoglide_cal.model.gauge import Gauge
+from orthoglide_cal.model.gauge import PLACEMENT_MM, SCALE_U, Gauge
 from orthoglide_cal.model.kinematics import (
     Command,
     GaugeResponse,
@@ -40,11 +40,12 @@ from orthoglide_cal.model.machine import (
     Suspicion,
     Vocabulary,
     empty,
+    stated_or,
 )
 from orthoglide_cal.model.measured import DataKind, Difference, Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, other_axes, part_words
-from orthoglide_cal.schema import Number, told
+from orthoglide_cal.schema import Number, ask
 from orthoglide_cal.words import plain
 
 # Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
@@ -118,16 +119,16 @@ class Orthoglide(Machine):
     )
 
     kind: Literal["orthoglide"] = "orthoglide"
-    leg_length_mm: Annotated[Length, told("L, length of a leg", "centre to centre of its joints")]
-    parallelogram_width_mm: Annotated[Length, told("d, width of a leg", "between its two bars")]
+    leg_length_mm: Annotated[Length, ask("L, length of a leg", "centre to centre of its joints")]
+    parallelogram_width_mm: Annotated[Length, ask("d, width of a leg", "between its two bars")]
     tool_offset_mm: Annotated[
         Annotated[Number, Field(ge=0.0, le=1e5)],
-        told("r of the tool", "from the legs' ends to its centre point"),
+        ask("r of the tool", "from the legs' ends to its centre point"),
     ]
     joint_limits_mm: Annotated[
-        tuple[Number, Number], told("Travel", "lowest and highest, from the isotropic posture")
+        tuple[Number, Number], ask("Travel", "lowest and highest, from the isotropic posture")
     ]
-    workspace_mm: Annotated[Length, told("Workspace", "edge of the cube in which errors are shown")]
+    workspace_mm: Annotated[Length, ask("Workspace", "edge of the cube in which errors are shown")]
     gauge: Gauge  # normally used on it
     # Already active in the controller.
     offsets_mm: Annotated[
@@ -147,7 +148,7 @@ class Orthoglide(Machine):
     @classmethod
     def _within_travel(cls, offsets: JointOffsets, given: ValidationInfo) -> JointOffsets:
         low, high = given.data.get("joint_limits_mm", (-math.inf, math.inf))
-        beyond = [name for name, each in offsets._asdict().items() if abs(each) > high - low]
+        beyond = [name for name, offset in offsets._asdict().items() if abs(offset) > high - low]
         if beyond:
             what = f"The offset is larger than the travel of {high - low:g} mm."
             raise InputError(what, "Check its unit: mm.", column=beyond[0])
@@ -193,7 +194,7 @@ class Orthoglide(Machine):
         return (math.inf,) * len(AXES)
 
     def judging(self, then: Machine) -> Machine:
-        """What is known of it now: postures say where the carriages stood."""
+        """Itself: postures say where the carriages stood."""
         return self
 
     def displacement_mm(self, posture: Posture) -> float:
@@ -246,8 +247,10 @@ class Orthoglide(Machine):
                 f" {np.ravel(moved)[worst]:g} mm: the legs are {length:g} mm long.",
                 "Use a posture inside the joint limits.",
             )
-        own = np.asarray(leg)[..., None] == np.arange(3)
-        return np.where(own, (length + moved)[..., None], np.sqrt(length**2 - moved**2)[..., None])
+        displaced = np.asarray(leg)[..., None] == np.arange(3)
+        return np.where(
+            displaced, (length + moved)[..., None], np.sqrt(length**2 - moved**2)[..., None]
+        )
 
     @property
     def reachable_cube(self) -> tuple[float, float]:
@@ -382,11 +385,12 @@ class Orthoglide(Machine):
 
     def uncertain(self, plan: GaugePlan, predict: Predicted) -> Iterator[Influence]:
         gauge, predicted = self.gauge, predict(plan)
-        scale = gauge.scale_std * predicted[..., None]
-        yield Influence(Origin.GAUGE_SCALE, gauge.scale_std, "", gauge.scale_u is None, scale)
+        scale, assumed = stated_or(gauge.scale_u, SCALE_U)
+        columns = scale * predicted[..., None]
+        yield Influence(Origin.GAUGE_SCALE, scale, "", assumed, columns)
         if np.any(plan.contact == Contact.FIXED):
             # As far along the leg as the stand plausibly is from where it was meant to be.
-            size, assumed = gauge.placement_std_mm, gauge.placement_mm is None
+            size, assumed = stated_or(gauge.placement_mm, PLACEMENT_MM)
             moved = replace(plan, gauge_at=plan.gauge_at + size / self.leg_length_mm)
             shift = (predict(known_plan(moved)) - predicted)[..., None] * plan.zeros
             yield Influence(Origin.GAUGE_PLACEMENT, size, "mm", assumed, shift)
@@ -453,8 +457,8 @@ def _touched(points: Points, plan: GaugePlan, moments: _Moments, derivative: boo
     part[...] = tool_by_joint[leg, :, set_up]
     part *= (turn * gauge_at)[:, None]
     jacobian += part
-    own, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
-    jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * own
+    along, sideways = points.directions[leg, leg, 0], points.directions[leg, direction, 0]
+    jacobian[np.arange(len(plan)), leg] += turn * (fraction - gauge_at) * along
     jacobian[np.arange(len(plan)), leg] += (1.0 - fraction) * sideways
     return heights, where, behind_batch(jacobian, 2)
 

@@ -1,4 +1,4 @@
-"""What is read, of whatever kind of machine: a plan says which readings are (to be) taken.
+"""Plans of any kind of machine: which readings are, or are to be, taken.
 
 It holds no measured value. Readings may share unknown zeros, and may differ in how precise they
 are; what is estimated from them is estimated from combinations that no zero enters, weighted.
@@ -119,7 +119,9 @@ class Plan(ABC):
     @cached_property
     def steps(self) -> Self:
         """The same readings, whenever they were taken: one plan for all sessions of these steps."""
-        return known_plan(replace(self, hours=np.zeros(len(self))) if self.hours.any() else self)
+        unhurried = replace(self, hours=np.zeros(len(self))) if self.hours.any() else self
+        steps: Self = known_plan(unhurried)
+        return steps
 
     @property
     def parts(self) -> int:
@@ -133,12 +135,12 @@ class Plan(ABC):
 
     @property
     def fixed(self) -> bool:
-        """Whether they are all of gauges on stands that are fixed in space; not by default."""
+        """True if all are of gauges on stands that are fixed in space; not by default."""
         return False
 
     @property
     def flat(self) -> bool:
-        """Whether they show a shape, and not what makes it; not by default."""
+        """True if they show a shape, and not what makes it; not by default."""
         return False
 
     @property
@@ -205,7 +207,7 @@ class Plan(ABC):
 
     @abstractmethod
     def entry(self, index: int) -> Mapping[str, object]:
-        """What one reading is of: name → value, in the unit of the name."""
+        """One reading: name → value, in the unit of the name."""
 
     @property
     def last_travel(self) -> Ints:
@@ -219,7 +221,7 @@ class Plan(ABC):
     @property
     @abstractmethod
     def returning(self) -> Floats:
-        """What no cause describes may return with its place: columns of unit size (n, q)."""
+        """Columns of unit size (n, q) that may return with their place though no cause has them."""
 
     def wheres(self, ordered: bool) -> Iterator[tuple[Where, Bools]]:
         """Readings at which a pattern may act, (n,), narrow ones before those that hold them.
@@ -271,10 +273,10 @@ class Contrasts(ReadOnly):
     @cached_property
     def _reflected(self) -> tuple[Floats, Floats]:
         """V, shape (m, s), and T, shape (s, s)."""
-        own = self.zeros.shape[1]
+        width = self.zeros.shape[1]
         packed, _ = np.linalg.qr(self.zeros, mode="raw")
         v = np.tril(packed.T, -1)
-        v[np.arange(own), np.arange(own)] = 1.0
+        v[np.arange(width), np.arange(width)] = 1.0
         inner = v.T @ v
         t = np.linalg.inv(np.triu(inner, 1) + np.diag(0.5 * np.diag(inner)))
         return read_only(v), read_only(t)
@@ -308,15 +310,15 @@ class Contrasts(ReadOnly):
     def _contrasted(self, values: Floats) -> Floats:
         values = self.precision[:, None] * values
         v, t = self._reflected
-        own = v.shape[1]
-        return self._weighed(values[..., own:, :] - v[own:] @ (t.T @ (v.T @ values)))
+        width = v.shape[1]
+        return self._weighed(values[..., width:, :] - v[width:] @ (t.T @ (v.T @ values)))
 
     def _spread(self, values: Floats) -> Floats:
         values = self._weighed(values)
         v, t = self._reflected
-        own = v.shape[1]
-        spread = -v @ (t @ (v[own:].T @ values))
-        spread[..., own:, :] += values
+        width = v.shape[1]
+        spread = -v @ (t @ (v[width:].T @ values))
+        spread[..., width:, :] += values
         return np.asarray(self.precision[:, None] * spread)
 
     def _weighed(self, values: Floats) -> Floats:

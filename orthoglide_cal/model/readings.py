@@ -1,4 +1,4 @@
-"""What gauges on the legs read: axes, postures, and the plan of such readings."""
+"""Readings of gauges on the legs: axes, postures, and the plan of such readings."""
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -110,7 +110,7 @@ class GaugePlan(Plan):
 
     @step_property
     def stood(self) -> Floats:
-        """What was entered when each reading's gauge was set up, shape (n, 3) [mm].
+        """Offsets in force when each reading's gauge was set up, shape (n, 3) [mm].
 
         That is when the first reading of its set-up was taken: a stand does not follow a leg that
         is moved by what is entered later.
@@ -160,7 +160,7 @@ class GaugePlan(Plan):
 
     @step_property
     def state(self) -> tuple[Floats, ...]:
-        """What else readings must agree in to repeat each other, each (n,); () where all do."""
+        """Further keys in which repeats must agree, each (n,); () where all do."""
         return (*_columns(self.turned[:, None]), *_columns(self.entered))
 
     @step_property
@@ -211,11 +211,11 @@ class GaugePlan(Plan):
         """A gauge, a leg, a direction, a posture."""
         columns = {"leg": self.leg, "direction": self.direction, "posture": self.displacement}
         for names in (("leg", "direction"), ("leg",), ("direction",), ("posture",)) * ordered:
-            kinds, own = np.unique([columns[n] for n in names], axis=1, return_inverse=True)
+            kinds, kind_of = np.unique([columns[n] for n in names], axis=1, return_inverse=True)
             for number, kind in enumerate(kinds.T.tolist()):
                 pairs = zip(names, kind, strict=True)
                 where = {n: f"{v:g}" if n == "posture" else AXES[int(v)] for n, v in pairs}
-                yield where, own.reshape(-1) == number
+                yield where, kind_of.reshape(-1) == number
         yield from super().wheres(ordered)
 
     @step_property

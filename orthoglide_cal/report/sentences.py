@@ -32,6 +32,9 @@ RESTING = 4.0
 # In addition to Python's formats.
 _FORMATS: Mapping[str, Callable[..., str]] = {
     "names": ", ".join,
+    "listed": listed,
+    "lengths": lambda values: ", ".join(f"{value:g}" for value in dict.fromkeys(values)),
+    "series": lambda at: f" of leg {at['leg']}, direction {at['direction']}" if at else "",
     "and": " and ".join,
     "with": " with ".join,
     "causes": lambda ids: " and ".join(ids) or "this",
@@ -39,6 +42,9 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "p": chance,
     "tenths": lambda value: plain(value, 1),
     "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
+    "freed": lambda arms: ", ".join(
+        f"{arm.name} {arm.value:+.3f} ± {2.0 * arm.std:.2g}" for arm in arms
+    ),
     "place": lambda where: f" ({where})" if where else "",
     "moves": lambda rows: ", ".join(
         f"{name} by {two_figures(size)} {unit_words(unit)}" for name, size, unit in rows
@@ -52,15 +58,17 @@ class _Formatter(string.Formatter):
         return words(value) if words else str(super().format_field(value, format_spec))
 
 
-def sentence(reason: Reason, machine: Machine) -> str:
-    """The sentence for a reason, in the words of a kind of machine."""
-    words, data = _SENTENCES[reason.code], reason.data
-    if not isinstance(words, str):
-        return words(machine, data)
-    known = {"words": machine.vocabulary, **data}
-    if "{cause." in words:
-        known["cause"] = CAUSES[str(data["id"])].words(machine)
-    return _Formatter().vformat(words, (), known)
+def sentence(reason: Reason, machine: Machine | None = None) -> str:
+    """The sentence for a reason, in the words of a kind of machine; a file's remark needs none."""
+    words, known = _SENTENCES[reason.code], dict(reason.data)
+    of_file = f"{known.pop('of_file')}: " if "of_file" in known else ""
+    if machine:
+        known["words"] = machine.vocabulary
+        if not isinstance(words, str):
+            return words(machine, known)
+        if "{cause." in words:
+            known["cause"] = CAUSES[str(known["id"])].words(machine)
+    return of_file + _Formatter().vformat(str(words), (), known)
 
 
 def _residuals(size: str, end: str) -> str:
@@ -230,6 +238,54 @@ def _retake(_: Machine, data: Data) -> str:
     return f"Retake what was questioned and kept: {steps}:"
 
 
+# Readings that a gauge can hardly have shown: why, and the remedy.
+_BETTER = " If the gauge repeats better than stated, correct repeatability_mm in the machine file."
+_REPEATS_MM = "though the gauge repeats within {repeatability_mm:g} mm."
+_DECIMALS = "Check the unit, and resolution_mm in the machine file."
+_DOUBTS: Mapping[str, tuple[str, str]] = {
+    "stuck": (
+        f"Repeated readings{{where:series}} never differ, {_REPEATS_MM}",
+        f"Is the gauge stuck or its display held? Measure again.{_BETTER}",
+    ),
+    "steady": (
+        f"Repeated readings{{where:series}} differ by {{scatter_mm:.1g}} mm only, {_REPEATS_MM}",
+        f"Check the unit, and whether the gauge moves freely.{_BETTER}",
+    ),
+    "off_scale": (
+        "{count} of {readings} readings have more decimals than a gauge with divisions of"
+        " {step_mm:g} mm shows (first: line {line}, {value_mm:g} mm).",
+        _DECIMALS,
+    ),
+    "fine_differences": (
+        "The differences have more decimals than a gauge with divisions of {step_mm:g} mm gives,"
+        " even as means of readings.",
+        _DECIMALS,
+    ),
+    "too_far_apart": (
+        "Readings{where:series} are {span_mm:.4g} mm apart (line {line}: {value_mm:g} mm), beyond"
+        " the gauge's range of {range_mm:g} mm.",
+        "Correct the reading or the unit, or range_mm in the machine file.",
+    ),
+    "other_unit": ("This gauge cannot show these readings in mm. Are they {mistake}?", "{remedy}"),
+}
+
+
+def _doubt(doubt: Reason, part: int) -> str:
+    """Why readings are doubted (0), or what to do (1)."""
+    return _Formatter().vformat(_DOUBTS[doubt.code][part], (), doubt.data)
+
+
+# A height that counts from anywhere.
+_ZERO_UNKNOWN = (
+    "it cannot show the common height of the three endstops. Set the height of the nozzle again"
+    " after entering them."
+)
+_NOZZLE = (
+    "For the same Z the nozzle stands {{mm:.3f}} mm {} with the settings in force than with those"
+    " of DELTA_CALIBRATE. If you changed the endstops afterwards, as for a first layer, entering"
+    " the result undoes this and {} the nozzle by as much. Set its height again before you print."
+)
+_DIAL = "No dial indicator has a {}. Check the unit: lengths are in mm."
 _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     # Why there is no result, or why it fails its own check.
     "refused": "{what}",
@@ -238,7 +294,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "implausible": _implausible,
     "undetermined": "These readings do not determine {names:names}: they add nothing to what was"
     " known before.",
-    "gauge_doubt": "{what}",
+    "gauge_doubt": lambda _, data: _doubt(data["doubt"], 0),
     # What the diagnosis has against it.
     "undecided": _undecided,
     "few_readings": "With so few readings, nearly any cause fits.",
@@ -267,8 +323,6 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     " U covers only part of it. State it as texture_mm of the probe.",
     "remains": "Offsets do not remove {ids:causes}: {left_mm:two} mm r.m.s. will remain.",
     "other_data": _other_data,
-    "stale_mesh": "{text}",
-    "unused_data": "{text}",
     "nozzle_lower": "Entering this lowers the nozzle by {mm:.2f} mm: set its height again.",
     "overdue_gauge": "Gauge {id} is overdue: its calibration was due on {due}.",
     "temperature_changed": "The temperature changed by {kelvin:tenths} K while measuring.",
@@ -314,7 +368,6 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "nothing_to_do": "Nothing to do: measure again at the next service, or after a collision.",
     # About the data.
     "remark": "{text}",
-    "doubtful_readings": "{what} {remedy}",
     "below_resolution": "The residuals are smaller than the {words.noise}'s resolution allows"
     " ({floor_mm:.2g} mm); the intervals use the resolution.",
     # Notes of a diagnosis.
@@ -349,4 +402,80 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "retake": _retake,
     "probe_both": "Calibrate and probe a mesh one after the other, with nothing changed in between;"
     " then compare again.",
+    "check_gauge": lambda _, data: _doubt(data["doubt"], 1),
+    # Of a file, as it was read.
+    **{code: " ".join(texts) for code, texts in _DOUBTS.items()},
+    "gauge_repeatability_mm": _DIAL.format(
+        "repeatability of {repeatability_mm:g} mm with divisions of {resolution_mm:g} mm"
+    ),
+    "gauge_resolution_mm": _DIAL.format("division of {resolution_mm:g} mm"),
+    "gauge_range_mm": _DIAL.format(
+        "range of {range_mm:g} mm with divisions of {resolution_mm:g} mm"
+    ),
+    "gauge_revolution_mm": _DIAL.format(
+        "turn of {revolution_mm:g} mm within a range of {range_mm:g} mm"
+    ),
+    "implausible_temperature": "A workshop of {celsius:g} °C? Temperatures are in °C, from -40 to"
+    " 60.",
+    "unknown_names": "{kind} are not known and were not used: {names:listed}. {hints}",
+    "no_identified": "It does not say `identified:`. Was it cut off? If not, add the line"
+    " `identified: []`.",
+    "other_machine": "The session was measured on {recorded!r}, which differs from the machine"
+    " given, {given!r}, in: {keys:names}. The machine given was used.",
+    "beyond_range": "{count} of {readings} readings are beyond the gauge's range of {range_mm:g} mm"
+    " (first: line {line}, {value_mm:g} mm): check the unit, and the gauge in the machine file.",
+    "untimed": "Times were not given, or are all the same; {minutes:g} minutes per reading were"
+    " assumed.",
+    "equal_minutes": "All minutes are the same: they were not used.",
+    "repeated_line": "Line {line} repeats line {first} word for word; both were used.",
+    "missing_differences": "Of the {kind} differences these are missing: {names:names}.",
+    "taken_as_twelve": "These names were taken as max and min relative to the isotropic posture; a"
+    " single-posture file also has dz_x0 or dz_y0.",
+    # Of a printer's file.
+    "byte_order_mark": "The file begins with a byte order mark: Klipper does not read it. Save it"
+    " as UTF-8 without it.",
+    "stray_saved": "Because of line {line}, above its heading, Klipper drops what SAVE_CONFIG"
+    " wrote. Delete the line.",
+    "not_in_force": "Line {line}, {option} of [{section}], which SAVE_CONFIG wrote, is not in"
+    " force: line {other} says otherwise, and Klipper obeys that one. Delete one of the two.",
+    "unsaved_calibration": "SAVE_CONFIG does not follow the calibration of line {line}: the"
+    " settings before it are in force and are used.",
+    "settings_beside": "The settings are those of {names:and} in the same folder.",
+    "other_settings": "{files:and}: other {settings:names} in force.",
+    "arms_differ": "Arms: the machine file says {stated:lengths} mm, the firmware {used:lengths}"
+    " mm. The result holds with the firmware's; U includes the difference, {apart_mm:.2g} mm. Enter"
+    " the measured arms in both (arm_length), calibrate and probe again.",
+    "arms_freed": "The distances free the arms, as Klipper does: {arms:freed} mm (U). Enter them"
+    " with the parameters; export and apply write them.",
+    "unequal_arms": "Arms of {lengths_mm[0]:.1f}, {lengths_mm[1]:.1f} and {lengths_mm[2]:.1f} mm"
+    " are stored; printers of this kind have equal arms. Their difference, {spread_mm:.1f} mm, is"
+    " taken as their tolerance. Measure them from joint centre to joint centre.",
+    "probe_z_unknown": f"The probe's z offset is not known: {_ZERO_UNKNOWN}",
+    "probe_offset_unknown": "The probe's offset from the nozzle is not known: x and y of it are"
+    " taken as 0.",
+    "offset_not_stated": "{options:and} of [{sensor}] taken as 0: the file does not state it. If an"
+    " included file does, copy its [{sensor}] into this one.",
+    "m851_unknown": "M851 is not known and is taken as 0: do not add it to H again.",
+    "nozzle_raised": _NOZZLE.format("lower", "raises"),
+    "nozzle_lowered": _NOZZLE.format("higher", "lowers"),
+    "other_meshes": "Of {count} stored meshes, {mesh!r} was taken. To take another, name it"
+    " [bed_mesh default] in a copy of the file.",
+    "padded": "{count} points of the mesh {mesh!r} were not probed: they repeat a neighbour and are"
+    " left out.",
+    "mesh_zero": "By line {line}, {option}, the mesh counts from one of its own places:"
+    f" {_ZERO_UNKNOWN}",
+    "map_from_place": "If G30 was sent before G29, the map counts from that place:"
+    f" {_ZERO_UNKNOWN}",
+    "map_height_unknown": f"The map counts from a height that it does not state: {_ZERO_UNKNOWN}",
+    "stale_mesh": "The calibration (line {calibration}) was stored after this mesh was first saved"
+    " (line {mesh}). If BED_MESH_CALIBRATE was not run again since then, the mesh is older than the"
+    " calibration in force: the result is wrong.",
+    "stale_map": "The height map ({date}) is older than the calibration in force ({settings},"
+    " {calibrated}): probe the bed again (G29).",
+    "unused_data": "The {data} in the same file was not used. {what} {remedy}",
+    "marlin_reach": "{name} does not print where it probed. Marlin's usual reach is assumed:"
+    " {reach_mm:g} mm from the middle ({margin_mm:g} mm from the edge).",
+    "converted": "The heights of {name} were probed before G33 changed the settings (line {line});"
+    " they are converted to those in force after it.",
+    "averaged_places": "G33 with P4 to P10 prints averages around seven places: take P3.",
 }

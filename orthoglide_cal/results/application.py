@@ -27,10 +27,12 @@ from orthoglide_cal.model.machine import (
     Written,
     WrittenTable,
 )
+from orthoglide_cal.model.measured import NOZZLE
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.results.answer import Answer
+from orthoglide_cal.schema import Reason
 
 _FIRST = (
     "They are written here for the first time, and the change is added: a value may hold more than"
@@ -63,6 +65,7 @@ class Application:
     data: bytes = b""  # of the controller's file, as they will be
     corrections: tuple[Correction, ...] = ()
     simulated: bool = False  # the measurement; recorded to practise
+    remarks: tuple[Reason, ...] = ()  # on the nozzle of a printer
 
     @property
     def tables(self) -> tuple[WrittenTable, ...]:
@@ -144,8 +147,6 @@ def apply(
             expected |= {stands[p.name].key: f"{p.active:g}" for p in answer.parameters}
         elif not known:
             controller = replace(controller, remarks=(_FIRST,))
-        if (excerpt := given.measured.source.excerpt) and excerpt.nozzle:
-            controller = replace(controller, remarks=(*controller.remarks, excerpt.nozzle))
         if differing := controller.differing(expected):
             raise UsageError(
                 f"{controller.target}: {differing} Somebody changed it since.",
@@ -164,7 +165,8 @@ def apply(
         entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
     then = with_history(file, entry.after, entry.corrected, *file.model.machine.history, entry)
     done = Application(file, entry, False, then, given.conditions, controller, data)
-    return replace(done, corrections=corrections, simulated=simulated)
+    remarks = tuple(r for r in given.measured.remarks if r.code in NOZZLE) if controller else ()
+    return replace(done, corrections=corrections, simulated=simulated, remarks=remarks)
 
 
 def check_measured(given: Input, file: StoredMachine | None = None) -> None:

@@ -157,8 +157,8 @@ def answer_to(
 
     change = np.array([parameter.change(decimals) for parameter in parameters])
     rows: tuple[PromisedDifference, ...] = ()
-    known = shown_as.budget if shown_as else solution.budget
-    if decision.usable and _within_noise(model, chosen, known):
+    shown_budget = shown_as.budget if shown_as else solution.budget
+    if decision.usable and _within_noise(model, chosen, shown_budget):
         # What would change then; the differences become no smaller where U allows for all of it.
         rows = promised_after(change)
         gain = sum((row.measured_mm - row.expected_mm) ** 2 for row in rows)
@@ -559,8 +559,8 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
     if names:
         yield Reason.of("undetermined", names=names), more
     for doubt in solution.doubts:
-        remedy = Remedy(sentence=Reason.of("do", what=doubt.remedy))
-        yield Reason.of("gauge_doubt", what=doubt.what), remedy
+        remedy = Remedy(sentence=Reason.of("check_gauge", doubt=doubt))
+        yield Reason.of("gauge_doubt", doubt=doubt), remedy
     if diagnosis is None and solution.suspicious:
         yield solution.judgement, more
 

@@ -10,7 +10,7 @@ from orthoglide_cal import __version__
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.machine import OwnGauge
-from orthoglide_cal.model.measured import Source
+from orthoglide_cal.model.measured import CAUTIONS, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
@@ -81,13 +81,11 @@ def _reservations(given: Input, conditions: Validity) -> Iterator[Reason]:
     for gauge in conditions.gauges:
         if gauge.overdue:
             yield Reason.of("overdue_gauge", id=gauge.id, due=gauge.due)
-    excerpt = given.measured.source.excerpt
-    if excerpt and excerpt.stale:
-        yield Reason.of("stale_mesh", text=excerpt.stale)
-    if excerpt and excerpt.lowers_mm:
-        yield Reason.of("nozzle_lower", mm=excerpt.lowers_mm)
-    if excerpt and excerpt.unused:
-        yield Reason.of("unused_data", text=excerpt.unused)
+    for remark in given.measured.remarks:
+        if remark.code in CAUTIONS:
+            yield remark
+        elif remark.code == "nozzle_lowered":
+            yield Reason.of("nozzle_lower", **remark.data)
     known = given.conditions.temperatures_c
     if known and max(known) - min(known) > STEP_K:
         yield Reason.of("temperature_changed", kelvin=max(known) - min(known))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
-from itertools import chain, count
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +18,8 @@ import numpy as np
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.readings import doubted_temperatures
-from orthoglide_cal.files.text import read_document
+from orthoglide_cal.files.readings import implausible_c
+from orthoglide_cal.files.text import free_path, read_document
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
@@ -36,7 +36,7 @@ from orthoglide_cal.planning.steps import (
     sequence,
     steps_of,
 )
-from orthoglide_cal.schema import parse_number
+from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Show, Style
 from orthoglide_cal.session.dialogue import Dialogue
@@ -78,6 +78,7 @@ class Request:
     operator: str = ""
     temperature_c: float | None = None
     gauges: tuple[events.GaugeLabel, ...] = ()
+    says: Callable[[Reason], str] = attrgetter("code")  # words a reason
 
 
 def clock() -> str:
@@ -136,8 +137,9 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
 def _check_options(request: Request) -> None:
     """Raises UsageError if what is asked for does not go together."""
     path, following = request.path, request.following
-    for doubt in doubted_temperatures([request.temperature_c]):
-        raise UsageError(doubt, "Correct it, or leave it out.")
+    for celsius in implausible_c([request.temperature_c]):
+        what = f"A workshop of {celsius:g} °C? Temperatures are in °C, from -40 to 60."
+        raise UsageError(what, "Correct it, or leave it out.")
     if following is None:
         if request.choice is not None:
             raise UsageError("--choice needs a recommendation.", "Name its data: --then FILE")
@@ -183,8 +185,9 @@ def _confirmed(
             plan, following, change = recommended.measured_with(model.orthoglide.offsets_mm)
         careful = require_on_bar(plan, model.orthoglide)
         asker.say(wording.machine(model))
-        for doubt in filter(None, (careful, *model.machine.instrument.implausible().values())):
-            asker.say(str(doubt), Style.BAD)
+        doubts = map(request.says, model.machine.instrument.implausible().values())
+        for doubt in (*([str(careful)] if careful else []), *doubts):
+            asker.say(doubt, Style.BAD)
         if change:
             asker.say(change, Style.BAD)
         if following:
@@ -455,9 +458,7 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
                 f"There is an unfinished session here: {names}.",
                 "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
             )
-        stems = chain(("session",), (f"session-{number}" for number in count(2)))
-        free = (folder / f"{stem}.yaml" for stem in stems)
-        return next(f for f in free if not (f.exists() or f.with_suffix(JOURNAL).exists()))
+        return free_path(folder, "session", ".yaml", JOURNAL)
     path = session_path(given)
     journal = path.with_suffix(JOURNAL)
     if not resume and path.exists():
@@ -485,8 +486,7 @@ def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -
         opened = Journal.resume(journal)
         readings = counted(len(events.replay(opened.events).accepted), "reading")
         opened.close()
-    names = chain((path.stem,), (f"{path.stem}-{number}" for number in count(2)))
-    aside = next(p for name in names if not (p := path.with_name(f"{name}.discarded")).exists())
+    aside = free_path(path.parent, path.stem, ".discarded")
     fate = f"It will be kept as {aside} and cannot be resumed.\nGive it up?"
     if not agrees(f"{journal} holds {readings}. {fate}"):
         return None

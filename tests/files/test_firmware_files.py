@@ -16,6 +16,7 @@ from orthoglide_cal.results import answer_to
 from tests import firmware_files as made
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import printer, true_values
+from tests.sentences import sentences
 
 from .helpers import MODEL, problems, saved
 
@@ -58,9 +59,7 @@ def made_machine(folder: Path) -> str:
 
 
 def remarks(*given) -> str:
-    measured = read_input(*given).measured
-    excerpt = measured.source.excerpt
-    return " ".join((*measured.remarks, excerpt.stale if excerpt else ""))
+    return " ".join(sentences(read_input(*given).measured.remarks))
 
 
 @pytest.fixture
@@ -133,7 +132,7 @@ def test_the_settings_may_be_named(tmp_path: Path) -> None:
     # A machine file does not tell where the probe is.
     known = read_machine_file(made_machine(tmp_path)).model
     given = read_input(path, known)
-    assert "z offset is not known" in " ".join(given.measured.remarks)
+    assert "z offset is not known" in " ".join(sentences(given.measured.remarks))
     assert abs(np.median(given.measured.value)) < 1e-9
 
 
@@ -145,7 +144,8 @@ def test_what_was_probed_before_g33_changed_the_settings_counts_from_those_after
     given = read_input(put(tmp_path, "c.txt", text))
     assert given.model.machine.delta_radius_mm == 151.0
     line = text[: text.index("\n.Height")].count("\n") + 2
-    assert f"before G33 changed the settings (line {line})" in " ".join(given.measured.remarks)
+    told = " ".join(sentences(given.measured.remarks))
+    assert f"before G33 changed the settings (line {line})" in told
     assert given.measured.source.excerpt.data == "mesh"
     # The carriages are where they were: the nozzle is believed elsewhere, by 150 -> 151 mm.
     arms = np.array(before.arms)
@@ -160,13 +160,13 @@ def test_a_log_has_the_calibration_that_was_saved_last_or_says_that_none_was(own
     saved = read_input(put(own, "klippy.log", log)).measured
     assert saved.source.excerpt.words == "7 heights and 3 distances"
     assert saved.line[0] == log[: log.index("height0")].count("\n") + 1
-    assert not any("SAVE_CONFIG does not" in remark for remark in saved.remarks)
+    assert "unsaved_calibration" not in [remark.code for remark in saved.remarks]
     mesh = read_input(str(own / "klippy.log"), stored="mesh").measured
     assert mesh.source.excerpt.data == "mesh"
     log = made.klippy_log(made.UNEVEN, OFF)
     open_ = read_input(put(own, "open.log", log)).measured
     np.testing.assert_allclose(open_.plan.place, saved.plan.place, atol=1e-9)
-    assert any("SAVE_CONFIG does not follow" in remark for remark in open_.remarks)
+    assert "unsaved_calibration" in [remark.code for remark in open_.remarks]
     assert open_.line[0] == log[: log.index("Calculating")].count("\n") + 2
     [fault] = problems(read_input, put(own, "cut.log", log[log.index("Calculating") :]))
     assert "beginning is missing" in fault.what
@@ -238,10 +238,9 @@ def test_of_several_dates_each_says_what_is_older_or_was_not_used(own: Path) -> 
     far = cfg.replace("#*# height0 = ", "#*# height0 = 9")
     paths = [put(own, f"{name}.cfg", text) for name, text in (("one", turned), ("two", far))]
     both = together([read_input(path, None, default_machine, "mesh") for path in paths])
-    excerpt = both.measured.source.excerpt
-    assert excerpt is not None
-    assert excerpt.stale.startswith("one.cfg: The calibration")
-    assert excerpt.unused.startswith("two.cfg: The calibration in the same file was not used.")
+    stale, unused = sentences(both.measured.remarks)[-2:]
+    assert stale.startswith("one.cfg: The calibration")
+    assert unused.startswith("two.cfg: The calibration in the same file was not used.")
 
 
 def test_faults_have_their_line_and_their_file(own: Path) -> None:

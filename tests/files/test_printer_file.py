@@ -1,5 +1,6 @@
 """Klipper's printer.cfg: what is read of it, what is passed over, and every fault with its line."""
 
+import codecs
 import math
 import re
 from dataclasses import replace
@@ -12,7 +13,9 @@ from scipy.optimize import least_squares
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.klipper import read_printer_file
+from orthoglide_cal.files.text import document_from_bytes
 from tests.printer_files import OFF, STEP, printer_cfg
+from tests.sentences import sentences
 from tests.truth.delta import V400, Delta, Floats
 from tests.truth.forward import tool_from_carriages
 
@@ -155,7 +158,11 @@ def test_steps_below_the_endstops_are_heights_of_the_carriages():
 
 def test_points_beyond_the_mesh_radius_are_left_out():
     mesh = read(GOOD).mesh
-    assert (mesh.mesh, mesh.remarks, len(mesh.plan)) == ("default", (PADDED,), 13)
+    assert (mesh.source.excerpt.mesh, sentences(mesh.remarks), len(mesh.plan)) == (
+        "default",
+        [PADDED],
+        13,
+    )
     x, y, z = mesh.plan.place.T
     np.testing.assert_allclose(x[:4] + 2.0, [0.0, -49.99, 0.0, 49.99], atol=1e-12)
     np.testing.assert_allclose(y[:4] - 3.5, [-99.98, -49.99, -49.99, -49.99])
@@ -192,18 +199,18 @@ def test_the_mesh_of_another_file(old, new, padded, x):
     text = text.replace("mesh_radius: 100\n", "") if padded == 0 else text
     text = text.replace(CALIBRATION, "") if "rotation" in old else text
     mesh = read(text).mesh
-    assert (mesh.remarks, len(mesh.plan)) == ((PADDED,) if padded else (), 25 - padded)
+    assert (sentences(mesh.remarks), len(mesh.plan)) == ([PADDED] if padded else [], 25 - padded)
     assert mesh.plan.place[0, 0] == pytest.approx(x - 2.0)
 
 
 def test_another_profile_where_there_is_no_default():
     text = GOOD.replace("[bed_mesh default]", "[bed_mesh hot bed]")
-    assert read(text).mesh.mesh == "hot bed"
+    assert read(text).mesh.source.excerpt.mesh == "hot bed"
     two = read(GOOD + MESH.replace("[bed_mesh default]", "[bed_mesh hot]").replace("0.3", "0.9"))
-    assert two.mesh.mesh == "default"
+    assert two.mesh.source.excerpt.mesh == "default"
     assert two.mesh.value[4] == 0.3
     assert two.remarks == ()
-    remark, _ = two.mesh.remarks
+    remark, _ = sentences(two.mesh.remarks)
     assert remark.startswith("Of 2 stored meshes, 'default' was taken.")
 
 
@@ -219,20 +226,20 @@ def test_offsets_of_whatever_probes(name):
 
 def test_offsets_that_may_stand_in_an_included_file_are_asked_for():
     bare = GOOD.replace("x_offset: 2\n", "").replace("y_offset: -3.5\n", "")
-    remark, _ = read(bare).mesh.remarks
+    remark, _ = sentences(read(bare).mesh.remarks)
     assert "x_offset and y_offset of [probe] taken as 0" in remark
-    remark, _ = read(GOOD.replace("x_offset: 2\n", "")).mesh.remarks
+    remark, _ = sentences(read(GOOD.replace("x_offset: 2\n", "")).mesh.remarks)
     assert remark.startswith("x_offset of [probe]")
-    assert read(bare.replace("[include macros.cfg]\n", "")).mesh.remarks == (PADDED,)
+    assert sentences(read(bare.replace("[include macros.cfg]\n", "")).mesh.remarks) == [PADDED]
 
 
 @pytest.mark.parametrize("option", ["zero_reference_position: 0,0", "relative_reference_index: 12"])
 def test_a_mesh_that_counts_from_one_of_its_places_does_not_tell_the_height(option):
     text = GOOD.replace("mesh_radius: 100\n", f"mesh_radius: 100\n{option}\n")
-    remark, _ = read(text).mesh.remarks
+    remark, _ = sentences(read(text).mesh.remarks)
     assert f"line {line_of(text, option)}, {option.split(':')[0]}" in remark
     assert "the common height of the three endstops" in remark
-    assert read(GOOD).mesh.remarks == (PADDED,)
+    assert sentences(read(GOOD).mesh.remarks) == [PADDED]
 
 
 def test_the_lines_above_win_as_in_klipper_and_the_difference_is_told():
@@ -241,10 +248,10 @@ def test_the_lines_above_win_as_in_klipper_and_the_difference_is_told():
     assert found.machine.arm_length_mm == (250.25, 250.25, 250.75)
     assert found.machine.tower_angles_deg[0] == 210.25
     above, saved = line_of(text, "arm_length: 250.25"), line_of(text, "#*# arm_length = 251.125")
-    assert found.remarks == (
+    assert sentences(found.remarks) == [
         f"Line {saved}, arm_length of [stepper_a], which SAVE_CONFIG wrote, is not in force: line"
         f" {above} says otherwise, and Klipper obeys that one. Delete one of the two.",
-    )
+    ]
 
 
 @pytest.mark.parametrize(
@@ -396,3 +403,10 @@ def test_distances_free_the_arms_as_in_klipper(tmp_path: Path, noise: float) -> 
     # Three distances would fit any arms.
     few = saved(tmp_path, printer_cfg(V400, truth, sections="c"), "few.cfg")
     assert read_input(few).model.accepted == ()
+
+
+def test_a_block_that_klipper_drops_is_told_when_the_file_is_only_read() -> None:
+    stray = "#*# kept by hand\n" + GOOD
+    assert [remark.code for remark in read(stray).remarks] == ["stray_saved"]
+    marked = document_from_bytes(codecs.BOM_UTF8 + GOOD.encode(), "printer.cfg")
+    assert [remark.code for remark in read_printer_file(marked).remarks] == ["byte_order_mark"]

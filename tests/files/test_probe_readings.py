@@ -12,10 +12,11 @@ from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import default_machine, machine_from_text, read_machine_file
 from orthoglide_cal.files.probe_readings import REPEATABILITY_MM
 from orthoglide_cal.model.linear_delta import CALLIPER_MM, MINUTES_PER_TOUCH, Endstops, LinearDelta
-from orthoglide_cal.model.measured import Readings
+from orthoglide_cal.model.measured import NOZZLE, Readings
 from orthoglide_cal.model.model import Model
 from tests.printer_files import printer_cfg
 from tests.printers import CONFIG, UNEVEN, printer, true_values
+from tests.sentences import sentences
 from tests.truth.delta import Layout, Truth, delta_csv, indicated, make_delta_session, tool
 from tests.truth.plan import frozen
 
@@ -60,7 +61,7 @@ def test_what_is_optional_in_any_order(tmp_path: Path) -> None:
     assert read.value.tolist() == [0.02, -0.01]
     assert read.plan.hours.tolist() == [0.0, MINUTES_PER_TOUCH / 60.0]
     assert (read.note, read.timed, read.cycle.tolist()) == (("foil", ""), False, [1, 1])
-    assert any("colour" in remark for remark in read.remarks)
+    assert any("colour" in remark for remark in sentences(read.remarks))
 
 
 def test_a_column_without_a_name_changes_no_unit(tmp_path: Path) -> None:
@@ -85,7 +86,7 @@ def test_the_order_in_time_is_that_of_the_numbers(tmp_path: Path) -> None:
 def test_the_same_time_for_all_is_none(tmp_path: Path, last: str, same: bool) -> None:
     text = f"x_mm,y_mm,reading_mm,minutes\n1,0,0.1,0\n0,1,0.2,0\n0,0,0.1,{last}\n"
     remarks = read_input(saved(tmp_path, text), MODEL).measured.remarks
-    assert any("same" in remark for remark in remarks) == same
+    assert ("equal_minutes" in [remark.code for remark in remarks]) == same
 
 
 H = "x_mm,y_mm,reading_mm\n0,0,0.1\n"
@@ -128,7 +129,7 @@ def test_a_column_of_places_makes_no_touches_of_gauge_readings(tmp_path: Path) -
     text = "leg,posture,direction,reading_mm,x_mm,y_mm\nx,iso,y,0.1,3,4\nx,max,y,0.2,3,4\n"
     read = read_input(saved(tmp_path, text), default_machine()).measured
     assert len(read) == 2
-    assert any("x_mm" in remark for remark in read.remarks)
+    assert any("x_mm" in remark for remark in sentences(read.remarks))
 
 
 # --- printer.cfg ------------------------------------------------------------------------------
@@ -252,10 +253,10 @@ def test_endstops_that_were_trimmed_after_the_calibration_are_told(
     assert abs(beyond) == pytest.approx(abs(by), abs=0.01)
     words = f"{abs(beyond):.2f}", "higher" if beyond > 0.0 else "lower"
     text = cfg(truth=Truth())
-    assert not any("first layer" in each for each in taken(tmp_path, text).measured.remarks)
+    assert not [r for r in taken(tmp_path, text).measured.remarks if r.code in NOZZLE]
     for end in set(UNEVEN.endstops):
         text = text.replace(f"position_endstop = {end}\n", f"position_endstop = {end + by}\n")
-    remarks = taken(tmp_path, text).measured.remarks
+    remarks = sentences(taken(tmp_path, text).measured.remarks)
     (remark,) = (each for each in remarks if "first layer" in each)
     assert all(word in remark for word in words), remark
 

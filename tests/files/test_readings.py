@@ -17,6 +17,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.readings import Contact
 from tests.readings import readings_of, some
+from tests.sentences import sentences
 
 from .helpers import MACHINE, document, measured, places, problems, readings
 
@@ -40,9 +41,9 @@ def test_the_required_columns_are_enough(tmp_path):
     assert np.isnan(read.temperature).all()
     assert not read.timed
     np.testing.assert_allclose(read.plan.hours * 60, [0.0, 0.4, 0.8])
-    assert read.remarks == (
-        "Times were not given, or are all the same; 0.4 minutes per reading were assumed.",
-    )
+    assert sentences(read.remarks) == [
+        "Times were not given, or are all the same; 0.4 minutes per reading were assumed."
+    ]
 
 
 @pytest.mark.parametrize(
@@ -176,10 +177,11 @@ REMARKS = [
 
 @pytest.mark.parametrize(("text", "words"), REMARKS)
 def test_remarks(tmp_path, text, words):
-    (remark,) = readings(tmp_path, text).remarks
+    (remark,) = sentences(readings(tmp_path, text).remarks)
     assert words in remark
     # Without minutes equal rows are plain repeats.
-    assert not any("repeats" in each for each in readings(tmp_path, f"{GOOD}x,max,y,-0.25").remarks)
+    unlike = readings(tmp_path, f"{GOOD}x,max,y,-0.25").remarks
+    assert "repeated_line" not in [remark.code for remark in unlike]
 
 
 @pytest.mark.parametrize(

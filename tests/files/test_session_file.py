@@ -16,6 +16,7 @@ from orthoglide_cal.files.machine_file import (
 from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.files.session_file import Session, session_json, session_text
 from tests.machines import extended
+from tests.sentences import sentences
 
 from .helpers import MODEL, PROTOTYPE, places, problems, saved
 
@@ -92,8 +93,9 @@ def test_the_machine_inside_is_used_unless_another_is_named(tmp_path):
     given = read_input(path, MODEL)
     assert given.model is MODEL
     assert given.measured.plan.displacement.tolist() == [0.0, 60.0, -20.5, -100.0]
-    assert "differs from the machine given" in given.measured.remarks[0]
-    assert "leg_length_mm" in given.measured.remarks[0]
+    remark = sentences(given.measured.remarks)[0]
+    assert "differs from the machine given" in remark
+    assert "leg_length_mm" in remark
 
 
 def test_accepted_causes_belong_to_the_machine_inside(tmp_path):
@@ -107,7 +109,7 @@ def test_accepted_causes_belong_to_the_machine_inside(tmp_path):
     assert given.model is same
     assert given.measured.remarks == ()
     assert other.model.accepted == ()
-    (remark,) = other.measured.remarks
+    (remark,) = sentences(other.measured.remarks)
     assert remark.endswith("in: identified. The machine given was used.")
 
 
@@ -217,7 +219,7 @@ def test_faults_of_all_parts_are_found_at_once(tmp_path):
 def test_unknown_keys_are_said(tmp_path):
     text = session_text(values()).replace("operator:", "weather: rain\noperator:")
     text = text.replace("leg: x,", "leg: x, colour: red,")
-    remarks = read_input(save(tmp_path, text), MODEL).measured.remarks
+    remarks = sentences(read_input(save(tmp_path, text), MODEL).measured.remarks)
     assert any("weather" in remark for remark in remarks)
     assert any("colour" in remark for remark in remarks)
 

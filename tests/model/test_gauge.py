@@ -16,6 +16,7 @@ from orthoglide_cal.model.gauge import Gauge, chance_of_less_scatter
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results.making import release
 from tests import truth
 from tests.cli.program import lines, run
@@ -31,8 +32,8 @@ both_gauges = pytest.mark.parametrize("gauge", [truth.DIAL, truth.MICRON], ids=l
 
 def kinds(readings: Readings, gauge: Gauge) -> set[str]:
     every = (DEAD, SCATTER, GRID, RANGE, UNIT)
-    found = gauge.doubts(readings)
-    return {kind for kind in every for doubt in found if kind in doubt.what}
+    doubts = sentences(gauge.doubts(readings))
+    return {kind for kind in every for doubt in doubts if kind in doubt}
 
 
 def drawn(gauge: truth.Gauge, seed: int = 3) -> tuple[Readings, Gauge]:
@@ -129,8 +130,7 @@ def test_one_dead_gauge_is_named() -> None:
     value = readings.value.copy()
     value[readings.plan.setup == 2] = 0.123
     (doubt,) = stated.doubts(replace(readings, value=value))
-    assert DEAD in doubt.what
-    assert doubt.what.startswith("Leg y, direction x: ")
+    assert sentence(doubt).startswith(f"Repeated readings of leg y, direction x {DEAD}")
 
 
 # --- digits, travel, units --------------------------------------------------------------------
@@ -141,9 +141,10 @@ def test_more_decimals_than_the_gauge_has() -> None:
     value = readings.value.copy()
     value[7] += 0.004
     (doubt,) = stated.doubts(replace(readings, value=value))
-    assert GRID in doubt.what
-    assert "1 of 60" in doubt.what
-    assert f"line {readings.line[7]}, {value[7]:g} mm" in doubt.what
+    text = sentence(doubt)
+    assert GRID in text
+    assert "1 of 60" in text
+    assert f"line {readings.line[7]}, {value[7]:g} mm" in text
 
 
 def test_readings_further_apart_than_the_plunger_travels() -> None:
@@ -153,8 +154,8 @@ def test_readings_further_apart_than_the_plunger_travels() -> None:
     value = readings.value.copy()
     value[33] += 10.5
     (doubt,) = stated.doubts(replace(readings, value=value))
-    assert RANGE in doubt.what
-    assert f"line {readings.line[33]}:" in doubt.what
+    assert RANGE in sentence(doubt)
+    assert f"line {readings.line[33]}:" in sentence(doubt)
 
 
 @both_gauges
@@ -172,8 +173,8 @@ def test_a_wrong_unit_is_named(
         readings, stated = drawn(gauge, seed)
         wrong = replace(readings, value=np.round(readings.value * factor, decimals))
         (doubt,) = stated.doubts(wrong)
-        assert UNIT in doubt.what
-        assert words in doubt.remedy
+        assert UNIT in sentence(doubt)
+        assert words in sentence(doubt)
         assert not kinds(readings, stated)
 
 
@@ -254,13 +255,13 @@ def test_a_gauge_that_does_not_exist_is_questioned(
     assert not PROTOTYPE.gauge.implausible()
     gauge = PROTOTYPE.gauge.changed(**wrong)
     (doubt, *_) = gauge.implausible().values()
-    assert words in str(doubt)
+    assert words in sentence(doubt)
     path = tmp_path / "machine.yaml"
     machine = PROTOTYPE.changed(gauge=gauge)
     path.write_text(machine_text(Model(machine)), encoding="utf-8")
     (checked,) = lines(run("validate", str(path), "--json"))
     assert checked["valid"] is True
-    assert str(doubt) in checked["remarks"]
+    assert sentence(doubt) in checked["remarks"]
     if wrong == {"repeatability_mm": 6.0}:
         made = ("machine", "new", "--yes", "--repeatability", "6", "-o", str(tmp_path / "m.yaml"))
         assert words in run(*made).stderr

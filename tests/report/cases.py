@@ -22,6 +22,7 @@ from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import verify
+from orthoglide_cal.schema import Reason
 from tests.machines import NOMINAL
 from tests.results import cases
 from tests.results.cases import CASES, GAP, GAPED, HOSTILE, ISSUED, case_of, identity_of
@@ -87,7 +88,8 @@ def faulty() -> Document:
     )
     faults = tuple(map(Fault.model_validate, problems))
     file = CheckedFile(path=HOSTILE[3] + ".csv")
-    return check_document(Check(input=file, valid=False, problems=faults, remarks=HOSTILE))
+    remarks = tuple(Reason.of("unknown_names", kind=t, names=[t], hints=t) for t in HOSTILE)
+    return check_document(Check(input=file, valid=False, problems=faults, remarks=remarks))
 
 
 def planned() -> Document:

@@ -13,6 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
+from orthoglide_cal.model.measured import NOZZLE
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
@@ -114,8 +115,9 @@ def calibration_document(
             drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
             result = _result(case, left, named, drawn)
             sheet = [*result, *frame.sheet, *map(_other, case.others)]
-            if (excerpt := case.source.excerpt) and excerpt.nozzle and released:
-                sheet.insert(len(result), doc.Section(None, excerpt.nozzle))
+            moved = [case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE]
+            if released:
+                sheet[len(result) : len(result)] = [doc.Section(None, text) for text in moved]
             if named and not released:
                 pages.insert(0, _parameters(case, drawn))
         else:

@@ -13,6 +13,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import MEANS, OWNER, SIMULATED, data_words, measure_again, stated
+from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Application
 from orthoglide_cal.words import counted, plain, short, signed, two_figures
 
@@ -106,9 +107,9 @@ def check_document(
         lines += [f"    → {advice}"] if advice else []
     lines += [f"  {text}" for text in others]
     lines += [f"  {refused.what}", f"    → {refused.remedy}"] if refused else []
-    lines += [f"  note: {remark}" for remark in check.remarks]
+    lines += [f"  note: {sentence(remark)}" for remark in check.remarks]
     page = doc.Page("Validation", sections=[doc.Section(None, doc.Listing(lines))])
-    return doc.Document(partial(checked.model_dump, mode="json"), lambda: page)
+    return doc.Document(partial(checked.model_dump, mode="json", context=sentence), lambda: page)
 
 
 def application_document(
@@ -158,6 +159,7 @@ def application_document(
             notes = (
                 f"Lines of {entry.written.target}; all others stay.",
                 *application.controller.remarks,
+                *map(sentence, application.remarks),
             )
             caption, first = " ".join(notes), machine.vocabulary.restart
             if entry.written.tables and not application.undone:
