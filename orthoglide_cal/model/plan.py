@@ -204,6 +204,11 @@ class Plan(ABC):
     def returning(self) -> Floats:
         """What no cause describes may return with its place: columns of unit size (n, q)."""
 
+    @property
+    def movers(self) -> Bools:
+        """Readings that a pattern in time moves by one size, in one row each, shape (g, n)."""
+        return np.asarray(self.shared == np.unique(self.shared)[:, None])
+
     def wheres(self, ordered: bool) -> Iterator[tuple[Where, Bools]]:
         """Readings at which a pattern may act, (n,), narrow ones before those that hold them.
 
