@@ -209,8 +209,7 @@ def _of_readings(plan: Plan, model: Model, timed: bool) -> Whitened:
     matrix, texture = zero_free(plan), None
     local = model.machine.local_shape(plan)
     if local is not None:
-        axes, size, _ = np.linalg.svd(matrix @ local.columns, full_matrices=False)
-        texture = Texture(axes, size**2, local.rest, local.assumed)
+        texture = Texture.of(matrix @ local.columns, local.rest, local.assumed)
     return Whitened(
         Problem(model, plan, matrix),
         np.zeros(len(matrix)),

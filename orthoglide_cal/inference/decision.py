@@ -17,7 +17,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError
-from orthoglide_cal.estimation.accuracy import chance_of_residual
+from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
 from orthoglide_cal.estimation.losses import (
     DISMISSED,
     FALSE_RELEASE,
@@ -440,27 +440,50 @@ class Decision:
         kept = (label for label in ordered if weight_of(patterns[label]) >= least)
         return tuple((unlisted[label], patterns[label]) for label in kept)
 
+    @property
+    def _shares(self) -> dict[Hypothesis, float]:
+        """Their probabilities, 1 in all."""
+        return probabilities({one: weight_of(one) for _, one in self.beyond_list})
+
     @cached_property
     def patterned(self) -> tuple[tuple[float, Fit], ...]:
         """Fits with these patterns and their shares, the likeliest first."""
-        shares = probabilities({one: weight_of(one) for _, one in self.beyond_list})
         return tuple(
-            (probability * share, ground.fit)
-            for hypothesis, probability in shares.items()
-            for share, ground, _ in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
+            (probability * share, fit)
+            for hypothesis, probability in self._shares.items()
+            for share, fit in self._fits(hypothesis)
         )
+
+    def _fits(self, hypothesis: Hypothesis) -> list[tuple[float, Fit]]:
+        fits = fits_of(hypothesis, self.belief.fit(hypothesis.ids))
+        return [(share, ground.fit) for share, ground, _ in fits]
 
     @property
     def enterable(self) -> float:
-        """Probability that what is not listed falsifies no offsets; 0 if more than noise stays.
+        """Probability that what is not listed falsifies no offsets; 0 if more than noise stays."""
+        if not self.described:
+            return 0.0
+        passing = sum(share for one, share in self._shares.items() if self._passes(one))
+        return passing * self.belief.beyond
 
-        It does not where it passes, and acts without a listed cause: U allows for it.
+    def _passes(self, hypothesis: Hypothesis) -> bool:
+        """Return whether all that acts passes: U allows for it.
+
+        Listed causes that act with it may stay, as those that are named may, if they move no
+        parameter by more than U.
         """
-        unlisted, patterns = self.belief.unlisted, self.belief.patterns
-        hows = {label: {one.how for one in each.patterns} for label, each in patterns.items()}
-        passing = (p for label, p in unlisted.items()
-                   if hows[label] <= PASSING and not patterns[label].ids)  # fmt: skip
-        return sum(passing) * self.described
+        unlisted = [one for one in hypothesis.patterns if one.how not in CAUSES]
+        if not {one.how for one in unlisted} <= PASSING:
+            return False
+        alone = self.belief.patterns[", ".join(one.label for one in unlisted)]
+        if alone is hypothesis:
+            return True
+        u = half_width(np.inf) * np.sqrt(np.diag(self.offsets[1]))
+        offsets = [
+            np.sum([share * fit.offsets for share, fit in self._fits(one)], axis=0)
+            for one in (hypothesis, alone)
+        ]
+        return bool(np.all(np.abs(offsets[0] - offsets[1]) <= u))
 
     @property
     def described(self) -> bool:

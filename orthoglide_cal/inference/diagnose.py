@@ -41,7 +41,7 @@ from orthoglide_cal.inference.result import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.model.cause import Effect, Estimate
+from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place
 from orthoglide_cal.model.measured import Measured, notes_on
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -396,14 +396,23 @@ def _with_patterns(found: Decision, measured: Measured) -> tuple[Floats, tuple[i
     hypothesis = found.beyond_list[0][1]
     fit = found.belief.fit(hypothesis.ids)
     acting = tuple(one for one in hypothesis.patterns if one.how != "scatters")
-    left, wrong = fit.left, list(fit.wrong_readings)
+    left = fit.left
     if acting:
         fits = fits_of(replace(hypothesis, patterns=acting), fit)
         left = np.sum([share * ground.fit.left for share, ground, _ in fits], axis=0)
-    for one in acting:
-        if one.how in CAUSES and CAUSES[one.how].hides_reading:
-            wrong += np.flatnonzero(one.shapes[0].columns.any(axis=1)).tolist()
-    return _predicted(found.belief.at.white, measured, left, fit.effects), tuple(wrong)
+    wrong = (place for cause, place in _beside_patterns(found) if cause.hides_reading)
+    return _predicted(found.belief.at.white, measured, left, fit.effects), sum(wrong, ())
+
+
+def _beside_patterns(found: Decision) -> Iterator[tuple[Cause, Place]]:
+    """Listed causes of the likeliest explanation beyond the list, and where they act."""
+    hypothesis = found.beyond_list[0][1]
+    for effect in found.belief.fit(hypothesis.ids).effects:
+        yield effect.cause, effect.place
+    for one in hypothesis.patterns:
+        if one.how in CAUSES:
+            placed = hypothesis.at.extras[one.how]
+            yield placed.cause, placed.tried[int(one.log_shape.max(axis=1).argmax())]
 
 
 def _parameters(white: Whitened, effect: Effect) -> tuple[Estimate, ...]:
@@ -489,7 +498,10 @@ def _notes(found: Decision, measured: Measured) -> Iterator[Reason]:
     if found.not_excluded:
         yield Reason.of("not_excluded", ids=found.not_excluded)
     if found.verdict is Verdict.UNEXPLAINED:
-        best = found.best
+        best, white = found.best, found.belief.at.white
+        for cause, place in _beside_patterns(found) if found.refuted is None else ():
+            where = cause.label(place, white.plan, white.machine)
+            yield Reason.of("acts_too", id=cause.id, where=where)
         if len(best) > 1 and listed[best] >= DISMISSED * max(unlisted.values()):
             yield Reason.of("two_would_follow", ids=best)
     if found.verdict is Verdict.AMBIGUOUS:

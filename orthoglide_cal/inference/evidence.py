@@ -52,6 +52,17 @@ class Texture(ReadOnly):
     rest: float  # in any other direction [mm²]
     assumed: bool  # nobody stated how large that shape is
 
+    @classmethod
+    def of(cls, columns: Floats, rest: float, assumed: bool) -> Texture:
+        """Of a shape whose independent parts add these columns to the data, shape (k, m)."""
+        axes, size, _ = np.linalg.svd(columns, full_matrices=False)
+        return cls(axes, size**2, rest, assumed)
+
+    @property
+    def columns(self) -> Floats:
+        """Its parts along the axes, shape (k, m) [mm]."""
+        return np.asarray(self.axes * np.sqrt(self.spectrum))
+
     def whitened(self, noise_mm: float) -> tuple[float, Floats]:
         """Factors that make the data independent, of unit noise: in general, along each axis."""
         general = 1.0 / math.sqrt(1.0 + self.rest / noise_mm**2)

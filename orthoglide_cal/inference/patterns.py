@@ -28,7 +28,7 @@ from orthoglide_cal.estimation import Problem
 from orthoglide_cal.estimation.gaussian import condition, log_sum, shrinking
 from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
-from orthoglide_cal.inference.evidence import NoiseGrid
+from orthoglide_cal.inference.evidence import NoiseGrid, Texture
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
@@ -82,14 +82,21 @@ class Course:
         count = FINE if self.fine else COARSE
         return np.geomspace(least, most, count) * (self.since.max(initial=0.0) or 1.0)
 
-    def by_gauge(self, values: Floats, parameters: Floats | None = None) -> Made:
-        """Values (n,), or (n, v, b), in columns of their own for each set-up of a gauge."""
-        shared = self.plan.shared
-        gauges = np.unique(shared)
-        member = (shared[:, None] == gauges)[:, None, :, None]
-        wide = values.reshape(len(shared), 1 if parameters is None else len(parameters), 1, -1)
-        columns = (member * wide).reshape(*wide.shape[:2], -1)
-        return Made(columns, np.repeat(gauges, wide.shape[-1]), parameters)
+    def by_mover(
+        self, values: Floats, parameters: Floats | None = None, whole: Floats | None = None
+    ) -> Made:
+        """Values (n,), or (n, v, b), in columns of their own for each of what moves as one.
+
+        `whole`: of what is part of nothing larger, if its values differ.
+        """
+        movers, part = self.plan.movers, _lie_in(self.plan).any(axis=1)
+        wide, other = (
+            some.reshape(len(self.plan), 1 if parameters is None else len(parameters), 1, -1)
+            for some in (values, values if whole is None else whole)
+        )
+        columns = movers.T[:, None, :, None] * np.where(part[:, None], wide, other)
+        number = np.repeat(np.arange(len(movers)), wide.shape[-1])
+        return Made(columns.reshape(*wide.shape[:2], -1), number, parameters)
 
     @cached_property
     def since(self) -> Floats:
@@ -103,14 +110,15 @@ class Made(NamedTuple):
     """Columns of a how at every where: of each where those whose readings it selects."""
 
     columns: Floats  # of unit size, in v shapes, shape (n, v, q) [mm]
-    gauge: Ints  # number of the set-up of a gauge that each column is of, shape (q,)
+    mover: Ints  # number of the mover that each column is of, shape (q,)
     parameters: Floats | None = None  # of each shape, (v,): its moment, time constant, or span
 
 
 def _repeats(course: Course) -> Made:
     """The same in each cycle."""
     columns = course.plan.returning
-    return Made(columns[:, None], course.plan.shared[np.abs(columns).argmax(axis=0)])
+    # The first mover is part of nothing larger.
+    return Made(columns[:, None], course.plan.movers[:, np.abs(columns).argmax(axis=0)].argmax(0))
 
 
 def _drifts(course: Course) -> Made:
@@ -121,15 +129,15 @@ def _drifts(course: Course) -> Made:
     # Of a probe a steady drift is a cause's own.
     touch, flat = course.plan.touches[:, None], terms.reshape(len(turn), -1)
     steady = touch * np.stack((np.ones(len(touch)), course.since), axis=1)
-    flat = flat - steady @ np.linalg.lstsq(steady, flat)[0]
-    return course.by_gauge(flat.reshape(terms.shape), periods)
+    unsteady = flat - steady @ np.linalg.lstsq(steady, flat)[0]
+    return course.by_mover(terms, periods, unsteady)
 
 
 def _settles(course: Course) -> Made:
     """From each set-up on, to rest."""
     constants = course.durations(*SETTLING)
-    fallen = np.any(course.since) * np.exp(-course.since[:, None] / constants)
-    return course.by_gauge(fallen * ~course.plan.touches[:, None], constants)
+    fallen = np.exp(-course.since[:, None] / constants)
+    return course.by_mover(np.any(course.since) * fallen, constants)
 
 
 def _steps(course: Course) -> Made:
@@ -137,18 +145,18 @@ def _steps(course: Course) -> Made:
     hours = course.plan.hours
     moments = np.unique(hours)[1:]
     moments = moments[:: -(-len(moments) // MOMENTS) or 1]
-    return course.by_gauge((hours[:, None] >= moments).astype(np.float64), moments)
+    return course.by_mover((hours[:, None] >= moments).astype(np.float64), moments)
 
 
 def _hysteresis(course: Course) -> Made:
     """By the direction in which the plunger moved last: half of it behind."""
-    return course.by_gauge(-0.5 * course.turned * ~course.plan.touches)
+    return course.by_mover(-0.5 * course.turned * ~course.plan.touches)
 
 
 def _temperature(course: Course) -> Made:
     """As the recorded temperature."""
     span = float(np.ptp(course.kelvin))
-    return course.by_gauge(course.kelvin / (span or 1.0), np.array([span]))
+    return course.by_mover(course.kelvin / (span or 1.0), np.array([span]))
 
 
 HOWS: Mapping[str, Callable[[Course], Made]] = MappingProxyType(
@@ -186,7 +194,7 @@ class Tried:
         if number not in self._log_share:
             chosen, log = self.chosen[number], np.zeros(self.chosen.shape[1])
             columns, shapes = chosen.any(axis=0), np.flatnonzero(chosen.any(axis=1))
-            if self.how in HOWS and len(np.unique(self.made.gauge[columns])) == 1:
+            if self.how in HOWS and len(np.unique(self.made.mover[columns])) == 1:
                 some = self.made.columns[:, shapes][:, :, columns]
                 shown = self.at.white.matrix @ some.reshape(len(some), -1)
                 log[shapes] = LISTED * _is_listed(self.at, shown.reshape(-1, *some.shape[1:]))
@@ -220,6 +228,13 @@ def tried(at: Linearised, course: Course) -> list[Tried]:
 
 
 @functools.lru_cache(maxsize=8)
+def _lie_in(plan: Plan) -> Bools:
+    """Which movers are part of which others, shape (g, g)."""
+    outside = plan.movers.astype(np.float64) @ ~plan.movers.T
+    return (outside == 0.0) & (outside.T > 0.0)
+
+
+@functools.lru_cache(maxsize=8)
 def _wheres(plan: Plan, ordered: bool) -> tuple[list[Where], Bools]:
     """Wheres of a plan, and the readings of each, shape (w, n)."""
     wheres, selected = zip(*plan.wheres(ordered), strict=True)
@@ -241,9 +256,11 @@ def _made(problem: Problem, course: Course, how: str) -> tuple[Made, Bools]:
         return made, np.zeros((len(wheres), v, q), np.bool_)
     flat = made.columns.reshape(n, -1)
     shows = ((problem.matrix @ flat) ** 2).sum(axis=0) * SIZES[-1] ** 2 > 1.0
-    # Of each where those columns of which it holds all readings.
+    # Of each where those columns of which it holds all readings, of the largest movers.
     outside = (~selected).astype(np.float64) @ (flat != 0.0)
     chosen = (shows & (outside == 0.0)).reshape(-1, v, q)
+    held = (~selected).astype(np.float64) @ course.plan.movers.T == 0.0
+    chosen = chosen & ~(held @ _lie_in(course.plan).T)[:, None, made.mover]
     # What shows the same as a narrower where is no other pattern.
     code = chosen @ (1 << np.arange(q))
     narrower = np.tri(len(code), k=-1, dtype=np.bool_)[..., None]
@@ -377,9 +394,10 @@ class Ground:
         wider = (replace(self.noise, sigma=math.hypot(1.0, f) * self.noise.sigma) for f in factors)
         gains[everywhere] = [self.log_density(noise) - self.by_noise for noise in wider]
         contrasts, some = self.white.matrix, rows[:, ~everywhere].astype(np.float64)
-        if self.white.texture is not None or not isinstance(contrasts, Contrasts):
+        if not isinstance(contrasts, Contrasts):
             return gains[:, None]
-        values = contrasts.T @ np.column_stack((self._columns, self._residual))
+        shape = () if self.white.texture is None else (self.white.texture.columns,)
+        values = contrasts.T @ np.column_stack((*shape, self._columns, self._residual))
         values = np.hstack((contrasts.zeros, values / self.noise.stated))
         zeros, end = contrasts.zeros.shape[1], values.shape[1] - 1
         whole = values.T @ values
@@ -421,8 +439,12 @@ class Ground:
                 )
                 plan = replace(white.plan, precision=after.precision)
                 problem = replace(white.problem, plan=plan, matrix=after)
-                data = after @ (contrasts.T @ white.data)
-                white = replace(white, problem=problem, data=data)
+                data, texture = after @ (contrasts.T @ white.data), white.texture
+                if texture is not None:
+                    shape = after @ (contrasts.T @ texture.columns)
+                    texture = Texture.of(shape, texture.rest, texture.assumed)
+                    noise = replace(noise, texture=texture)
+                white = replace(white, problem=problem, data=data, texture=texture)
             else:
                 noise = replace(noise, sigma=noise.sigma / weight[0])
         else:

@@ -59,6 +59,7 @@ from orthoglide_cal.model.plan import (
     Ints,
     Numbers,
     Plan,
+    Where,
     alike,
     joined,
     read_only,
@@ -208,6 +209,29 @@ class ProbePlan(Plan):
     def flat(self) -> bool:
         """True if all are touches of one height: the reason of a shape does not show in them."""
         return not self.distance.any() and len(np.unique(self.surface)) < 2
+
+    @cached_property
+    def movers(self) -> Bools:
+        """Of the touches those of each region, too: a part of the bed moves as one."""
+        regions = [rows for where, rows in self.wheres(True) if where]
+        return np.stack([*super().movers, *regions])
+
+    def wheres(self, ordered: bool) -> Iterator[tuple[Where, Bools]]:
+        """A quarter of the bed, a half, or a ring, as seen from the front, of one sitting."""
+        (x, y), touch = self.place[:, :2].T, self.touches
+        far2 = (x**2 + y**2) * touch
+        sides: list[tuple[tuple[str, Bools], ...]] = [
+            (("", touch), (low, touch & (at < 0.0)), (high, touch & (at > 0.0)))
+            for at, low, high in ((y, "front", "back"), (x, "left", "right"))
+        ]
+        ring = touch & (2.0 * far2 > far2.max(initial=0.0))
+        regions = {f"{a} {b}".strip(): one & two for (a, one), (b, two) in product(*sides)}
+        regions |= {"edge": ring, "centre": touch & ~ring}
+        for region in sorted(regions, key=lambda region: -region.count(" ")):
+            rows = regions[region]
+            if self.parts == 1 and region and rows.any() and not rows[touch].all():
+                yield {"region": region}, rows
+        yield from super().wheres(ordered)
 
     @cached_property
     def repeats(self) -> Ints:

@@ -374,6 +374,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "not_excluded": "Not excluded, too small to show: {ids:names}.",
     "two_would_follow": "{ids:with} would also fit, but two causes together fit nearly any"
     " pattern. To check them, repeat with {words.further}.",
+    "acts_too": "In addition, {cause.title}{where:place}.",
     "perhaps_also": "These readings cannot show whether {ids:and} is also present.",
     "perhaps_alone": "{id} alone is also possible (probability {probability:.2g}): {others:and}"
     " may be absent.",

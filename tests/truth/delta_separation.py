@@ -41,7 +41,7 @@ DELTA_PAIRS = tuple(product(DELTA_CAUSES[6:], DELTA_CAUSES[:6]))
 """What is measured wrong, and what is wrong in the machine."""
 
 
-def _calibrated(truth: Truth, values: Floats) -> Truth:
+def calibrated(truth: Truth, values: Floats) -> Truth:
     return replace(
         truth,
         endstops=frozen(truth.endstops + values[:3]),
@@ -50,7 +50,7 @@ def _calibrated(truth: Truth, values: Floats) -> Truth:
     )
 
 
-def _columns(session: DeltaSession, at: Truth, count: int, change: Change, step: float) -> Floats:
+def slopes(session: DeltaSession, at: Truth, count: int, change: Change, step: float) -> Floats:
     """Derivatives of the touches by some parameters, shape (N, count)."""
 
     def read(values: Floats) -> Floats:
@@ -63,13 +63,17 @@ def _columns(session: DeltaSession, at: Truth, count: int, change: Change, step:
     return np.stack([(read(one) - read(-one)) / (2.0 * step) for one in steps], axis=1)
 
 
-def noise_root(session: DeltaSession) -> Floats:
-    """Cholesky factor of the covariance of what is no error, shape (N, N)."""
+def local_shape(session: DeltaSession) -> Floats:
+    """Covariance of the bed's local shape under the touches, shape (N, N) [mm²]."""
     places = np.stack((session.x, session.y), axis=1)
     apart = np.linalg.norm(places[:, None] - places, axis=2)
-    machine = session.machine
-    local = machine.texture**2 * np.exp(-apart / GRAIN)
-    return np.linalg.cholesky(local + machine.noise**2 * np.eye(len(places)))
+    return np.asarray(session.machine.texture**2 * np.exp(-apart / GRAIN))
+
+
+def noise_root(session: DeltaSession) -> Floats:
+    """Cholesky factor of the covariance of what is no error, shape (N, N)."""
+    noise = session.machine.noise**2 * np.eye(len(session.x))
+    return np.linalg.cholesky(local_shape(session) + noise)
 
 
 def _stands_out(session: DeltaSession) -> float:
@@ -99,7 +103,7 @@ class _Rivals:
             for truth in (replace(hidden, bed=bed), bare)
         )
         root = noise_root(session)
-        free, _ = np.linalg.qr(np.linalg.solve(root, _columns(session, bare, 6, _calibrated, 1e-3)))
+        free, _ = np.linalg.qr(np.linalg.solve(root, slopes(session, bare, 6, calibrated, 1e-3)))
 
         def seen(values: Floats) -> Floats:
             values = np.linalg.solve(root, values)
@@ -107,7 +111,7 @@ class _Rivals:
 
         self.residual = seen(record - sound + session.contact)
         self.own = {
-            cause: seen(_columns(session, bare, count, change, 1e-2 * tolerance)) * tolerance
+            cause: seen(slopes(session, bare, count, change, 1e-2 * tolerance)) * tolerance
             for cause, (count, change) in changes(machine.bed).items()
             for tolerance in (TOLERANCES[cause],)
         }

@@ -80,7 +80,8 @@ def _screen(case: Case) -> doc.Page:
     again = []
     if named and not (answer.release.usable or any(fault.matters for fault in answer.unshown)):
         again.append(doc.Instruction("Then solve again, and enter only what it releases."))
-    notes = [*_doubts(case, all=False)]
+    notes = [case.says(note) for note in answer.notes if note.code == "acts_too"]
+    notes += _doubts(case, all=False)
     if answer.ruled_out:
         notes.append(f"Ruled out by hand: {listed(answer.ruled_out)}.")
     if answer.not_excluded:
