@@ -1,29 +1,24 @@
 """`orthocal adjust`: correct a named cause with its screw, live."""
 
 from contextlib import ExitStack, closing
-from typing import Annotated
 
 import typer
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import Text, Texts, argument, flag, option
+from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
 from orthoglide_cal.cli.measure import saved_when_interrupted, show_on
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 
 def adjust(
-    session: Annotated[str, argument("SESSION", "Session or readings that name the cause.")],
-    cause: Annotated[
-        Text, option("ID", "The cause to correct. Default: the first that a screw corrects.")
-    ] = None,
-    resume: Annotated[
-        bool, flag("--resume", "Continue an adjustment at its next reading.")
-    ] = False,
-    gauge: Annotated[
-        Texts, option("SOURCE", "Where readings come from: typed, or as of measure FORMAT:PORT.")
-    ] = None,
-    machine: common.MachineFile = None,
-    json: common.AsJson = False,
+    session: str = argument("SESSION", "Session or readings that name the cause.", required=True),
+    cause: Text = option("ID", "The cause to correct. Default: the first that a screw corrects."),
+    resume: bool = flag("--resume", "Continue an adjustment at its next reading."),
+    gauge: Texts = option(
+        "SOURCE", "Where readings come from: typed, or as of measure FORMAT:PORT."
+    ),
+    machine: File = common.MACHINE,
+    json: bool = common.JSON,
 ) -> None:
     """Correct a named cause with its screw or shim: which way, and how far, after each reading."""
     from orthoglide_cal.inference import diagnose

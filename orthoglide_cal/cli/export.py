@@ -1,10 +1,10 @@
 """`orthocal export`: the offsets for the controller, unless they must not be used."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import MEASURED, argument, flag, option
+from orthoglide_cal.cli.common import MEASURED, File, Text, Texts, argument, flag, option
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
@@ -18,32 +18,27 @@ Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marl
 
 
 def export(
-    file: Annotated[str, argument("FILE", f"{MEASURED}; - is standard input.")],
-    format: Annotated[
-        Format,
-        option(
-            None,
-            "text (default); linuxcnc: lines of its INI; table: joint corrections over the"
-            " workspace, for accepted causes; klipper, reprapfirmware, marlin: lines for a"
-            " printer's firmware.",
-        ),
-    ] = "text",
-    target: common.Target = None,
-    machine: common.MachineFile = None,
-    data: common.Data = None,
-    rule_out: common.RuleOut = None,
-    method: common.MethodName = None,
-    force: Annotated[
-        bool,
-        flag(
-            "--force",
-            "Export a result that must not be used. Every line is marked as FORCED.",
-        ),
-    ] = False,
-    points: Annotated[
-        int, option("N", "Points of the table along each edge of the workspace. Default: 7.")
-    ] = 7,
-    json: common.AsJson = False,
+    file: str = argument("FILE", f"{MEASURED}; - is standard input.", required=True),
+    format: Format = option(
+        None,
+        "text (default); linuxcnc: lines of its INI; table: joint corrections over the"
+        " workspace, for accepted causes; klipper, reprapfirmware, marlin: lines for a"
+        " printer's firmware.",
+        default="text",
+    ),
+    target: File = common.OUTPUT,
+    machine: File = common.MACHINE,
+    data: common.Data = common.DATA,
+    rule_out: Texts = common.RULE_OUT,
+    method: Text = common.METHOD,
+    force: bool = flag(
+        "--force",
+        "Export a result that must not be used. Every line is marked as FORCED.",
+    ),
+    points: int = option(
+        "N", "Points of the table along each edge of the workspace. Default: 7.", min=2, default=7
+    ),
+    json: bool = common.JSON,
 ) -> None:
     """Print the new offsets for the controller, if released."""
     from orthoglide_cal.model.kinds import MACHINES

@@ -2,7 +2,6 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import Texts, argument
@@ -26,10 +25,9 @@ def _topics(incomplete: str) -> list[str]:
 
 
 def guide(
-    topic: Annotated[
-        Texts,
-        argument("TOPIC", "Topic, or id of a cause. Default: the list of topics.", _topics),
-    ] = None,
+    topic: Texts = argument(
+        "TOPIC", "Topic, or id of a cause. Default: the list of topics.", _topics
+    ),
 ) -> None:
     """Show a page of the manual; in a pipe, as Markdown."""
     text = _page(" ".join(topic or ["index"])).read_text(encoding="utf-8")

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -29,55 +29,42 @@ machine = typer.Typer(
 
 @machine.command(cls=common.PlainCommand)
 def new(
-    target: Annotated[
-        Path,
-        option(
-            "FILE",
-            "File to write. Default: machine.yaml. An existing file is never overwritten.",
-            "--output",
-            "-o",
-        ),
-    ] = Path("machine.yaml"),
-    kind: Annotated[
-        str, option("KIND", "Kind of machine: orthoglide (default) or linear_delta.")
-    ] = "orthoglide",
-    name: Annotated[Text, option("NAME", "Name of the machine.")] = None,
-    leg_length: Annotated[
-        Number, option("MM", "Length of a leg (or of a printer's arm) between its joint centres.")
-    ] = None,
-    width: Annotated[Number, option("MM", "Distance between the two bars of a leg.")] = None,
-    tool_offset: Annotated[
-        Number, option("MM", "Distance from the ends of the legs to the tool point.")
-    ] = None,
-    limits: Annotated[
-        tuple[float, float] | None, option("LOW HIGH", "Travel from the isotropic posture, mm.")
-    ] = None,
-    workspace: Annotated[
-        Number, option("MM", "Edge of the cube in which errors are shown.")
-    ] = None,
-    resolution: Annotated[Number, option("MM", "One division of the gauge.")] = None,
-    range_: Annotated[Number, option("MM", "Travel of the gauge's plunger.", "--range")] = None,
-    revolution: Annotated[
-        Number, option("MM", "One turn of the gauge's dial; 0 if it has no dial.")
-    ] = None,
-    repeatability: Annotated[Number, option("MM", "Standard deviation of one reading.")] = None,
-    radius: Annotated[Number, option("MM", "Linear delta: delta radius.")] = None,
-    bed_radius: Annotated[Number, option("MM", "Linear delta: radius of the bed.")] = None,
-    endstop: Annotated[Number, option("MM", "Linear delta: height of the three endstops.")] = None,
-    tolerance: Annotated[
-        Texts,
-        option(
-            "CAUSE=SIZE",
-            "Plausible size of a cause, such as axis_gap=0.3; 0 rules it out. May be repeated.",
-        ),
-    ] = None,
-    practice: Annotated[
-        bool, flag("--practice", "To practise: simulated readings may be recorded in this file.")
-    ] = False,
-    yes: Annotated[
-        bool, flag("--yes", "Ask nothing: take the prototype's values for what is not given.")
-    ] = False,
-    json: common.AsJson = False,
+    target: Path = option(
+        "FILE",
+        "File to write. Default: machine.yaml. An existing file is never overwritten.",
+        "--output",
+        "-o",
+        default=Path("machine.yaml"),
+    ),
+    kind: str = option(
+        "KIND", "Kind of machine: orthoglide (default) or linear_delta.", default="orthoglide"
+    ),
+    name: Text = option("NAME", "Name of the machine."),
+    leg_length: Number = option(
+        "MM", "Length of a leg (or of a printer's arm) between its joint centres."
+    ),
+    width: Number = option("MM", "Distance between the two bars of a leg."),
+    tool_offset: Number = option("MM", "Distance from the ends of the legs to the tool point."),
+    limits: tuple[float, float] | None = option(
+        "LOW HIGH", "Travel from the isotropic posture, mm."
+    ),
+    workspace: Number = option("MM", "Edge of the cube in which errors are shown."),
+    resolution: Number = option("MM", "One division of the gauge."),
+    range_: Number = option("MM", "Travel of the gauge's plunger.", "--range"),
+    revolution: Number = option("MM", "One turn of the gauge's dial; 0 if it has no dial."),
+    repeatability: Number = option("MM", "Standard deviation of one reading."),
+    radius: Number = option("MM", "Linear delta: delta radius."),
+    bed_radius: Number = option("MM", "Linear delta: radius of the bed."),
+    endstop: Number = option("MM", "Linear delta: height of the three endstops."),
+    tolerance: Texts = option(
+        "CAUSE=SIZE",
+        "Plausible size of a cause, such as axis_gap=0.3; 0 rules it out. May be repeated.",
+    ),
+    practice: bool = flag(
+        "--practice", "To practise: simulated readings may be recorded in this file."
+    ),
+    yes: bool = flag("--yes", "Ask nothing: take the prototype's values for what is not given."),
+    json: bool = common.JSON,
 ) -> None:
     """Make a machine file. It asks for what no option gives."""
     from orthoglide_cal.files.text import write_text
@@ -137,10 +124,8 @@ def new(
 
 @machine.command(cls=common.PlainCommand)
 def show(
-    file: Annotated[
-        File, argument("FILE", "Machine file. Default: the one in this folder.")
-    ] = None,
-    json: common.AsJson = False,
+    file: File = argument("FILE", "Machine file. Default: the one in this folder."),
+    json: bool = common.JSON,
 ) -> None:
     """Show a machine: its numbers, active offsets and accepted causes."""
     from orthoglide_cal.files.input import machine_in_folder

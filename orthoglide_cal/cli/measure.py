@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -36,84 +36,58 @@ INTERRUPTED = 130
 
 
 def measure(
-    session: Annotated[
-        File,
-        argument(
-            "SESSION.yaml", "Session file to write. Default: session.yaml, or the next free name."
-        ),
-    ] = None,
-    resume: Annotated[
-        bool, flag("--resume", "Continue an unfinished session at its next reading.")
-    ] = False,
-    discard: Annotated[
-        bool,
-        flag("--discard", "Discard an unfinished session; its file is kept as NAME.discarded."),
-    ] = False,
-    protocol: common.Protocol = None,
-    design: common.Design = None,
-    then: Annotated[
-        Text,
-        option(
-            "FILE",
-            "Continue these readings: measure what is recommended next (orthocal plan FILE), and"
-            " write a session that holds both.",
-        ),
-    ] = None,
-    choice: Annotated[
-        Count, option("N", "With --then: number of the recommendation. Default: 1.", min=1)
-    ] = None,
-    cycles: common.Cycles = None,
-    order: common.Order = None,
-    gauges: common.Gauges = None,
-    gauge: Annotated[
-        Texts,
-        option(
-            "SOURCE",
-            "Where readings come from: typed (also keyboard-wedge gauges), simulated, or"
-            " FORMAT:PORT[@BAUD][#CHANNELS], such as sylvac:/dev/ttyUSB0. Give it twice for two"
-            " ports. Formats: cdi, mahr, mitutoyo, mux, plain, sylvac, uwave.",
-        ),
-    ] = None,
-    follow: Annotated[
-        Text,
-        option(
-            "CONTROLLER",
-            "linuxcnc[:HOST[:PORT]]: before each reading wait until the machine stands at the"
-            " posture. Needs linuxcncrsh. The machine is never moved.",
-        ),
-    ] = None,
-    unit: Annotated[
-        Unit, option(None, "Unit of readings typed without a unit. Default: mm.")
-    ] = Unit.MM,
-    until: Annotated[
-        Number, option("MM", "End as soon as the U (95 %) of every offset is at most this.")
-    ] = None,
-    seed: Annotated[
-        Count,
-        option("N", "Whole number; the same one gives the same simulated machine.", min=0),
-    ] = None,
-    operator: Annotated[Text, option("NAME", "Your name.")] = None,
-    temperature: Annotated[Number, option("C", "Temperature of the room, degrees Celsius.")] = None,
-    gauge_id: Annotated[
-        Texts, option("ID", "Identity of the gauge. Give it again for the second gauge.")
-    ] = None,
-    certificate: Annotated[
-        Texts, option("NO", "Calibration certificate of the gauge. Give it again for the second.")
-    ] = None,
-    machine: common.MachineFile = None,
-    offsets_active: Annotated[
-        Offsets | None,
-        option(
-            "DX DY DZ",
-            "Joint offsets that the controller holds now, mm. Default: you are asked, and the"
-            " machine file's are proposed.",
-        ),
-    ] = None,
-    yes: Annotated[
-        bool,
-        flag("--yes", "Answer yes to the questions before the first reading, and to --discard."),
-    ] = False,
-    json: common.AsJson = False,
+    session: File = argument(
+        "SESSION.yaml", "Session file to write. Default: session.yaml, or the next free name."
+    ),
+    resume: bool = flag("--resume", "Continue an unfinished session at its next reading."),
+    discard: bool = flag(
+        "--discard", "Discard an unfinished session; its file is kept as NAME.discarded."
+    ),
+    protocol: common.Protocol = common.PROTOCOL,
+    design: common.Design = common.DESIGN,
+    then: Text = option(
+        "FILE",
+        "Continue these readings: measure what is recommended next (orthocal plan FILE), and"
+        " write a session that holds both.",
+    ),
+    choice: Count = option("N", "With --then: number of the recommendation. Default: 1.", min=1),
+    cycles: Count = common.CYCLES,
+    order: common.Order = common.ORDER,
+    gauges: Count = common.GAUGES,
+    gauge: Texts = option(
+        "SOURCE",
+        "Where readings come from: typed (also keyboard-wedge gauges), simulated, or"
+        " FORMAT:PORT[@BAUD][#CHANNELS], such as sylvac:/dev/ttyUSB0. Give it twice for two"
+        " ports. Formats: cdi, mahr, mitutoyo, mux, plain, sylvac, uwave.",
+    ),
+    follow: Text = option(
+        "CONTROLLER",
+        "linuxcnc[:HOST[:PORT]]: before each reading wait until the machine stands at the"
+        " posture. Needs linuxcncrsh. The machine is never moved.",
+    ),
+    unit: Unit = option(
+        None, "Unit of readings typed without a unit. Default: mm.", default=Unit.MM
+    ),
+    until: Number = option("MM", "End as soon as the U (95 %) of every offset is at most this."),
+    seed: Count = option(
+        "N", "Whole number; the same one gives the same simulated machine.", min=0
+    ),
+    operator: Text = option("NAME", "Your name."),
+    temperature: Number = option("C", "Temperature of the room, degrees Celsius."),
+    gauge_id: Texts = option("ID", "Identity of the gauge. Give it again for the second gauge."),
+    certificate: Texts = option(
+        "NO", "Calibration certificate of the gauge. Give it again for the second."
+    ),
+    machine: File = common.MACHINE,
+    offsets_active: Offsets = option(
+        "DX DY DZ",
+        "Joint offsets that the controller holds now, mm. Default: you are asked, and the"
+        " machine file's are proposed.",
+    ),
+    yes: bool = flag(
+        "--yes", "Answer yes to the questions before the first reading, and to --discard."
+    ),
+    json: bool = common.JSON,
 ) -> None:
     """Measure, guided step by step. Every reading is checked and saved at once."""
     from orthoglide_cal.files.input import machine_in_folder

@@ -1,10 +1,10 @@
 """`orthocal plan`: what a measurement will tell, before it is made; its program or places."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import MEASURED, File, Number, Text, argument, option
+from orthoglide_cal.cli.common import MEASURED, Count, File, Number, Text, argument, option
 from orthoglide_cal.errors import UsageError, command
 
 if TYPE_CHECKING:
@@ -16,48 +16,35 @@ _CSV = ".csv"
 
 
 def plan(
-    file: Annotated[
-        Text, argument("FILE", f"{MEASURED}. With it, also rank what to measure next.")
-    ] = None,
-    protocol: common.Protocol = None,
-    design: common.Design = None,
-    gauges: common.Gauges = None,
-    cycles: common.Cycles = None,
-    layout: Annotated[
-        Text, option("NAME", "Linear delta: name of the layout; plan lists them.")
-    ] = None,
-    target: Annotated[
-        Number,
-        option("MM", "U (95 %) to reach for each offset. Finds the number of cycles for it."),
-    ] = None,
-    program: Annotated[
-        File,
-        option(
-            "FILE",
-            "Write the posture program instead, as a table (.csv) or as G-code (.nc); - shows it.",
-        ),
-    ] = None,
-    template: Annotated[
-        File, option("FILE", "Template of the G-code. `orthocal template gcode` prints one.")
-    ] = None,
-    order: common.Order = None,
-    approach: Annotated[
-        Number, option("MM", "With --program: length of the slow approach. Default: 1.")
-    ] = None,
-    travel: Annotated[
-        tuple[float, float] | None,
-        option(
-            "LOW HIGH",
-            "With --program: limits of the carriages, mm from the isotropic posture. Default: the"
-            " joint limits of the machine file.",
-        ),
-    ] = None,
-    data: common.Data = None,
-    machine: common.MachineFile = None,
-    html: common.HtmlFile = None,
-    details: common.WithDetails = False,
-    overwrite: common.Overwrite = False,
-    json: common.AsJson = False,
+    file: Text = argument("FILE", f"{MEASURED}. With it, also rank what to measure next."),
+    protocol: common.Protocol = common.PROTOCOL,
+    design: common.Design = common.DESIGN,
+    gauges: Count = common.GAUGES,
+    cycles: Count = common.CYCLES,
+    layout: Text = option("NAME", "Linear delta: name of the layout; plan lists them."),
+    target: Number = option(
+        "MM", "U (95 %) to reach for each offset. Finds the number of cycles for it."
+    ),
+    program: File = option(
+        "FILE",
+        "Write the posture program instead, as a table (.csv) or as G-code (.nc); - shows it.",
+    ),
+    template: File = option(
+        "FILE", "Template of the G-code. `orthocal template gcode` prints one."
+    ),
+    order: common.Order = common.ORDER,
+    approach: Number = option("MM", "With --program: length of the slow approach. Default: 1."),
+    travel: tuple[float, float] | None = option(
+        "LOW HIGH",
+        "With --program: limits of the carriages, mm from the isotropic posture. Default: the"
+        " joint limits of the machine file.",
+    ),
+    data: common.Data = common.DATA,
+    machine: File = common.MACHINE,
+    html: File = common.HTML,
+    details: bool = common.DETAILS,
+    overwrite: bool = common.OVERWRITE,
+    json: bool = common.JSON,
 ) -> None:
     """Predict readings, minutes and U; rank what to measure next."""
     from orthoglide_cal.inference import diagnose

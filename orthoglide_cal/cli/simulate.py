@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import secrets
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import Count, Number, Offsets, Texts, option
+from orthoglide_cal.cli.common import Count, File, Number, Offsets, Texts, option
 from orthoglide_cal.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -18,62 +18,44 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    protocol: common.Protocol = None,
-    offsets: Annotated[
-        Offsets | None, option("DX DY DZ", "True joint offsets, mm. Default: 0 0 0.")
-    ] = None,
-    noise: Annotated[
-        Number,
-        option("MM", "Standard deviation of a reading. Default: that of the machine's gauge."),
-    ] = None,
-    resolution: Annotated[
-        Number,
-        option("MM", "Resolution of the gauge; 0: none. Default: that of the machine's gauge."),
-    ] = None,
-    cycles: Annotated[
-        Count,
-        option("N", "Number of cycles, 1 to 1000. Default: 3; on a printer 1.", min=1, max=1000),
-    ] = None,
-    gauge_at: Annotated[
-        Number,
-        option(
-            "SHARE",
-            "Gauge position along the leg, 0 (carriage joint) to 1 (tool). Default: 0.5."
-            " Double-posture only.",
-            min=0.0,
-            max=1.0,
-        ),
-    ] = None,
-    places: Annotated[
-        Count,
-        option("N", "Linear delta: places on its bed, 1 to 2000. Default: 41.", min=1, max=2000),
-    ] = None,
-    height: Annotated[
-        list[float] | None,
-        option("MM", "Linear delta: height of the block under the probe. Give it again for more."),
-    ] = None,
-    radius_angles: Annotated[
-        Offsets | None,
-        option(
-            "DR DA DB",
-            "Linear delta: errors of its radius, mm, and of the angles of towers a and b, deg."
-            " --offsets are the errors of its endstops.",
-        ),
-    ] = None,
-    cause: Annotated[
-        Texts,
-        option(
-            "ID[@PLACE]=VALUES",
-            "Cause to hide in the session, such as axis_gap=0.1,0.2,-0.1, gauge_drift@x,y=0.05"
-            " (leg, direction) or misread@12=0.1 (twelfth reading). May be repeated.",
-        ),
-    ] = None,
-    seed: Annotated[
-        Count, option("N", "Whole number; the same one gives the same session.", min=0)
-    ] = None,
-    target: common.Target = None,
-    machine: common.MachineFile = None,
-    json: common.AsJson = False,
+    protocol: common.Protocol = common.PROTOCOL,
+    offsets: Offsets = option("DX DY DZ", "True joint offsets, mm. Default: 0 0 0."),
+    noise: Number = option(
+        "MM", "Standard deviation of a reading. Default: that of the machine's gauge."
+    ),
+    resolution: Number = option(
+        "MM", "Resolution of the gauge; 0: none. Default: that of the machine's gauge."
+    ),
+    cycles: Count = option(
+        "N", "Number of cycles, 1 to 1000. Default: 3; on a printer 1.", min=1, max=1000
+    ),
+    gauge_at: Number = option(
+        "SHARE",
+        "Gauge position along the leg, 0 (carriage joint) to 1 (tool). Default: 0.5."
+        " Double-posture only.",
+        min=0.0,
+        max=1.0,
+    ),
+    places: Count = option(
+        "N", "Linear delta: places on its bed, 1 to 2000. Default: 41.", min=1, max=2000
+    ),
+    height: list[float] | None = option(
+        "MM", "Linear delta: height of the block under the probe. Give it again for more."
+    ),
+    radius_angles: Offsets = option(
+        "DR DA DB",
+        "Linear delta: errors of its radius, mm, and of the angles of towers a and b, deg."
+        " --offsets are the errors of its endstops.",
+    ),
+    cause: Texts = option(
+        "ID[@PLACE]=VALUES",
+        "Cause to hide in the session, such as axis_gap=0.1,0.2,-0.1, gauge_drift@x,y=0.05"
+        " (leg, direction) or misread@12=0.1 (twelfth reading). May be repeated.",
+    ),
+    seed: Count = option("N", "Whole number; the same one gives the same session.", min=0),
+    target: File = common.OUTPUT,
+    machine: File = common.MACHINE,
+    json: bool = common.JSON,
 ) -> None:
     """Simulate readings as a technician would write them, as CSV.
 
