@@ -97,8 +97,6 @@ class Dialogue:
         if first:
             from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
             lines = [f"{from_here} both are solved together at the end."]
-        if opened.seed is not None:
-            lines.insert(0, "SIMULATED: no machine is measured.")
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
         set_ups = counted(len({step.setup for step in steps}), "set-up")
         moves = counted(gauge_moves(steps), "gauge move")
