@@ -121,7 +121,7 @@ def _in_ascii(error: UnicodeError) -> tuple[str, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
     missing = error.object[error.start : error.end]
-    return "".join(_ASCII.get(each, "?") for each in missing), error.end
+    return "".join(_ASCII.get(sign, "?") for sign in missing), error.end
 
 
 def main() -> None:

@@ -268,8 +268,8 @@ def read_input(
 def require_printer(source: Source, data: Data) -> None:
     """Refuse --data for a file that stores one measurement only. Raises UsageError."""
     if data is not None and source.excerpt is None:
-        what = f"--data is for a printer's file; {file_words(source.path)} is not one."
-        raise UsageError(what, "Leave it out.")
+        fault = f"--data is for a printer's file; {file_words(source.path)} is not one."
+        raise UsageError(fault, "Leave it out.")
 
 
 def own_machine_file(machine_file: Path | None) -> StoredMachine:
@@ -281,13 +281,13 @@ def own_machine_file(machine_file: Path | None) -> StoredMachine:
 
     path = machine_file or _file_in_folder()
     if path is None:
-        what = "There is no machine file in this folder to record the offsets in."
-        raise UsageError(what, "Name it with --machine, or make one: orthocal machine new")
+        fault = "There is no machine file in this folder to record the offsets in."
+        raise UsageError(fault, "Name it with --machine, or make one: orthocal machine new")
     if str(path) == "-":
         raise UsageError("Nothing can be recorded in standard input.", "Name a machine file.")
     if path.resolve().parent == shipped_folder().resolve():
-        what = f"{path} comes with the program and is never changed."
-        raise UsageError(what, "Make one for your machine: orthocal machine new")
+        fault = f"{path} comes with the program and is never changed."
+        raise UsageError(fault, "Make one for your machine: orthocal machine new")
     return read_machine_file(path)
 
 
@@ -385,15 +385,15 @@ def deliver(
         if path is None:
             continue
         if overwrite and path.is_file() and not path.read_bytes().endswith(MARK.encode()):
-            what = f"{path} is not a page that orthocal wrote: it is not replaced."
-            raise UsageError(what, "Name another file.")
+            fault = f"{path} is not a page that orthocal wrote: it is not replaced."
+            raise UsageError(fault, "Name another file.")
         try:
             put(render(page), path, f"{page.name} written to {path}", overwrite)
         except UsageError as error:
             raise UsageError(error.what, "Name another file, or replace it: --overwrite") from error
 
 
-def put(text: str, target: Path | None, told: str, overwrite: bool = False) -> None:
+def put(text: str, target: Path | None, message: str, overwrite: bool = False) -> None:
     """Write a file as `write_text` does, and tell people; "-", or none: show the text."""
     from orthoglide_cal.files.text import write_text
 
@@ -401,7 +401,7 @@ def put(text: str, target: Path | None, told: str, overwrite: bool = False) -> N
         print(text, end="")
         return
     write_text(target, text, overwrite=overwrite)
-    tell(told)
+    tell(message)
 
 
 def json_line(value: Mapping[str, object]) -> str:
@@ -436,7 +436,7 @@ def console(*, stderr: bool = False) -> Console:
 
 
 @contextmanager
-def working(what: str) -> Iterator[None]:
+def working(task: str) -> Iterator[None]:
     """Show on standard error what is being worked on, from `SLOW_S` on; on a terminal."""
     if not sys.stderr.isatty():
         yield
@@ -444,7 +444,7 @@ def working(what: str) -> Iterator[None]:
     from rich import text
 
     # As text, not as markup: a file may be called a[/b].yaml.
-    status = console(stderr=True).status(text.Text(visible(f"{what} …")))
+    status = console(stderr=True).status(text.Text(visible(f"{task} …")))
     timer = threading.Timer(SLOW_S, status.start)
     timer.daemon = True
     timer.start()

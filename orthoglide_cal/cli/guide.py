@@ -58,8 +58,8 @@ def _page(topic: str) -> Path:
     near = [name for name in pages if wanted and wanted in name]
     near += get_close_matches(wanted, pages, n=3)
     names = ", ".join(pages[name].stem for name in dict.fromkeys(near))
-    what = f"The guide has no page {topic!r}." + (f" Nearest: {names}." if names else "")
-    raise UsageError(what, "All pages: orthocal guide")
+    fault = f"The guide has no page {topic!r}." + (f" Nearest: {names}." if names else "")
+    raise UsageError(fault, "All pages: orthocal guide")
 
 
 def _plain(name: str) -> str:

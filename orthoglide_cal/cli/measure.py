@@ -102,8 +102,8 @@ def measure(
 
     if discard:
         if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
-            what = "--discard asks before it gives a session up."
-            raise UsageError(what, "In a script, give --yes.")
+            fault = "--discard asks before it gives a session up."
+            raise UsageError(fault, "In a script, give --yes.")
         kept = set_aside(session, Path(), lambda asked: yes or typer.confirm(asked, err=True))
         common.tell(f"Given up; kept as {kept}." if kept else "Nothing was changed.")
         return

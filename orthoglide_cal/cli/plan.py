@@ -75,8 +75,8 @@ def plan(
         chosen = chosen_session(model, wanted)
         follows = chosen.name in list(MeasuringProtocol)  # a protocol, and no layout
         if json or html or overwrite or (given and follows):
-            what = "--program writes nothing but the posture program."
-            raise UsageError(what, "Leave out --json, --html, --overwrite and FILE.")
+            fault = "--program writes nothing but the posture program."
+            raise UsageError(fault, "Leave out --json, --html, --overwrite and FILE.")
         if not follows:
             if moves != (None,) * 4:
                 raise UsageError(
@@ -89,17 +89,17 @@ def plan(
             common.tell(str(careful))
         turn = Order(order or "paper")
         session = (MeasuringProtocol(chosen.name), chosen.cycles, turn, wanted.stands)
-        told = command("measure", machine=machine, options=sequence_options(*session))
+        typed = command("measure", machine=machine, options=sequence_options(*session))
         length = APPROACH_MM if approach is None else approach
         steps = sequence(model.orthoglide, *session)
-        write_program(posture_program(model, steps, told, length, travel), program, template)
+        write_program(posture_program(model, steps, typed, length, travel), program, template)
         return
     full = details or json or html is not None
     with common.working(file or "A plan"):
         diagnosis = diagnose(given.measured, model) if given else None
-        found = measurement_plan(model, wanted, ranked(diagnosis) if diagnosis else (), full)
+        planned = measurement_plan(model, wanted, ranked(diagnosis) if diagnosis else (), full)
         begun = Case(given, answer_to(given, diagnosed=diagnosis), machine) if given else None
-    document = plan_document(found, machine, begun)
+    document = plan_document(planned, machine, begun)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
 
 
@@ -129,28 +129,28 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
         text = program_gcode(program, lines)
     else:
         raise _unknown(target, f"End it in {_CSV} for a table, in {_GCODE[0]} for G-code.")
-    said = "Try them first without gauges, slowly, a hand on the emergency stop."
-    common.put(text, target, f"{len(program.blocks)} blocks written to {target}. {said}")
+    advice = "Try them first without gauges, slowly, a hand on the emergency stop."
+    common.put(text, target, f"{len(program.blocks)} blocks written to {target}. {advice}")
 
 
-def write_places(found: "SessionForecast", target: Path) -> None:
+def write_places(session: "SessionForecast", target: Path) -> None:
     """Write the places of a layout as a file to be filled in; "-" shows it.
 
     Raises UsageError: another kind of file, a layout with distances, or the file exists.
     """
     from orthoglide_cal.files.probe_readings import places_csv
 
-    if not found.plan.touches.all():
+    if not session.plan.touches.all():
         raise UsageError(
-            f"{found.name} holds distances on a printed object: they are not probed.",
+            f"{session.name} holds distances on a printed object: they are not probed.",
             "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring printer.cfg; or"
             " choose a layout without distances: --layout bed-13",
         )
     if str(target) != "-" and target.suffix.lower() != _CSV:
         raise _unknown(target, f"End it in {_CSV}: places to probe are a table.")
-    said = "Fill in reading_mm, the height at which the probe triggers, bed mesh off."
-    told = f"{len(found.plan)} places written to {target}: {found.what}. {said}"
-    common.put(places_csv(found.plan), target, told)
+    advice = "Fill in reading_mm, the height at which the probe triggers, bed mesh off."
+    message = f"{len(session.plan)} places written to {target}: {session.what}. {advice}"
+    common.put(places_csv(session.plan), target, message)
 
 
 def _unknown(target: Path, remedy: str) -> UsageError:

@@ -58,8 +58,8 @@ def report(
                 )
         inputs, options = (verification.inputs, verification.options) if verification else ((), ())
         options = options or (() if limit is None else (limit,))
-        own = [(each.source, each.given.model) for each in (case, *case.others)]
-        identity = identify([*own, *inputs], case.answer.method, machine, *options)
+        judged = [(one.source, one.given.model) for one in (case, *case.others)]
+        identity = identify([*judged, *inputs], case.answer.method, machine, *options)
         document = calibration_document(case, identity, verification, limit, left)
         common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
         failed = verification is not None and verification.failed

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import Count, File, Number, Offsets, Texts, option
 from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.schema import parse_number
+from orthoglide_cal.words import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -95,13 +97,13 @@ def simulate(
     made = synthetic_session(wrong, plan, true, rng, gauge)
     record = None
     if on_bed:
-        text, what = probe_points_csv(made), "touches"
+        text, rows = probe_points_csv(made), "touches"
     else:
-        text, what = readings_csv(made), "readings"
+        text, rows = readings_csv(made), "readings"
         record = session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
     if target or not json:
         written = session_text(record) if yaml and record else text
-        common.put(written, target, f"{len(made)} {what} written to {target}")
+        common.put(written, target, f"{len(made)} {rows} written to {target}")
     if json and record:
         common.print_json(session_json(record))
     if seed is None:
@@ -119,7 +121,7 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
 
     head, _, tail = text.partition("=")
     name, _, place = (part.strip() for part in head.partition("@"))
-    possible = [id for id, each in CAUSES.items() if each.usual(type(machine)) is not None]
+    possible = [id for id, cause in CAUSES.items() if cause.usual(type(machine)) is not None]
     if name not in possible:
         where = f" of kind {machine.kind}" if name in CAUSES else ""
         raise UsageError(
@@ -132,21 +134,18 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
 def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Generator) -> np.ndarray:
     import numpy as np
 
-    from orthoglide_cal.schema import parse_number
-    from orthoglide_cal.words import counted
-
     names = list(machine.named(cause.names).values())
     try:
         values = [parse_number(part) for part in text.split(",")] if text.strip() else []
     except InputError as error:
-        what = f"--cause {cause.id}: {error.what} ({error.value!r})"
-        raise UsageError(what, error.remedy) from error
+        fault = f"--cause {cause.id}: {error.what} ({error.value!r})"
+        raise UsageError(fault, error.remedy) from error
     if len(values) != len(names) and not (cause.shares and 0 < len(values) < len(names)):
         unit = f" in {cause.unit}" if cause.unit else ""
         wanted = f"={','.join(names)}" if names else ""
         wants = counted(len(names), "value") + unit
-        what = f"--cause {cause.id} takes {wants}, not {len(values)}."
-        raise UsageError(what, f"Write {cause.id}{wanted}, a number for each name.")
+        fault = f"--cause {cause.id} takes {wants}, not {len(values)}."
+        raise UsageError(fault, f"Write {cause.id}{wanted}, a number for each name.")
     if cause.positive and min(values) < 0.0:
         raise UsageError(f"{cause.id} cannot be negative.", "Give sizes from 0.")
     # The last terms of a shape may be left out.

@@ -531,10 +531,10 @@ class Dialogue:
             if not self._agrees("Take them all again? y/n > "):
                 return
         self._take_again(again, reason or "retaken")
-        what = f"step {again[0].number} ({step_name(again[0])})"
+        retaken = f"step {again[0].number} ({step_name(again[0])})"
         if len(again) > 1:
-            what = f"{len(again)} steps from step {again[0].number} on"
-        self.asker.say(f"Retaking {what}; the old readings are kept as replaced.")
+            retaken = f"{len(again)} steps from step {again[0].number} on"
+        self.asker.say(f"Retaking {retaken}; the old readings are kept as replaced.")
 
     def _take_again(self, steps: list[SessionStep], reason: str) -> None:
         if self.state.ended:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
-from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -139,8 +138,8 @@ def _check_options(request: Request) -> None:
             raise UsageError("--choice needs a recommendation.", "Name its data: --then FILE")
         return
     if path and session_path(path).resolve() == Path(following).resolve():
-        what = f"{following} is never changed: it cannot be the new session, too."
-        raise UsageError(what, "Name another file for the session that will hold both.")
+        fault = f"{following} is never changed: it cannot be the new session, too."
+        raise UsageError(fault, "Name another file for the session that will hold both.")
     options = {
         "--resume": request.resume,
         "--protocol or --design": request.protocol,
@@ -149,8 +148,8 @@ def _check_options(request: Request) -> None:
         "--until": request.until_mm,
     }
     if wrong := [name for name, value in options.items() if value]:
-        what = f"--then and {wrong[0]} do not go together."
-        raise UsageError(what, "Leave out one of them: what is read follows from what was begun.")
+        fault = f"--then and {wrong[0]} do not go together."
+        raise UsageError(fault, "Leave out one of them: what is read follows from what was begun.")
 
 
 def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
@@ -233,8 +232,8 @@ def planned_next(
             "Leave out --choice for one with the stands set up again.",
         )
     if option.continues and request.stands == 1 and len(set(plan.series)) > 1:
-        what = "That measurement needs the two gauges where they are."
-        raise UsageError(what, "Use two gauges, or take another recommendation: --choice 2")
+        fault = "That measurement needs the two gauges where they are."
+        raise UsageError(fault, "Use two gauges, or take another recommendation: --choice 2")
     following = events.Following(
         data=first.data, what=option.what, minutes=option.minutes,
         continues=option.continues, entered=(x, y, z),
@@ -274,8 +273,8 @@ def _recommended(path: str, request: Request) -> tuple[PriorReadings, tuple[Opti
         )
     options = ranked(diagnose(first.readings, first.model))
     if choice is not None and choice > len(options):
-        what = f"There is no recommendation {choice} for {path}: there are {len(options)}."
-        raise UsageError(what, "Leave out --choice for the best one.")
+        fault = f"There is no recommendation {choice} for {path}: there are {len(options)}."
+        raise UsageError(fault, "Leave out --choice for the best one.")
     offsets = first.model.orthoglide.offsets_mm + first.left_entered
     if keeper is not None and not machine_file.differing(keeper, first.model):
         offsets = np.array(keeper.orthoglide.offsets_mm)
@@ -374,8 +373,8 @@ def serial_gauge(source: Sequence[str]) -> SerialGauge | None:
     if tuple(source) in ((), (TYPED,), (SIMULATED,)):
         return None
     if TYPED in source or SIMULATED in source or len(source) > 2:
-        what = f"These gauges do not go together: {', '.join(source)}."
-        raise UsageError(what, "Give typed, simulated, or one or two of FORMAT:PORT.")
+        fault = f"These gauges do not go together: {', '.join(source)}."
+        raise UsageError(fault, "Give typed, simulated, or one or two of FORMAT:PORT.")
     return SerialGauge(source)
 
 
@@ -400,8 +399,8 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
         if one.get(name) != other.get(name)
     ]
     if differences:
-        what = "This is not the session that was begun. " + "; ".join(differences) + "."
-        raise UsageError(what, "Leave those options out, or begin a new session in another file.")
+        fault = "This is not the session that was begun. " + "; ".join(differences) + "."
+        raise UsageError(fault, "Leave those options out, or begin a new session in another file.")
 
 
 # ---- its file: `session.yaml` in the end, `session.journal` meanwhile
@@ -413,8 +412,8 @@ def session_path(given: Path) -> Path:
     Raises UsageError where it cannot be the name of a file.
     """
     if given.name in ("", ".."):
-        what = "A session must be a file; this is not one."
-        raise UsageError(what, "Name a file, such as session.yaml, or leave the name out.")
+        fault = "A session must be a file; this is not one."
+        raise UsageError(fault, "Name a file, such as session.yaml, or leave the name out.")
     if len(os.fsencode(given.name)) > _LONGEST:
         raise UsageError("The name of the file is too long.", "Choose a shorter one.")
     if given.suffix == JOURNAL:
@@ -438,10 +437,10 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
         waiting = unfinished(folder)
         names = ", ".join(path.name for path in waiting)
         if resume and len(waiting) != 1:
-            what = f"There are {len(waiting)} unfinished sessions here: {names}."
+            fault = f"There are {len(waiting)} unfinished sessions here: {names}."
             if not waiting:
-                what = "There is no unfinished session in this folder."
-            raise UsageError(what, "Name its file: orthocal measure NAME.yaml --resume")
+                fault = "There is no unfinished session in this folder."
+            raise UsageError(fault, "Name its file: orthocal measure NAME.yaml --resume")
         if resume:
             return waiting[0].with_suffix(".yaml")
         if not all(map(is_practice, waiting)):  # a practice is no part of the loop
@@ -449,9 +448,7 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
                 f"There is an unfinished session here: {names}.",
                 "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
             )
-        stems = chain(("session",), (f"session-{number}" for number in count(2)))
-        free = (folder / f"{stem}.yaml" for stem in stems)
-        return next(f for f in free if not (f.exists() or f.with_suffix(JOURNAL).exists()))
+        return _free(folder / "session.yaml", JOURNAL)
     path = session_path(given)
     journal = path.with_suffix(JOURNAL)
     if not resume and path.exists():
@@ -460,9 +457,17 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
             "Name another file, or continue an unfinished session with --resume.",
         )
     if not resume and journal.exists():
-        what = f"{journal} holds a session that is not finished."
-        raise UsageError(what, f"Continue it: {command('measure', str(path), options='--resume')}")
+        fault = f"{journal} holds a session that is not finished."
+        raise UsageError(fault, f"Continue it: {command('measure', str(path), options='--resume')}")
     return path
+
+
+def _free(path: Path, *suffixes: str) -> Path:
+    """The first of NAME, NAME-2 … that is no file, nor with any of these suffixes."""
+    name, number = path, 2
+    while any(taken.exists() for taken in (name, *map(name.with_suffix, suffixes))):
+        name, number = path.with_stem(f"{path.stem}-{number}"), number + 1
+    return name
 
 
 def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -> str | None:
@@ -473,22 +478,21 @@ def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -
     path = session_file(given, folder, resume=True)
     journal, readings = path.with_suffix(JOURNAL), "readings, but is damaged"
     if path.exists() or not journal.exists():
-        what = f"There is no unfinished session {path}: nothing is discarded."
-        raise UsageError(what, "See what is in this folder: orthocal")
+        fault = f"There is no unfinished session {path}: nothing is discarded."
+        raise UsageError(fault, "See what is in this folder: orthocal")
     with suppress(InputError):
         opened = Journal.resume(journal)
         readings = counted(len(events.replay(opened.events).accepted), "reading")
         opened.close()
-    names = chain((path.stem,), (f"{path.stem}-{number}" for number in count(2)))
-    aside = next(p for name in names if not (p := path.with_name(f"{name}.discarded")).exists())
-    fate = f"It will be kept as {aside} and cannot be resumed.\nGive it up?"
-    if not agrees(f"{journal} holds {readings}. {fate}"):
+    aside = _free(path.with_suffix(".discarded"))
+    fate = f"It will be kept as {aside}\nand cannot be resumed. Give it up?"
+    if not agrees(f"{journal} holds {readings}.\n{fate}"):
         return None
     try:
         journal.rename(aside)
     except OSError as error:
-        what = f"{journal} cannot be renamed: {error.strerror}."
-        raise InputError(what, "Check the folder and its permissions.") from error
+        fault = f"{journal} cannot be renamed: {error.strerror}."
+        raise InputError(fault, "Check the folder and its permissions.") from error
     return str(aside)
 
 
