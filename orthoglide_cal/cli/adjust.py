@@ -6,7 +6,7 @@ import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
-from orthoglide_cal.cli.measure import saved_when_interrupted, show_on
+from orthoglide_cal.cli.measure import saved_when_interrupted, session_display
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 
@@ -41,8 +41,7 @@ def adjust(
     id, adjustments = choose_adjustments(diagnose(given.measured, given.model), cause)
     if validity(given).simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")
-    aside = common.console(stderr=True)
-    show = show_on(aside if json else common.console(), aside)
+    show = session_display(json)
     interrupted = saved_when_interrupted("adjust", machine, f"--cause {id}")
     with ExitStack() as left, interrupted as running:
         with closing(Keyboard()) as keyboard:

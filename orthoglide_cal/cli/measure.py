@@ -27,8 +27,6 @@ from orthoglide_cal.errors import UnusableResultError, UsageError, command, visi
 from orthoglide_cal.words import Unit
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from orthoglide_cal.session.asking import Show
     from orthoglide_cal.session.dialogue import Dialogue
 
@@ -142,8 +140,7 @@ def measure(
         gauges=labels,
     )
     standing = Standing(follow) if follow else None
-    aside = common.console(stderr=True)
-    show = show_on(aside if json else common.console(), aside)
+    show = session_display(json)
     with ExitStack() as left, saved_when_interrupted("measure") as running:
         with closing(Keyboard()) as keyboard:
             dialogue = open_session(request, Path(), keyboard, show)
@@ -204,9 +201,15 @@ def saved_when_interrupted(
     raise typer.Exit(INTERRUPTED)
 
 
-def show_on(console: "Console", aside: "Console") -> "Show":
-    """Shows a session on one console, and on the other what arrived unasked."""
+def session_display(as_json: bool) -> "Show":
+    """Shows a session on standard output; on standard error what arrived unasked.
+
+    If the result is to be JSON, all on standard error.
+    """
     from orthoglide_cal.session.asking import Style
+
+    aside = common.console(stderr=True)
+    console = aside if as_json else common.console()
 
     def show(text: str, style: Style = Style.PLAIN, end: str = "\n") -> None:
         # Lines are ready as they are: rich would spend more time on them than all checks together.

@@ -23,10 +23,10 @@ def simulate(
     protocol: common.Protocol = common.PROTOCOL,
     offsets: Offsets = option("DX DY DZ", "True joint offsets, mm. Default: 0 0 0."),
     noise: Number = option(
-        "MM", "Standard deviation of a reading. Default: that of the machine's gauge."
+        "MM", "Standard deviation of a reading. Default: that of the machine's gauge.", min=0.0
     ),
     resolution: Number = option(
-        "MM", "Resolution of the gauge; 0: none. Default: that of the machine's gauge."
+        "MM", "Resolution of the gauge; 0: none. Default: that of the machine's gauge.", min=0.0
     ),
     cycles: Count = option(
         "N", "Number of cycles, 1 to 1000. Default: 3; on a printer 1.", min=1, max=1000
@@ -72,9 +72,6 @@ def simulate(
     from orthoglide_cal.model.machine import SimulationOptions
     from orthoglide_cal.model.model import synthetic_session
 
-    for name, size in (("--noise", noise), ("--resolution", resolution)):
-        if size is not None and size < 0.0:
-            raise UsageError(f"{name} cannot be {size:g}.", "Give millimetres from 0.")
     chosen = secrets.randbelow(2**32) if seed is None else seed
     known = common.given_machine(machine) or common.folder_machine()
     nominal = known.machine

@@ -11,6 +11,7 @@ import time
 import uuid
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 
 from orthoglide_cal.errors import InputError, UsageError, system_words
@@ -141,6 +142,13 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
     finally:
         with suppress(OSError):  # a folder that cannot be written to says so above
             temporary.unlink(missing_ok=True)
+
+
+def free_path(folder: Path, stem: str, suffix: str, *others: str) -> Path:
+    """The first of stem, stem-2, … that no file with one of the suffixes has; with the first."""
+    stems = chain((stem,), (f"{stem}-{number}" for number in count(2)))
+    paths, ends = (folder / f"{name}{suffix}" for name in stems), (suffix, *others)
+    return next(p for p in paths if not any(p.with_suffix(end).exists() for end in ends))
 
 
 def number_text(value: float) -> str:

@@ -195,7 +195,7 @@ class Dialogue:
             hidden.append(f"{parameter.name} {signed(value, decimals_for(parameter.expanded))}")
             if parameter.found is not None and abs(value - parameter.found) > parameter.expanded:
                 result = "not all lie within U: expected once in seven sessions"
-        self.asker.show(f"Simulated; true are {' '.join(hidden)} mm: {result}.")
+        self.asker.show(f"True offsets: {' '.join(hidden)} mm; {result}.")
 
     def close(self) -> None:
         """Let go of the gauge, the machine that is followed, and the journal."""

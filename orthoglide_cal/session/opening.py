@@ -18,7 +18,7 @@ from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.readings import doubted_temperatures
-from orthoglide_cal.files.text import read_document
+from orthoglide_cal.files.text import free_path, read_document
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
@@ -448,7 +448,7 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
                 f"There is an unfinished session here: {names}.",
                 "Continue with --resume, or name a file for a new one: orthocal measure NAME.yaml",
             )
-        return _free(folder / "session.yaml", JOURNAL)
+        return free_path(folder, "session", ".yaml", JOURNAL)
     path = session_path(given)
     journal = path.with_suffix(JOURNAL)
     if not resume and path.exists():
@@ -460,14 +460,6 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
         fault = f"{journal} holds a session that is not finished."
         raise UsageError(fault, f"Continue it: {command('measure', str(path), options='--resume')}")
     return path
-
-
-def _free(path: Path, *suffixes: str) -> Path:
-    """The first of NAME, NAME-2 … that is no file, nor with any of these suffixes."""
-    name, number = path, 2
-    while any(taken.exists() for taken in (name, *map(name.with_suffix, suffixes))):
-        name, number = path.with_stem(f"{path.stem}-{number}"), number + 1
-    return name
 
 
 def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -> str | None:
@@ -484,7 +476,7 @@ def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -
         opened = Journal.resume(journal)
         readings = counted(len(events.replay(opened.events).accepted), "reading")
         opened.close()
-    aside = _free(path.with_suffix(".discarded"))
+    aside = free_path(path.parent, path.stem, ".discarded")
     fate = f"It will be kept as {aside}\nand cannot be resumed. Give it up?"
     if not agrees(f"{journal} holds {readings}.\n{fate}"):
         return None

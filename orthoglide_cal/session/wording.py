@@ -10,7 +10,7 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Contact, other_axes
 from orthoglide_cal.planning.steps import SessionStep, posture_name
 from orthoglide_cal.session.readings import Setting
-from orthoglide_cal.words import MM_PER_INCH, Unit, plain, typed
+from orthoglide_cal.words import MM_PER_INCH, SIMULATED, Unit, plain, typed
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -45,7 +45,7 @@ def machine(model: Model, simulated: bool) -> str:
     low, high = machine.joint_limits_mm
     known = ", ".join(effect.cause.id for effect in model.accepted)
     return "\n".join([
-        *(["SIMULATED: no machine is measured."] if simulated else []),
+        *([SIMULATED] if simulated else []),
         f"Machine  {visible(machine.name)}",
         f"         legs {machine.leg_length_mm:g} mm, joints {low:+g} to {high:+g} mm from the"
         " isotropic posture",
