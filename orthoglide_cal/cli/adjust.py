@@ -1,29 +1,24 @@
 """`orthocal adjust`: correct a named cause with its screw, live."""
 
 from contextlib import ExitStack, closing
-from typing import Annotated
 
 import typer
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import Text, Texts, argument, flag, option
-from orthoglide_cal.cli.measure import saved_when_interrupted, show_on
+from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
+from orthoglide_cal.cli.measure import saved_when_interrupted, session_display
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 
 def adjust(
-    session: Annotated[str, argument("SESSION", "Session or readings that name the cause.")],
-    cause: Annotated[
-        Text, option("ID", "The cause to correct. Default: the first that a screw corrects.")
-    ] = None,
-    resume: Annotated[
-        bool, flag("--resume", "Continue an adjustment at its next reading.")
-    ] = False,
-    gauge: Annotated[
-        Texts, option("SOURCE", "Where readings come from: typed, or as of measure FORMAT:PORT.")
-    ] = None,
-    machine: common.MachineFile = None,
-    json: common.AsJson = False,
+    session: str = argument("SESSION", "Session or readings that name the cause.", required=True),
+    cause: Text = option("ID", "The cause to correct. Default: the first that a screw corrects."),
+    resume: bool = flag("--resume", "Continue an adjustment at its next reading."),
+    gauge: Texts = option(
+        "SOURCE", "Where readings come from: typed, or as of measure FORMAT:PORT."
+    ),
+    machine: File = common.MACHINE,
+    json: bool = common.JSON,
 ) -> None:
     """Correct a named cause with its screw or shim: which way, and how far, after each reading."""
     from orthoglide_cal.inference import diagnose
@@ -41,13 +36,12 @@ def adjust(
     given = common.read_input(session, machine)
     known = given.model.machine
     if given.keeper and given.keeper.model.machine.entered_from(given.measured.source.sha256):
-        what = f"The offsets of {session} were entered: that is not the machine any more."
-        raise UnusableResultError(what, "Measure again, then adjust by the new session.")
+        fault = f"The offsets of {session} were entered: that is not the machine any more."
+        raise UnusableResultError(fault, "Measure again, then adjust by the new session.")
     id, adjustments = choose_adjustments(diagnose(given.measured, given.model), cause)
     if validity(given).simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")
-    aside = common.console(stderr=True)
-    show = show_on(aside if json else common.console(), aside)
+    show = session_display(json)
     interrupted = saved_when_interrupted("adjust", machine, f"--cause {id}")
     with ExitStack() as left, interrupted as running:
         with closing(Keyboard()) as keyboard:

@@ -8,7 +8,7 @@ import io
 import os
 import sys
 from contextlib import suppress
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 from typer.core import TyperGroup
@@ -104,8 +104,8 @@ app = typer.Typer(
 @app.callback(invoke_without_command=True)
 def _orthocal(
     context: typer.Context,
-    version: Annotated[bool, flag("--version", "Show the version.")] = False,
-    no_colour: Annotated[bool, flag("--no-color", "No colours; NO_COLOR does the same.")] = False,
+    version: bool = flag("--version", "Show the version."),
+    no_colour: bool = flag("--no-color", "No colours; NO_COLOR does the same."),
 ) -> None:
     if no_colour:
         switch_colour_off()
@@ -121,7 +121,7 @@ def _in_ascii(error: UnicodeError) -> tuple[str, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
     missing = error.object[error.start : error.end]
-    return "".join(_ASCII.get(each, "?") for each in missing), error.end
+    return "".join(_ASCII.get(sign, "?") for sign in missing), error.end
 
 
 def main() -> None:

@@ -3,12 +3,12 @@
 import sys
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import File, Text, argument, flag, option
+from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
 from orthoglide_cal.cli.export import released
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command
 
@@ -25,32 +25,24 @@ RESTART = "The firmware reads its file when it starts. Restart it now"
 
 
 def apply(
-    session: Annotated[
-        Text,
-        argument(
-            "SESSION", "Session or readings whose offsets are entered. Not needed for --undo."
-        ),
-    ] = None,
-    machine: Annotated[
-        File,
-        option("FILE", "Machine file to record it in. Default: the one in this folder."),
-    ] = None,
-    to: Annotated[
-        Text,
-        option(
-            "CONTROLLER",
-            "Also write them to the controller: LinuxCNC's INI, Klipper's printer.cfg, or"
-            " http://HOST[:PORT] of a Moonraker server.",
-        ),
-    ] = None,
-    data: common.Data = None,
-    rule_out: common.RuleOut = None,
-    yes: Annotated[bool, flag("--yes", "Answer yes to every question.")] = False,
-    undo: Annotated[
-        bool,
-        flag("--undo", "Take the last entry back. With --to also restore the controller's file."),
-    ] = False,
-    json: common.AsJson = False,
+    session: Text = argument(
+        "SESSION", "Session or readings whose offsets are entered. Not needed for --undo."
+    ),
+    machine: File = option(
+        "FILE", "Machine file to record it in. Default: the one in this folder."
+    ),
+    to: Text = option(
+        "CONTROLLER",
+        "Also write them to the controller: LinuxCNC's INI, Klipper's printer.cfg, or"
+        " http://HOST[:PORT] of a Moonraker server.",
+    ),
+    data: common.Data = common.DATA,
+    rule_out: Texts = common.RULE_OUT,
+    yes: bool = flag("--yes", "Answer yes to every question."),
+    undo: bool = flag(
+        "--undo", "Take the last entry back. With --to also restore the controller's file."
+    ),
+    json: bool = common.JSON,
 ) -> None:
     """Record what was entered in the controller, or enter it (--to)."""
     from orthoglide_cal.files.controller_file import controller_file
@@ -89,8 +81,8 @@ def apply(
         if not json:
             common.deliver(document)
         target = entry.file.document.path
-        what = "Take them back" if undo else "Record them"
-        question = f"Does the controller hold these values now? {what} in {target}"
+        action = "Take them back" if undo else "Record them"
+        question = f"Does the controller hold these values now? {action} in {target}"
         if controller and controller.adds and (otherwise := runs_otherwise(controller)):
             common.tell(otherwise)
         if controller:
@@ -106,8 +98,8 @@ def apply(
             common.tell(INI_ONLY)
         elif controller and live:
             if not is_live(controller_file(controller.target), anew=True):
-                what = "The running LinuxCNC does not take the offsets; its INI holds them."
-                raise InputError(what, "Restart LinuxCNC, then home.")
+                fault = "The running LinuxCNC does not take the offsets; its INI holds them."
+                raise InputError(fault, "Restart LinuxCNC, then home.")
             common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
         if controller and server(controller.target) and agrees(RESTART):
             restart(controller.target)
@@ -156,7 +148,7 @@ def _entered(
     machine: File,
     to: "ControllerFile | None",
     data: common.Data,
-    rule_out: common.RuleOut,
+    rule_out: Texts,
 ) -> "Application":
     """Entry of a measurement. Raises UsageError, UnusableResultError."""
     from orthoglide_cal.causes import CAUSES

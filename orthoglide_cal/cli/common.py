@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, TextIO
 
 import typer
 from typer.core import TyperCommand
@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from orthoglide_cal.planning.steps import MeasuringProtocol
     from orthoglide_cal.report.document import Document
 
-# What of a printer.cfg is taken as the readings.
-Stored = Literal["calibration", "mesh"]
 NO_COLOUR = "no_colour"
 # Numbers on the command line are lengths in mm, or degrees: none of them is as large.
 _LARGEST = 1e5
@@ -93,8 +91,13 @@ def switch_colour_off() -> None:
 
 
 def option(
-    metavar: str | None, help: str, *names: str, min: float | None = None, max: float | None = None
-) -> object:
+    metavar: str | None,
+    help: str,
+    *names: str,
+    min: float | None = None,
+    max: float | None = None,
+    default: object = None,
+) -> Any:
     """An option with a value; its help says what holds without it. Its name is the parameter's.
 
     Numbers are read as in a session: with a point or a comma, and a unit where they have one.
@@ -123,17 +126,27 @@ def option(
     low = -_LARGEST if min is None else min
     high = (math.inf if counts else _LARGEST) if max is None else max
     parser = number if counts or metavar in _UNITS else None
-    return typer.Option(*names, metavar=metavar, help=help, show_default=False, parser=parser)
+    return typer.Option(
+        default, *names, metavar=metavar, help=help, show_default=False, parser=parser
+    )
 
 
-def flag(name: str, help: str) -> object:
+def flag(name: str, help: str) -> Any:
     """An option without a value."""
-    return typer.Option(name, help=help)
+    return typer.Option(False, name, help=help)
 
 
-def argument(metavar: str, help: str, complete: Callable[[str], list[str]] | None = None) -> object:
+def argument(
+    metavar: str,
+    help: str,
+    complete: Callable[[str], list[str]] | None = None,
+    required: bool = False,
+) -> Any:
     """An argument, which has no name; `complete` lists what may follow what was typed of it."""
-    return typer.Argument(metavar=metavar, help=help, show_default=False, autocompletion=complete)
+    default = ... if required else None
+    return typer.Argument(
+        default, metavar=metavar, help=help, show_default=False, autocompletion=complete
+    )
 
 
 MEASURED = "Readings or differences (CSV), a session (YAML), or a printer's file (printer.cfg …)"
@@ -145,72 +158,50 @@ Texts = list[str] | None
 Count = int | None
 Number = float | None
 File = Path | None
-Offsets = tuple[float, float, float]
-Files = Annotated[list[str], argument("FILE", f"{MEASURED}; - is standard input.")]
-MachineFile = Annotated[
-    File,
-    option(
-        "FILE",
-        "Machine file. Default: the machine in the session, or the machine file in this folder, or"
-        " the paper's prototype.",
-    ),
-]
-MethodName = Annotated[
-    Text,
-    option(
-        "NAME",
-        "single, single-sequential, six-linear, twelve-linear, six, twelve or readings. Default:"
-        " the best one for the data.",
-    ),
-]
-Data = Annotated[
-    Stored | None,
-    option(None, "Which data of a printer.cfg to use. Default: the calibration, if there is one."),
-]
-Cycles = Annotated[Count, option("N", "Number of cycles, 1 to 50. Default: 3.", min=1, max=50)]
-Gauges = Annotated[
-    Count, option("N", "Gauges in use, 1 or 2. Default: 2; single: 1.", min=1, max=2)
-]
-Protocol = Annotated[
-    Literal["double", "single"] | None,
-    option(None, "Protocol: double-posture (default) or single-posture."),
-]
-Design = Annotated[
-    Literal["best"] | None,
-    option(
-        None, "The design with the fewest readings for the offsets; it shows faults less clearly."
-    ),
-]
-Order = Annotated[
-    Literal["paper", "fewest-moves"] | None,
-    option(None, "Order of the readings: the paper's (default), or with fewer moves of the gauge."),
-]
-Applied = Annotated[
-    Offsets | None,
-    option(
-        "DX DY DZ",
-        "What was added to the controller's offsets between the two sessions, mm. Default: what"
-        " the sessions or the machine file record.",
-    ),
-]
-Limit = Annotated[
-    Number,
-    option("MM", "Largest permitted deviation of any difference; decides pass, fail or undecided."),
-]
-RuleOut = Annotated[
-    Texts,
-    option("CAUSE", "A fault that you looked for and did not find; may be given repeatedly."),
-]
-Target = Annotated[
-    File, option("FILE", "File to write. An existing file is never overwritten.", "--output", "-o")
-]
-HtmlFile = Annotated[
-    File, option("FILE", "Write one HTML page that needs no other files; - is standard output.")
-]
-MarkdownFile = Annotated[File, option("FILE", "Write Markdown; - is standard output.")]
-Overwrite = Annotated[bool, flag("--overwrite", "Replace a page that orthocal wrote before.")]
-WithDetails = Annotated[bool, flag("--details", "Show everything. Default: one screen.")]
-AsJson = Annotated[bool, flag("--json", "Print JSON: one object for each file, one per line.")]
+Offsets = tuple[float, float, float] | None
+Protocol = Literal["double", "single"] | None
+Design = Literal["best"] | None
+Order = Literal["paper", "fewest-moves"] | None
+Data = Literal["calibration", "mesh"] | None  # of a printer.cfg
+# Options of several commands.
+FILES = argument("FILE", f"{MEASURED}; - is standard input.", required=True)
+MACHINE = option(
+    "FILE",
+    "Machine file. Default: the machine in the session, or the machine file in this folder, or"
+    " the paper's prototype.",
+)
+METHOD = option(
+    "NAME",
+    "single, single-sequential, six-linear, twelve-linear, six, twelve or readings. Default:"
+    " the best one for the data.",
+)
+DATA = option(
+    None, "Which data of a printer.cfg to use. Default: the calibration, if there is one."
+)
+CYCLES = option("N", "Number of cycles, 1 to 50. Default: 3.", min=1, max=50)
+GAUGES = option("N", "Gauges in use, 1 or 2. Default: 2; single: 1.", min=1, max=2)
+PROTOCOL = option(None, "Protocol: double-posture (default) or single-posture.")
+DESIGN = option(
+    None, "The design with the fewest readings for the offsets; it shows faults less clearly."
+)
+ORDER = option(
+    None, "Order of the readings: the paper's (default), or with fewer moves of the gauge."
+)
+APPLIED = option(
+    "DX DY DZ",
+    "What was added to the controller's offsets between the two sessions, mm. Default: what"
+    " the sessions or the machine file record.",
+)
+LIMIT = option(
+    "MM", "Largest permitted deviation of any difference; decides pass, fail or undecided."
+)
+RULE_OUT = option("CAUSE", "A fault that you looked for and did not find; may be given repeatedly.")
+OUTPUT = option("FILE", "File to write. An existing file is never overwritten.", "--output", "-o")
+HTML = option("FILE", "Write one HTML page that needs no other files; - is standard output.")
+MARKDOWN = option("FILE", "Write Markdown; - is standard output.")
+OVERWRITE = flag("--overwrite", "Replace a page that orthocal wrote before.")
+DETAILS = flag("--details", "Show everything. Default: one screen.")
+JSON = flag("--json", "Print JSON: one object for each file, one per line.")
 
 
 def measuring_protocol(protocol: str | None, design: str | None) -> MeasuringProtocol | None:
@@ -246,7 +237,7 @@ def for_each(
 def read_input(
     path: str,
     machine_file: Path | None = None,
-    data: Stored | None = None,
+    data: Data = None,
     rule_out: Sequence[str] | None = None,
 ) -> Input:
     """Read what was measured at `path` ("-": standard input), judged by the machine of --machine.
@@ -274,11 +265,11 @@ def read_input(
     return replace(completed(given), others=tuple(map(completed, given.others)))
 
 
-def require_printer(source: Source, data: Stored | None) -> None:
+def require_printer(source: Source, data: Data) -> None:
     """Refuse --data for a file that stores one measurement only. Raises UsageError."""
     if data is not None and source.excerpt is None:
-        what = f"--data is for a printer's file; {file_words(source.path)} is not one."
-        raise UsageError(what, "Leave it out.")
+        fault = f"--data is for a printer's file; {file_words(source.path)} is not one."
+        raise UsageError(fault, "Leave it out.")
 
 
 def own_machine_file(machine_file: Path | None) -> StoredMachine:
@@ -290,13 +281,13 @@ def own_machine_file(machine_file: Path | None) -> StoredMachine:
 
     path = machine_file or _file_in_folder()
     if path is None:
-        what = "There is no machine file in this folder to record the offsets in."
-        raise UsageError(what, "Name it with --machine, or make one: orthocal machine new")
+        fault = "There is no machine file in this folder to record the offsets in."
+        raise UsageError(fault, "Name it with --machine, or make one: orthocal machine new")
     if str(path) == "-":
         raise UsageError("Nothing can be recorded in standard input.", "Name a machine file.")
     if path.resolve().parent == shipped_folder().resolve():
-        what = f"{path} comes with the program and is never changed."
-        raise UsageError(what, "Make one for your machine: orthocal machine new")
+        fault = f"{path} comes with the program and is never changed."
+        raise UsageError(fault, "Make one for your machine: orthocal machine new")
     return read_machine_file(path)
 
 
@@ -397,15 +388,15 @@ def deliver(
         if path is None:
             continue
         if overwrite and path.is_file() and not path.read_bytes().endswith(MARK.encode()):
-            what = f"{path} is not a page that orthocal wrote: it is not replaced."
-            raise UsageError(what, "Name another file.")
+            fault = f"{path} is not a page that orthocal wrote: it is not replaced."
+            raise UsageError(fault, "Name another file.")
         try:
             put(render(page), path, f"{page.name} written to {path}", overwrite)
         except UsageError as error:
             raise UsageError(error.what, "Name another file, or replace it: --overwrite") from error
 
 
-def put(text: str, target: Path | None, told: str, overwrite: bool = False) -> None:
+def put(text: str, target: Path | None, message: str, overwrite: bool = False) -> None:
     """Write a file as `write_text` does, and tell people; "-", or none: show the text."""
     from orthoglide_cal.files.text import write_text
 
@@ -413,7 +404,7 @@ def put(text: str, target: Path | None, told: str, overwrite: bool = False) -> N
         print(text, end="")
         return
     write_text(target, text, overwrite=overwrite)
-    tell(told)
+    tell(message)
 
 
 def json_line(value: Mapping[str, object]) -> str:
@@ -448,7 +439,7 @@ def console(*, stderr: bool = False) -> Console:
 
 
 @contextmanager
-def working(what: str) -> Iterator[None]:
+def working(task: str) -> Iterator[None]:
     """Show on standard error what is being worked on, from `SLOW_S` on; on a terminal."""
     if not sys.stderr.isatty():
         yield
@@ -456,7 +447,7 @@ def working(what: str) -> Iterator[None]:
     from rich import text
 
     # As text, not as markup: a file may be called a[/b].yaml.
-    status = console(stderr=True).status(text.Text(visible(f"{what} …")))
+    status = console(stderr=True).status(text.Text(visible(f"{task} …")))
     timer = threading.Timer(SLOW_S, status.start)
     timer.daemon = True
     timer.start()

@@ -3,45 +3,36 @@
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
-from typing import Annotated
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import File, Offsets, Text, flag, option
+from orthoglide_cal.cli.common import File, Offsets, Text, Texts, flag, option
 from orthoglide_cal.errors import OrthocalError, UsageError
 
 
 def diagnose(
-    files: common.Files,
-    machine: common.MachineFile = None,
-    data: common.Data = None,
-    rule_out: common.RuleOut = None,
-    holdout: Annotated[
-        Text, option("FILE", "Later readings to predict; they are not fitted.")
-    ] = None,
-    applied: Annotated[
-        Offsets | None,
-        option("DX DY DZ", "Offsets entered in the controller before the held-out readings, mm."),
-    ] = None,
-    recalibrated: Annotated[
-        bool,
-        flag("--recalibrated", "The machine was calibrated again before the held-out readings."),
-    ] = False,
-    together: Annotated[
-        bool,
-        flag(
-            "--together",
-            "Take all files as dates of one printer, the latest last; one answer for all.",
-        ),
-    ] = False,
-    accept: Annotated[
-        Text, option("CAUSE", "Make this cause part of the machine and write a new machine file.")
-    ] = None,
-    output: Annotated[
-        File,
-        option("FILE", "New machine file of --accept. An existing file is never overwritten."),
-    ] = None,
-    details: common.WithDetails = False,
-    json: common.AsJson = False,
+    files: list[str] = common.FILES,
+    machine: File = common.MACHINE,
+    data: common.Data = common.DATA,
+    rule_out: Texts = common.RULE_OUT,
+    holdout: Text = option("FILE", "Later readings to predict; they are not fitted."),
+    applied: Offsets = option(
+        "DX DY DZ", "Offsets entered in the controller before the held-out readings, mm."
+    ),
+    recalibrated: bool = flag(
+        "--recalibrated", "The machine was calibrated again before the held-out readings."
+    ),
+    together: bool = flag(
+        "--together",
+        "Take all files as dates of one printer, the latest last; one answer for all.",
+    ),
+    accept: Text = option(
+        "CAUSE", "Make this cause part of the machine and write a new machine file."
+    ),
+    output: File = option(
+        "FILE", "New machine file of --accept. An existing file is never overwritten."
+    ),
+    details: bool = common.DETAILS,
+    json: bool = common.JSON,
 ) -> None:
     """Find what else is wrong, how certain that is, and what to do."""
     import numpy as np

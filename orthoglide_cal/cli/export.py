@@ -2,10 +2,10 @@
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import MEASURED, argument, flag, option
+from orthoglide_cal.cli.common import MEASURED, File, Text, Texts, argument, flag, option
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
@@ -16,32 +16,27 @@ Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marl
 
 
 def export(
-    file: Annotated[str, argument("FILE", f"{MEASURED}; - is standard input.")],
-    format: Annotated[
-        Format,
-        option(
-            None,
-            "text (default); linuxcnc: lines of its INI; table: joint corrections over the"
-            " workspace, for accepted causes; klipper, reprapfirmware, marlin: lines for a"
-            " printer's firmware.",
-        ),
-    ] = "text",
-    target: common.Target = None,
-    machine: common.MachineFile = None,
-    data: common.Data = None,
-    rule_out: common.RuleOut = None,
-    method: common.MethodName = None,
-    force: Annotated[
-        bool,
-        flag(
-            "--force",
-            "Export a result that must not be used. Every line is marked as FORCED.",
-        ),
-    ] = False,
-    points: Annotated[
-        int, option("N", "Points of the table along each edge of the workspace. Default: 7.")
-    ] = 7,
-    json: common.AsJson = False,
+    file: str = argument("FILE", f"{MEASURED}; - is standard input.", required=True),
+    format: Format = option(
+        None,
+        "text (default); linuxcnc: lines of its INI; table: joint corrections over the"
+        " workspace, for accepted causes; klipper, reprapfirmware, marlin: lines for a"
+        " printer's firmware.",
+        default="text",
+    ),
+    target: File = common.OUTPUT,
+    machine: File = common.MACHINE,
+    data: common.Data = common.DATA,
+    rule_out: Texts = common.RULE_OUT,
+    method: Text = common.METHOD,
+    force: bool = flag(
+        "--force",
+        "Export a result that must not be used. Every line is marked as FORCED.",
+    ),
+    points: int = option(
+        "N", "Points of the table along each edge of the workspace. Default: 7.", min=2, default=7
+    ),
+    json: bool = common.JSON,
 ) -> None:
     """Print the new offsets for the controller, if released."""
     from orthoglide_cal.model.kinds import MACHINES
@@ -57,7 +52,7 @@ def export(
     def judge(path: str) -> None:
         given = common.read_input(path, machine, data, rule_out)
         known = given.model.machine
-        owners = [kind for kind, each in MACHINES.items() if format in each.controller_formats]
+        owners = [kind for kind, made in MACHINES.items() if format in made.controller_formats]
         if owners and known.kind not in owners:
             raise UsageError(
                 f"--format {format} is for the controller of kind {owners[0]}; this machine is"
@@ -103,8 +98,8 @@ def released(
     case = Case(given, answer, machine)
     if not answer.parameters or not (answer.release.usable or force):
         remedies = [
-            f"{case.says(each.sentence)} {case.remedied(each) or ''}".rstrip()
-            for each in case.answer.release.remedies
+            f"{case.says(remedy.sentence)} {case.remedied(remedy) or ''}".rstrip()
+            for remedy in case.answer.release.remedies
         ]
         if force is not None and answer.parameters:
             remedies.append("To export it anyway, marked as FORCED: --force")

@@ -2,7 +2,6 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import Texts, argument
@@ -26,10 +25,9 @@ def _topics(incomplete: str) -> list[str]:
 
 
 def guide(
-    topic: Annotated[
-        Texts,
-        argument("TOPIC", "Topic, or id of a cause. Default: the list of topics.", _topics),
-    ] = None,
+    topic: Texts = argument(
+        "TOPIC", "Topic, or id of a cause. Default: the list of topics.", _topics
+    ),
 ) -> None:
     """Show a page of the manual; in a pipe, as Markdown."""
     text = _page(" ".join(topic or ["index"])).read_text(encoding="utf-8")
@@ -60,8 +58,8 @@ def _page(topic: str) -> Path:
     near = [name for name in pages if wanted and wanted in name]
     near += get_close_matches(wanted, pages, n=3)
     names = ", ".join(pages[name].stem for name in dict.fromkeys(near))
-    what = f"The guide has no page {topic!r}." + (f" Nearest: {names}." if names else "")
-    raise UsageError(what, "All pages: orthocal guide")
+    fault = f"The guide has no page {topic!r}." + (f" Nearest: {names}." if names else "")
+    raise UsageError(fault, "All pages: orthocal guide")
 
 
 def _plain(name: str) -> str:

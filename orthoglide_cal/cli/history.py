@@ -1,29 +1,24 @@
 """`orthocal history`: did the machine change?"""
 
 from pathlib import Path
-from typing import Annotated
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import MEASURED, Number, Text, argument, option
+from orthoglide_cal.cli.common import MEASURED, File, Number, Text, argument, option
 
 
 def history(
-    files: Annotated[
-        list[str], argument("FILE", f"Sessions of one machine, or a folder. {MEASURED}.")
-    ],
-    limit: Annotated[
-        Number, option("MM", "Largest permitted change. Shows when a drift reaches it.")
-    ] = None,
-    dates: Annotated[
-        Text, option("DATES", "Dates of the files, in order: 2026-03-02,2026-04-07.")
-    ] = None,
-    machine: common.MachineFile = None,
-    data: common.Data = None,
-    html: common.HtmlFile = None,
-    markdown: common.MarkdownFile = None,
-    details: common.WithDetails = False,
-    json: common.AsJson = False,
-    overwrite: common.Overwrite = False,
+    files: list[str] = argument(
+        "FILE", f"Sessions of one machine, or a folder. {MEASURED}.", required=True
+    ),
+    limit: Number = option("MM", "Largest permitted change. Shows when a drift reaches it."),
+    dates: Text = option("DATES", "Dates of the files, in order: 2026-03-02,2026-04-07."),
+    machine: File = common.MACHINE,
+    data: common.Data = common.DATA,
+    html: File = common.HTML,
+    markdown: File = common.MARKDOWN,
+    details: bool = common.DETAILS,
+    json: bool = common.JSON,
+    overwrite: bool = common.OVERWRITE,
 ) -> None:
     """Show whether the machine changed between sessions."""
     from orthoglide_cal.files.input import printers_in, sessions_in

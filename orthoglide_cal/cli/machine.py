@@ -3,13 +3,14 @@
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Number, Text, Texts, argument, flag, option
 from orthoglide_cal.errors import InputError, InvalidFileError, UsageError, command
+from orthoglide_cal.schema import parse_number
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -29,55 +30,42 @@ machine = typer.Typer(
 
 @machine.command(cls=common.PlainCommand)
 def new(
-    target: Annotated[
-        Path,
-        option(
-            "FILE",
-            "File to write. Default: machine.yaml. An existing file is never overwritten.",
-            "--output",
-            "-o",
-        ),
-    ] = Path("machine.yaml"),
-    kind: Annotated[
-        str, option("KIND", "Kind of machine: orthoglide (default) or linear_delta.")
-    ] = "orthoglide",
-    name: Annotated[Text, option("NAME", "Name of the machine.")] = None,
-    leg_length: Annotated[
-        Number, option("MM", "Length of a leg (or of a printer's arm) between its joint centres.")
-    ] = None,
-    width: Annotated[Number, option("MM", "Distance between the two bars of a leg.")] = None,
-    tool_offset: Annotated[
-        Number, option("MM", "Distance from the ends of the legs to the tool point.")
-    ] = None,
-    limits: Annotated[
-        tuple[float, float] | None, option("LOW HIGH", "Travel from the isotropic posture, mm.")
-    ] = None,
-    workspace: Annotated[
-        Number, option("MM", "Edge of the cube in which errors are shown.")
-    ] = None,
-    resolution: Annotated[Number, option("MM", "One division of the gauge.")] = None,
-    range_: Annotated[Number, option("MM", "Travel of the gauge's plunger.", "--range")] = None,
-    revolution: Annotated[
-        Number, option("MM", "One turn of the gauge's dial; 0 if it has no dial.")
-    ] = None,
-    repeatability: Annotated[Number, option("MM", "Standard deviation of one reading.")] = None,
-    radius: Annotated[Number, option("MM", "Linear delta: delta radius.")] = None,
-    bed_radius: Annotated[Number, option("MM", "Linear delta: radius of the bed.")] = None,
-    endstop: Annotated[Number, option("MM", "Linear delta: height of the three endstops.")] = None,
-    tolerance: Annotated[
-        Texts,
-        option(
-            "CAUSE=SIZE",
-            "Plausible size of a cause, such as axis_gap=0.3; 0 rules it out. May be repeated.",
-        ),
-    ] = None,
-    practice: Annotated[
-        bool, flag("--practice", "To practise: simulated readings may be recorded in this file.")
-    ] = False,
-    yes: Annotated[
-        bool, flag("--yes", "Ask nothing: take the prototype's values for what is not given.")
-    ] = False,
-    json: common.AsJson = False,
+    target: Path = option(
+        "FILE",
+        "File to write. Default: machine.yaml. An existing file is never overwritten.",
+        "--output",
+        "-o",
+        default=Path("machine.yaml"),
+    ),
+    kind: str = option(
+        "KIND", "Kind of machine: orthoglide (default) or linear_delta.", default="orthoglide"
+    ),
+    name: Text = option("NAME", "Name of the machine."),
+    leg_length: Number = option(
+        "MM", "Length of a leg (or of a printer's arm) between its joint centres."
+    ),
+    width: Number = option("MM", "Distance between the two bars of a leg."),
+    tool_offset: Number = option("MM", "Distance from the ends of the legs to the tool point."),
+    limits: tuple[float, float] | None = option(
+        "LOW HIGH", "Travel from the isotropic posture, mm."
+    ),
+    workspace: Number = option("MM", "Edge of the cube in which errors are shown."),
+    resolution: Number = option("MM", "One division of the gauge."),
+    range_: Number = option("MM", "Travel of the gauge's plunger.", "--range"),
+    revolution: Number = option("MM", "One turn of the gauge's dial; 0 if it has no dial."),
+    repeatability: Number = option("MM", "Standard deviation of one reading."),
+    radius: Number = option("MM", "Linear delta: delta radius."),
+    bed_radius: Number = option("MM", "Linear delta: radius of the bed."),
+    endstop: Number = option("MM", "Linear delta: height of the three endstops."),
+    tolerance: Texts = option(
+        "CAUSE=SIZE",
+        "Plausible size of a cause, such as axis_gap=0.3; 0 rules it out. May be repeated.",
+    ),
+    practice: bool = flag(
+        "--practice", "To practise: simulated readings may be recorded in this file."
+    ),
+    yes: bool = flag("--yes", "Ask nothing: take the prototype's values for what is not given."),
+    json: bool = common.JSON,
 ) -> None:
     """Make a machine file. It asks for what no option gives."""
     from orthoglide_cal.files.text import write_text
@@ -102,11 +90,11 @@ def new(
     answers: Answers = {"kind": kind}
     asked = dict(_questions(MACHINES.get(kind, MACHINES["orthoglide"])))
     for typed, (value, *keys) in given.items():
-        own = [key for key in keys if key in asked]
-        if value is not None and not own:
-            what = f"{typed} is not for a machine of kind {kind}."
-            raise UsageError(what, "Leave it out; --help lists what there is.")
-        answers |= {} if value is None else {own[0]: value}
+        known = [key for key in keys if key in asked]
+        if value is not None and not known:
+            fault = f"{typed} is not for a machine of kind {kind}."
+            raise UsageError(fault, "Leave it out; --help lists what there is.")
+        answers |= {} if value is None else {known[0]: value}
     answers |= dict(map(_tolerance, tolerance or ()))
     answers |= {"practice": True} if practice else {}
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -116,7 +104,9 @@ def new(
     try:
         _text(answers, target)
     except InvalidFileError as error:
-        raise UsageError("\n".join(f"{f.column}: {_fault(f)}" for f in error.problems)) from error
+        # What follows from a wrong value is no fault of its own.
+        faults = [fault for fault in error.problems if fault.column in answers] or error.problems
+        raise UsageError("\n".join(f"{f.column}: {_fault(f)}" for f in faults)) from error
     if not yes:
         common.tell(
             "Return takes the value in brackets. It is the prototype's, scaled where that fits.\n"
@@ -139,10 +129,8 @@ def new(
 
 @machine.command(cls=common.PlainCommand)
 def show(
-    file: Annotated[
-        File, argument("FILE", "Machine file. Default: the one in this folder.")
-    ] = None,
-    json: common.AsJson = False,
+    file: File = argument("FILE", "Machine file. Default: the one in this folder."),
+    json: bool = common.JSON,
 ) -> None:
     """Show a machine: its numbers, active offsets and accepted causes."""
     from orthoglide_cal.files.input import machine_in_folder
@@ -150,8 +138,8 @@ def show(
 
     path = file or machine_in_folder(Path())
     if path is None:
-        what = "There is no machine file in this folder."
-        raise UsageError(what, "Name one, or make one: orthocal machine new")
+        fault = "There is no machine file in this folder."
+        raise UsageError(fault, "Name one, or make one: orthocal machine new")
     common.deliver(machine_document(common.read_machine_file(path).model), as_json=json)
 
 
@@ -188,14 +176,12 @@ def _ask_tolerances(answers: Answers, target: Path) -> None:
 
 def _tolerance(given: str) -> tuple[str, float]:
     """Key and value of CAUSE=SIZE. Raises UsageError."""
-    from orthoglide_cal.schema import parse_number
-
     cause, _, size = given.partition("=")
     try:
         return f"tolerances.{cause}", parse_number(size, decimal_comma=True)
     except InputError as error:
-        said = f"--tolerance {given}: {error.what}"
-        raise UsageError(said, "Write it as axis_gap=0.3") from error
+        fault = f"--tolerance {given}: {error.what}"
+        raise UsageError(fault, "Write it as axis_gap=0.3") from error
 
 
 def _ask_all(answers: Answers, questions: dict[str, str], target: Path) -> None:
@@ -214,14 +200,14 @@ def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
     from orthoglide_cal.files.machine_file import machine_from_text
 
     usual = _plain(answers[key]) if key in answers else _usual(key, answers)
-    shown = " ".join(f"{each}" for each in (usual if isinstance(usual, list) else [usual]))
+    shown = " ".join(map(str, usual if isinstance(usual, list) else [usual]))
     doubted: Value | None = None
     while True:
-        said = typer.prompt(question, default=shown, type=str, err=True)
-        if said.strip() == _BACK:
+        typed = typer.prompt(question, default=shown, type=str, err=True)
+        if typed.strip() == _BACK:
             return False
         try:
-            value = said if key == "name" else _numbers(said, usual)
+            value = typed if key == "name" else _numbers(typed, usual)
             made = machine_from_text(_text({**answers, key: value}, target), str(target))
             doubt = made.machine.instrument.implausible().get(key.rpartition(".")[2])
             if doubt and value != doubted:
@@ -234,8 +220,8 @@ def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
             return True
         except InputError as error:
             # What follows from a wrong answer is not asked yet.
-            own = [fault for fault in error.problems if (fault.column or "").startswith(key)]
-            common.tell(_fault((own or error.problems)[0]))
+            mine = [fault for fault in error.problems if (fault.column or "").startswith(key)]
+            common.tell(_fault((mine or error.problems)[0]))
 
 
 def _fault(fault: InputError) -> str:
@@ -244,15 +230,13 @@ def _fault(fault: InputError) -> str:
     return f"{fault.what}{value} {fault.remedy}"
 
 
-def _numbers(said: str, usual: Value) -> float | list[float]:
+def _numbers(typed: str, usual: Value) -> float | list[float]:
     """The number that was typed, or several. Raises InputError if there are not as many."""
-    from orthoglide_cal.schema import parse_number
-
-    values = [parse_number(part, decimal_comma=True) for part in said.replace("mm", " ").split()]
+    values = [parse_number(part, decimal_comma=True) for part in typed.replace("mm", " ").split()]
     wanted = len(usual) if isinstance(usual, list) else 1
     if len(values) != wanted:
-        what = "One number is needed." if wanted == 1 else f"{wanted} numbers are needed."
-        raise InputError(what, "Type it as in the brackets.", value=said)
+        fault = "One number is needed." if wanted == 1 else f"{wanted} numbers are needed."
+        raise InputError(fault, "Type it as in the brackets.", value=typed)
     return values[0] if wanted == 1 else values
 
 
@@ -276,7 +260,7 @@ def _text(answers: Answers, target: Path) -> str:
 def _plain(value: Value) -> Value:
     """Whole numbers without a decimal point."""
     if isinstance(value, list):
-        return [int(each) if each.is_integer() else each for each in map(float, value)]
+        return [int(number) if number.is_integer() else number for number in map(float, value)]
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
@@ -293,5 +277,5 @@ def _usual(key: str, answers: Answers) -> Value:
     if "leg_length_mm" in answers and key in ("joint_limits_mm", "workspace_mm"):
         share = answers["leg_length_mm"] / known["leg_length_mm"]
         scales = isinstance(value, list)
-        return [round(each * share) for each in value] if scales else round(value * share)
+        return [round(number * share) for number in value] if scales else round(value * share)
     return _plain(value)

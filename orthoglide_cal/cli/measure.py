@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -27,8 +27,6 @@ from orthoglide_cal.errors import UnusableResultError, UsageError, command, visi
 from orthoglide_cal.words import Unit
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from orthoglide_cal.session.asking import Show
     from orthoglide_cal.session.dialogue import Dialogue
 
@@ -36,84 +34,58 @@ INTERRUPTED = 130
 
 
 def measure(
-    session: Annotated[
-        File,
-        argument(
-            "SESSION.yaml", "Session file to write. Default: session.yaml, or the next free name."
-        ),
-    ] = None,
-    resume: Annotated[
-        bool, flag("--resume", "Continue an unfinished session at its next reading.")
-    ] = False,
-    discard: Annotated[
-        bool,
-        flag("--discard", "Discard an unfinished session; its file is kept as NAME.discarded."),
-    ] = False,
-    protocol: common.Protocol = None,
-    design: common.Design = None,
-    then: Annotated[
-        Text,
-        option(
-            "FILE",
-            "Continue these readings: measure what is recommended next (orthocal plan FILE), and"
-            " write a session that holds both.",
-        ),
-    ] = None,
-    choice: Annotated[
-        Count, option("N", "With --then: number of the recommendation. Default: 1.", min=1)
-    ] = None,
-    cycles: common.Cycles = None,
-    order: common.Order = None,
-    gauges: common.Gauges = None,
-    gauge: Annotated[
-        Texts,
-        option(
-            "SOURCE",
-            "Where readings come from: typed (also keyboard-wedge gauges), simulated, or"
-            " FORMAT:PORT[@BAUD][#CHANNELS], such as sylvac:/dev/ttyUSB0. Give it twice for two"
-            " ports. Formats: cdi, mahr, mitutoyo, mux, plain, sylvac, uwave.",
-        ),
-    ] = None,
-    follow: Annotated[
-        Text,
-        option(
-            "CONTROLLER",
-            "linuxcnc[:HOST[:PORT]]: before each reading wait until the machine stands at the"
-            " posture. Needs linuxcncrsh. The machine is never moved.",
-        ),
-    ] = None,
-    unit: Annotated[
-        Unit, option(None, "Unit of readings typed without a unit. Default: mm.")
-    ] = Unit.MM,
-    until: Annotated[
-        Number, option("MM", "End as soon as the U (95 %) of every offset is at most this.")
-    ] = None,
-    seed: Annotated[
-        Count,
-        option("N", "Whole number; the same one gives the same simulated machine.", min=0),
-    ] = None,
-    operator: Annotated[Text, option("NAME", "Your name.")] = None,
-    temperature: Annotated[Number, option("C", "Temperature of the room, degrees Celsius.")] = None,
-    gauge_id: Annotated[
-        Texts, option("ID", "Identity of the gauge. Give it again for the second gauge.")
-    ] = None,
-    certificate: Annotated[
-        Texts, option("NO", "Calibration certificate of the gauge. Give it again for the second.")
-    ] = None,
-    machine: common.MachineFile = None,
-    offsets_active: Annotated[
-        Offsets | None,
-        option(
-            "DX DY DZ",
-            "Joint offsets that the controller holds now, mm. Default: you are asked, and the"
-            " machine file's are proposed.",
-        ),
-    ] = None,
-    yes: Annotated[
-        bool,
-        flag("--yes", "Answer yes to the questions before the first reading, and to --discard."),
-    ] = False,
-    json: common.AsJson = False,
+    session: File = argument(
+        "SESSION.yaml", "Session file to write. Default: session.yaml, or the next free name."
+    ),
+    resume: bool = flag("--resume", "Continue an unfinished session at its next reading."),
+    discard: bool = flag(
+        "--discard", "Discard an unfinished session; its file is kept as NAME.discarded."
+    ),
+    protocol: common.Protocol = common.PROTOCOL,
+    design: common.Design = common.DESIGN,
+    then: Text = option(
+        "FILE",
+        "Continue these readings: measure what is recommended next (orthocal plan FILE), and"
+        " write a session that holds both.",
+    ),
+    choice: Count = option("N", "With --then: number of the recommendation. Default: 1.", min=1),
+    cycles: Count = common.CYCLES,
+    order: common.Order = common.ORDER,
+    gauges: Count = common.GAUGES,
+    gauge: Texts = option(
+        "SOURCE",
+        "Where readings come from: typed (also keyboard-wedge gauges), simulated, or"
+        " FORMAT:PORT[@BAUD][#CHANNELS], such as sylvac:/dev/ttyUSB0. Give it twice for two"
+        " ports. Formats: cdi, mahr, mitutoyo, mux, plain, sylvac, uwave.",
+    ),
+    follow: Text = option(
+        "CONTROLLER",
+        "linuxcnc[:HOST[:PORT]]: before each reading wait until the machine stands at the"
+        " posture. Needs linuxcncrsh. The machine is never moved.",
+    ),
+    unit: Unit = option(
+        None, "Unit of readings typed without a unit. Default: mm.", default=Unit.MM
+    ),
+    until: Number = option("MM", "End as soon as the U (95 %) of every offset is at most this."),
+    seed: Count = option(
+        "N", "Whole number; the same one gives the same simulated machine.", min=0
+    ),
+    operator: Text = option("NAME", "Your name."),
+    temperature: Number = option("C", "Temperature of the room, degrees Celsius."),
+    gauge_id: Texts = option("ID", "Identity of the gauge. Give it again for the second gauge."),
+    certificate: Texts = option(
+        "NO", "Calibration certificate of the gauge. Give it again for the second."
+    ),
+    machine: File = common.MACHINE,
+    offsets_active: Offsets = option(
+        "DX DY DZ",
+        "Joint offsets that the controller holds now, mm. Default: you are asked, and the"
+        " machine file's are proposed.",
+    ),
+    yes: bool = flag(
+        "--yes", "Answer yes to the questions before the first reading, and to --discard."
+    ),
+    json: bool = common.JSON,
 ) -> None:
     """Measure, guided step by step. Every reading is checked and saved at once."""
     from orthoglide_cal.files.input import machine_in_folder
@@ -129,8 +101,8 @@ def measure(
 
     if discard:
         if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
-            what = "--discard asks before it gives a session up."
-            raise UsageError(what, "In a script, give --yes.")
+            fault = "--discard asks before it gives a session up."
+            raise UsageError(fault, "In a script, give --yes.")
         kept = set_aside(session, Path(), lambda asked: yes or typer.confirm(asked, err=True))
         common.tell(f"Given up; kept as {kept}." if kept else "Nothing was changed.")
         return
@@ -170,8 +142,7 @@ def measure(
         says=sentence,
     )
     standing = Standing(follow) if follow else None
-    aside = common.console(stderr=True)
-    show = show_on(aside if json else common.console(), aside)
+    show = session_display(json)
     with ExitStack() as left, saved_when_interrupted("measure") as running:
         with closing(Keyboard()) as keyboard:
             dialogue = open_session(request, Path(), keyboard, show)
@@ -232,9 +203,15 @@ def saved_when_interrupted(
     raise typer.Exit(INTERRUPTED)
 
 
-def show_on(console: "Console", aside: "Console") -> "Show":
-    """Shows a session on one console, and on the other what arrived unasked."""
+def session_display(as_json: bool) -> "Show":
+    """Shows a session on standard output; on standard error what arrived unasked.
+
+    If the result is to be JSON, all on standard error.
+    """
     from orthoglide_cal.session.asking import Style
+
+    aside = common.console(stderr=True)
+    console = aside if as_json else common.console()
 
     def show(text: str, style: Style = Style.PLAIN, end: str = "\n") -> None:
         # Lines are ready as they are: rich would spend more time on them than all checks together.

@@ -1,6 +1,6 @@
 """`orthocal paper`: the paper's tables computed again, next to the printed values."""
 
-from typing import Annotated, Literal, get_args
+from typing import Literal, get_args
 
 import typer
 
@@ -12,11 +12,11 @@ TableName = Literal["1", "3", "4", "5", "accuracy"]
 
 
 def paper(
-    table: Annotated[TableName | None, option(None, "Table to print. Default: all.")] = None,
-    seed: Annotated[
-        int, option("N", "Whole number; it decides the noise of Table 3. Default: 1.", min=0)
-    ] = 1,
-    json: common.AsJson = False,
+    table: TableName | None = option(None, "Table to print. Default: all."),
+    seed: int = option(
+        "N", "Whole number; it decides the noise of Table 3. Default: 1.", min=0, default=1
+    ),
+    json: bool = common.JSON,
 ) -> None:
     """Reproduce the tables of the paper that describes the method."""
     import numpy as np

@@ -1,10 +1,10 @@
 """`orthocal plan`: what a measurement will tell, before it is made; its program or places."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import MEASURED, File, Number, Text, argument, option
+from orthoglide_cal.cli.common import MEASURED, Count, File, Number, Text, argument, option
 from orthoglide_cal.errors import UsageError, command
 
 if TYPE_CHECKING:
@@ -16,48 +16,35 @@ _CSV = ".csv"
 
 
 def plan(
-    file: Annotated[
-        Text, argument("FILE", f"{MEASURED}. With it, also rank what to measure next.")
-    ] = None,
-    protocol: common.Protocol = None,
-    design: common.Design = None,
-    gauges: common.Gauges = None,
-    cycles: common.Cycles = None,
-    layout: Annotated[
-        Text, option("NAME", "Linear delta: name of the layout; plan lists them.")
-    ] = None,
-    target: Annotated[
-        Number,
-        option("MM", "U (95 %) to reach for each offset. Finds the number of cycles for it."),
-    ] = None,
-    program: Annotated[
-        File,
-        option(
-            "FILE",
-            "Write the posture program instead, as a table (.csv) or as G-code (.nc); - shows it.",
-        ),
-    ] = None,
-    template: Annotated[
-        File, option("FILE", "Template of the G-code. `orthocal template gcode` prints one.")
-    ] = None,
-    order: common.Order = None,
-    approach: Annotated[
-        Number, option("MM", "With --program: length of the slow approach. Default: 1.")
-    ] = None,
-    travel: Annotated[
-        tuple[float, float] | None,
-        option(
-            "LOW HIGH",
-            "With --program: limits of the carriages, mm from the isotropic posture. Default: the"
-            " joint limits of the machine file.",
-        ),
-    ] = None,
-    data: common.Data = None,
-    machine: common.MachineFile = None,
-    html: common.HtmlFile = None,
-    details: common.WithDetails = False,
-    overwrite: common.Overwrite = False,
-    json: common.AsJson = False,
+    file: Text = argument("FILE", f"{MEASURED}. With it, also rank what to measure next."),
+    protocol: common.Protocol = common.PROTOCOL,
+    design: common.Design = common.DESIGN,
+    gauges: Count = common.GAUGES,
+    cycles: Count = common.CYCLES,
+    layout: Text = option("NAME", "Linear delta: name of the layout; plan lists them."),
+    target: Number = option(
+        "MM", "U (95 %) to reach for each offset. Finds the number of cycles for it."
+    ),
+    program: File = option(
+        "FILE",
+        "Write the posture program instead, as a table (.csv) or as G-code (.nc); - shows it.",
+    ),
+    template: File = option(
+        "FILE", "Template of the G-code. `orthocal template gcode` prints one."
+    ),
+    order: common.Order = common.ORDER,
+    approach: Number = option("MM", "With --program: length of the slow approach. Default: 1."),
+    travel: tuple[float, float] | None = option(
+        "LOW HIGH",
+        "With --program: limits of the carriages, mm from the isotropic posture. Default: the"
+        " joint limits of the machine file.",
+    ),
+    data: common.Data = common.DATA,
+    machine: File = common.MACHINE,
+    html: File = common.HTML,
+    details: bool = common.DETAILS,
+    overwrite: bool = common.OVERWRITE,
+    json: bool = common.JSON,
 ) -> None:
     """Predict readings, minutes and U; rank what to measure next."""
     from orthoglide_cal.inference import diagnose
@@ -88,8 +75,8 @@ def plan(
         chosen = chosen_session(model, wanted)
         follows = chosen.name in list(MeasuringProtocol)  # a protocol, and no layout
         if json or html or overwrite or (given and follows):
-            what = "--program writes nothing but the posture program."
-            raise UsageError(what, "Leave out --json, --html, --overwrite and FILE.")
+            fault = "--program writes nothing but the posture program."
+            raise UsageError(fault, "Leave out --json, --html, --overwrite and FILE.")
         if not follows:
             if moves != (None,) * 4:
                 raise UsageError(
@@ -102,19 +89,18 @@ def plan(
             common.tell(str(careful))
         turn = Order(order or "paper")
         session = (MeasuringProtocol(chosen.name), chosen.cycles, turn, wanted.stands)
-        told = command("measure", machine=machine, options=sequence_options(*session))
+        typed = command("measure", machine=machine, options=sequence_options(*session))
         length = APPROACH_MM if approach is None else approach
         steps = sequence(model.orthoglide, *session)
-        write_program(posture_program(model, steps, told, length, travel), program, template)
+        write_program(posture_program(model, steps, typed, length, travel), program, template)
         return
     full = details or json or html is not None
     with common.working(file or "A plan"):
         diagnosis = diagnose(given.measured, model) if given else None
-        found = measurement_plan(
-            model, wanted, rank_measurements(diagnosis) if diagnosis else (), full
-        )
+        ranked = rank_measurements(diagnosis) if diagnosis else ()
+        planned = measurement_plan(model, wanted, ranked, full)
         begun = Case(given, answer_to(given, diagnosed=diagnosis), machine) if given else None
-    document = plan_document(found, machine, begun)
+    document = plan_document(planned, machine, begun)
     common.deliver(document, as_json=json, html=html, overwrite=overwrite, details=details)
 
 
@@ -144,28 +130,28 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
         text = program_gcode(program, lines)
     else:
         raise _unknown(target, f"End it in {_CSV} for a table, in {_GCODE[0]} for G-code.")
-    said = "Try them first without gauges, slowly, a hand on the emergency stop."
-    common.put(text, target, f"{len(program.blocks)} blocks written to {target}. {said}")
+    advice = "Try them first without gauges, slowly, a hand on the emergency stop."
+    common.put(text, target, f"{len(program.blocks)} blocks written to {target}. {advice}")
 
 
-def write_places(found: "SessionForecast", target: Path) -> None:
+def write_places(session: "SessionForecast", target: Path) -> None:
     """Write the places of a layout as a file to be filled in; "-" shows it.
 
     Raises UsageError: another kind of file, a layout with distances, or the file exists.
     """
     from orthoglide_cal.files.probe_readings import places_csv
 
-    if not found.plan.touches.all():
+    if not session.plan.touches.all():
         raise UsageError(
-            f"{found.name} holds distances on a printed object: they are not probed.",
+            f"{session.name} holds distances on a printed object: they are not probed.",
             "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring printer.cfg; or"
             " choose a layout without distances: --layout bed-13",
         )
     if str(target) != "-" and target.suffix.lower() != _CSV:
         raise _unknown(target, f"End it in {_CSV}: places to probe are a table.")
-    said = "Fill in reading_mm, the height at which the probe triggers, bed mesh off."
-    told = f"{len(found.plan)} places written to {target}: {found.what}. {said}"
-    common.put(places_csv(found.plan), target, told)
+    advice = "Fill in reading_mm, the height at which the probe triggers, bed mesh off."
+    message = f"{len(session.plan)} places written to {target}: {session.what}. {advice}"
+    common.put(places_csv(session.plan), target, message)
 
 
 def _unknown(target: Path, remedy: str) -> UsageError:

@@ -1,37 +1,30 @@
 """`orthocal report`: the result in the hands of the people who need it."""
 
 from pathlib import Path
-from typing import Annotated
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import MEASURED, Text, argument, option
+from orthoglide_cal.cli.common import MEASURED, File, Number, Offsets, Text, Texts, argument, option
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 
 def report(
-    file: Annotated[
-        Text,
-        argument(
-            "FILE",
-            f"{MEASURED}; - is standard input. Default: the latest session in this folder.",
-        ),
-    ] = None,
-    machine: common.MachineFile = None,
-    data: common.Data = None,
-    rule_out: common.RuleOut = None,
-    method: common.MethodName = None,
-    html: common.HtmlFile = None,
-    markdown: common.MarkdownFile = None,
-    json: common.AsJson = False,
-    overwrite: common.Overwrite = False,
-    after: Annotated[
-        Text,
-        option(
-            "FILE", "Measured after the adjustment: shown as left and compared with the prediction."
-        ),
-    ] = None,
-    applied: common.Applied = None,
-    limit: common.Limit = None,
+    file: Text = argument(
+        "FILE",
+        f"{MEASURED}; - is standard input. Default: the latest session in this folder.",
+    ),
+    machine: File = common.MACHINE,
+    data: common.Data = common.DATA,
+    rule_out: Texts = common.RULE_OUT,
+    method: Text = common.METHOD,
+    html: File = common.HTML,
+    markdown: File = common.MARKDOWN,
+    json: bool = common.JSON,
+    overwrite: bool = common.OVERWRITE,
+    after: Text = option(
+        "FILE", "Measured after the adjustment: shown as left and compared with the prediction."
+    ),
+    applied: Offsets = common.APPLIED,
+    limit: Number = common.LIMIT,
 ) -> None:
     """Write the calibration report."""
     from orthoglide_cal.files.input import latest_session
@@ -65,8 +58,8 @@ def report(
                 )
         inputs, options = (verification.inputs, verification.options) if verification else ((), ())
         options = options or (() if limit is None else (limit,))
-        own = [(each.source, each.given.model) for each in (case, *case.others)]
-        identity = identify([*own, *inputs], case.answer.method, machine, *options)
+        judged = [(one.source, one.given.model) for one in (case, *case.others)]
+        identity = identify([*judged, *inputs], case.answer.method, machine, *options)
         document = calibration_document(case, identity, verification, limit, left)
         common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
         failed = verification is not None and verification.failed

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import secrets
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import Count, Number, Offsets, Texts, option
+from orthoglide_cal.cli.common import Count, File, Number, Offsets, Texts, option
 from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.schema import parse_number
+from orthoglide_cal.words import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,62 +20,44 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    protocol: common.Protocol = None,
-    offsets: Annotated[
-        Offsets | None, option("DX DY DZ", "True joint offsets, mm. Default: 0 0 0.")
-    ] = None,
-    noise: Annotated[
-        Number,
-        option("MM", "Standard deviation of a reading. Default: that of the machine's gauge."),
-    ] = None,
-    resolution: Annotated[
-        Number,
-        option("MM", "Resolution of the gauge; 0: none. Default: that of the machine's gauge."),
-    ] = None,
-    cycles: Annotated[
-        Count,
-        option("N", "Number of cycles, 1 to 1000. Default: 3; on a printer 1.", min=1, max=1000),
-    ] = None,
-    gauge_at: Annotated[
-        Number,
-        option(
-            "SHARE",
-            "Gauge position along the leg, 0 (carriage joint) to 1 (tool). Default: 0.5."
-            " Double-posture only.",
-            min=0.0,
-            max=1.0,
-        ),
-    ] = None,
-    places: Annotated[
-        Count,
-        option("N", "Linear delta: places on its bed, 1 to 2000. Default: 41.", min=1, max=2000),
-    ] = None,
-    height: Annotated[
-        list[float] | None,
-        option("MM", "Linear delta: height of the block under the probe. Give it again for more."),
-    ] = None,
-    radius_angles: Annotated[
-        Offsets | None,
-        option(
-            "DR DA DB",
-            "Linear delta: errors of its radius, mm, and of the angles of towers a and b, deg."
-            " --offsets are the errors of its endstops.",
-        ),
-    ] = None,
-    cause: Annotated[
-        Texts,
-        option(
-            "ID[@PLACE]=VALUES",
-            "Cause to hide in the session, such as axis_gap=0.1,0.2,-0.1, gauge_drift@x,y=0.05"
-            " (leg, direction) or misread@12=0.1 (twelfth reading). May be repeated.",
-        ),
-    ] = None,
-    seed: Annotated[
-        Count, option("N", "Whole number; the same one gives the same session.", min=0)
-    ] = None,
-    target: common.Target = None,
-    machine: common.MachineFile = None,
-    json: common.AsJson = False,
+    protocol: common.Protocol = common.PROTOCOL,
+    offsets: Offsets = option("DX DY DZ", "True joint offsets, mm. Default: 0 0 0."),
+    noise: Number = option(
+        "MM", "Standard deviation of a reading. Default: that of the machine's gauge.", min=0.0
+    ),
+    resolution: Number = option(
+        "MM", "Resolution of the gauge; 0: none. Default: that of the machine's gauge.", min=0.0
+    ),
+    cycles: Count = option(
+        "N", "Number of cycles, 1 to 1000. Default: 3; on a printer 1.", min=1, max=1000
+    ),
+    gauge_at: Number = option(
+        "SHARE",
+        "Gauge position along the leg, 0 (carriage joint) to 1 (tool). Default: 0.5."
+        " Double-posture only.",
+        min=0.0,
+        max=1.0,
+    ),
+    places: Count = option(
+        "N", "Linear delta: places on its bed, 1 to 2000. Default: 41.", min=1, max=2000
+    ),
+    height: list[float] | None = option(
+        "MM", "Linear delta: height of the block under the probe. Give it again for more."
+    ),
+    radius_angles: Offsets = option(
+        "DR DA DB",
+        "Linear delta: errors of its radius, mm, and of the angles of towers a and b, deg."
+        " --offsets are the errors of its endstops.",
+    ),
+    cause: Texts = option(
+        "ID[@PLACE]=VALUES",
+        "Cause to hide in the session, such as axis_gap=0.1,0.2,-0.1, gauge_drift@x,y=0.05"
+        " (leg, direction) or misread@12=0.1 (twelfth reading). May be repeated.",
+    ),
+    seed: Count = option("N", "Whole number; the same one gives the same session.", min=0),
+    target: File = common.OUTPUT,
+    machine: File = common.MACHINE,
+    json: bool = common.JSON,
 ) -> None:
     """Simulate readings as a technician would write them, as CSV.
 
@@ -88,9 +72,6 @@ def simulate(
     from orthoglide_cal.model.machine import SimulationOptions
     from orthoglide_cal.model.model import synthetic_session
 
-    for name, size in (("--noise", noise), ("--resolution", resolution)):
-        if size is not None and size < 0.0:
-            raise UsageError(f"{name} cannot be {size:g}.", "Give millimetres from 0.")
     chosen = secrets.randbelow(2**32) if seed is None else seed
     known = common.given_machine(machine) or common.folder_machine()
     nominal = known.machine
@@ -113,13 +94,13 @@ def simulate(
     made = synthetic_session(wrong, plan, true, rng, gauge)
     record = None
     if on_bed:
-        text, what = probe_points_csv(made), "touches"
+        text, rows = probe_points_csv(made), "touches"
     else:
-        text, what = readings_csv(made), "readings"
+        text, rows = readings_csv(made), "readings"
         record = session_of_readings(made, known, {"source": f"simulated, seed {chosen}"})
     if target or not json:
         written = session_text(record) if yaml and record else text
-        common.put(written, target, f"{len(made)} {what} written to {target}")
+        common.put(written, target, f"{len(made)} {rows} written to {target}")
     if json and record:
         common.print_json(session_json(record))
     if seed is None:
@@ -137,7 +118,7 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
 
     head, _, tail = text.partition("=")
     name, _, place = (part.strip() for part in head.partition("@"))
-    possible = [id for id, each in CAUSES.items() if each.usual(type(machine)) is not None]
+    possible = [id for id, cause in CAUSES.items() if cause.usual(type(machine)) is not None]
     if name not in possible:
         where = f" of kind {machine.kind}" if name in CAUSES else ""
         raise UsageError(
@@ -150,21 +131,18 @@ def _effect_named(text: str, plan: Plan, machine: Machine, rng: np.random.Genera
 def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Generator) -> np.ndarray:
     import numpy as np
 
-    from orthoglide_cal.schema import parse_number
-    from orthoglide_cal.words import counted
-
     names = list(machine.named(cause.names).values())
     try:
         values = [parse_number(part) for part in text.split(",")] if text.strip() else []
     except InputError as error:
-        what = f"--cause {cause.id}: {error.what} ({error.value!r})"
-        raise UsageError(what, error.remedy) from error
+        fault = f"--cause {cause.id}: {error.what} ({error.value!r})"
+        raise UsageError(fault, error.remedy) from error
     if len(values) != len(names) and not (cause.shares and 0 < len(values) < len(names)):
         unit = f" in {cause.unit}" if cause.unit else ""
         wanted = f"={','.join(names)}" if names else ""
         wants = counted(len(names), "value") + unit
-        what = f"--cause {cause.id} takes {wants}, not {len(values)}."
-        raise UsageError(what, f"Write {cause.id}{wanted}, a number for each name.")
+        fault = f"--cause {cause.id} takes {wants}, not {len(values)}."
+        raise UsageError(fault, f"Write {cause.id}{wanted}, a number for each name.")
     if cause.positive and min(values) < 0.0:
         raise UsageError(f"{cause.id} cannot be negative.", "Give sizes from 0.")
     # The last terms of a shape may be left out.

@@ -1,17 +1,18 @@
 """`orthocal solve`: from readings to joint offsets, and whether they may be entered."""
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import File, Text, Texts
 from orthoglide_cal.errors import UnusableResultError
 
 
 def solve(
-    files: common.Files,
-    machine: common.MachineFile = None,
-    data: common.Data = None,
-    rule_out: common.RuleOut = None,
-    method: common.MethodName = None,
-    details: common.WithDetails = False,
-    json: common.AsJson = False,
+    files: list[str] = common.FILES,
+    machine: File = common.MACHINE,
+    data: common.Data = common.DATA,
+    rule_out: Texts = common.RULE_OUT,
+    method: Text = common.METHOD,
+    details: bool = common.DETAILS,
+    json: bool = common.JSON,
 ) -> None:
     """Determine the joint offsets, and whether they may be entered."""
     from orthoglide_cal.report.case import Case

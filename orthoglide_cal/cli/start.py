@@ -19,9 +19,9 @@ def start() -> None:
     """Show the machine, the sessions and the next command; nothing is changed."""
     from orthoglide_cal.files.input import machine_in_folder, printers_in, read_input, sessions_in
     from orthoglide_cal.report import document as doc
-    from orthoglide_cal.report.case import SIMULATED
     from orthoglide_cal.results import unwritten
     from orthoglide_cal.session.opening import is_practice, unfinished
+    from orthoglide_cal.words import SIMULATED
 
     here = Path()
     file = to = None
@@ -51,27 +51,29 @@ def start() -> None:
         if simulated or not sessions:
             practices = []  # the practice is the round
         real = [path for path in waiting if path not in practices]
-        found = list(_next(file, to, sessions, real, printers))
+        blocks = list(_next(file, to, sessions, real, printers))
     except OrthocalError as error:
-        found = [doc.Instruction(str(error), command("validate", str(sessions[-1])))]
+        blocks = [doc.Instruction(str(error), command("validate", str(sessions[-1])))]
     for path in waiting:
         name = str(path.with_suffix(".yaml"))
         if path in practices:
             typed = command("measure", name, options="--resume")
-            found.append(doc.Instruction("Continue the practice", typed))
+            blocks.append(doc.Instruction("Continue the practice", typed))
         given_up = command("measure", name, options="--discard")
-        found.append(doc.Instruction("Or give it up", given_up))
+        blocks.append(doc.Instruction("Or give it up", given_up))
     if len(sessions) > 1 and not (waiting or to):
-        found.append(doc.Instruction("Check whether the machine has changed", "orthocal history ."))
-    steps = [each for each in found if isinstance(each, doc.Instruction)]
-    said = [each for each in found if not isinstance(each, doc.Instruction)]
+        blocks.append(
+            doc.Instruction("Check whether the machine has changed", "orthocal history .")
+        )
+    steps = [block for block in blocks if isinstance(block, doc.Instruction)]
+    state = [block for block in blocks if not isinstance(block, doc.Instruction)]
     page = doc.Page(
         "orthocal",
         title,
         stamp=SIMULATED if simulated else None,
         facts=doc.Facts([(name, doc.given(value)) for name, value in facts]),
         sections=[
-            doc.Section(None, *said),
+            doc.Section(None, *state),
             doc.Section("Next" if steps else None, doc.Instructions(steps)),
         ],
     )
@@ -101,7 +103,7 @@ def _next(
     last = str(sessions[-1]) if sessions else ""
     machine = file.model.machine if file else None
     entered = machine.history[-1].data_sha256 if machine and machine.history else None
-    paths = [str(each) for each in reversed(sessions)] if entered else []
+    paths = [str(path) for path in reversed(sessions)] if entered else []
     # The session whose offsets were entered last.
     applied = next((path for path in paths if read_document(path).sha256 == entered), None)
     if to and file:
@@ -120,9 +122,9 @@ def _next(
         if machine and machine.practice and machine.vocabulary.measure:
             yield Instruction("Practise without a machine", common.PRACTISE)
             return
-        for what, verb, usual, options in kind.first_steps:
+        for text, verb, usual, options in kind.first_steps:
             data = filter(None, [here.get(usual, usual)])
-            yield Instruction(what, command(verb, *data, options=options))
+            yield Instruction(text, command(verb, *data, options=options))
     elif applied == last:
         again = measure_again(read_input(last).conditions)
         yield Instruction("Its offsets are entered: measure again", again)

@@ -1,15 +1,14 @@
 """`orthocal template`: an example file, to be overwritten with your own numbers."""
 
-from typing import Annotated, Literal
+from typing import Literal
 
 from orthoglide_cal.cli.common import argument
 
 
 def template(
-    kind: Annotated[
-        Literal["readings", "differences", "machine", "touches", "gcode"],
-        argument("KIND", "readings, differences, machine, touches or gcode."),
-    ],
+    kind: Literal["readings", "differences", "machine", "touches", "gcode"] = argument(
+        "KIND", "readings, differences, machine, touches or gcode.", required=True
+    ),
 ) -> None:
     """Print an example file to fill in with your own numbers."""
     from importlib.resources import files

@@ -1,14 +1,15 @@
 """`orthocal validate`: everything that is wrong with a file."""
 
 from orthoglide_cal.cli import common
+from orthoglide_cal.cli.common import File
 from orthoglide_cal.errors import InputError, UnusableResultError
 
 
 def validate(
-    files: common.Files,
-    machine: common.MachineFile = None,
-    data: common.Data = None,
-    json: common.AsJson = False,
+    files: list[str] = common.FILES,
+    machine: File = common.MACHINE,
+    data: common.Data = common.DATA,
+    json: bool = common.JSON,
 ) -> None:
     """Check files; name every fault with its place and remedy."""
     from orthoglide_cal import estimation

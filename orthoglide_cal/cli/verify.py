@@ -1,26 +1,24 @@
 """`orthocal verify`: did a correction help?"""
 
-from typing import Annotated
-
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import MEASURED, argument
+from orthoglide_cal.cli.common import MEASURED, File, Number, Offsets, argument
 from orthoglide_cal.errors import UnusableResultError
 
 
 def verify(
-    before: Annotated[str, argument("BEFORE", f"Measured before the correction. {MEASURED}.")],
-    after: Annotated[
-        str, argument("AFTER", "Measured after the correction, with the same protocol.")
-    ],
-    applied: common.Applied = None,
-    limit: common.Limit = None,
-    machine: common.MachineFile = None,
-    data: common.Data = None,
-    html: common.HtmlFile = None,
-    markdown: common.MarkdownFile = None,
-    details: common.WithDetails = False,
-    json: common.AsJson = False,
-    overwrite: common.Overwrite = False,
+    before: str = argument("BEFORE", f"Measured before the correction. {MEASURED}.", required=True),
+    after: str = argument(
+        "AFTER", "Measured after the correction, with the same protocol.", required=True
+    ),
+    applied: Offsets = common.APPLIED,
+    limit: Number = common.LIMIT,
+    machine: File = common.MACHINE,
+    data: common.Data = common.DATA,
+    html: File = common.HTML,
+    markdown: File = common.MARKDOWN,
+    details: bool = common.DETAILS,
+    json: bool = common.JSON,
+    overwrite: bool = common.OVERWRITE,
 ) -> None:
     """Compare the predicted effect of a correction with the real one."""
     from orthoglide_cal.report.documents.verification import verification_document

@@ -54,7 +54,7 @@ class Standing:
             self._ask("hello EMC orthocal 1.0", "HELLO ACK")
             (unit,) = self._ask("get user_linear_units", "USER_LINEAR_UNITS")
             self._unit_mm = _UNITS[unit]
-            # Identity: its joints are the axes of the tool.
+            # Identity: its joints are the axes of the tool, in the order of its `coordinates`.
             self._identity = self._ask("get kinematics_type", "KINEMATICS_TYPE") == ["1"]
         except (OSError, KeyError, ValueError) as error:
             raise UsageError(
@@ -75,7 +75,8 @@ class Standing:
         """
         if not self._homed():
             raise ConnectionError("it is not homed any more")
-        answer = self._ask("get joint_pos", "JOINT_POS")[: len(AXES)]
+        place = "abs_act_pos" if self._identity else "joint_pos"
+        answer = self._ask(f"get {place}", place.upper())[: len(AXES)]
         stands = self._unit_mm * np.array(answer, dtype=float)
         wanted = np.stack([joints, joints - home_mm, *([tool] if self._identity else [])])
         away = float(np.abs(wanted - stands).max(axis=1).min())

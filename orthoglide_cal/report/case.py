@@ -22,6 +22,7 @@ from orthoglide_cal.results import Answer, CheckReading, Identity, Remedy, Valid
 from orthoglide_cal.results.answer import InputFile
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
+    SIMULATED,
     counted,
     decimals_for,
     plain,
@@ -33,8 +34,6 @@ from orthoglide_cal.words import (
 
 # Instead of "may be entered", where there is nothing to change.
 NOT_NEEDED = "Nothing to enter: the machine is calibrated within U"
-# The first line of all that is made of simulated readings.
-SIMULATED = "SIMULATED: no machine was measured."
 # Kind of data, or of file → what one entry is, and of what.
 _DATA: Mapping[str, tuple[str, str]] = {
     DataKind.READINGS: ("reading", ""),

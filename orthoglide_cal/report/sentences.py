@@ -344,6 +344,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "guard_band": "Pass if |deviation| + U is within the limit for every difference; fail if"
     " |deviation| - U is beyond it for any; otherwise undecided (guard band U on both sides, as in"
     " ISO 14253-1).",
+    "order_as_given": "The order of the files is taken as given: no date or entry shows it.",
     "temperatures_differ": "The temperature differed: {before_c:tenths} °C before, {after_c:tenths}"
     " °C after.",
     # The history of a machine, and what to do about it.

@@ -434,7 +434,10 @@ def _common(
         "before": before,
         "after": after,
         "machine": solutions[0].model.machine.name,
-        "reservations": tuple(compare_reservations(before.validity, after.validity)),
+        "reservations": (
+            *compare_reservations(before.validity, after.validity),
+            *([Reason.of("order_as_given")] if _swapped(*inputs) is None else ()),
+        ),
         "first": first,
         "second": second,
         "entered": tuple(entered),
@@ -484,21 +487,25 @@ def _differences(
     )
 
 
-def _swapped(before: Input, after: Input) -> bool:
-    """True if dates, or else what was entered and when, say that the second was measured first."""
+def _swapped(before: Input, after: Input) -> bool | None:
+    """True if dates, or else what was entered and when, say that the second was measured first.
+
+    None if nothing says which was.
+    """
     earlier, later = map(moment_of, (before, after))
     if earlier and later and earlier != later:
         return earlier > later
-    if before.keeper is None:
-        return False
-    history = before.keeper.model.machine.history
+    history = before.keeper.model.machine.history if before.keeper else ()
     digests = [entry.data_sha256 for entry in history]
     first, second = (given.measured.source.sha256 for given in (before, after))
     if second in digests:
         return first not in digests or digests.index(second) < digests.index(first)
-    # With what was entered active in the first and not yet in the second.
+    # With what was entered active in the first and not yet in the second, or as it should be.
     held, then = (given.model.machine.active for given in (before, after))
-    return any((entry.before, entry.after) == (then, held) for entry in history if then != held)
+    changes = [(entry.before, entry.after) for entry in history if then != held]
+    if (then, held) in changes:
+        return True
+    return False if first in digests or (held, then) in changes else None
 
 
 def _entered(

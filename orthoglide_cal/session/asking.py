@@ -287,8 +287,8 @@ class Asker:
         when = "before the prompt"
         if gone is not None:
             when = f"{gone:.2f} s after the last reading"
-        what = visible(text.strip())[:24] or "Return"
-        self._break_in(f"ignored: {what} came {when}; if intended, give it again", Style.ASIDE)
+        name = visible(text.strip())[:24] or "Return"
+        self._break_in(f"ignored: {name} came {when}; if intended, give it again", Style.ASIDE)
 
     def _end_line(self) -> None:
         """Go on below the line of the prompt, if it is open."""

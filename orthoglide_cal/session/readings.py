@@ -53,8 +53,8 @@ class PriorReadings:
         given = read_input(data, model)
         self.path = data.path
         if not isinstance(given.measured, Readings):
-            what = f"{self.path} holds differences; new readings cannot be joined to them."
-            raise UsageError(what, "Give the file of the raw readings, if you have it.")
+            fault = f"{self.path} holds differences; new readings cannot be joined to them."
+            raise UsageError(fault, "Give the file of the raw readings, if you have it.")
         self.data, self.model = data, given.model
         self.readings = given.measured
         self.conditions = given.conditions

@@ -10,7 +10,7 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Contact, other_axes
 from orthoglide_cal.planning.steps import SessionStep, posture_name
 from orthoglide_cal.session.readings import Setting
-from orthoglide_cal.words import MM_PER_INCH, Unit, plain, typed
+from orthoglide_cal.words import MM_PER_INCH, SIMULATED, Unit, plain, typed
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -39,19 +39,20 @@ Set a gauge that has a preset to zero. If its stated range is wrong: q, then
 correct range_mm in the machine file and begin anew."""
 
 
-def machine(model: Model) -> str:
+def machine(model: Model, simulated: bool) -> str:
     """The machine and its numbers, as they are confirmed before the first move."""
     machine, gauge = model.orthoglide, model.orthoglide.gauge
     low, high = machine.joint_limits_mm
     known = ", ".join(effect.cause.id for effect in model.accepted)
     return "\n".join([
+        *([SIMULATED] if simulated else []),
         f"Machine  {visible(machine.name)}",
         f"         legs {machine.leg_length_mm:g} mm, joints {low:+g} to {high:+g} mm from the"
         " isotropic posture",
         *([f"         known causes: {known}"] if known else []),
         f"Gauge    {gauge.resolution_mm:g} mm divisions, {gauge.range_mm:g} mm travel,"
         f" repeats within {gauge.repeatability_mm:g} mm",
-        f"Offsets  {_axes(machine.offsets_mm, '+.4g')} mm are in the controller now",
+        f"Offsets  {by_axis(machine.offsets_mm, '+.4g')} mm are in the controller now",
     ])  # fmt: skip
 
 
@@ -148,12 +149,12 @@ def place(step: SessionStep, setting: Setting) -> str:
     """Point to drive to, in words: its joints, and its tool; either is the same posture."""
     joints, tool = point(step, setting)
     return (
-        f"Drive to  joints   {_axes(joints, '.3f', '   ')}  mm\n"
-        f"          tool     {_axes(tool.round(6) + 0.0, '.3f', '   ')}  mm"
+        f"Drive to  joints   {by_axis(joints, '.3f', '   ')}  mm\n"
+        f"          tool     {by_axis(tool.round(6) + 0.0, '.3f', '   ')}  mm"
     )
 
 
-def _axes(values: Iterable[float], form: str, gap: str = "  ") -> str:
+def by_axis(values: Iterable[float], form: str, gap: str = "  ") -> str:
     """ "X 1.5  Y 0  Z -2": one number for each axis, never parted from it."""
     parts = (f"{axis.upper()} {value:{form}}" for axis, value in zip(AXES, values, strict=True))
     return gap.join(parts)

@@ -257,6 +257,10 @@ def test_the_order_of_two_dates_is_known():
     assert verify(*dated, TRUE).kept
     with pytest.raises(UsageError, match="was measured before"):
         verify(*dated[::-1], TRUE)
+    undated = verify(second, first, TRUE)
+    screen = verification_document(undated, identify([], issued=ISSUED)).screen
+    assert "was measured first" in str(screen().sections)
+    assert any(reason.code == "order_as_given" for reason in undated.reservations)
 
 
 def test_what_was_entered_is_what_two_sessions_record():

@@ -2,7 +2,7 @@
 
 import contextlib
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,9 @@ from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.planning import Option, rank_measurements
 from orthoglide_cal.planning.design import GIVES_UP
+from orthoglide_cal.session import opening
 from orthoglide_cal.session.events import Planned, Taken
-from orthoglide_cal.session.opening import Recommendation, Request, open_session
+from orthoglide_cal.session.opening import Request, open_session, planned_next
 from orthoglide_cal.session.readings import PriorReadings
 from tests.cli.program import done
 from tests.machines import ROOT, SAMPLES
@@ -62,12 +63,11 @@ def test_what_is_agreed_to_is_what_is_recorded(
     """It is planned once: nothing else can be recorded than what was shown."""
     planned: list[Any] = []
 
-    def plan(recommended: Recommendation, offsets_mm: Sequence[float]) -> Any:
-        planned.append(made := measured_with(recommended, offsets_mm))
+    def plan(*given: Any) -> Any:
+        planned.append(made := planned_next(*given))
         return made
 
-    measured_with = Recommendation.measured_with
-    monkeypatch.setattr(Recommendation, "measured_with", plan)
+    monkeypatch.setattr(opening, "planned_next", plan)
     request = Request(tmp_path / "n.yaml", agreed=True, following=str(first))
     with contextlib.closing(open_session(request, tmp_path, Script([]), Screen())):
         pass

@@ -46,10 +46,13 @@ class Rsh(threading.Thread):
     def reply(self, text: str) -> str | None:
         """What it answers; None if it goes away."""
         self.asked.append(text)
-        if text != "get joint_pos":
+        if text not in ("get joint_pos", "get abs_act_pos"):
             return next((v for k, v in self.said.items() if text.startswith(k)), text)
         now = self.joints.pop(0) if len(self.joints) > 1 else self.joints[0]
-        return now and "JOINT_POS " + " ".join(f"{value:.6f}" for value in (*now, 0, 0, 0))
+        if now and text == "get abs_act_pos":
+            now = now[::-1]
+        name = text.removeprefix("get ").upper()
+        return now and f"{name} " + " ".join(f"{value:.6f}" for value in (*now, 0, 0, 0))
 
     def stop(self) -> None:
         """Close what the client left open."""
@@ -114,6 +117,17 @@ def test_a_connection_that_is_lost_is_said_once_and_the_session_goes_on(
     dialogue, screen = followed(tmp_path, rsh, "0.10", "0.12", "q")
     assert screen.text.count("does not answer any more: it has closed.") == 1
     assert len(dialogue.state.accepted) == 2
+
+
+def test_without_kinematics_places_have_the_axes_letters_whatever_joint_moves_them(
+    rsh: Rsh,
+) -> None:
+    rsh.said["get kinematics_type"] = "KINEMATICS_TYPE 1"  # trivkins coordinates=ZYX
+    rsh.joints = [inches(-5.0, 7.0, 60.0)]
+    with closing(Standing(rsh.address)) as standing:
+        stood = standing.at(np.full(3, 310.0), np.array([60.0, 7.0, -5.0]), 310.0)
+    assert stood.away_mm < 1e-3
+    assert stood.words == "the controller stood at X 60.000 Y 7.000 Z -5.000"
 
 
 @pytest.mark.parametrize(
