@@ -93,7 +93,7 @@ def _screen(case: Case) -> doc.Page:
         sections = [doc.Section(None, *blocks) for blocks in (*groups, *residuals)]
         last = doc.next_steps([*steps, *again], *notes, case.more("diagnose"))
         page = doc.Page(
-            "Diagnosis", stamp=case.stamp, notice=_notice(case), sections=(*sections, last)
+            "Diagnosis", stamp=case.stamp, notice=diagnosis_notice(case), sections=(*sections, last)
         )
         if height(page) <= most:
             return page
@@ -105,7 +105,7 @@ def _screen(case: Case) -> doc.Page:
             return page
 
 
-def _notice(case: Case) -> doc.Notice:
+def diagnosis_notice(case: Case) -> doc.Notice:
     """The verdict, and what it means for the parameters."""
     answer, release, notice = case.answer, case.answer.release, decision_notice(case)
     if not release.usable and answer.verdict in (None, Verdict.CONSISTENT):
@@ -347,7 +347,7 @@ def _page(case: Case) -> doc.Page:
     return doc.Page(
         kind="Diagnosis",
         stamp=case.stamp,
-        notice=_notice(case),
+        notice=diagnosis_notice(case),
         sheet=(doc.next_steps(_steps(case)),),
         sections=(
             doc.Section("Causes", *_cause_blocks(case)),
