@@ -8,6 +8,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 
+# The first line of all that is made of simulated readings.
+SIMULATED = "SIMULATED: no machine was measured."
 # No gauge here tells more than tenths of a micrometre, and no controller takes more.
 MOST_DECIMALS = 4
 # A controller takes micrometres: rounding what is entered to the digits of a large uncertainty

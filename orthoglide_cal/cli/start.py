@@ -19,9 +19,9 @@ def start() -> None:
     """Show the machine, the sessions and the next command; nothing is changed."""
     from orthoglide_cal.files.input import machine_in_folder, printers_in, read_input, sessions_in
     from orthoglide_cal.report import document as doc
-    from orthoglide_cal.report.case import SIMULATED
     from orthoglide_cal.results import unwritten
     from orthoglide_cal.session.opening import is_practice, unfinished
+    from orthoglide_cal.words import SIMULATED
 
     here = Path()
     file = to = None

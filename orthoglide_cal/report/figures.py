@@ -417,7 +417,7 @@ def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) ->
 
 def workspace_maps(
     found: Workspace, after: Workspace | None = None, limit_mm: float | None = None
-) -> tuple[tuple[Html, ...], Html]:
+) -> tuple[Html, ...]:
     """Error of the tool position in slices, the highest first: three before, three after.
 
     Args:
@@ -425,8 +425,7 @@ def workspace_maps(
         after: of the machine as it was measured afterwards; None shows what is expected.
         limit_mm: drawn as a contour; None for none.
 
-    Returns:
-        The maps, and the legend of their one scale of colours, which begins at zero.
+    The last picture is the one scale of their colours, which begins at zero.
     """
     before = found.maps
     assert before is not None
@@ -460,7 +459,7 @@ def workspace_maps(
             panels.append(svg(name, 216.0, _ABOVE + _SIZE + 20.0, title, finding, body, "map"))
     title, finding = "Colours of the maps", "From zero upwards, in mm."
     colours = _colours(14.0, 2.0, limits, "mm", "h")
-    return tuple(panels), svg("workspace-colours", 276.0, 30.0, title, finding, colours, "map")
+    return *panels, svg("workspace-colours", 276.0, 30.0, title, finding, colours, "map")
 
 
 def _cells(number: Ints) -> Iterator[Html]:

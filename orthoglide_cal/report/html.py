@@ -105,7 +105,6 @@ def _block(block: doc.Block) -> Html:
                 "figure",
                 tag("figcaption", heading, block.finding) if block.in_words else None,
                 shown,
-                tag("div", block.legend, class_="legend") if block.legend else None,
                 tag("p", block.key, class_="small") if block.key else None,
                 class_="beside" if block.columns == 0 else None,
             )

@@ -30,7 +30,7 @@ from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advan
 from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
 from orthoglide_cal.session.journal import Journal
 from orthoglide_cal.session.readings import ReadingsSoFar, Setting
-from orthoglide_cal.words import Unit, counted, decimals_for, signed
+from orthoglide_cal.words import SIMULATED, Unit, counted, decimals_for, signed
 
 if TYPE_CHECKING:
     from orthoglide_cal.results import Parameter
@@ -98,7 +98,7 @@ class Dialogue:
             from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
             lines = [f"{from_here} both are solved together at the end."]
         if opened.seed is not None:
-            lines.insert(0, "SIMULATED: no machine is measured.")
+            lines.insert(0, SIMULATED)
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
         set_ups = counted(len({step.setup for step in steps}), "set-up")
         moves = counted(gauge_moves(steps), "gauge move")

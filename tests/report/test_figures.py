@@ -170,7 +170,7 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
                                before_mm=before.max(), after_mm=after.max())  # fmt: skip
 
     found = errors(error, error / 10.0, -20.0)
-    (before, after), legend = figures.workspace_maps(found)
+    before, after, legend = figures.workspace_maps(found)
     assert ">0.00<" in legend
     assert marks(before) == [(210.0, 190.0)]  # the lower right corner
     limits = figures.class_limits(float(error.max()))
@@ -187,7 +187,7 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
     assert "expected, z = −20 mm" in after
     # What was measured afterwards takes the place of what was expected; the limit is a circle.
     later = errors(error / 2.0, error, 3.0)
-    (_, measured), _ = figures.workspace_maps(found, later, 0.35)
+    _, measured, _ = figures.workspace_maps(found, later, 0.35)
     assert "as left, z = −20 mm" in measured
     assert "≤ 0.49" in measured
     assert marks(measured) == []  # its worst point lies in no slice

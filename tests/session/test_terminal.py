@@ -130,7 +130,7 @@ def test_a_simulated_session_without_anyone_at_the_keys(tmp_path: Path) -> None:
     assert np.abs(np.array(found) - hidden).max() < 0.05
     assert "Step 1 of 60" in done.stderr
     assert f"true are x {hidden[0]:+.3f}" in done.stderr
-    assert done.stderr.count("SIMULATED: no machine is measured.") == 1
+    assert done.stderr.count("SIMULATED: no machine was measured.") == 1
     assert content(tmp_path / "s.yaml")["environment"] == {
         "readings_from": "simulated",
         "seed": "9",

@@ -276,7 +276,7 @@ def _workspace(
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
     if limit_mm is not None:
         key += f" Dotted: {limit_mm:g} mm."
-    figure = doc.Figure(None, "", maps[0], key=key, legend=maps[1])
+    figure = doc.Figure(None, "", maps, key=key)
     yield doc.Section("Tool-position error over the workspace", lead, figure)
 
 

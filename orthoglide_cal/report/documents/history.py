@@ -13,12 +13,12 @@ from orthoglide_cal.inference.result import CauseParameter
 from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.case import SIMULATED
 from orthoglide_cal.report.figures import below, line, thread
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import height
 from orthoglide_cal.results.history import History
 from orthoglide_cal.words import (
+    SIMULATED,
     counted,
     decimals_for,
     percent,
