@@ -10,6 +10,7 @@ import math
 import string
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Self
 
 import numpy as np
@@ -287,60 +288,48 @@ def reading_panels(
     kept = {gauges[k] for k in shown or range(len(rows))}
     drawn = [k for k, gauge in enumerate(gauges) if gauge in kept]
     drawn = [k for k in drawn if over is None or math.isfinite(over[k])]
-    ends = np.concatenate([values[drawn] for values in microns.values()] or [[]])
-    middle, reach = (1000.0 * values for values in effect_mm or (np.zeros((2, len(rows)))))
-    edges = (middle - reach)[drawn], (middle + reach)[drawn]
-    up = Scale.around([*ends, *np.concatenate(edges), -band, band], height - 32.0, 26.0)
+    middle, reach = (1000.0 * values for values in effect_mm or np.zeros((2, len(rows))))
+    low, high = middle - reach, middle + reach
+    ends = np.stack((*microns.values(), low, high))[:, drawn].ravel()
+    up = Scale.around([*ends.tolist(), -band, band], height - 32.0, 26.0)
     panels = []
     for gauge in sorted(kept.intersection(gauges[k] for k in drawn)):
         chosen = [k for k in drawn if gauges[k] == gauge]
         parts = [rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band")] * (band > 0)
         parts += upright(up, width, "µm", gauge)
-        if over is None:
-            chosen.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
-            postures = list(dict.fromkeys(places[k] for k in chosen))
-            across = Scale(-0.5, len(postures) - 0.5, 40.0, width - 6.0)
-            x = {
-                k: across(postures.index(places[k]) + 0.09 * (rows[k].cycle - 2.5)) for k in chosen
-            }
-            columns = [across(float(n)) for n in range(len(postures))]
-            widest = [max(text.split(), key=len, default="") for text in postures]
-            parts += (
-                words(columns[n], up.start + 12.0 * (line + 1) + 1.0, word, "middle")
-                for n in apart(columns, widest)
-                for line, word in enumerate(postures[n].split())
-            )
-        else:
+        chosen.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
+        postures = list(dict.fromkeys(places[k] for k in chosen))
+        across, shift = Scale(-0.5, len(postures) - 0.5, 40.0, width - 6.0), 0.09
+        at = {k: float(postures.index(places[k])) for k in chosen}
+        ticks = [(across(float(n)), "", posture) for n, posture in enumerate(postures)]
+        if over is not None:
             chosen.sort(key=over.__getitem__)
-            across = Scale.around(over[chosen].tolist(), 40.0, width - 6.0)
-            x = {k: across(over[k]) for k in chosen}
-            ticks = across.ticks(4)
-            parts += below([at for at, *_ in ticks], [text for *_, text in ticks], height - 18.0)
+            across, shift = Scale.around(over[chosen].tolist(), 40.0, width - 6.0), 0.0
+            at, ticks = {k: over[k] for k in chosen}, across.ticks(4)
             parts.append(words(width - 6.0, height - 4.0, axis, "end", "muted"))
+        x = {k: across(at[k] + shift * (rows[k].cycle - 2.5)) for k in chosen}
+        columns = [place for place, *_ in ticks]
+        # The words of a posture stand one below the other.
+        for n, texts in enumerate(zip_longest(*(text.split() for *_, text in ticks), fillvalue="")):
+            parts += below(columns, texts, up.start + 12.0 * (n + 1) + 1.0)
         threads: dict[object, list[int]] = {}
         for k in chosen:
-            row = rows[k]
-            threads.setdefault(row.cycle if over is None else (row.part, row.gauge_at), []).append(
-                k
-            )
-        last = [*microns.values()][-1]
-        for run in threads.values():
+            run = rows[k].cycle if over is None else (rows[k].part, rows[k].gauge_at)
+            threads.setdefault(run, []).append(k)
+        first, *_, last = [*microns.values()] * 2
+        for numbers in threads.values():
             if effect_mm is not None:
-                low, high = (
-                    [(x[k], up(edge[k])) for k in run] for edge in (middle - reach, middle + reach)
-                )
-                parts.append(tag("polygon", points=_path([*low, *reversed(high)]), class_="band"))
+                lower, upper = ([(x[k], up(edge[k])) for k in numbers] for edge in (low, high))
+                outline = _path([*lower, *reversed(upper)])
+                parts.append(tag("polygon", points=outline, class_="band"))
             if over is None or effect_mm is not None:
                 values = last if effect_mm is None else middle
-                parts.append(thread([(x[k], up(float(values[k]))) for k in run]))
+                parts.append(thread([(x[k], up(float(values[k]))) for k in numbers]))
         for values in microns.values():
             style = "mark" if values is last else "mark open"
             parts += (mark(x[k], up(float(values[k])), rows[k].cycle - 1, style) for k in chosen)
-        first = next(iter(microns.values()))
-        circled = (k for k in chosen if k in ringed)
-        parts += (
-            tag("circle", cx=x[k], cy=up(float(first[k])), r=9.0, class_="fault") for k in circled
-        )
+        circled = ((x[k], up(float(first[k]))) for k in chosen if k in ringed)
+        parts += (tag("circle", cx=at_x, cy=y, r=9.0, class_="fault") for at_x, y in circled)
         seen = finding
         if not seen:
             worst = max(chosen, key=lambda k: abs(last[k]))
