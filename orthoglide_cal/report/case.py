@@ -252,9 +252,9 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
 
 def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
     words, check, excerpt = case.words, case.answer.check, case.source.excerpt
-    simulated = case.answer.simulated
     format = excerpt.firmware if excerpt else case.machine.controller_formats[0]
-    export = case.typed("export", f"--format {format}")
+    # No line of simulated readings is for a controller.
+    export = None if case.answer.simulated else case.typed("export", f"--format {format}")
     recorded = recording(case.given)
     if recorded == "done":
         yield doc.Instruction(
@@ -262,9 +262,9 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
         )
     elif case.record is not None:
         yield doc.Instruction(f"{words.entering}, then", case.record)
-    elif not simulated:
+    elif export:
         yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
-    if not brief and recorded != "elsewhere" and not simulated:
+    if export and not brief and recorded != "elsewhere":
         yield doc.Instruction("Or print the lines for the controller's file", export)
     if check is not None:
         yield doc.Instruction(check_words(check))

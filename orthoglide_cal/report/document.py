@@ -116,7 +116,6 @@ class Figure:
     columns: int = 3  # most side by side; 0: half as wide as a page, beside the other blocks
     key: str | None = None  # explanation of the marks
     sketch: Sequence[str] = ()  # the same in characters, for a terminal
-    legend: Html | None = None  # the scale of colours that all panels share
 
     @property
     def in_words(self) -> str:

@@ -10,6 +10,7 @@ import math
 import string
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Self
 
 import numpy as np
@@ -183,8 +184,8 @@ def deviation_rows(
 ) -> Html:
     """A row for each difference: as found ○ → expected ■ → as left ●, with U of the last.
 
-    `limit_mm` is the largest size that is allowed; None if nobody said. With the `outcomes` of
-    what was measured afterwards there is no room for the numbers that were expected.
+    `limit_mm` is the largest size that is allowed; None if nobody said. The `outcomes` of what was
+    measured afterwards stand below the names.
     """
     names, found, expected, expanded, after = zip(*rows, strict=True)
     measured = after[0] is not None
@@ -194,11 +195,10 @@ def deviation_rows(
     # Columns of numbers, by their right edges.
     heads = {_WIDE - 108.0: "found", _WIDE - 2.0: "expected ± U"}
     if measured:
-        heads = {192.0: "found", 250.0: "expected", _WIDE - 2.0: "as left ± U"}
-    if outcomes:
-        heads = {186.0: "found", 290.0: "as left ± U", _WIDE - 2.0: f"± {limit_mm:g}"}
-    across = Scale.around([*found, *expected, *ends, -0.02, 0.02], 42.0, min(heads) - 50.0)
-    top, bottom = _TOP - 4.0, _TOP + _ROW * len(rows)
+        heads = {194.0: "found", 252.0: "expected", _WIDE - 2.0: "as left ± U"}
+    left, high_row = (60.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
+    across = Scale.around([*found, *expected, *ends, -0.02, 0.02], left, min(heads) - 46.0)
+    top, bottom = _TOP - 4.0, _TOP + high_row * len(rows)
     places, kinds, texts = zip(*across.ticks(4), strict=True)
     band = [
         rectangle(across(low), top, across(high) - across(low), bottom - top, "allowed")
@@ -213,17 +213,16 @@ def deviation_rows(
     ]
     listed = []
     for k, (name, value, half) in enumerate(zip(names, last, expanded, strict=True)):
-        y = _TOP + _ROW * (k + 0.5)
+        y = _TOP + high_row * (k + 0.5)
         start, stop = across(found[k]), across(expected[k])
         low, high = across(value - half), across(value + half)
         numbers = [signed(found[k], 3), f"{signed(value, 3)} ± {plain(half, 3)}"]
         if measured:
             numbers.insert(1, signed(expected[k], 3))
         listed.append(f"{name} {', '.join([*numbers, *outcomes[k : k + 1]])}")
-        if outcomes:
-            numbers = [numbers[0], numbers[2], outcomes[k]]
         parts += [
-            words(2, y + 4, name, class_="strong"),
+            words(2, y + (-2 if outcomes else 4), name, class_="strong"),
+            *(words(2, y + 10, outcome) for outcome in outcomes[k : k + 1]),
             *(words(x, y + 4, text, "end") for x, text in zip(heads, numbers, strict=True)),
             tag(
                 "g",
@@ -252,137 +251,110 @@ def series_of(row: Residual) -> Series:
     return Series(AXES.index(row.leg or "x"), AXES.index(row.direction or "x"))
 
 
-def residual_panels(
+def reading_panels(
+    name: str,
+    title: str,
     rows: Sequence[Residual],
     left_mm: Mapping[str, Floats],
-    noise_mm: float,
-    when: str = "",
-    wrong: Collection[int] = (),
+    *,
+    noise_mm: float = 0.0,
+    over: Floats | None = None,
+    axis: str = "",
+    effect_mm: tuple[Floats, Floats] | None = None,
+    shown: Collection[int] = (),
+    ringed: Collection[int] = (),
+    together: str = "",
+    finding: str = "",
 ) -> tuple[Html, ...]:
     """One panel for each leg and direction, all on one scale: residuals by posture and cycle.
 
     Args:
-        rows: n readings at legs.
+        name, title: of the panels; their gauge is added to both.
+        rows: n readings.
         left_mm: under one or two models: measured − modelled, shape (n,). The last is filled.
         noise_mm: standard deviation of one reading; the band is twice as high.
-        when: "as found", "as left"; "" of one measurement alone.
-        wrong: the readings that are; then only their panels, and a ring around one alone.
+        over, axis: instead of the postures a quantity, (n,), and its name; NaN is not drawn.
+        effect_mm: drawn as a line with its U as a band: both of shape (n,).
+        shown: the readings whose gauges have a panel; () for all.
+        ringed: readings that are wrong.
+        together: the name of all of them, which then share one panel: touches, or differences.
+        finding: what one sees, in words; "": the largest residual and the means of the repeats.
     """
-    series = [series_of(row) for row in rows]
-    posture = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
-    width, height, band = 216.0, 168.0, 2000.0 * noise_mm
-    microns = [1000.0 * values for values in left_mm.values()]
-    largest = max(band, *(float(np.abs(values).max()) for values in microns)) * 1.08
-    up = Scale(-largest, largest, height - 32.0, 26.0)
+    gauges = [together or series_of(row).words for row in rows]
+    width, height = (328.0, 132.0) if together else (216.0, 168.0)
+    band = 2000.0 * noise_mm
+    places = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
+    microns = {model: 1000.0 * values for model, values in left_mm.items()}
+    kept = {gauges[k] for k in shown or range(len(rows))}
+    drawn = [k for k, gauge in enumerate(gauges) if gauge in kept]
+    drawn = [k for k in drawn if over is None or math.isfinite(over[k])]
+    middle, reach = (1000.0 * values for values in effect_mm or np.zeros((2, len(rows))))
+    low, high = middle - reach, middle + reach
+    ends = np.stack((*microns.values(), low, high))[:, drawn].ravel()
+    up = Scale.around([*ends.tolist(), -band, band], height - 32.0, 26.0)
     panels = []
-    for one in sorted({series[k] for k in wrong} or set(series)):
-        chosen = sorted(
-            (k for k, each in enumerate(series) if each == one),
-            key=lambda k: (rows[k].displacement_mm or 0.0, posture[k]),
-        )
-        postures = list(dict.fromkeys(posture[k] for k in chosen))
-        across = Scale(-0.5, len(postures) - 0.5, 40.0, width - 6.0)
-        columns = [across(float(k)) for k in range(len(postures))]
-        widest = [max(text.split(), key=len, default="") for text in postures]
-        parts = [
-            rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band"),
-            *_upright(up, width, one.words),
-            *(
-                words(columns[k], up.start + 12.0 * (n + 1) + 1.0, word, "middle")
-                for k in apart(columns, widest)
-                for n, word in enumerate(postures[k].split())
-            ),
-        ]
-        for values in microns:
-            last = values is microns[-1]
-            for turn in sorted({rows[k].cycle for k in chosen}):
-                repeats = [k for k in chosen if rows[k].cycle == turn]
-                places = [across(postures.index(posture[k]) + 0.09 * (turn - 2.5)) for k in repeats]
-                points = [*zip(places, (up(float(values[k])) for k in repeats), strict=True)]
-                parts += [thread(points)] if last else []
-                parts += [mark(x, y, turn - 1, "mark" if last else "mark open") for x, y in points]
-                if values is microns[0] and len(wrong) == 1:
-                    ringed = (p for k, p in zip(repeats, points, strict=True) if k in wrong)
-                    parts += [tag("circle", cx=x, cy=y, r=9.0, class_="fault") for x, y in ringed]
-        worst = max(chosen, key=lambda k: abs(microns[-1][k]))
-        where = f"posture {posture[worst]}, cycle {rows[worst].cycle}"
-        finding = f"The largest is at {where}: {signed(float(microns[-1][worst]), 1)} µm."
-        for model, values in zip(left_mm, microns, strict=True):
-            means = [np.mean([values[k] for k in chosen if posture[k] == at]) for at in postures]
-            pairs = zip(postures, means, strict=True)
-            means_um = ", ".join(f"{at} {signed(float(mean), 1)}" for at, mean in pairs)
-            finding += f" Mean of the repeats, µm, {model}: {means_um}."
-        name = f"residual-{AXES[one.direction]}{AXES[one.leg]}-{when.replace(' ', '-')}"
-        title = f"Residuals, {one.words}, {when}".removesuffix(", ")
-        panels.append(svg(name, width, height, title, finding, parts, f"c-{AXES[one.leg]}"))
+    for gauge in sorted(kept.intersection(gauges[k] for k in drawn)):
+        chosen = [k for k in drawn if gauges[k] == gauge]
+        parts = [rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band")] * (band > 0)
+        parts += upright(up, width, "µm", gauge)
+        chosen.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
+        postures = list(dict.fromkeys(places[k] for k in chosen))
+        across, shift = Scale(-0.5, len(postures) - 0.5, 40.0, width - 6.0), 0.09
+        at = {k: float(postures.index(places[k])) for k in chosen}
+        ticks = [(across(float(n)), "", posture) for n, posture in enumerate(postures)]
+        if over is not None:
+            chosen.sort(key=over.__getitem__)
+            across, shift = Scale.around(over[chosen].tolist(), 40.0, width - 6.0), 0.0
+            at, ticks = {k: over[k] for k in chosen}, across.ticks(4)
+            parts.append(words(width - 6.0, height - 4.0, axis, "end", "muted"))
+        x = {k: across(at[k] + shift * (rows[k].cycle - 2.5)) for k in chosen}
+        columns = [place for place, *_ in ticks]
+        # The words of a posture stand one below the other.
+        for n, texts in enumerate(zip_longest(*(text.split() for *_, text in ticks), fillvalue="")):
+            parts += below(columns, texts, up.start + 12.0 * (n + 1) + 1.0)
+        threads: dict[object, list[int]] = {}
+        for k in chosen:
+            run = rows[k].cycle if over is None else (rows[k].part, rows[k].gauge_at)
+            threads.setdefault(run, []).append(k)
+        first, *_, last = [*microns.values()] * 2
+        for numbers in threads.values():
+            if effect_mm is not None:
+                lower, upper = ([(x[k], up(edge[k])) for k in numbers] for edge in (low, high))
+                outline = _path([*lower, *reversed(upper)])
+                parts.append(tag("polygon", points=outline, class_="band"))
+            if over is None or effect_mm is not None:
+                values = last if effect_mm is None else middle
+                parts.append(thread([(x[k], up(float(values[k]))) for k in numbers]))
+        for values in microns.values():
+            style = "mark" if values is last else "mark open"
+            parts += (mark(x[k], up(float(values[k])), rows[k].cycle - 1, style) for k in chosen)
+        circled = ((x[k], up(float(first[k]))) for k in chosen if k in ringed)
+        parts += (tag("circle", cx=at_x, cy=y, r=9.0, class_="fault") for at_x, y in circled)
+        seen = finding
+        if not seen:
+            worst = max(chosen, key=lambda k: abs(last[k]))
+            where = f"{places[worst]}, cycle {rows[worst].cycle}"
+            seen = f"The largest is at {where}: {signed(float(last[worst]), 1)} µm."
+            for model, values in microns.items():
+                cells: dict[str, list[float]] = {}
+                for k in chosen:
+                    cells.setdefault(places[k], []).append(float(values[k]))
+                means = (f"{at} {signed(float(np.mean(own)), 1)}" for at, own in cells.items())
+                seen += f" Mean of the repeats, µm, {model}: {', '.join(means)}."
+        row = rows[chosen[0]]
+        id = name if together else f"{name}-{row.direction}{row.leg}"
+        colour = "c-x" if together else f"c-{row.leg}"
+        panels.append(svg(id, width, height, f"{title}, {gauge}", seen, parts, colour))
     return tuple(panels)
 
 
-def _upright(up: Scale, width: float, title: str) -> Iterator[Html]:
-    """The axis of residuals [µm] of a panel with a title."""
-    yield from (line((40.0, y), (width - 6.0, y), kind) for y, kind, _ in up.ticks(4))
-    yield from (words(36.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4))
-    yield words(2.0, 14.0, "µm", class_="muted")
+def upright(up: Scale, width: float, unit: str, title: str) -> Iterator[Html]:
+    """The upright axis of a panel, with its unit, and the panel's title."""
+    ticks = up.ticks(4)
+    yield from (line((40.0, y), (width - 6.0, y), kind) for y, kind, _ in ticks)
+    yield from (words(36.0, y + 3.5, text, "end", "tick") for y, _, text in ticks)
+    yield words(2.0, 14.0, unit, class_="muted")
     yield words(width - 6.0, 14.0, title, "end", "strong")
-
-
-def pattern_panels(
-    rows: Sequence[Residual],
-    number: int,
-    over: Floats,
-    axis: str,
-    values_mm: Floats,
-    finding: str,
-    when: str,
-) -> tuple[Html, ...]:
-    """What is left of readings over what a pattern depends on; a panel for each gauge it acts on.
-
-    Args:
-        rows: n readings.
-        number: of the pattern among theirs: drawn as a line, its U as a band.
-        over: what it depends on, shape (n,), named `axis`; NaN where it is not known.
-        values_mm: measured − modelled without that pattern, shape (n,).
-        finding, when: the pattern in words; as of `residual_panels`.
-    """
-    width, height, panels = 216.0, 168.0, []
-    effect = 1e3 * np.array([row.pattern_mm[number] for row in rows])
-    reach = 1e3 * np.array([row.pattern_expanded_mm[number] for row in rows])
-    microns, series = 1e3 * values_mm, [series_of(row) for row in rows]
-    acting = {series[k] for k in np.flatnonzero(reach)}
-    some = [k for k, one in enumerate(series) if one in acting]
-    extent = np.stack((microns, effect - reach, effect + reach))[:, some]
-    up = Scale.around(extent.ravel().tolist(), height - 32.0, 26.0)
-    shown = sorted((k for k in some if math.isfinite(over[k])), key=over.__getitem__)
-    for one in sorted({series[k] for k in shown}):
-        own = [k for k in shown if series[k] == one]
-        across = Scale.around(over[own].tolist(), 40.0, width - 6.0)
-        ticks = across.ticks(4)
-        parts = [
-            *below([at for at, *_ in ticks], [text for *_, text in ticks], height - 18.0),
-            words(width - 6.0, height - 4.0, axis, "end", "muted"),
-        ]
-        setups: dict[object, list[int]] = {}
-        for k in own:
-            setups.setdefault((rows[k].part, rows[k].gauge_at), []).append(k)
-        for drawn in setups.values():
-            low, middle, high = (
-                [(across(over[k]), up(effect[k] + side * reach[k])) for k in drawn]
-                for side in (-1.0, 0.0, 1.0)
-            )
-            band = tag("polygon", points=_path([*low, *reversed(high)]), class_="band")
-            parts += [band, thread(middle)]
-        name = one.words if rows[0].leg else "all touches"
-        parts += _upright(up, width, name)
-        for k in own:
-            x, y = across(over[k]), up(microns[k])
-            parts.append(mark(x, y, rows[k].cycle - 1))
-            if rows[k].wrong:
-                parts.append(tag("circle", cx=x, cy=y, r=9.0, class_="fault"))
-        gauge = f"{AXES[one.direction]}{AXES[one.leg]}"
-        title = f"Pattern, {name}, over {axis}, {when}".removesuffix(", ")
-        id = f"pattern-{number}-{gauge}-{when.replace(' ', '-')}"
-        panels.append(svg(id, width, height, title, finding, parts, f"c-{gauge[1]}"))
-    return tuple(panels)
 
 
 # --- maps in colours ----------------------------------------------------------------------------
@@ -434,7 +406,7 @@ def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) ->
 
 def workspace_maps(
     found: Workspace, after: Workspace | None = None, limit_mm: float | None = None
-) -> tuple[tuple[Html, ...], Html]:
+) -> tuple[Html, ...]:
     """Error of the tool position in slices, the highest first: three before, three after.
 
     Args:
@@ -442,8 +414,7 @@ def workspace_maps(
         after: of the machine as it was measured afterwards; None shows what is expected.
         limit_mm: drawn as a contour; None for none.
 
-    Returns:
-        The maps, and the legend of their one scale of colours, which begins at zero.
+    The last picture is the one scale of their colours, which begins at zero.
     """
     before = found.maps
     assert before is not None
@@ -477,7 +448,7 @@ def workspace_maps(
             panels.append(svg(name, 216.0, _ABOVE + _SIZE + 20.0, title, finding, body, "map"))
     title, finding = "Colours of the maps", "From zero upwards, in mm."
     colours = _colours(14.0, 2.0, limits, "mm", "h")
-    return tuple(panels), svg("workspace-colours", 276.0, 30.0, title, finding, colours, "map")
+    return *panels, svg("workspace-colours", 276.0, 30.0, title, finding, colours, "map")
 
 
 def _cells(number: Ints) -> Iterator[Html]:
@@ -672,10 +643,9 @@ def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
         taken.append(place)
         parts.append(words(x, y + 4, name, "middle", "strong halo"))
     gaps = ", ".join(f"{name} {signed(gap, 3)}" for name, gap in gaps_mm.items())
-    moved = (f"rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims)
-    finding = (
-        f"Three rails that should meet in one point. Gaps, mm: {gaps}. Move {', '.join(moved)}."
-    )
+    moved = ", ".join(f"rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims)
+    finding = f"Three rails that should meet in one point. Gaps, mm: {gaps}."
+    finding += f" Move {moved}." if moved else ""
     return svg("rails", 328.0, 244.0, "The rails where they pass each other", finding, parts)
 
 
@@ -684,49 +654,52 @@ def _paper(place: Floats) -> Floats:
     return np.asarray(np.array([164.0, 120.0]) + place @ _ON_PAPER)
 
 
-_PART = 84.0  # height of the picture of one parameter
+_PART = 40.0  # height of the picture of one parameter
 
 
-def parameter_sketch(name: str, sizes: Mapping[str, tuple[float, str]]) -> Html:
+def parameter_sketch(name: str, sizes: Mapping[str, tuple[float, str, str]]) -> Html:
     """Where an axis, a bar or a carriage should be (dashed) and where it is, enlarged.
 
     Args:
         name: of the cause.
         sizes: "y_x" (a bar of leg x, along y), "xy" (by how much the angle between two axes is
-            less than 90°) or "x" (a carriage) → its size, and the same in words.
+            less than 90°) or "x" (a carriage) → its size, its place and its size in words.
     """
-    most = max(abs(size) for size, _ in sizes.values()) or 1.0
+    most = max(abs(size) for size, *_ in sizes.values()) or 1.0
     parts = []
-    for k, (parameter, (size, text)) in enumerate(sizes.items()):
-        top = words(2.0, k * _PART + 14.0, text, class_="strong")
-        drawn = _parameter(parameter, size / most, (k + 1) * _PART - 14.0)
-        parts.append(tag("g", top, *drawn, class_=f"c-{parameter[-1]}"))
-    finding = f"Dashed as it should be, solid as it is: {'; '.join(t for _, t in sizes.values())}."
+    for k, (parameter, (size, place, text)) in enumerate(sizes.items()):
+        base = (k + 1) * _PART - 10.0
+        named = words(2.0, base - 11.0, place, class_="strong"), words(2.0, base + 2.0, text)
+        drawn = _parameter(parameter, size / most, base)
+        parts.append(tag("g", *named, *drawn, class_=f"c-{parameter[-1]}"))
+    listed = "; ".join(f"{place} {text}" for _, place, text in sizes.values())
+    finding = f"Dashed as it should be, solid as it is: {listed}."
     return svg(f"sketch-{name}", 328.0, _PART * len(sizes) + 6.0, name, finding, parts)
 
 
 def _parameter(parameter: str, share: float, base: float) -> Iterator[Html]:
     """One of them; `share` of the largest size, upwards from the height `base`."""
-    start, end = np.array([40.0, base]), np.array([280.0, base])
+    left, right = 140.0, 284.0
     if "_" in parameter:  # a bar, from the carriage to the tool
-        yield line(start, end, "ideal")
-        yield line(start, end - [0.0, 18.0 * share], "bar")
-        yield rectangle(start[0] - 7.0, base - 7.0, 14.0, 14.0, "carriage")
-        yield words(end[0] + 24.0, base - 4.0, f"+{parameter[0]} ↑", "middle")
+        base -= 10.0
+        yield line((left, base), (right, base), "ideal")
+        yield line((left, base), (right, base - 16.0 * share), "bar")
+        yield rectangle(left - 7.0, base - 7.0, 14.0, 14.0, "carriage")
+        yield words(right + 24.0, base + 4.0, f"+{parameter[0]} ↑", "middle")
     elif len(parameter) > 1:  # the second of two axes
-        x, y = start[0] + 14.0 * share, base - 44.0
-        yield line(start, (130.0, base), "ink")
-        yield line(start, (start[0], y), "ideal")
-        yield line(start, (x, y), "bar")
-        yield words(142.0, base + 5.0, parameter[0], "middle", "axis")
-        yield words(x + 14.0, y + 10.0, parameter[1], "middle", "axis")
+        corner, x, y = (200.0, base), 200.0 + 12.0 * share, base - 28.0
+        yield line(corner, (right, base), "ink")
+        yield line(corner, (200.0, y), "ideal")
+        yield line(corner, (x, y), "bar")
+        yield words(right + 14.0, base + 5.0, parameter[0], "middle", "axis")
+        yield words(x + 14.0, y + 12.0, parameter[1], "middle", "axis")
     else:  # a carriage along its rail
-        moved, above = np.array([34.0 * share, 0.0]), np.array([149.0, base - 20.0])
-        yield line(start, end, "rail")
-        yield rectangle(140.0, base - 9.0, 18.0, 18.0, "ideal")
-        yield rectangle(140.0 + moved[0], base - 9.0, 18.0, 18.0, "outline")
+        moved, above = np.array([34.0 * share, 0.0]), np.array([212.0, base - 17.0])
+        yield line((left, base), (right, base), "rail")
+        yield rectangle(203.0, base - 9.0, 18.0, 18.0, "ideal")
+        yield rectangle(203.0 + moved[0], base - 9.0, 18.0, 18.0, "outline")
         yield arrow(above, above + moved)
-        yield words(end[0] + 14.0, base + 5.0, parameter, "middle", "axis")
+        yield words(right + 14.0, base + 5.0, parameter, "middle", "axis")
 
 
 # --- causes that can be distinguished -----------------------------------------------------------

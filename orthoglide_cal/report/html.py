@@ -17,7 +17,9 @@ _COLUMNS = {0: "half", 1: "one", 2: "two", 3: "three"}
 MOST_NARROW = 4  # columns that a telephone has room for: of more each cell stands below its title
 MOST_PANELS = 3  # of a picture in half the width of a wide screen
 # What must not break: a date, a coordinate behind its sign, a value before its uncertainty.
-_WHOLE = re.compile(r"(\d{4}-\d\d-\d\d|(?<![\w.])[A-Z]?[-+−]\d[\d.]*(?: ± \d[\d.]*)?|± \d[\d.]*)")
+_U = r"± \d[\d.]*(?: (?:mm|µm|mrad)(?:/\w+)?\b)?"
+_SIGNED = rf"(?<![\w.])[A-Z]?[-+−]\d[\d.]*(?: {_U})?"
+_WHOLE = re.compile(rf"(\d{{4}}-\d\d-\d\d|(?:[<>] )?\d[\d.]* %|{_SIGNED}|{_U})")
 
 
 def html(page: doc.Page) -> str:
@@ -62,7 +64,7 @@ def html(page: doc.Page) -> str:
         page.stamp and tag("p", page.stamp, class_="kind"),
         tag("header", tag("p", page.kind, class_="kind"), title, *top),
         main,
-        tag("footer", *(tag("p", line) for line in page.closing or (page.name,))),
+        tag("footer", *(tag("p", line) for line in page.closing)),
     )
     return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n{doc.MARK}"
 
@@ -82,7 +84,7 @@ def _block(block: doc.Block) -> Html:
         case doc.Marked("small"):
             return tag("p", _line(block), class_="small")
         case doc.Notice():
-            title = tag("h2", tag("span", block.tone.sign, aria_hidden="true"), block.title)
+            title = tag("h2", tag("span", block.tone.sign, aria_hidden="true"), _line(block.title))
             lines = (tag("p", _line(line)) for line in block.lines)
             return tag("div", title, *lines, class_=f"notice {block.tone}")
         case doc.Facts():
@@ -103,7 +105,6 @@ def _block(block: doc.Block) -> Html:
                 "figure",
                 tag("figcaption", heading, block.finding) if block.in_words else None,
                 shown,
-                tag("div", block.legend, class_="legend") if block.legend else None,
                 tag("p", block.key, class_="small") if block.key else None,
                 class_="beside" if block.columns == 0 else None,
             )

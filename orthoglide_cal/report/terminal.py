@@ -1,8 +1,8 @@
 """A page as text for a terminal.
 
 Everything is wrapped to the terminal's width but commands and listings: those stay on their lines,
-so that they can be copied. A table that is too wide is turned. Print with `soft_wrap=True`, which
-keeps what is wider.
+so that they can be copied. The rows of a table that is too wide become sentences. Print with
+`soft_wrap=True`, which keeps what is wider.
 """
 
 import re
@@ -164,23 +164,21 @@ class _Lines:
             yield from _hung(row, indent, indent)
 
     def _grid(self, grid: doc.Grid) -> Iterator[Text]:
-        """The table; turned where it is too wide, or its rows as lines where that is, too."""
+        """The table, its columns of words squeezed; its rows as sentences where it is too wide."""
         rows = [[_text(doc.parts_of(cell)) for cell in row] for row in grid.rows]
         if any(grid.head):
             rows.insert(0, [_text(doc.parts_of(title), "dim") for title in grid.head])
-        widths, over = self._widths(rows, grid.words)
-        words: Sequence[int] = grid.words
+        widths = [max(cell.cell_len for cell in column) for column in zip(*rows, strict=True)]
+        over = sum(widths) + len(_GAP) * len(widths) - self._width
+        for k in sorted(grid.words, key=lambda k: -widths[k]):
+            less = min(max(over, 0), max(widths[k] - _NARROWEST, 0))
+            widths[k] -= less
+            over -= less
         if over > 0:
-            given, turned = rows, [list(column) for column in zip(*rows, strict=True)]
-            narrower, less = self._widths(turned, range(len(turned[0])))
-            if less < over:
-                rows, widths, words, over = turned, narrower, (0,), less
-            if over > 0:
-                rows = []
-                yield from self._listed(*given)
-        for row in rows:
+            yield from self._listed(*rows)
+        for row in rows if over <= 0 else ():
             cells = [self._wrapped(cell, width) for cell, width in zip(row, widths, strict=True)]
-            yield from _hung(_row(cells, widths, words), _GAP, _GAP)
+            yield from _hung(_row(cells, widths, grid.words), _GAP, _GAP)
         if grid.caption:
             yield from _hung(self._flow(grid.caption, len(_GAP), "dim"), _GAP, _GAP)
 
@@ -191,18 +189,6 @@ class _Lines:
             parts = (Text.assemble(title, " ", cell) for title, cell in named if cell)
             line = Text.assemble(name, ": ", Text(", ").join(parts))
             yield from _hung(self._wrapped(line, self._width - 2 * len(_GAP)), _GAP, 2 * _GAP)
-
-    def _widths(
-        self, rows: Sequence[Sequence[Text]], words: Iterable[int]
-    ) -> tuple[list[int], int]:
-        """Widths of the columns, those of words squeezed as needed; excess of all together."""
-        widths = [max(cell.cell_len for cell in column) for column in zip(*rows, strict=True)]
-        over = sum(widths) + len(_GAP) * len(widths) - self._width
-        for k in sorted(words, key=lambda k: -widths[k]):
-            given = min(max(over, 0), max(widths[k] - _NARROWEST, 0))
-            widths[k] -= given
-            over -= given
-        return widths, over
 
 
 def _text(parts: Iterable[doc.Marked | None], style: str = "") -> Text:

@@ -5,6 +5,8 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.input import Check, CheckedFile, Fault
@@ -16,11 +18,13 @@ from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.document import Document
 from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.documents.diagnosis import diagnosis_document
+from orthoglide_cal.report.documents.history import history_document
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.short import check_document, paper_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import Identity
+from orthoglide_cal.results.history import compare
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.schema import Reason
 from tests.machines import NOMINAL
@@ -43,6 +47,14 @@ def as_left() -> Document:
     """The report of a machine that was adjusted and measured again."""
     case, left, after = cases.as_left()
     return calibration_document(case, identity_of(case), left, after=after)
+
+
+def remembered() -> Document:
+    """Four sessions of one machine: z changes after the second; with a limit."""
+    moved = TRUE + np.array([0.0, 0.0, 0.13])
+    sessions = [given(session(TRUE if k < 42 else moved, k)) for k in range(40, 44)]
+    dates = ("2026-03-02", "2026-04-07", "2026-05-12", "2026-06-03")
+    return history_document(compare(sessions, dates, 0.1))
 
 
 def verified() -> Document:
@@ -109,6 +121,17 @@ def documents() -> dict[str, Callable[[], Document]]:
     made: dict[str, Callable[[], Document]] = {
         name: (lambda make=make: report_of(make())) for name, make in CASES.items()
     }
-    own = as_left, verified, solved, suspicious, diagnosed, undecided, faulty, planned, reproduced
+    own = (
+        as_left,
+        remembered,
+        verified,
+        solved,
+        suspicious,
+        diagnosed,
+        undecided,
+        faulty,
+        planned,
+        reproduced,
+    )
     made |= {make.__name__: make for make in own}
     return {name: cache(make) for name, make in made.items()}

@@ -24,7 +24,7 @@ WIDTHS = (360, 390, 1280, 1600)
 # Content of an A4 page with the margins of the style sheet, at 96 dots per inch.
 A4_CONTENT = round((210 - 30) / 25.4 * 96)
 # Documents that a command writes as a page.
-KINDS = (*cases.CASES, "as_left", "verified", "planned")
+KINDS = (*cases.CASES, "as_left", "verified", "planned", "remembered")
 
 # Elements that reach beyond the page, unless a box of their own scrolls them.
 OVERFLOW = """(() => {
@@ -150,7 +150,7 @@ def test_print_is_a4_with_numbered_pages(chromium: Browser, pages: dict[str, Pat
     assert chromium.evaluate(SMALL) == []
     assert kind == "hostile" or chromium.evaluate(COVERED) == []
     # Decision, offsets, what to do and the lines to sign on: above the first break.
-    if kind not in ("hostile", "failed", "planned"):
+    if kind not in ("hostile", "failed", "planned", "remembered"):
         end = chromium.evaluate("document.querySelector('.sign').getBoundingClientRect().bottom")
         assert end < (297 - 31) / 25.4 * 96
 
@@ -258,7 +258,7 @@ def test_pictures_do_not_glare_in_the_dark(chromium: Browser, pages: dict[str, P
         light = [_luminance(fill) for fill in chromium.evaluate(fills)]
         assert (max(light) < 0.4) is dark
         # Each step of a scale differs from its neighbours, and from the first to the last goes on.
-        scale = "[...document.querySelectorAll('.legend .heat')]"
+        scale = "[...document.querySelectorAll('svg[viewBox=\"0 0 276 30\"] .heat')]"
         steps = chromium.evaluate(f"{scale}.map(e => getComputedStyle(e).fill)")
         levels = [_luminance(fill) for fill in steps]
         assert levels == sorted(levels, reverse=not dark)

@@ -2,6 +2,7 @@
 
 import doctest
 import re
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -49,34 +50,46 @@ def test_residual_panels_one_scale_and_named_worst():
                  order=1, measured_mm=0.0, modelled_mm=0.0)
         for direction in "yz" for posture, moved, cycle in where
     ]  # fmt: skip
-    drawn = figures.residual_panels(rows, {"offsets only": left}, 0.003)
+    panels = partial(figures.reading_panels, "residual", "Residuals", rows, noise_mm=0.003)
+    drawn = panels({"offsets only": left})
     assert len(drawn) == 2
-    assert "The largest is at posture iso, cycle 2: +40.0 µm" in drawn[1]
+    assert "The largest is at iso, cycle 2: +40.0 µm" in drawn[1]
     assert "offsets only: min +10.0, iso +20.0, max 0.0." in drawn[1]
     # Both panels have the same scale: the same residual stands at the same height.
     grid = [re.findall(r'<line x1="40" y1="([\d.]+)"', panel) for panel in drawn]
     assert grid[0] == grid[1]
     assert drawn[0].index(">min<") < drawn[0].index(">iso<") < drawn[0].index(">max<")
-    both = figures.residual_panels(rows, {"a": left, "b": 0.5 * left}, 0.003)
+    both = panels({"a": left, "b": 0.5 * left})
     assert (drawn[0].count('class="mark open"'), both[0].count('class="mark open"')) == (0, 4)
     # What is wrong is circled, and only that panel is shown.
-    (ringed,) = figures.residual_panels(rows, {"a": left, "b": 0.5 * left}, 0.003, "", [7])
+    (ringed,) = panels({"a": left, "b": 0.5 * left}, shown=[7], ringed=[7])
     ((x, y),) = re.findall(r'<circle cx="([\d.]+)" cy="([\d.]+)" r="9" class="fault"', ringed)
     assert (float(x), float(y)) in marks(ringed.replace(' r="9"', ""))
     assert "direction z" in ringed
+    # Over time a reading stands where its time is; one whose time is not known is left out.
+    minutes = np.array([*range(7), np.nan])
+    timed = panels({"a": left}, over=minutes, axis="min", shown=[7])[0]
+    places = [x for x, _ in marks(timed)]
+    assert np.diff(sorted(places)) == pytest.approx([places[1] - places[0]] * 2, abs=0.02)
+    # Differences share one panel, each at its name.
+    (shared,) = panels({"a": left, "b": 0.5 * left}, together="all differences")
+    assert shared.count("all differences") == 2
 
 
 def test_a_pattern_is_a_line_with_its_uncertainty_where_it_acts():
     rows = [
         Residual(leg="y", direction=direction, order=k + 1, measured_mm=0.0, modelled_mm=0.0,
-                 pattern_mm=(0.01 * k,), pattern_expanded_mm=(0.002 * (direction == "x"),),
-                 wrong=k == 2)
+                 cycle=1)
         for k, direction in enumerate("xxxxz")
     ]  # fmt: skip
     over, values = np.array([np.nan, 3.0, 2.0, 1.0, 1.0]), 0.01 * np.arange(5.0) + 0.001
-    (drawn,) = figures.pattern_panels(rows, 0, over, "min", values, "It drifts.", "as found")
+    effect, reach = 0.01 * np.arange(5.0), np.array([0.002] * 4 + [0.0])
+    (drawn,) = figures.reading_panels(
+        "pattern-0-as-found", "Pattern", rows, {"": values}, over=over, axis="min",
+        effect_mm=(effect, reach), shown=[0, 1, 2, 3], ringed=[2], finding="It drifts.",
+    )  # fmt: skip
     assert "direction x" in drawn
-    assert 'id="pattern-0-xy-as-found-t"' in drawn
+    assert 'id="pattern-0-as-found-xy-t"' in drawn
     line, band = (
         [tuple(map(float, pair.split(","))) for pair in re.findall(pattern, drawn)[0].split()]
         for pattern in (r'<polyline points="([^"]*)', r'<polygon points="([^"]*)" class="band"')
@@ -114,7 +127,7 @@ def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
     assert 'class="allowed"' not in alone
     assert "−0.100 ± 0.040" in alone
     judged = figures.deviation_rows(rows, 0.2, ["Pass", "Fail"])
-    assert [judged.count(f">{word}<") for word in ("Pass", "Fail", "± 0.2")] == [1, 1, 1]
+    assert [judged.count(f">{word}<") for word in ("Pass", "Fail", "−0.100")] == [1, 1, 1]
     assert "dz_x +0.400, −0.100, −0.300 ± 0.040, Fail" in judged
 
 
@@ -157,7 +170,7 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
                                before_mm=before.max(), after_mm=after.max())  # fmt: skip
 
     found = errors(error, error / 10.0, -20.0)
-    (before, after), legend = figures.workspace_maps(found)
+    before, after, legend = figures.workspace_maps(found)
     assert ">0.00<" in legend
     assert marks(before) == [(210.0, 190.0)]  # the lower right corner
     limits = figures.class_limits(float(error.max()))
@@ -174,7 +187,7 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
     assert "expected, z = −20 mm" in after
     # What was measured afterwards takes the place of what was expected; the limit is a circle.
     later = errors(error / 2.0, error, 3.0)
-    (_, measured), _ = figures.workspace_maps(found, later, 0.35)
+    _, measured, _ = figures.workspace_maps(found, later, 0.35)
     assert "as left, z = −20 mm" in measured
     assert "≤ 0.49" in measured
     assert marks(measured) == []  # its worst point lies in no slice
@@ -234,19 +247,20 @@ def test_what_is_found_of_a_machine_is_drawn_to_its_sign():
     """Bar, angle and carriage: the largest is off by most, a negative one the other way."""
     line = r'<line x1="([\d.]+)" y1="([\d.]+)" x2="([\d.]+)" y2="([\d.]+)" class="{}"'
 
-    def lines(sizes: dict[str, tuple[float, str]], style: str) -> list[list[float]]:
+    def lines(sizes: dict[str, tuple[float, str, str]], style: str) -> list[list[float]]:
         drawn = figures.parameter_sketch("cause", sizes)
         return [list(map(float, found)) for found in re.findall(line.format(style), drawn)]
 
-    bars = {"y_x": (2.0, "leg x, direction y +2.0 mrad"), "z_y": (-1.0, "-1.0 mrad")}
+    carriage = {"x": (-0.08, "x", "−0.080 mm")}
+    bars = {"y_x": (2.0, "leg x, direction y", "+2.0 mrad"), "z_y": (-1.0, "", "-1.0 mrad")}
     (_, y1, _, y2), (_, z1, _, z2) = lines(bars, "bar")
     assert y1 - y2 == pytest.approx(-2.0 * (z1 - z2))  # upwards along +, half as much downwards
     assert y1 > y2
-    ((x1, _, x2, _),) = lines({"xy": (3.0, "xy")}, "bar")
+    ((x1, _, x2, _),) = lines({"xy": (3.0, "xy", "")}, "bar")
     assert x2 > x1  # less than a right angle
-    ((start, _, end, _),) = lines({"x": (-0.08, "x −0.080 mm")}, "fault")
+    ((start, _, end, _),) = lines(carriage, "fault")
     assert end < start
-    assert "x −0.080 mm" in figures.parameter_sketch("cause", {"x": (-0.08, "x −0.080 mm")})
+    assert "x −0.080 mm" in figures.parameter_sketch("cause", carriage)
 
 
 def test_the_machine_shows_every_gauge():

@@ -29,13 +29,14 @@ from orthoglide_cal.report.case import (
     stated,
     to_do,
 )
-from orthoglide_cal.report.documents.diagnosis import diagnosis_section, headline
+from orthoglide_cal.report.documents.diagnosis import diagnosis_notice, diagnosis_section
 from orthoglide_cal.report.documents.pictures import (
     cause_figure,
     differences_figure,
     place_words,
     readings_table,
     residual_blocks,
+    seen_parameters,
     size_words,
 )
 from orthoglide_cal.report.documents.solution import (
@@ -57,7 +58,7 @@ from orthoglide_cal.report.documents.verification import (
 )
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import Verification
-from orthoglide_cal.words import plain, short, two_figures, unit_words
+from orthoglide_cal.words import plain, short, two_figures
 
 _MOST_NOTES = 40
 
@@ -119,7 +120,7 @@ def calibration_document(
             if released:
                 sheet[len(result) : len(result)] = [doc.Section(None, text) for text in moved]
             if named and not released:
-                pages.insert(0, _parameters(case, drawn))
+                pages.insert(1, _parameters(case, drawn))
         else:
             # There is nothing to pin to the machine, and one sheet of paper says it all.
             sheet = [doc.next_steps(to_do(case)), *frame.sheet, *map(_other, case.others), *pages]
@@ -144,32 +145,11 @@ def _notice(case: Case, left: Verification | None) -> doc.Notice:
     """The verdict, with what to know before relying on it; of a refused result what is wrong."""
     if left is not None:
         return verification_notice(left)
-    answer, notice, release = case.answer, decision_notice(case), case.answer.release
-    wrong = _wrong(case) if release.sound and answer.parameters and not release.usable else ""
-    if wrong:
-        lines = doc.strong(f"{notice.title}."), *notice.lines
-        notice = replace(notice, title=wrong, lines=lines, aside="")
+    answer, release = case.answer, case.answer.release
+    wrong = release.sound and answer.parameters and not release.usable
+    notice = diagnosis_notice(case) if wrong else decision_notice(case)
     known = [*release.reasons, *release.cautions]
     return reserved(notice, [case.says(e) for e in answer.validity.reservations if e not in known])
-
-
-def _wrong(case: Case) -> str:
-    """The fault of the machine or the readings, as a title; "" where only numbers are wrong."""
-    answer = case.answer
-    if answer.verdict is Verdict.AMBIGUOUS:
-        return headline(case).rstrip(".")
-    if answer.verdict is Verdict.UNEXPLAINED and answer.lack_of_fit is not None:
-        return f"Unexplained: {plain(answer.lack_of_fit.left_mm, 3)} mm r.m.s."
-    if answer.shims:
-        return f"The rails miss each other by {plain(max(shim.mm for shim in answer.shims), 2)} mm"
-    titles = []
-    for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
-        titles.append(case.title_of(cause.id, len(cause.parameters)))
-        largest = max(cause.parameters, key=lambda each: abs(each.value), default=None)
-        if largest is not None and largest.std:
-            titles[-1] += f", by {two_figures(abs(largest.value))} {unit_words(largest.unit)}"
-    title = " and ".join(titles)
-    return title[:1].upper() + title[1:]
 
 
 def _result(
@@ -197,30 +177,38 @@ def _parameters(case: Case, drawn: Sequence[doc.Block]) -> doc.Section:
 
 
 def _causes(case: Case) -> Iterator[doc.Section]:
-    """Each cause that was found: where, how large with U, drawn, and what to do about it."""
+    """Each cause of the likeliest answer: where, how large with U, drawn, what to do about it."""
     answer, release = case.answer, case.answer.release
+    undecided = answer.verdict is Verdict.AMBIGUOUS
     advised = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
-    for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
-        sizes, about = cause.parameters, CAUSES[cause.id]
-        shims = answer.shims if any(about.shim(each.name, each.value) for each in sizes) else ()
-        if not shims:
-            sizes = tuple(each for each in sizes if abs(each.value) > each.expanded) or sizes
-        places = [cause.where] if cause.where else [place_words(each.name) for each in sizes]
+    for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
+        gaps = any(CAUSES[cause.id].shim(each.name, each.value) for each in cause.parameters)
+        seen = cause.parameters if gaps else seen_parameters(cause)
+        sizes = [each for each in cause.parameters if each in seen]
+        places = [place_words(each.name) for each in sizes]
+        if cause.where and len(sizes) < 2:
+            places = [cause.where]
         columns: dict[str, Sequence[doc.Blank]] = {"": [doc.strong(place) for place in places]}
         if sizes:
-            columns["size ± U"] = [size_words(each) for each in sizes]
-        if shims:
+            columns["size ± U (95 %)"] = [size_words(each) for each in sizes]
+        if gaps and answer.shims:
             columns["shim"] = [
-                f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims
+                f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in answer.shims
             ]
-        caption = "xy: how far rail x lies above rail y, along z; and so on. " if shims else ""
-        caption += "U: 95 %." * bool(sizes)
-        caption += " All others: within U." * (len(sizes) < len(cause.parameters))
-        blocks: list[doc.Block] = [doc.Grid.of(columns, range(len(columns)), caption)]
+        caption = "xy: how far rail x lies above rail y, along z; and so on. " if gaps else ""
+        if len(sizes) < len(cause.parameters):
+            caption += "All others: smaller." if undecided else "All others: within U."
+        grid = doc.Grid.of(columns, range(len(columns)), caption)
+        blocks: list[doc.Block] = [grid if sizes else doc.strong(f"At {cause.where}.")]
         if cause.remedy.rstrip(".") not in advised:
-            blocks.append(cause.remedy)
-        title = f"{case.title_of(cause.id).capitalize()} ({cause.id})"
-        yield doc.Section(title, *blocks, *cause_figure(case, cause, shims))
+            blocks.append(f"If so: {cause.remedy}" if undecided else cause.remedy)
+        title = f"{case.title_of(cause.id)} ({cause.id})"
+        title = f"Possible: {title}" if undecided else f"{title[0].upper()}{title[1:]}"
+        yield doc.Section(title, *blocks, *cause_figure(case, cause, gaps))
+    if undecided and answer.causes:
+        rivals = [CAUSES[id].words(case.machine) for id in answer.ambiguous_with]
+        lines = (f"{e.title} ({e.id}). How to check: {e.instrument}." for e in rivals)
+        yield doc.Section(None, *(f"Also possible: {line}" for line in lines))
 
 
 def _differences(
@@ -257,8 +245,8 @@ def _evidence(case: Case, when: str) -> Iterator[doc.Section]:
     answer, sections = case.answer, [_conditions(case, when)]
     if answer.parameters:
         left = doc.Section("Residuals (measured − model)", *residual_blocks(case, when))
-        found = [diagnosis_section(case)] if answer.verdict is not None else []
-        sections[:0] = [left, *found, *budget_sections(case.machine, answer.budget, answer.total)]
+        budget = budget_sections(case.machine, answer.budget, answer.total)
+        sections = [diagnosis_section(case), left, *budget, *sections]
     for section in sections:
         yield doc.Section(f"{section.title}, {when}".removesuffix(", "), *section.blocks)
 
@@ -290,7 +278,7 @@ def _workspace(
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
     if limit_mm is not None:
         key += f" Dotted: {limit_mm:g} mm."
-    figure = doc.Figure(None, "", maps[0], key=key, legend=maps[1])
+    figure = doc.Figure(None, "", maps, key=key)
     yield doc.Section("Tool-position error over the workspace", lead, figure)
 
 

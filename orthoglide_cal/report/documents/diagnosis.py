@@ -94,7 +94,7 @@ def _screen(case: Case) -> doc.Page:
         sections = [doc.Section(None, *blocks) for blocks in (*groups, *residuals)]
         last = doc.next_steps([*steps, *again], *notes, case.more("diagnose"))
         page = doc.Page(
-            "Diagnosis", stamp=case.stamp, notice=_notice(case), sections=(*sections, last)
+            "Diagnosis", stamp=case.stamp, notice=diagnosis_notice(case), sections=(*sections, last)
         )
         if height(page) <= most:
             return page
@@ -106,22 +106,12 @@ def _screen(case: Case) -> doc.Page:
             return page
 
 
-def _notice(case: Case) -> doc.Notice:
+def diagnosis_notice(case: Case) -> doc.Notice:
     """The verdict, and what it means for the parameters."""
     answer, release, notice = case.answer, case.answer.release, decision_notice(case)
     if not release.usable and answer.verdict in (None, Verdict.CONSISTENT):
         return notice  # not the model is wrong, but the numbers
     title = headline(case)
-    if answer.verdict is Verdict.NAMED:
-        ids, share = [cause.id for cause in answer.causes], answer.causes[0].probability
-        if case.shape in ids:
-            title = f"{title.rstrip('.')}: {' and '.join(ids)}, {percent(share, 1)}"
-        elif len(ids) > 1:
-            title = f"Causes found: {' and '.join(ids)} ({percent(share, 1)})"
-        else:
-            title = f"{title.rstrip('.')} ({ids[0]}, {percent(share, 1)})"
-    elif answer.verdict is Verdict.AMBIGUOUS:
-        title = f"Undecided: {_shares(answer)}"
     lines = [f"{notice.title}.", *notice.lines]
     reason = release.reasons[0].code if release.reasons else ""
     if answer.alone is not None and reason in ("offsets_wrong", "cause_found"):
@@ -348,7 +338,7 @@ def _page(case: Case) -> doc.Page:
     return doc.Page(
         kind="Diagnosis",
         stamp=case.stamp,
-        notice=_notice(case),
+        notice=diagnosis_notice(case),
         sheet=(doc.next_steps(_steps(case)),),
         sections=(
             doc.Section("Causes", *_cause_blocks(case)),
@@ -362,17 +352,18 @@ def headline(case: Case) -> str:
     """The verdict in one sentence."""
     answer, lack = case.answer, case.answer.lack_of_fit
     if answer.verdict is Verdict.NAMED:
+        ids, share = [cause.id for cause in answer.causes], answer.causes[0].probability
         others = [cause for cause in answer.causes if cause.id != case.shape]
         titles = [case.title_of(cause.id, len(cause.parameters)) for cause in others]
         for shape in (cause for cause in answer.causes if cause.id == case.shape):
             size = f"A smooth shape is left ({1e3 * shape.adds_mm:.0f} µm)"
-            return f"{' and '.join([size, *titles])}."
-        return f"Cause found: {' and '.join(titles)}."
+            left = " and ".join([size, *titles])
+            return f"{left}: {' and '.join(ids)}, {percent(share, 1)}"
+        if len(ids) > 1:
+            return f"Causes found: {' and '.join(ids)} ({percent(share, 1)})"
+        return f"Cause found: {titles[0]} ({ids[0]}, {percent(share, 1)})"
     if answer.verdict is Verdict.AMBIGUOUS:
-        nothing = nothing_wrong(answer.explanations) or 0.0
-        if any(nothing > each.probability for each in answer.causes[:1]):
-            return "Undecided: these data do not show what is wrong, or whether anything is."
-        return "Undecided: these data leave open what is wrong."
+        return f"Undecided: {_shares(answer)}"
     if answer.refuted is not None:
         return f"Unexplained: {case.says(answer.refuted)}"
     if answer.verdict is not Verdict.CONSISTENT:
@@ -402,7 +393,7 @@ def headline(case: Case) -> str:
 
 def diagnosis_section(case: Case) -> doc.Section:
     """All of it for a report, below its own verdict."""
-    blocks = [headline(case), *_fit_blocks(case), *_cause_blocks(case)]
+    blocks = [f"{headline(case).rstrip('.')}.", *_fit_blocks(case), *_cause_blocks(case)]
     if case.answer.verdict is Verdict.AMBIGUOUS:
         blocks.append(doc.Instructions([_next_step(case)]))
     return doc.Section("Diagnosis", *blocks, *_note_blocks(case))
@@ -419,27 +410,25 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
         return
     yield from _sizes(case)
     yield _rms_grid(case)
+    facts: list[tuple[str, doc.Blank]] = []
     for cause in answer.causes:
-        lines = [(cause.id, case.title_of(cause.id, len(cause.parameters)))]
+        facts.append((cause.id, case.title_of(cause.id, len(cause.parameters))))
         if cause.id in case.machine.companions:
-            lines.append(("doubt", case.machine.companions[cause.id]))
+            facts.append(("doubt", case.machine.companions[cause.id]))
         if not cause.in_machine:
-            note = "An error of the measurement: the controller cannot correct it."
-            lines.append(("note", note))
+            facts.append(("note", "An error of the measurement: no controller corrects it."))
         elif not cause.recommended:
-            lines.append(("note", "Making it part of the machine's model is not recommended."))
+            facts.append(("note", "Do not make it part of the machine's model."))
         if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
-            lines.append(("looks like", ", ".join(cause.aliases)))
-        yield doc.Facts(lines)
+            facts.append(("looks like", ", ".join(cause.aliases)))
     share = percent(answer.causes[0].probability, 1)
     nothing = nothing_wrong(answer.explanations)
     if nothing is not None:
         share += f"; {percent(nothing, 1)} that nothing is wrong at all"
-    facts: list[tuple[str, doc.Blank]] = [("probability", share)]
-    if any(each.std for cause in answer.causes for each in cause.parameters):
-        names = {each.name for cause in answer.causes for each in cause.parameters}
-        legend = "; y_x: along y on leg x" * ("y_x" in names)
-        facts.append(("±", f"U, 95 %{legend}"))
+    facts.append(("probability", share))
+    if any(size.std for cause in answer.causes for size in cause.parameters):
+        names = {size.name for cause in answer.causes for size in cause.parameters}
+        facts.append(("±", "U, 95 %" + "; y_x: along y on leg x" * ("y_x" in names)))
     if answer.causes[0].heldout_after_mm >= answer.causes[0].heldout_before_mm:
         facts.append(("note", "It does not predict better: not recommended as an extension."))
     yield doc.Facts(facts)

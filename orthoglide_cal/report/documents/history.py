@@ -13,12 +13,12 @@ from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.case import SIMULATED
-from orthoglide_cal.report.figures import below, line, thread, words
+from orthoglide_cal.report.figures import below, line, thread
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import height
 from orthoglide_cal.results.history import History
 from orthoglide_cal.words import (
+    SIMULATED,
     counted,
     decimals_for,
     percent,
@@ -97,8 +97,7 @@ def _notice(history: History) -> doc.Notice:
     for rate in history.drift:
         rates.append(rate.name)
         if history.dated:
-            size = with_uncertainty(_MONTH * rate.value, _MONTH * rate.expanded)
-            rates[-1] += f" {size} {unit_words(rate.unit)} in {_MONTH:g} days"
+            rates[-1] += f" {_rate(rate)} {unit_words(rate.unit)} in {_MONTH:g} days"
     lines += [f"Drifting: {', '.join(rates)}"] if rates else []
     if history.scatter:
         sizes = (f"{size.name} {plain(size.std, 3)} {size.unit}" for size in history.scatter)
@@ -179,12 +178,12 @@ def _table(history: History, most: int) -> doc.Grid:
 
 
 def _courses(history: History) -> doc.Figure:
-    """A plot for each parameter: marks with U bars, and what is fitted to them."""
+    """A plot for each parameter: marks with U bars, what is fitted to them, and its number."""
     starts = [datetime.fromisoformat(s.started or "") for s in history.sessions if history.dated]
     times = [start.timestamp() for start in starts] or [*range(len(history.sessions))]
     labels = [f"{start:%Y-%m}" for start in starts] or [str(k + 1) for k in times]
-    wide, top, bottom = 330.0, 22.0, 124.0
-    across = figures.Scale(times[0], times[-1], 74.0, wide - 26.0)
+    wide, top, bottom = 216.0, 26.0, 124.0
+    across = figures.Scale(times[0], times[-1], 66.0, wide - 26.0)
     places = [across(time) for time in times]
     # A label is written where it changes and has room.
     new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
@@ -192,36 +191,44 @@ def _courses(history: History) -> doc.Figure:
     panels = []
     for k, now in enumerate(history.pooled):
         rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in history.sessions]
-        gaps = [c.at for c in history.changes if now.name in [size.name for size in c.parameters]]
+        changes = [(c.at, size) for c in history.changes for size in c.parameters]
+        gaps = [(at, size) for at, size in changes if size.name == now.name]
+        numbers = [with_uncertainty(size.value, size.expanded) for _, size in gaps]
+        numbers += [_rate(e) for e in history.drift if e.name == now.name and history.dated]
         limit = [history.limit.limit_mm] if history.limit and now.unit == "mm" else []
         edges = [now.value + side for size in limit for side in (-size, size)]
         ends = [*edges, *(value + side for value, half, _ in rows for side in (-half, half))]
         up = figures.Scale.around(ends, bottom, top)
+        title = f"{now.name}, {unit_words(now.unit)}"
         parts = [
-            *(line((50.0, y), (wide, y), kind) for y, kind, _ in up.ticks(4)),
-            *(words(45.0, y + 3.5, text, "end", "tick") for y, _, text in up.ticks(4)),
+            *figures.upright(up, wide, title, numbers[-1] if numbers else ""),
             *dates,
-            words(50.0, 12.0, f"{now.name}, {unit_words(now.unit)}", class_="strong"),
-            *(line((50.0, up(edge)), (wide, up(edge)), "due") for edge in edges),
+            *(line((40.0, up(edge)), (wide - 6.0, up(edge)), "due") for edge in edges),
         ]
-        for gap in gaps:
-            middle = (places[gap] + places[gap + 1]) / 2.0
+        for at, _ in gaps:
+            middle = (places[at] + places[at + 1]) / 2.0
             parts.append(line((middle, top), (middle, bottom), "ink"))
-        for start, end in pairwise([0, *(gap + 1 for gap in gaps), len(rows)]):
+        for start, end in pairwise([0, *(at + 1 for at, _ in gaps), len(rows)]):
             parts.append(thread([(places[k], up(rows[k][2])) for k in range(start, end)]))
         for x, (value, half, _) in zip(places, rows, strict=True):
             parts.append(line((x, up(value - half)), (x, up(value + half)), "whisker"))
             parts.append(figures.mark(x, up(value), 0, "mark", 3.0))
-        sizes = (with_uncertainty(value, half) for value, half, _ in rows)
-        finding = (
-            f"{now.name}, {unit_words(now.unit)}, from session to session: {', '.join(sizes)}."
-        )
+        sizes = ", ".join(with_uncertainty(value, half) for value, half, _ in rows)
+        finding = f"{title}, from session to session: {sizes}."
+        finding += f" {'; '.join(numbers)}." if numbers else ""
         name = "course-" + "".join(letter if letter.isalnum() else "-" for letter in now.name)
         axis = "c-" + dict(zip("xyzabc", "xyzxyz", strict=True)).get(now.name, "x")
         panels.append(figures.svg(name, wide, bottom + 26.0, now.name, finding, parts, axis))
     key = "Bars: U without the part common to all sessions. Line: fit, broken at each change."
+    if history.changes or history.drift:
+        key += f" Number above: last change, or drift in {_MONTH:g} days, ± U (95 %)."
     key += " Dashed: the limit around the best value now." if history.limit else ""
-    return doc.Figure(None, "", panels, columns=2, key=key)
+    return doc.Figure(None, "", panels, key=key)
+
+
+def _rate(rate: CauseParameter) -> str:
+    """A drift in a month."""
+    return with_uncertainty(_MONTH * rate.value, _MONTH * rate.expanded)
 
 
 def _shapes(history: History) -> Iterator[doc.Figure]:

@@ -4,17 +4,17 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.inference.result import FoundCause, FoundPattern
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.model.cause import PER_HOUR, Estimate
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import Case, comparison_words
-from orthoglide_cal.report.escape import Html
 from orthoglide_cal.report.sentences import pattern_name, pattern_words
-from orthoglide_cal.results.answer import Answer, Residual, Shim
+from orthoglide_cal.results.answer import Answer, Residual
 from orthoglide_cal.words import plain, short, signed, unit_words, with_uncertainty
 
 SIGNS = "· noise, + − over 2σ, ▲ ▼ over 4σ"
@@ -26,7 +26,8 @@ BED_LEGEND = (
 # More signs than this would not fit beside a name: the largest deviations of each stand for all.
 _SIGNS = 30
 _MOST_SERIES = 6  # on a screen, each in half as many postures
-_MOST_DRAWN = 2  # parameters of a cause
+_MOST_DRAWN = 3  # parameters of a cause
+_MOST_GAUGES = 2  # of the readings that it spoils
 # What a pattern depends on if not on time: column of the residuals, and name of the axis.
 _OVER = {
     "repeats": ("displacement_mm", "carriage at, mm"),
@@ -118,7 +119,8 @@ def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
     if not _on_bed(answer):
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
-        panels = figures.residual_panels(rows, left, sigma, when)
+        name, title = _named("residual", "Residuals", when)
+        panels = figures.reading_panels(name, title, rows, left, noise_mm=sigma)
         return [*beyond, doc.Figure(None, "", panels, key=key)]
     bed, places = case.machine.bed, _places(answer)
     measured = np.array([row.measured_mm for row in rows])
@@ -134,43 +136,85 @@ def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
     return [*beyond, *blocks, _distances(answer)]
 
 
+def _named(name: str, title: str, when: str) -> tuple[str, str]:
+    """Both with when it was measured, if anything was measured again."""
+    return f"{name}-{when}".replace(" ", "-").rstrip("-"), f"{title}, {when}".removesuffix(", ")
+
+
 def _pattern_figure(case: Case, pattern: FoundPattern, number: int, when: str) -> doc.Figure:
     """What a pattern of that number describes, over what it depends on."""
     rows = case.answer.residuals
     column, axis = _OVER.get(pattern.how if rows[0].leg else "", ("minutes", "min"))
-    over = np.array([getattr(row, column) for row in rows], np.float64)
-    values = [*_left(case).values()][-1] + [row.pattern_mm[number] for row in rows]
+    effect = np.array([row.pattern_mm[number] for row in rows])
+    reach = np.array([row.pattern_expanded_mm[number] for row in rows])
     key = f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: measured, less all"
     key += " else that was found." + " Ringed: wrong, left out." * any(row.wrong for row in rows)
-    words = pattern_words(case.machine, pattern)
-    panels = figures.pattern_panels(rows, number, over, axis, values, words, when)
+    panels = figures.reading_panels(
+        *_named(f"pattern-{number}", f"Pattern, over {axis}", when),
+        rows,
+        {"": [*_left(case).values()][-1] + effect},
+        over=_column(rows, column),
+        axis=axis,
+        effect_mm=(effect, reach),
+        shown=np.flatnonzero(reach).tolist(),
+        ringed=[k for k, row in enumerate(rows) if row.wrong],
+        together="" if rows[0].leg else "all touches",
+        finding=pattern_words(case.machine, pattern),
+    )
     return doc.Figure(None, "", panels, key=key)
 
 
-def cause_figure(case: Case, cause: FoundCause, shims: Sequence[Shim]) -> Iterator[doc.Figure]:
-    """A cause as a drawing: the readings that it spoils, or how the machine differs by it."""
-    answer = case.answer
-    panels: tuple[Html, ...] = ()
+def _column(rows: Sequence[Residual], name: str) -> Floats:
+    """A quantity of the readings, shape (n,); NaN where it is not known."""
+    return np.array([getattr(row, name) for row in rows], np.float64)
+
+
+def cause_figure(case: Case, cause: FoundCause, gaps: bool) -> Iterator[doc.Figure]:
+    """A cause as a drawing: the readings that it spoils, or how the machine differs by it.
+
+    `gaps`: its parameters are gaps between rails.
+    """
+    rows = case.answer.residuals
     key = "Dashed: as it should be. Solid: as it is, enlarged."
-    seen = (each for each in cause.parameters if abs(each.value) > each.expanded)
-    drawn = [each for each in seen if set(each.name) <= {*AXES, "_"}]
-    drawn = sorted(drawn, key=lambda each: -abs(each.value))[:_MOST_DRAWN]
-    if shims:
-        gaps = {each.name: each.value for each in cause.parameters}
-        panels = (figures.rails_sketch(gaps, shims),)
-        key = "The rails where they really are, the gaps enlarged. Arrows: move the mount there."
-    elif drawn and not cause.where:
-        sizes = {e.name: (e.value, f"{place_words(e.name)} {size_words(e)}") for e in drawn}
+    drawn = [each for each in seen_parameters(cause) if set(each.name) <= {*AXES, "_"}]
+    if gaps:
+        sizes_mm = {each.name: each.value for each in cause.parameters}
+        panels = (figures.rails_sketch(sizes_mm, case.answer.shims),)
+        key = "The rails where they really are, the gaps enlarged. " + (
+            " Arrows: move the mount there." if case.answer.shims else ""
+        )
+    elif drawn and not cause.where and CAUSES[cause.id].unit != PER_HOUR:
+        sizes = {e.name: (e.value, place_words(e.name), size_words(e)) for e in drawn[:_MOST_DRAWN]}
         panels = (figures.parameter_sketch(cause.id, sizes),)
-    elif answer.input.kind == DataKind.READINGS and not _on_bed(answer):
+    elif _on_bed(case.answer):
+        return
+    else:
         (alone, before), (both, after) = (left := _left(case)).items()
-        wrong = np.flatnonzero(np.abs(after - before) > 0.5 * np.abs(after - before).max())
-        noise = case.machine.instrument.noise_mm
-        every = figures.residual_panels(answer.residuals, left, noise, cause.id, wrong.tolist())
-        panels, key = every[:_MOST_DRAWN], f"Residuals. Open: {alone}. Filled: {both}."
-        key += " Ringed: wrong." * (len(wrong) == 1)
-    if panels:
-        yield doc.Figure(None, "", panels, columns=0, key=key)
+        change = np.abs(after - before)
+        wrong = np.flatnonzero(change > 0.5 * change.max()).tolist()
+        minutes, one = _column(rows, "minutes"), wrong if len(wrong) == 1 else []
+        over = minutes if CAUSES[cause.id].timed and np.isfinite(minutes).all() else None
+        readings = case.answer.input.kind == DataKind.READINGS
+        panels = figures.reading_panels(
+            cause.id,
+            "Residuals",
+            rows,
+            left,
+            noise_mm=case.machine.instrument.noise_mm,
+            over=over,
+            axis="min",
+            shown=wrong,
+            ringed=one,
+            together="" if readings else "all differences",
+        )[:_MOST_GAUGES]
+        key = f"Residuals. Open: {alone}. Filled: {both}." + " Ringed: wrong." * bool(one)
+    yield doc.Figure(None, "", panels, columns=0, key=key)
+
+
+def seen_parameters(cause: FoundCause) -> list[Estimate]:
+    """Its parameters beyond U, or the largest if none is; the largest first."""
+    largest = sorted(cause.parameters, key=lambda each: -abs(each.value))
+    return [each for each in largest if abs(each.value) > each.expanded] or largest[:_MOST_DRAWN]
 
 
 def place_words(name: str) -> str:

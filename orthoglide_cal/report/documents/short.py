@@ -12,10 +12,10 @@ from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import MEANS, OWNER, SIMULATED, data_words, measure_again, stated
+from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, stated
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Application
-from orthoglide_cal.words import counted, plain, short, signed, two_figures
+from orthoglide_cal.words import SIMULATED, counted, plain, short, signed, two_figures
 
 if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction

@@ -241,12 +241,6 @@ def common_unit(machine: Machine) -> str:
     return f", {units.pop()}" if len(units) == 1 else ""
 
 
-def parameter_heads(machine: Machine) -> list[str]:
-    """Names of the parameters, with their units where they have several."""
-    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
-    return [name if common_unit(machine) else f"{name} ({unit})" for name, unit in named]
-
-
 def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     """Parameters as found, and what to enter only if they may be.
 
@@ -286,13 +280,9 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     return doc.Grid.of(columns, caption=f"{caption}.", tiles=enter)
 
 
-def found_words(each: Parameter, decimals: int | None = None) -> str:
-    """The change that was found; without `decimals` with its U and unit."""
-    if each.found is None:
-        return "not determined"
-    if decimals is None:
-        return f"{with_uncertainty(each.found, each.expanded)} {each.unit}"
-    return signed(each.found, decimals)
+def found_words(parameter: Parameter, decimals: int) -> str:
+    """The change that was found."""
+    return "not determined" if parameter.found is None else signed(parameter.found, decimals)
 
 
 def sizes(rows: Iterable[tuple[str, float, float, str]], units: bool) -> list[str]:
@@ -378,7 +368,9 @@ def budget_sections(
     rows.append((u, "", "", *map(two_figures, total.expanded)))
     largest = max(lines, key=_adds)
     name, remedy = source_words(largest.source, machine, largest.possible)
-    grid = doc.Grid(("source", "type", "size", *parameter_heads(machine)), rows)
+    named = zip(machine.parameter_names, machine.parameter_units, strict=True)
+    heads = [name if unit else f"{name} ({its})" for name, its in named]
+    grid = doc.Grid(("source", "type", "size", *heads), rows)
     text = f"Largest contribution: {name}. {remedy}"
     yield doc.Section(f"Uncertainty of the {machine.vocabulary.many}{unit}", grid, text)
 

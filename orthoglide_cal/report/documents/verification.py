@@ -15,7 +15,6 @@ from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
     INVALIDATING,
-    SIMULATED,
     data_words,
     reserved,
     signed_page,
@@ -33,6 +32,7 @@ from orthoglide_cal.results.verification import (
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     MM_PER_INCH,
+    SIMULATED,
     chance,
     coverage_words,
     difference_decimals,
