@@ -7,6 +7,7 @@ import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import Text, Texts, argument, flag, option
+from orthoglide_cal.cli.export import released
 from orthoglide_cal.cli.measure import saved_when_interrupted, show_on
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
@@ -14,7 +15,12 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 def adjust(
     session: Annotated[str, argument("SESSION", "Session or readings that name the cause.")],
     cause: Annotated[
-        Text, option("ID", "The cause to correct. Default: the first that a screw corrects.")
+        Text,
+        option(
+            "ID",
+            "The cause to correct; home_switch: the offsets, by their switches. Default: the first"
+            " that a screw corrects.",
+        ),
     ] = None,
     resume: Annotated[
         bool, flag("--resume", "Continue an adjustment at its next reading.")
@@ -26,6 +32,7 @@ def adjust(
     json: common.AsJson = False,
 ) -> None:
     """Correct a named cause with its screw or shim: which way, and how far, after each reading."""
+    from orthoglide_cal.causes import HOME_SWITCH
     from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning.adjustment import choose_adjustments
     from orthoglide_cal.report.case import measure_again
@@ -41,8 +48,10 @@ def adjust(
     given = common.read_input(session, machine)
     known = given.model.machine
     if given.keeper and given.keeper.model.machine.entered_from(given.measured.source.sha256):
-        what = f"The offsets of {session} were entered: that is not the machine any more."
-        raise UnusableResultError(what, "Measure again, then adjust by the new session.")
+        entered = f"The offsets of {session} were entered: that is not the machine any more."
+        raise UnusableResultError(entered, "Measure again, then adjust by the new session.")
+    if cause == HOME_SWITCH.id:
+        released(given, machine)
     id, adjustments = choose_adjustments(diagnose(given.measured, given.model), cause)
     if validity(given).simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")

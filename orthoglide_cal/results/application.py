@@ -143,7 +143,7 @@ def apply(
         expected = {value.key: value.after for value in known.values} if known else {}
         if not adds:
             stands = controller.settings
-            expected |= {stands[p.name].key: f"{p.active:g}" for p in answer.parameters}
+            expected |= {stands[p.name].key: f"{p.active:.9g}" for p in answer.parameters}
         elif not known:
             controller = replace(controller, remarks=(_FIRST,))
         if (excerpt := given.measured.source.excerpt) and excerpt.nozzle:

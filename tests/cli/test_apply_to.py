@@ -17,14 +17,15 @@ from orthoglide_cal.files.controller_file import ControllerFile, replace_file
 from tests import truth
 from tests.files.test_controller_file import CFG, INI
 from tests.linuxcnc import HOME, LinuxCnc, missing
+from tests.printer_files import OFF, printer_cfg
+from tests.truth.delta import Delta
 from tests.truth.forward import Disturbance
 from tests.truth.plan import standard_plan
 
-from .program import FIRST, answer, as_measured, done, refused, run, words
+from .program import FIRST, answer, done, refused, run, words
 from .test_apply import history, to_practise
 
-OFF = np.array([0.21, -0.34, 0.12])  # true joint offsets of a machine with a real controller [mm]
-PROGRAM = (sys.executable, "-m", "orthoglide_cal", "apply", "--to", "mill.ini", "--yes")
+TRUE = np.array([0.21, -0.34, 0.12])  # true joint offsets of a machine with a real controller [mm]
 
 
 @pytest.fixture(autouse=True)
@@ -143,29 +144,49 @@ def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.Mo
 
 
 @pytest.mark.slow
-def test_two_hundred_kills_lose_nothing() -> None:
+@pytest.mark.parametrize("target", ["mill.ini", "printer.cfg"])
+def test_a_hundred_kills_lose_nothing(target: str) -> None:
     """Whenever it is killed, each file is whole, and the record says more than the controller."""
-    chance = random.Random(5)
-    started = time.monotonic()
-    subprocess.run([*PROGRAM, "before.csv"], check=True, capture_output=True)
+    measured, record = target, Path("printer.yaml")
+    if target == "mill.ini":
+        measured, record = "before.csv", accepted_scale()
+        limits = "MIN_LIMIT = -400\nMAX_LIMIT = 400\nHOME_OFFSET ="
+        Path(target).write_text(re.sub(r"(?m)^ *HOME_OFFSET ?=", limits, INI), encoding="utf-8")
+    else:
+        Path(target).write_text(printer_cfg(Delta(), OFF), encoding="utf-8")
+    program = (sys.executable, "-m", "orthoglide_cal", "apply", "--to", target, "--yes")
+    original, started = Path(target).read_bytes(), time.monotonic()
+    subprocess.run([*program, measured], check=True, capture_output=True)
     takes = time.monotonic() - started
-    written = Path("mill.ini").read_bytes()
-    undone = 0
-    for _ in range(200):
-        undo = len(history()) == 1 and Path("mill.ini").read_bytes() == written
-        what = ["--undo"] if undo else ["before.csv"]
-        process = subprocess.Popen([*PROGRAM, *what], stdout=-3, stderr=-3)
+    written = Path(target).read_bytes()
+    tables = {path: path.read_bytes() for path in Path().glob("*.comp")}
+    assert len(tables) == 2 * (target == "mill.ini")
+    chance, undone = random.Random(5), 0
+    for _ in range(100):
+        undo = Path(target).read_bytes() == written
+        process = subprocess.Popen([*program, "--undo" if undo else measured], stdout=-3, stderr=-3)
         time.sleep(takes * chance.uniform(0.5, 1.1))
         process.send_signal(signal.SIGKILL)
         process.wait()
-        assert Path("mill.ini").read_bytes() in (written, INI.encode())
-        assert len(history()) in (0, 1)
-        if Path("mill.ini").read_bytes() == written:
-            assert len(history()) == 1
+        held, content = Path(target).read_bytes(), yaml.safe_load(record.read_text("utf-8"))
+        assert held in (original, written)
+        assert len(content.get("history") or []) in ((1,) if held == written else (0, 1))
+        # A missing table makes LinuxCNC unusable.
+        assert held == original or all(path.read_bytes() == tables[path] for path in tables)
         undone += undo
-    assert undone > 20
-    left = [path for path in Path().iterdir() if path.suffix == ".tmp"]
-    assert all(path.name.startswith(".") for path in left)
+    assert undone > 10
+    subprocess.run([*program, "--undo"], check=held == written, capture_output=True)
+    assert Path(target).read_bytes() == original
+    assert all(path.name.startswith(".") for path in Path().iterdir() if path.suffix == ".tmp")
+
+
+def accepted_scale() -> Path:
+    """The machine file, in which the scales of x and y are known, of gauge blocks."""
+    scale = {axis: {"value": 0.3 * (axis != "z"), "std": 0.01, "unit": "1e-3"} for axis in "xyz"}
+    entry = {"cause": "encoder_scale", "date": "2026-01-01", "data_sha256": 64 * "0"}
+    with (path := Path("machine.yaml")).open("a", encoding="utf-8") as file:
+        file.write(yaml.safe_dump({"identified": [{**entry, "parameters": scale}]}))
+    return path
 
 
 @pytest.mark.skipif(missing() is not None, reason=str(missing()))
@@ -227,7 +248,7 @@ def test_what_was_simulated_reaches_no_machine(form: str) -> None:
 def measured_at(machine: LinuxCnc, name: str, seed: int) -> float:
     """Gauges read by the independent truth where a controller's carriages really stand.
 
-    The machine of `truth.LARGE` with offsets OFF; at first the controller homed by HOME. Returns
+    The machine of `truth.LARGE` with offsets TRUE; at first the controller homed by HOME. Returns
     the r.m.s. of the readings' noise [mm].
     """
     rng = np.random.default_rng(seed)
@@ -238,7 +259,7 @@ def measured_at(machine: LinuxCnc, name: str, seed: int) -> float:
             machine.drive(*joints.round(6).tolist())
         stands.append(machine.carriages_mm())
     motion = np.array(stands) + HOME - (plan.indicated - truth.LARGE.leg)
-    session = truth.measure(truth.LARGE, truth.MICRON, plan, OFF, (), rng)
+    session = truth.measure(truth.LARGE, truth.MICRON, plan, TRUE, (), rng)
     session = replace(session, disturbance=Disturbance.of(plan, motion=motion))
     truth.write_readings(replace(session, readings=session.gauges_show(plan, rng)[1]), Path(name))
     return truth.MICRON.sigma
@@ -247,12 +268,7 @@ def measured_at(machine: LinuxCnc, name: str, seed: int) -> float:
 @pytest.mark.skipif(missing() is not None, reason=str(missing()))
 def test_a_real_linuxcnc_corrects_lost_motion_and_scale() -> None:
     """Gauges hardly show a scale of 0.3e-3: gauge blocks have, and it was accepted."""
-    scale = {
-        axis: {"value": 0.3 * (axis != "z"), "std": 0.01, "unit": "1e-3"} for axis in "xyz"
-    }
-    entry = {"cause": "encoder_scale", "date": "2026-01-01", "data_sha256": 64 * "0"}
-    with Path("machine.yaml").open("a", encoding="utf-8") as file:
-        file.write(yaml.safe_dump({"identified": [{**entry, "parameters": scale}]}))
+    accepted_scale()
     with LinuxCnc(lost_mm=(0.05, 0.05, 0.0), excess=(3e-4, 3e-4, 0.0)) as machine:
         noise = measured_at(machine, "before.csv", 1)
         assert answer("solve", "before.csv")["rms"]["after_mm"] < 1.2 * noise
