@@ -89,8 +89,8 @@ def apply(
         if not json:
             common.deliver(document)
         target = entry.file.document.path
-        what = "Take them back" if undo else "Record them"
-        question = f"Does the controller hold these values now? {what} in {target}"
+        action = "Take them back" if undo else "Record them"
+        question = f"Does the controller hold these values now? {action} in {target}"
         if controller and controller.adds and (otherwise := runs_otherwise(controller)):
             common.tell(otherwise)
         if controller:
@@ -106,8 +106,8 @@ def apply(
             common.tell(INI_ONLY)
         elif controller and live:
             if not is_live(controller_file(controller.target), anew=True):
-                what = "The running LinuxCNC does not take the offsets; its INI holds them."
-                raise InputError(what, "Restart LinuxCNC, then home.")
+                problem = "The running LinuxCNC does not take the offsets; its INI holds them."
+                raise InputError(problem, "Restart LinuxCNC, then home.")
             common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
         if controller and server(controller.target) and agrees(RESTART):
             restart(controller.target)

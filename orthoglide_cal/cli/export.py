@@ -59,7 +59,7 @@ def export(
     def judge(path: str) -> None:
         given = common.read_input(path, machine, data, rule_out)
         known = given.model.machine
-        owners = [kind for kind, each in MACHINES.items() if format in each.controller_formats]
+        owners = [kind for kind, of in MACHINES.items() if format in of.controller_formats]
         if owners and known.kind not in owners:
             raise UsageError(
                 f"--format {format} is for the controller of kind {owners[0]}; this machine is"
@@ -105,8 +105,8 @@ def released(
     case = Case(given, answer, machine)
     if not answer.parameters or not (answer.release.usable or force):
         remedies = [
-            f"{case.says(each.sentence)} {case.remedied(each) or ''}".rstrip()
-            for each in case.answer.release.remedies
+            f"{case.says(remedy.sentence)} {case.remedied(remedy) or ''}".rstrip()
+            for remedy in case.answer.release.remedies
         ]
         if force is not None and answer.parameters:
             remedies.append("To export it anyway, marked as FORCED: --force")

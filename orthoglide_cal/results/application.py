@@ -125,7 +125,7 @@ def apply(
         after=before,
     )
     corrections = tuple(_corrections(given.model, answer, controller))
-    made = [each for each in corrections if not each.left]
+    made = [correction for correction in corrections if not correction.left]
     if not answer.release.needed and not made:
         return Application(file, entry, False, file)
     known = _last_written(file, controller)
@@ -162,7 +162,7 @@ def apply(
     if before is not None:
         after = JointOffsets(*(round(a + amounts[n], 9) for n, a in before._asdict().items()))
     entry = entry.changed(after=after, written=written)
-    if corrected := [each for each in made if CAUSES[each.id].by_joint]:
+    if corrected := [correction for correction in made if CAUSES[correction.id].by_joint]:
         entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
     then = with_history(file, entry.after, entry.corrected, *file.model.machine.history, entry)
     done = Application(file, entry, False, then, given.conditions, controller, data)
@@ -230,7 +230,7 @@ def _tables(
         every = [e.cause.correction(-e.theta, at + origin, machine.home_mm) for e in effects]
         return np.asarray(np.sum(every, axis=0)[..., index])
 
-    joints = {each.name for each in made}
+    joints = {correction.name for correction in made}
     return {
         axis: partial(added, index, controller.tables[axis].origin_mm(machine.home_mm) or 0.0)
         for index, axis in enumerate(AXES)
@@ -344,8 +344,8 @@ def take_back(
         raise UsageError(f"{path} records that nothing was written.", "Leave out --to.")
     if written and (controller is None or controller.target != written.target):
         again = command("apply", options=f"--undo --to {written.target}")
-        what = f"The last entry of {path} was written to {written.target}."
-        raise UsageError(what, f"Restore that, too: {again}")
+        problem = f"The last entry of {path} was written to {written.target}."
+        raise UsageError(problem, f"Restore that, too: {again}")
     if written and controller and controller.sha256 == written.sha256_before:
         controller = None  # the program was killed before it wrote that file
     elif written and controller:
@@ -353,8 +353,8 @@ def take_back(
     for table in written.tables if written else ():
         beside = Path(table.path)
         if beside.is_file() and hashlib.sha256(beside.read_bytes()).hexdigest() != table.sha256:
-            what = f"{table.path} was changed since it was written."
-            raise UsageError(what, "Nothing was changed. Remove COMP_FILE from the INI by hand.")
+            problem = f"{table.path} was changed since it was written."
+            raise UsageError(problem, "Nothing was changed. Remove COMP_FILE from the INI by hand.")
     then = with_history(file, last.before, last.corrected_before, *history)
     return Application(file, last, True, then, None, controller, data)
 
