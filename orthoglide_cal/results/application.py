@@ -1,6 +1,5 @@
 """What was entered in the controller, recorded in the machine file; and taken back."""
 
-import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -16,7 +15,7 @@ from orthoglide_cal.causes import CAUSES, correcting
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.files.comp_table import Added
-from orthoglide_cal.files.controller_file import ControllerFile
+from orthoglide_cal.files.controller_file import ControllerFile, holds
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import StoredMachine, differing, with_history
 from orthoglide_cal.files.readings import Conditions
@@ -101,8 +100,7 @@ def apply(
             offsets were entered after it; the controller's file is of another kind of machine, or
             does not hold what it held when that was measured.
     """
-    sha256, adds = given.measured.source.sha256, controller is None or controller.adds
-    simulated = given.measured.source.simulated
+    source, adds = given.measured.source, controller is None or controller.adds
     machine = file.model.machine
     by_axis = machine.parameter_names == AXES
     if controller is not None and not (
@@ -118,21 +116,17 @@ def apply(
         _check_same_machine(given.recorded, file, but=("identified",))
     before = given.model.orthoglide.offsets_mm if adds else None
     active = given.model.machine.corrected
-    entry = Entered(
-        date=at.isoformat(timespec="milliseconds"),
-        data_sha256=sha256,
-        before=before,
-        after=before,
-    )
+    date = at.isoformat(timespec="milliseconds")
+    entry = Entered(date=date, data_sha256=source.sha256, before=before, after=before)
     corrections = tuple(_corrections(given.model, answer, controller))
     made = [correction for correction in corrections if not correction.left]
     if not answer.release.needed and not made:
         return Application(file, entry, False, file)
     known = _last_written(file, controller)
     killed = controller and known and known.sha256_before == controller.sha256
-    if killed and file.model.machine.history[-1].data_sha256 == sha256:
+    if killed and file.model.machine.history[-1].data_sha256 == source.sha256:
         # The program wrote the record, but not that file: as if nothing were recorded.
-        file = take_back(file, sha256, controller).then
+        file = take_back(file, source.sha256, controller).then
         known = _last_written(file, controller)
     if adds:
         _check_recordable(given, file)
@@ -146,18 +140,15 @@ def apply(
             expected |= {stands[p.name].key: f"{p.active:.9g}" for p in answer.parameters}
         elif not known:
             controller = replace(controller, remarks=(_FIRST,))
-        if (excerpt := given.measured.source.excerpt) and excerpt.nozzle:
-            controller = replace(controller, remarks=(*controller.remarks, excerpt.nozzle))
+        if source.excerpt and source.excerpt.nozzle:
+            controller = replace(controller, remarks=(*controller.remarks, source.excerpt.nozzle))
         if differing := controller.differing(expected):
             raise UsageError(
                 f"{controller.target}: {differing} Somebody changed it since.",
                 "Restore it, or measure again with the present values.",
             )
-        if adds:
-            tables = _tables(made, controller, machine) if made else {}
-            written, data = controller.changed(amounts, decimals, tables)
-        else:
-            written, data = controller.changed(values(made), decimals)
+        tables = _tables(made, controller, machine) if adds else {}
+        written, data = controller.changed(amounts if adds else values(made), decimals, tables)
     after = None
     if before is not None:
         after = JointOffsets(*(round(a + amounts[n], 9) for n, a in before._asdict().items()))
@@ -165,8 +156,9 @@ def apply(
     if corrected := [correction for correction in made if CAUSES[correction.id].by_joint]:
         entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
     then = with_history(file, entry.after, entry.corrected, *file.model.machine.history, entry)
-    done = Application(file, entry, False, then, given.conditions, controller, data)
-    return replace(done, corrections=corrections, simulated=simulated)
+    return Application(
+        file, entry, False, then, given.conditions, controller, data, corrections, source.simulated
+    )
 
 
 def check_measured(given: Input, file: StoredMachine | None = None) -> None:
@@ -185,7 +177,7 @@ def _corrections(
     """What is known to be wrong with the joints, or was named, and what may be done about it."""
     if controller is None:
         return
-    machine = model.machine
+    machine, k = model.machine, half_width(math.inf)
     known = [
         (effect.cause, name, value, std)
         for effect in model.remaining()
@@ -196,19 +188,19 @@ def _corrections(
             (CAUSES[c.id], p.name, p.value, p.std) for c in answer.causes for p in c.parameters
         ]
     for cause, name, value, std in known:
-        expanded = half_width(math.inf) * std
+        if not cause.in_machine:
+            continue
         left: Literal["", "no_place", "no_origin", "below_u"] = ""
         if not controller.corrects(cause, machine):
             left = "no_origin" if cause.by_joint and controller.tables else "no_place"
-        elif abs(value) <= expanded:
+        elif abs(value) <= k * std:
             left = "below_u"
         gain = None
         if cause.by_joint:
             (effect,) = correcting(machine, {cause.id: {name: value}})
             travel = machine.home_mm + np.array([0.0, machine.travel_mm])
             gain = float(np.ptp(cause.correction(-effect.theta, travel, machine.home_mm)))
-        if cause.in_machine:
-            yield Correction(cause.id, name, value, expanded, cause.unit, gain, left)
+        yield Correction(cause.id, name, value, k * std, cause.unit, gain, left)
 
 
 def _added_to(active: Corrections, made: Sequence[Correction]) -> Corrections:
@@ -264,8 +256,7 @@ def unwritten(file: StoredMachine) -> str | None:
     written = _last_written(file)
     if written is None or not written.values or not Path(written.target).is_file():
         return None
-    held = hashlib.sha256(Path(written.target).read_bytes()).hexdigest()
-    return written.target if held == written.sha256_before else None
+    return written.target if holds(written.target, written.sha256_before) else None
 
 
 def _last_written(file: StoredMachine, controller: ControllerFile | None = None) -> Written | None:
@@ -351,8 +342,7 @@ def take_back(
     elif written and controller:
         data = controller.restored(written)
     for table in written.tables if written else ():
-        beside = Path(table.path)
-        if beside.is_file() and hashlib.sha256(beside.read_bytes()).hexdigest() != table.sha256:
+        if Path(table.path).is_file() and not holds(table.path, table.sha256):
             problem = f"{table.path} was changed since it was written."
             raise UsageError(problem, "Nothing was changed. Remove COMP_FILE from the INI by hand.")
     then = with_history(file, last.before, last.corrected_before, *history)
