@@ -95,7 +95,7 @@ addf offset.{high}.update-output servo-thread
 addf limit1.{n} servo-thread
 addf scale.{n} servo-thread
 """
-
+HOME = (0.5, -12.25, 0.0)  # offsets of the joints, where it begins [mm]
 
 ALLOWED = "ORTHOCAL_TEST_LINUXCNC"
 _OF_ONE = {"linuxcncsvr", "milltask", "rtapi_app", "linuxcncrsh"}
@@ -161,7 +161,7 @@ class LinuxCnc:
         self.folder = folder = Path(tempfile.mkdtemp(prefix="orthocal-"))
         folder.chmod(0o755)
         self.ini = folder / "mill.ini"
-        joints = zip("XYZ", (0.5, -12.25, 0.0), strict=True)
+        joints = zip("XYZ", HOME, strict=True)
         blocks = [
             _JOINT.format(axis=axis, number=number, offset=offset)
             for number, (axis, offset) in enumerate(joints)

@@ -220,6 +220,7 @@ class BedShape(_Surface):
     shares = (_falling(0.1, above=3), *map(_falling, (0.25, 0.35, 0.5, 0.7, 1.0)))
     instrument = "a straight edge and feeler gauges on the bed"
     no_setting = "a bed mesh compensates it; make a new one"
+    no_screw = "Screws tilt the plate, which looks like its endstops, and does not flatten it."
     advice = (
         "A bed mesh compensates it. Touches of one height do not show its cause (the bed, leaning"
         " towers, unequal arms, the probe): lay a straight edge on the bed, turn the plate by a"

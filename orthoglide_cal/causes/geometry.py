@@ -169,6 +169,10 @@ class TowerLean(Cause):
         "Square the frame: measure the distances between the rails at the bottom and at the top,"
         " and shim or loosen and re-tighten the corners. No firmware has a setting for it."
     )
+    no_screw = (
+        "A height on the bed shows far more of where a pushed tower pivots than of its lean: no"
+        " reading tells when it is straight."
+    )
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lean the rails; theta (..., 6) [rad]."""

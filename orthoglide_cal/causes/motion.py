@@ -4,12 +4,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.model.cause import Cause, Screw, Stage
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Numbers
+from orthoglide_cal.model.readings import AXES
 
 
 class EncoderScale(Cause):
@@ -114,4 +115,25 @@ class ThermalDrift(Cause):
         return joints + theta[..., None, :] * command.hours[:, None]
 
 
+class HomeSwitch(Cause):
+    """Joint offsets, as switches that stand at the wrong place: for `adjust`, never suspected."""
+
+    id = "home_switch"
+    stage = Stage.MOTION
+    unit = "mm"
+    names = ("x", "y", "z")
+    lasting = True
+
+    def adjustment(self, name: str) -> Screw:
+        """The tool follows a carriage; it is read on the bar of the next leg."""
+        index = AXES.index(name)
+        switch = f"the home switch of axis {name.upper()}"
+        return Screw((index + 1) % 3, switch, "the switch", homed=True)
+
+    def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
+        """q += Δρ; theta (..., 3) [mm]."""
+        return joints + theta[..., None, :]
+
+
+HOME_SWITCH = HomeSwitch()
 CAUSES = (EncoderScale(), Backlash(), ThermalDrift())

@@ -6,13 +6,18 @@ import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
+from orthoglide_cal.cli.export import released
 from orthoglide_cal.cli.measure import saved_when_interrupted, session_display
 from orthoglide_cal.errors import UnusableResultError, UsageError
 
 
 def adjust(
     session: str = argument("SESSION", "Session or readings that name the cause.", required=True),
-    cause: Text = option("ID", "The cause to correct. Default: the first that a screw corrects."),
+    cause: Text = option(
+        "ID",
+        "The cause to correct; home_switch: the offsets, by their switches. Default: the first"
+        " that a screw corrects.",
+    ),
     resume: bool = flag("--resume", "Continue an adjustment at its next reading."),
     gauge: Texts = option(
         "SOURCE", "Where readings come from: typed, or as of measure FORMAT:PORT."
@@ -21,6 +26,7 @@ def adjust(
     json: bool = common.JSON,
 ) -> None:
     """Correct a named cause with its screw or shim: which way, and how far, after each reading."""
+    from orthoglide_cal.causes import HOME_SWITCH
     from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning.adjustment import choose_adjustments
     from orthoglide_cal.report.case import measure_again
@@ -38,6 +44,8 @@ def adjust(
     if given.keeper and given.keeper.model.machine.entered_from(given.measured.source.sha256):
         fault = f"The offsets of {session} were entered: that is not the machine any more."
         raise UnusableResultError(fault, "Measure again, then adjust by the new session.")
+    if cause == HOME_SWITCH.id:
+        released(given, machine)
     id, adjustments = choose_adjustments(diagnose(given.measured, given.model), cause)
     if validity(given).simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")

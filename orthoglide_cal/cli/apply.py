@@ -63,13 +63,13 @@ def apply(
 
     def judge(path: str) -> None:
         controller = controller_file(to) if to else None
+        known = machine or (machine_of_controller(Path(), controller) if controller else None)
         if undo:
-            written = machine_of_controller(Path(), controller) if controller else None
-            file = common.own_machine_file(machine or written)
-            source = read_input(path, file.model).measured.source if path else None
-            entry = take_back(file, source.sha256 if source else None, controller)
+            file = common.own_machine_file(known)
+            sha256 = read_input(path, file.model).measured.source.sha256 if path else None
+            entry = take_back(file, sha256, controller)
         else:
-            entry = _entered(path, machine, controller, data, rule_out)
+            entry = _entered(path, machine, known, controller, data, rule_out)
         controller = entry.controller
         live = bool(controller and controller.adds and not entry.tables and is_live(controller))
         document = application_document(entry, path, live)
@@ -146,20 +146,22 @@ def _write(entry: "Application") -> None:
 def _entered(
     path: str,
     machine: File,
+    known: File,
     to: "ControllerFile | None",
     data: common.Data,
     rule_out: Texts,
 ) -> "Application":
-    """Entry of a measurement. Raises UsageError, UnusableResultError."""
+    """Entry of a measurement; the machine file may be known by what was written to a controller.
+
+    Raises UsageError, UnusableResultError.
+    """
     from orthoglide_cal.causes import CAUSES
-    from orthoglide_cal.files.input import machine_of_controller
     from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
     from orthoglide_cal.results.application import check_measured
 
     file = None  # what is written to a printer needs none
-    known = machine or (machine_of_controller(Path(), to) if to else None)
     if known or to is None or to.adds:
         file = common.own_machine_file(known)
     if file and to is None:

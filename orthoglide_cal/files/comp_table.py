@@ -68,9 +68,11 @@ class JointTable:
                 if len(row) != 3 or not np.isfinite(row).all() or (rows and row[0] <= rows[-1][0]):
                     raise ValueError
             except ValueError:
-                what = "LinuxCNC ignores this line, or all from here on: not 3 numbers, ascending."
+                problem = (
+                    "LinuxCNC ignores this line, or all from here on: not 3 numbers, ascending."
+                )
                 remedy = "Correct the table, or remove COMP_FILE from the INI."
-                raise InputError(what, remedy, file=str(path), line=number, value=text) from None
+                raise InputError(problem, remedy, file=str(path), line=number, value=text) from None
             rows.append(row)
         if not rows:
             raise InputError("The table is empty.", "Remove COMP_FILE.", file=str(path))
@@ -117,8 +119,8 @@ class JointTable:
         values = np.round(values - values[way, at == home], 8) + 0.0  # no negative zero
         rows = np.column_stack([at, *values]).tolist()
         if len(rows) > _MOST_LINES:
-            what = f"The table of this joint would have {len(rows)} lines; LinuxCNC takes 256."
-            raise UsageError(what, f"Shorten {self.options[FILE].before}.")
+            problem = f"The table of this joint would have {len(rows)} lines; LinuxCNC takes 256."
+            raise UsageError(problem, f"Shorten {self.options[FILE].before}.")
         text = "".join("{:.6f} {:.8f} {:.8f}\n".format(*row) for row in rows)
         digest = hashlib.sha256(text.encode()).hexdigest()
         section = self.home.key.partition("]")[0] + "]"

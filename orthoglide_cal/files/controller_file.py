@@ -39,7 +39,7 @@ _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imp
 # What is read of a file → its section and option.
 _UNIT = "unit"
 _LINEAR_UNITS = ("TRAJ", "LINEAR_UNITS")
-_KINS = re.compile(r"\s*KINEMATICS\s*=.*\bcoordinates\s*=\s*(\S+)", re.IGNORECASE)
+_COORDINATES = re.compile(r"\bcoordinates\s*=\s*(\S+)", re.IGNORECASE)
 # An included file with a section changes what the lines behind it belong to.
 _INCLUDED = re.compile(
     r"^\s*(\[|#INCLUDE|(KINEMATICS|LINEAR_UNITS|HOME_OFFSET|HOME_\w+_VEL|(MIN|MAX)_LIMIT|BACKLASH"
@@ -65,6 +65,8 @@ _SAVE = (
 )
 
 
+# Section and option → line and value of each entry.
+Places = defaultdict[tuple[str, str], list[tuple[int, str]]]
 NOTHING: Mapping[str, Added] = MappingProxyType({})
 
 
@@ -131,8 +133,8 @@ class ControllerFile:
         decimals += 2 if self.unit_mm > 1.0 else 0
         for name, amount in amounts.items():
             stands = self.settings[name]
+            shown = max(decimals, len(stands.before.partition(".")[2]))
             if name in added:
-                shown = max(decimals, len(stands.before.partition(".")[2]))
                 lines, table = self.tables[name].changed(added[name], amount, shown)
                 values += lines
                 tables.append(table)
@@ -140,11 +142,10 @@ class ControllerFile:
             before = float(stands.before)
             new = before + amount / self.unit_mm if self.adds else amount
             if abs(new - before) >= 0.5 * 10.0**-decimals:
-                shown = max(decimals, len(stands.before.partition(".")[2]))
                 after = plain(new, shown)
                 if not _NUMBER.fullmatch(after):  # it could not be read again, nor restored
-                    what = f"{self.target}: {stands.key} would become {after}."
-                    raise UsageError(what, f"Check the value there, {stands.before}.")
+                    problem = f"{self.target}: {stands.key} would become {after}."
+                    raise UsageError(problem, f"Check the value there, {stands.before}.")
                 values.append(stands.changed(after=after))
         written, data = self._replaced(values)
         return written.changed(tables=tuple(tables)), data
@@ -154,24 +155,24 @@ class ControllerFile:
 
         Raises UsageError, with what differs, if the file is not what was written any more.
         """
-        wrote, back, inserted = written.values, [], 0
-        for each in sorted(wrote, key=_from_above):
-            inserted += not each.before
-            line = each.line + inserted - (not each.before)
-            back.append(each.changed(line=line, before=each.after, after=each.before))
+        back, inserted = list[WrittenValue](), 0
+        for value in sorted(written.values, key=_from_above):
+            line = value.line + inserted
+            back.append(value.changed(line=line, before=value.after, after=value.before))
+            inserted += not value.before
         then, data = self._replaced(back)
         if (self.sha256, then.sha256_after) == (written.sha256_after, written.sha256_before):
             return data
         other = "The values are the same; something else in it was changed."
-        what = self.differing({each.key: each.after for each in wrote}) or other
-        by_hand = ", ".join(f"{each.key} = {each.before or '(no line)'}" for each in wrote)
-        what = f"{self.target} was changed since it was written. {what}"
-        raise UsageError(what, f"Nothing was changed. Restore these values by hand: {by_hand}")
+        differs = self.differing({value.key: value.after for value in written.values}) or other
+        by_hand = ", ".join(f"{v.key} = {v.before or '(no line)'}" for v in written.values)
+        problem = f"{self.target} was changed since it was written. {differs}"
+        raise UsageError(problem, f"Nothing was changed. Restore these values by hand: {by_hand}")
 
     def differing(self, expected: Mapping[str, str]) -> str:
         """Which values, by their keys there, are others than these, in words; "" for none."""
         lines = (line for table in self.tables.values() for line in table.options.values())
-        held = {each.key: each.before for each in (*self.settings.values(), *lines)}
+        held = {value.key: value.before for value in (*self.settings.values(), *lines)}
         return " ".join(
             f"{key} holds {held.get(key, 'nothing')} instead of {value}."
             for key, value in expected.items()
@@ -181,20 +182,20 @@ class ControllerFile:
     def _replaced(self, values: Sequence[WrittenValue]) -> tuple[Written, bytes]:
         """What is written with other values in some lines, for the record, and the bytes then."""
         lines = self.data.splitlines(keepends=True)
-        for each in sorted(values, key=_from_above)[::-1]:
-            index = each.line - 1
+        for value in sorted(values, key=_from_above)[::-1]:
+            index = value.line - 1
             if index >= len(lines):
                 continue  # somebody removed it since
-            if not each.before:
+            if not value.before:
                 end = lines[index - 1][len(lines[index - 1].rstrip(b"\r\n")) :]
-                option = each.key.partition("] ")[2]
-                lines.insert(index, f"{option} = {each.after}".encode() + end)
-            elif not each.after:
+                option = value.key.partition("] ")[2]
+                lines.insert(index, f"{option} = {value.after}".encode() + end)
+            elif not value.after:
                 del lines[index]
             else:
                 # Behind the sign: what stands before it may hold the same digits.
-                key, *value = re.split(rb"(?<=[:=])", lines[index], maxsplit=1)
-                after = b"".join(value).replace(each.before.encode(), each.after.encode(), 1)
+                key, *rest = re.split(rb"(?<=[:=])", lines[index], maxsplit=1)
+                after = b"".join(rest).replace(value.before.encode(), value.after.encode(), 1)
                 lines[index] = key + after
         then = replace(self, data=b"".join(lines))
         digests = {"sha256_before": self.sha256, "sha256_after": then.sha256}
@@ -212,15 +213,15 @@ def controller_file(target: str) -> ControllerFile:
     target = moonraker.server(target) or str(Path(target).resolve())
     text = "\n" + re.sub("\r\n?", "\n", data.decode("latin-1"))  # a byte is a character
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
-        text = _first_sections(target, text)
-        joints = {axis: (f"JOINT_{n}", "HOME_OFFSET") for axis, n in _joints(target, text).items()}
-        more = {f"{a} {o}": (section, o) for a, (section, _) in joints.items() for o in OPTIONS}
-        found = _found(target, text, "=", {**joints, _UNIT: _LINEAR_UNITS, **more}, 0, more)
-        unit_mm = _UNITS[found.pop(_UNIT).before.lower()]
-        settings = {axis: found.pop(axis) for axis in joints}
-        tables = {}
+        places = _entries(_first_sections(target, text), "=")
+        sections = {axis: f"JOINT_{joint}" for axis, joint in _joints(target, places).items()}
+        wanted = {axis: (section, "HOME_OFFSET") for axis, section in sections.items()}
+        more = {f"{axis} {o}": (section, o) for axis, section in sections.items() for o in OPTIONS}
+        values = _values(target, places, {**wanted, _UNIT: _LINEAR_UNITS, **more}, 0, more)
+        unit_mm = _UNITS[values[_UNIT].before.lower()]
+        settings, tables = {axis: values[axis] for axis in sections}, {}
         for axis, home in settings.items():
-            options = {o: found[key] for o in OPTIONS if (key := f"{axis} {o}") in found}
+            options = {o: values[key] for o in OPTIONS if (key := f"{axis} {o}") in values}
             tables[axis] = JointTable(target, home, options, unit_mm)
         return ControllerFile(target, data, settings, tables, unit_mm, "linuxcnc")
     if "\n[printer]" not in text.replace("\xef\xbb\xbf", "", 1):
@@ -230,22 +231,25 @@ def controller_file(target: str) -> ControllerFile:
             file=target,
         )
     if data.startswith(codecs.BOM_UTF8):
-        what = "The file begins with a byte order mark: Klipper does not read it."
-        raise InputError(what, "Save it as UTF-8 without it.", file=target, line=1)
+        problem = "The file begins with a byte order mark: Klipper does not read it."
+        raise InputError(problem, "Save it as UTF-8 without it.", file=target, line=1)
     above, header, block = text.partition(_HEADER)
     for number, line in enumerate(above.split("\n")):
         if line.startswith("#*#"):
-            what = "Because of this line above its heading Klipper drops what SAVE_CONFIG wrote."
-            raise InputError(what, "Delete it.", file=target, line=number, value=line)
+            problem = "Because of this line above its heading Klipper drops what SAVE_CONFIG wrote."
+            raise InputError(problem, "Delete it.", file=target, line=number, value=line)
     heading = (above + header).count("\n") - 1 if header else len(text)
     for number, line in enumerate(block.rstrip().split("\n") if header else (), heading + 1):
         if not re.match(r"#\*#( |$)", line):
-            what = "Because of this line below its heading Klipper ignores what SAVE_CONFIG wrote."
-            raise InputError(what, "Move it above the block.", file=target, line=number, value=line)
-    wanted, lines = _KLIPPER | _PITCHES, text.replace("\n#*#", "\n")
-    found = _found(target, lines, ":=", wanted, heading, _PITCHES)
+            problem = (
+                "Because of this line below its heading Klipper ignores what SAVE_CONFIG wrote."
+            )
+            remedy = "Move it above the block."
+            raise InputError(problem, remedy, file=target, line=number, value=line)
+    places = _entries(text.replace("\n#*#", "\n"), ":=")
+    values = _values(target, places, _KLIPPER | _PITCHES, heading, _PITCHES)
     included = "The file includes others. A value that is also in one of them is the one in force."
-    return ControllerFile(target, data, found, remarks=(included,) if "\n[include " in text else ())
+    return ControllerFile(target, data, values, remarks=(included,) * ("\n[include " in text))
 
 
 def _first_sections(target: str, text: str) -> str:
@@ -259,9 +263,9 @@ def _first_sections(target: str, text: str) -> str:
             path = Path(target).parent / Path(line.removeprefix("#INCLUDE").strip()).expanduser()
             inside = read_bytes(str(path)).decode("latin-1") if path.is_file() else None
             if inside is None or _INCLUDED.search(inside):
-                what = "LinuxCNC may read a value from this included file."
+                problem = "LinuxCNC may read a value from this included file."
                 remedy = "Put what stands in that file in the place of this line."
-                raise InputError(what, remedy, file=target, line=number, value=line.strip())
+                raise InputError(problem, remedy, file=target, line=number, value=line.strip())
         if head := _SECTION.match(line):
             again = head[1] in seen
             seen.add(head[1])
@@ -270,18 +274,15 @@ def _first_sections(target: str, text: str) -> str:
     return "\n".join(lines)
 
 
-def _joints(target: str, text: str) -> dict[str, int]:
+def _joints(target: str, places: Places) -> dict[str, int]:
     """The joint of each axis. Raises InputError for axes of none, or of several."""
-    section = ""
-    for number, line in enumerate(text.split("\n")):
-        if head := _SECTION.match(line):
-            section = head[1]
-        elif section == "KINS" and (kins := _KINS.match(line)):
+    for number, value in places["KINS", "KINEMATICS"]:
+        if kins := _COORDINATES.search(value):
             letters = kins[1].lower()
             if any(letters.count(axis) != 1 for axis in AXES):
-                what = "These coordinates do not give each of X, Y and Z one joint."
+                problem = "These coordinates do not give each of X, Y and Z one joint."
                 remedy = "Enter the offsets by hand: orthocal export --format linuxcnc"
-                raise InputError(what, remedy, file=target, line=number, value=line.strip())
+                raise InputError(problem, remedy, file=target, line=number, value=value)
             return dict(zip(AXES, map(letters.index, AXES), strict=True))
     return {axis: joint for joint, axis in enumerate(AXES)}
 
@@ -292,8 +293,9 @@ def replace_file(target: str, before: str, data: bytes) -> None:
     Raises UsageError: it was changed meanwhile, or the printer prints; InputError as `write_text`.
     """
     server = moonraker.server(target)
-    there = server or Path(target).exists()
-    if there and hashlib.sha256(read_bytes(target)).hexdigest() != before:
+    if (server or Path(target).exists()) and hashlib.sha256(
+        read_bytes(target)
+    ).hexdigest() != before:
         raise UsageError(f"{target} was changed meanwhile.", "Give the command again.")
     if server:
         moonraker.upload(server, data)
@@ -308,50 +310,46 @@ def holds(target: str, sha256: str) -> bool:
     return False
 
 
-def _found(
-    target: str,
-    text: str,
-    signs: str,
-    wanted: Mapping[str, tuple[str, str]],
-    heading: int,
-    optional: Collection[str] = (),
-) -> dict[str, WrittenValue]:
-    """Where each value stands: once, below the heading of Klipper's block. Raises InvalidFileError.
-
-    The text begins with an empty line. One of the `signs` is between an option and its value.
-    """
-    faults = Faults(target)
-    section = ""
-    found: dict[str, WrittenValue] = {}
-    places = defaultdict[tuple[str, str], list[tuple[int, str]]](list)
+def _entries(text: str, signs: str) -> Places:
+    """All entries of a text that begins with an empty line; one of the signs is in each."""
+    section, places = "", Places(list)
     for number, line in enumerate(text.split("\n")):
         if head := _SECTION.match(line):
             section = head[1]
         elif (entry := _ENTRY.fullmatch(line)) and entry[2] in signs:
             places[section, entry[1]].append((number, entry[3]))
+    return places
+
+
+def _values(
+    target: str,
+    places: Places,
+    wanted: Mapping[str, tuple[str, str]],
+    heading: int,
+    optional: Collection[str] = (),
+) -> dict[str, WrittenValue]:
+    """The wanted values: once, below the heading of Klipper's block. Raises InvalidFileError."""
+    faults, values = Faults(target), dict[str, WrittenValue]()
     for name, place in wanted.items():
-        key = "[{}] {}".format(*place)
-        entries = places[place]
+        key, entries = "[{}] {}".format(*place), places[place]
         remedy = _ADD.format(*place, "mm (or inch)" if name == _UNIT else "NUMBER")
         remedy = _SAVE if heading else remedy
         if not entries and name not in optional:
             faults.add("The value is missing.", remedy, column=key)
         # LinuxCNC takes the first; what is not written may be as it likes.
         for number, value in entries[:1] if name in optional else entries:
-            what = ""
+            problem, number_form = "", _ANY_NUMBER if name in optional else _NUMBER
             if number != entries[0][0]:
-                what = f"This is given twice: also in line {entries[0][0]}."
+                problem = f"This is given twice: also in line {entries[0][0]}."
             elif number <= heading and name not in optional:
-                what = "This is above the SAVE_CONFIG block, so Klipper uses it first."
+                problem = "This is above the SAVE_CONFIG block, so Klipper uses it first."
             elif name == _UNIT and value.lower() not in _UNITS:
-                what = "This unit is unknown."
-            elif place[1] not in (_LINEAR_UNITS[1], COMP_FILE) and not (
-                _ANY_NUMBER if name in optional else _NUMBER
-            ).fullmatch(value):
-                what = "This is not a number."
-            if what:
-                faults.add(what, remedy, line=number, column=key, value=value)
+                problem = "This unit is unknown."
+            elif place[1] not in (_LINEAR_UNITS[1], COMP_FILE) and not number_form.fullmatch(value):
+                problem = "This is not a number."
+            if problem:
+                faults.add(problem, remedy, line=number, column=key, value=value)
             else:
-                found[name] = WrittenValue(line=number, key=key, before=value, after=value)
+                values[name] = WrittenValue(line=number, key=key, before=value, after=value)
     faults.check()
-    return found
+    return values

@@ -42,11 +42,11 @@ class Standing:
     """
 
     def __init__(self, address: str) -> None:
-        found = _ADDRESS.fullmatch(address)
-        port = int(found[2] or PORT) if found else 0
-        if found is None or not 0 < port < 65536:
+        parts = _ADDRESS.fullmatch(address)
+        port = int(parts[2] or PORT) if parts else 0
+        if parts is None or not 0 < port < 65536:
             raise UsageError(f"{address!r} cannot be followed.", "Write linuxcnc[:HOST[:PORT]].")
-        host = (found[1] or "localhost").strip("[]")
+        host = (parts[1] or "localhost").strip("[]")
         try:
             with socket.create_connection((host, port), _TIMEOUT_S) as connection:
                 self._line = connection.makefile("rwb", buffering=0)  # open until this closes
@@ -64,8 +64,8 @@ class Standing:
             ) from error
         if not self._homed():
             self.close()
-            what = f"The LinuxCNC at {host}:{port} is not homed: nobody knows where it stands."
-            raise UsageError(what, "Home all joints, then give the command again.")
+            problem = f"The LinuxCNC at {host}:{port} is not homed: nobody knows where it stands."
+            raise UsageError(problem, "Home all joints, then give the command again.")
 
     def at(self, joints: Floats, tool: Floats, home_mm: float) -> Stood:
         """Where the machine stands; wanted are these joints and this tool, shape (3,) [mm].
@@ -81,8 +81,8 @@ class Standing:
         wanted = np.stack([joints, joints - home_mm, *([tool] if self._identity else [])])
         away = float(np.abs(wanted - stands).max(axis=1).min())
         axes = zip(AXES, stands.tolist(), strict=True)
-        said = " ".join(f"{axis.upper()} {value:.3f}" for axis, value in axes)
-        return Stood(away, f"the controller stood at {said}")
+        place = " ".join(f"{axis.upper()} {value:.3f}" for axis, value in axes)
+        return Stood(away, f"the controller stood at {place}")
 
     def _homed(self) -> bool:
         """Whether all joints are homed: before, their positions are arbitrary. Raises OSError."""
@@ -130,15 +130,16 @@ def is_live(ini: ControllerFile, *, anew: bool = False) -> bool:
     """
     if str(running_ini() or ini.target) != ini.target:
         return False
-    joints = {_JOINT.sub(r"\1", v.key): v.before for v in ini.settings.values()}
-    values = {f"ini.{joint}.home_offset": value for joint, value in joints.items()}
-    asked = [f"setp {pin} {value}\n" for pin, value in values.items() if anew]
-    said = "".join((*asked, *(f"getp {pin}\n" for pin in values)))
+    held = ini.settings.values()
+    pins = [_JOINT.sub(r"ini.\1.home_offset", value.key) for value in held]
+    values = [float(value.before) for value in held]
+    lines = [f"setp {pin} {v.before}\n" for pin, v in zip(pins, held, strict=True) if anew]
+    lines += [f"getp {pin}\n" for pin in pins]
     try:
         run = subprocess.run(
-            ["halcmd", "-f"], input=said, capture_output=True, text=True, check=True, timeout=5.0
-        )
-        found = np.array(run.stdout.split(), dtype=float)
-        return np.allclose(found, np.array([*values.values()], dtype=float), rtol=1e-6, atol=1e-6)
+            ["halcmd", "-f"],
+            input="".join(lines), capture_output=True, text=True, check=True, timeout=5.0,
+        )  # fmt: skip
+        return np.allclose(np.array(run.stdout.split(), float), values, rtol=1e-6, atol=1e-6)
     except (OSError, subprocess.SubprocessError, ValueError):
         return False

@@ -33,10 +33,10 @@ def server(path: str) -> str | None:
     """The address that a path names, with its port; None for a file. Raises UsageError."""
     if not path.lower().startswith(("http://", "https://")):
         return None
-    found = _ADDRESS.fullmatch(path.lower())
-    if found is None or not 0 < int(found[3] or PORT) < 65536:
+    address = _ADDRESS.fullmatch(path.lower())
+    if address is None or not 0 < int(address[3] or PORT) < 65536:
         raise UsageError(f"{path} is not the address of a server.", "Write http://HOST[:PORT].")
-    scheme, host, port = found.groups()
+    scheme, host, port = address.groups()
     return f"{scheme}://{host}:{port or (PORT if scheme == 'http' else 443)}"
 
 
@@ -75,8 +75,8 @@ def upload(address: str, data: bytes) -> None:
         if _request(address, _CONFIG) != data:
             raise
     if printer_cfg(address) != data:
-        what = "The server holds another printer.cfg than the one just sent."
-        raise InputError(what, "Look at the file there before anything is homed.", file=address)
+        problem = "The server holds another printer.cfg than the one just sent."
+        raise InputError(problem, "Look at the file there before anything is homed.", file=address)
 
 
 def restart(address: str) -> None:
@@ -110,13 +110,13 @@ def _asked(address: str, path: str, *keys: str) -> object:
 
     answer = _request(address, path)
     try:
-        found = json.loads(answer)["result"]
+        value = json.loads(answer)["result"]
         for key in keys:
-            found = found[key]
+            value = value[key]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        what = f"The server there is not Moonraker, or does not report its {keys[-1]}."
-        raise InputError(what, _OTHER, file=address) from error
-    return found
+        problem = f"The server there is not Moonraker, or does not report its {keys[-1]}."
+        raise InputError(problem, _OTHER, file=address) from error
+    return value
 
 
 def _message(error: "HTTPError") -> str:
@@ -149,22 +149,22 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
     try:
         data = in_time(exchange, WHOLE_S)
     except HTTPError as error:
-        said = _message(error)
-        what, remedy = f"The server answers {error.code} {error.reason}.", "Check the address."
-        if said and error.code in (403, 503):
-            what = f"The server refuses it ({error.code}): {said}"
+        reason = _message(error)
+        problem, remedy = f"The server answers {error.code} {error.reason}.", "Check the address."
+        if reason and error.code in (403, 503):
+            problem = f"The server refuses it ({error.code}): {reason}"
             remedy = "Look at the server and at Klipper's log."
         elif error.code in (401, 403):
-            what = f"The server wants a key ({error.code})."
+            problem = f"The server wants a key ({error.code})."
             remedy = f"Set the environment variable to its API key: {KEY}."
         elif error.code == 404 and path == _CONFIG:
-            what, remedy = "The server has no printer.cfg.", "Check that Klipper runs there."
-        raise InputError(what, remedy, file=address) from error
+            problem, remedy = "The server has no printer.cfg.", "Check that Klipper runs there."
+        raise InputError(problem, remedy, file=address) from error
     except (OSError, HTTPException, ValueError) as error:
-        said = system_words(getattr(error, "reason", None) or error) or "cut off"
-        said = "no answer in time" if "timed out" in said else said
+        reason = system_words(getattr(error, "reason", None) or error) or "cut off"
+        reason = "no answer in time" if "timed out" in reason else reason
         remedy = "Check the address, the port, and that the printer is switched on."
-        raise InputError(f"The server cannot be read: {said}.", remedy, file=address) from error
+        raise InputError(f"The server cannot be read: {reason}.", remedy, file=address) from error
     if len(data) > _LARGEST:
         raise InputError("The server there is not Moonraker.", _OTHER, file=address)
     return data

@@ -61,6 +61,7 @@ class Screw(NamedTuple):
     leg: int  # whose rail, or what is on whose leg: it alone is moved, the gauge is on this leg
     loosen: str  # in words
     move: str  # what is pushed then, in words
+    homed: bool = False  # a push shows only after homing
 
 
 PER_HOUR = "mm/h"  # unit of rates
@@ -100,6 +101,7 @@ class Cause:
     same_remedy_as: str | None = None  # id of another cause: they are one answer
     instrument: str  # what shows it where these readings leave no trace of it
     advice: str  # what a technician can do about it; "{where}" stands for its place in words
+    no_screw: str = ""  # why no screw or shim can be set by readings, where that is not plain
     # What to do where no line of a firmware takes it.
     no_setting: str = "it has no setting for that: correct the fault"
     # Kind of machine → key of the machine file whose wrong number would look like it.

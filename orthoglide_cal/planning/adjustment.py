@@ -10,36 +10,34 @@ which the gauge's zero has no part, shows whether the part moved as it was meant
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 from pydantic import Field
 
-from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.inference import Diagnosis, Verdict
 from orthoglide_cal.inference.prediction import expect
-from orthoglide_cal.model.cause import Cause, Effect
+from orthoglide_cal.inference.result import CauseParameter
+from orthoglide_cal.model.cause import Cause, Effect, Stage
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.model import differentiate, simulate
 from orthoglide_cal.model.orthoglide import POSTURES, Orthoglide, PlannedReading, plan_of
 from orthoglide_cal.model.plan import Numbers
 from orthoglide_cal.model.readings import Contact, other_axes
-from orthoglide_cal.schema import Schema
 
 _HALF_WAY = 0.5  # along the leg
 
 
-class Adjustment(Schema):
-    """How one parameter of a cause is corrected; leg and direction are 0, 1, 2 for x, y, z."""
+class Adjustment(CauseParameter):
+    """How a parameter of a cause is corrected; leg and direction are 0, 1, 2 for x, y, z."""
 
-    parameter: str
-    unit: str
-    value: float
-    expanded: float = Field(description="U of the value")
     loosen: str = Field(description="what is loosened")
     move: str = Field(description="what is pushed then; the gauge reads more if it goes to +")
+    homed: bool = Field(description="the gauge shows a push only after homing")
     leg: int = Field(description="whose bar the gauge touches")
     direction: int = Field(description="along which it reads")
     gauge_at: float = Field(description="place along the leg at the isotropic posture")
@@ -77,21 +75,31 @@ class MovedAlone(Cause):
 def choose_adjustments(diagnosis: Diagnosis, id: str | None) -> tuple[str, tuple[Adjustment, ...]]:
     """Choose the named cause to be corrected, the first one if none is asked for, and how.
 
-    Each parameter beyond its U, the largest first: what is left is least, wherever one stops.
-    Raises UsageError: no screw corrects this cause, or the machine is not read with gauges;
-    UnusableResultError: it is not named, or nothing of it is beyond its U.
+    The offsets themselves, as `home_switch`, if they are asked for. Each parameter beyond its U,
+    the largest first: what is left is least, wherever one stops.
+
+    Raises UsageError: no screw corrects this cause; UnusableResultError: it is not named, or
+    nothing of it is beyond its U.
     """
-    having = [id for id, cause in CAUSES.items() if cause.adjustable]
-    if id is not None and id not in having:
-        what = f"No screw or shim corrects {id!r}."
-        raise UsageError(what, f"Choose one of {', '.join(having)}.")
     named = diagnosis.effects if diagnosis.verdict is Verdict.NAMED else ()
-    effect = next((e for e in named if e.cause.id in having and id in (None, e.cause.id)), None)
+    if id == HOME_SWITCH.id:
+        offsets = HOME_SWITCH.at(diagnosis.offsets_mm)
+        named = (replace(offsets, covariance=diagnosis.covariance_mm2),)
+    asked = [effect for effect in named if id in (None, effect.cause.id)]
+    effect = next((effect for effect in asked if effect.cause.adjustable), None)
     if effect and (made := tuple(_adjustments(diagnosis, effect))):
         return effect.cause.id, made
     path = diagnosis.measured.source.path
-    what = f"{path} does not name {id or 'anything that a screw corrects'} beyond its U."
-    raise UnusableResultError(what, f"See what it says: {command('diagnose', path)}")
+    cause = CAUSES.get(id) if id else next((effect.cause for effect in asked), None)
+    if cause and not cause.adjustable:
+        problem = f"No screw or shim corrects {cause.id!r}. {cause.no_screw}".rstrip()
+        remedy = f"See what helps: {command('guide', cause.id)}"
+        raise (UsageError if id else UnusableResultError)(problem, remedy)
+    if cause is None and id not in (None, HOME_SWITCH.id):
+        having = [other.id for other in (*CAUSES.values(), HOME_SWITCH) if other.adjustable]
+        raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(having)}.")
+    problem = f"{path} does not name {id or 'anything that a screw corrects'} beyond its U."
+    raise UnusableResultError(problem, f"See what it says: {command('diagnose', path)}")
 
 
 def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
@@ -106,8 +114,9 @@ def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
             continue
         cells = _cells(machine, screw.leg)
         plan = plan_of(cells)
-        moved = MovedAlone(cause, screw.leg, machine.nominal_rails, parameter)
-        alone = moved if cause.in_machine else cause
+        alone = cause
+        if cause.stage is Stage.GEOMETRY:
+            alone = MovedAlone(cause, screw.leg, machine.nominal_rails, parameter)
         readings, slopes = differentiate(now, fit.offsets, plan, [alone.at(0.0 * effect.theta)])
         slope = slopes[:, fit.offsets.size + parameter]
         here = int(np.argmax(np.abs(slope)))
@@ -123,9 +132,9 @@ def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
         spread = np.array([*(k * (root[there] - root[here])), k * noise, stop])
         cell = cells[here]
         yield Adjustment(
-            parameter=name, unit=size.unit, value=size.value, expanded=k * size.std,
-            loosen=screw.loosen, move=screw.move, leg=cell.leg, direction=cell.direction,
-            gauge_at=cell.gauge_at, here_mm=cell.displacement, there_mm=cells[there].displacement,
+            name=name, unit=size.unit, value=size.value, std=size.std, expanded=k * size.std,
+            **screw._asdict(), direction=cell.direction, gauge_at=cell.gauge_at,
+            here_mm=cell.displacement, there_mm=cells[there].displacement,
             sensitivity=float(slope[here] * cause.scale),
             change_mm=float(corrected[here] - readings[here]), expanded_mm=float(expanded),
             check_mm=float(corrected[there] - corrected[here]),

@@ -1,6 +1,5 @@
 """What was entered in the controller, recorded in the machine file; and taken back."""
 
-import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -14,7 +13,7 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES, correcting
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.files.comp_table import Added
-from orthoglide_cal.files.controller_file import ControllerFile
+from orthoglide_cal.files.controller_file import ControllerFile, holds
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import StoredMachine, differing, with_history
 from orthoglide_cal.files.readings import Conditions
@@ -102,8 +101,7 @@ def apply(
             offsets were entered after it; the controller's file is of another kind of machine, or
             does not hold what it held when that was measured.
     """
-    sha256, adds = given.measured.source.sha256, controller is None or controller.adds
-    simulated = given.measured.source.simulated
+    source, adds = given.measured.source, controller is None or controller.adds
     machine = file.model.machine
     by_axis = machine.parameter_names == AXES
     if controller is not None and not (
@@ -119,21 +117,17 @@ def apply(
         _check_same_machine(given.recorded, file, but=("identified",))
     before = given.model.orthoglide.offsets_mm if adds else None
     active = given.model.machine.corrected
-    entry = Entered(
-        date=at.isoformat(timespec="milliseconds"),
-        data_sha256=sha256,
-        before=before,
-        after=before,
-    )
+    date = at.isoformat(timespec="milliseconds")
+    entry = Entered(date=date, data_sha256=source.sha256, before=before, after=before)
     corrections = tuple(_corrections(given.model, answer, controller))
-    made = [each for each in corrections if not each.left]
+    made = [correction for correction in corrections if not correction.left]
     if not answer.release.needed and not made:
         return Application(file, entry, False, file)
     known = _last_written(file, controller)
     killed = controller and known and known.sha256_before == controller.sha256
-    if killed and file.model.machine.history[-1].data_sha256 == sha256:
+    if killed and file.model.machine.history[-1].data_sha256 == source.sha256:
         # The program wrote the record, but not that file: as if nothing were recorded.
-        file = take_back(file, sha256, controller).then
+        file = take_back(file, source.sha256, controller).then
         known = _last_written(file, controller)
     if adds:
         _check_recordable(given, file)
@@ -144,7 +138,7 @@ def apply(
         expected = {value.key: value.after for value in known.values} if known else {}
         if not adds:
             stands = controller.settings
-            expected |= {stands[p.name].key: f"{p.active:g}" for p in answer.parameters}
+            expected |= {stands[p.name].key: f"{p.active:.9g}" for p in answer.parameters}
         elif not known:
             controller = replace(controller, remarks=(_FIRST,))
         if differing := controller.differing(expected):
@@ -152,21 +146,18 @@ def apply(
                 f"{controller.target}: {differing} Somebody changed it since.",
                 "Restore it, or measure again with the present values.",
             )
-        if adds:
-            tables = _tables(made, controller, machine) if made else {}
-            written, data = controller.changed(amounts, decimals, tables)
-        else:
-            written, data = controller.changed(values(made), decimals)
+        tables = _tables(made, controller, machine) if adds else {}
+        written, data = controller.changed(amounts if adds else values(made), decimals, tables)
     after = None
     if before is not None:
         after = JointOffsets(*(round(a + amounts[n], 9) for n, a in before._asdict().items()))
     entry = entry.changed(after=after, written=written)
-    if corrected := [each for each in made if CAUSES[each.id].by_joint]:
+    if corrected := [correction for correction in made if CAUSES[correction.id].by_joint]:
         entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
     then = with_history(file, entry.after, entry.corrected, *file.model.machine.history, entry)
-    done = Application(file, entry, False, then, given.conditions, controller, data)
     remarks = tuple(r for r in given.measured.remarks if r.code in NOZZLE) if controller else ()
-    return replace(done, corrections=corrections, simulated=simulated, remarks=remarks)
+    applied = Application(file, entry, False, then, given.conditions, controller, data, corrections)
+    return replace(applied, simulated=source.simulated, remarks=remarks)
 
 
 def check_measured(given: Input, file: StoredMachine | None = None) -> None:
@@ -190,6 +181,8 @@ def _corrections(
     if answer.verdict is Verdict.NAMED:
         known += [(CAUSES[c.id], size) for c in answer.causes for size in c.parameters]
     for cause, size in known:
+        if not cause.in_machine:
+            continue
         name, value, expanded = size.name, size.value, size.expanded
         left: Literal["", "no_place", "no_origin", "below_u"] = ""
         if not controller.corrects(cause, machine):
@@ -201,8 +194,7 @@ def _corrections(
             (effect,) = correcting(machine, {cause.id: {name: value}})
             travel = machine.home_mm + np.array([0.0, machine.travel_mm])
             gain = float(np.ptp(cause.correction(-effect.theta, travel, machine.home_mm)))
-        if cause.in_machine:
-            yield Correction(cause.id, name, value, expanded, cause.unit, gain, left)
+        yield Correction(cause.id, name, value, expanded, cause.unit, gain, left)
 
 
 def _added_to(active: Corrections, made: Sequence[Correction]) -> Corrections:
@@ -224,7 +216,7 @@ def _tables(
         every = [e.cause.correction(-e.theta, at + origin, machine.home_mm) for e in effects]
         return np.asarray(np.sum(every, axis=0)[..., index])
 
-    joints = {each.name for each in made}
+    joints = {correction.name for correction in made}
     return {
         axis: partial(added, index, controller.tables[axis].origin_mm(machine.home_mm) or 0.0)
         for index, axis in enumerate(AXES)
@@ -258,8 +250,7 @@ def unwritten(file: StoredMachine) -> str | None:
     written = _last_written(file)
     if written is None or not written.values or not Path(written.target).is_file():
         return None
-    held = hashlib.sha256(Path(written.target).read_bytes()).hexdigest()
-    return written.target if held == written.sha256_before else None
+    return written.target if holds(written.target, written.sha256_before) else None
 
 
 def _last_written(file: StoredMachine, controller: ControllerFile | None = None) -> Written | None:
@@ -338,17 +329,16 @@ def take_back(
         raise UsageError(f"{path} records that nothing was written.", "Leave out --to.")
     if written and (controller is None or controller.target != written.target):
         again = command("apply", options=f"--undo --to {written.target}")
-        what = f"The last entry of {path} was written to {written.target}."
-        raise UsageError(what, f"Restore that, too: {again}")
+        problem = f"The last entry of {path} was written to {written.target}."
+        raise UsageError(problem, f"Restore that, too: {again}")
     if written and controller and controller.sha256 == written.sha256_before:
         controller = None  # the program was killed before it wrote that file
     elif written and controller:
         data = controller.restored(written)
     for table in written.tables if written else ():
-        beside = Path(table.path)
-        if beside.is_file() and hashlib.sha256(beside.read_bytes()).hexdigest() != table.sha256:
-            what = f"{table.path} was changed since it was written."
-            raise UsageError(what, "Nothing was changed. Remove COMP_FILE from the INI by hand.")
+        if Path(table.path).is_file() and not holds(table.path, table.sha256):
+            problem = f"{table.path} was changed since it was written."
+            raise UsageError(problem, "Nothing was changed. Remove COMP_FILE from the INI by hand.")
     then = with_history(file, last.before, last.corrected_before, *history)
     return Application(file, last, True, then, None, controller, data)
 

@@ -53,6 +53,10 @@ BEGUN = """\
 The gauge stands where it stood, and the machine, too, while anything is loose.
 If one of them was moved: q, and measure again."""
 
+HOMED = """
+The gauge shows a push only after homing. After each push: keep clear, drives
+on, home, drive back here, read; drives off before the next."""
+
 
 class Phase(StrEnum):
     """What is read for each parameter, in this order."""
@@ -140,7 +144,7 @@ class AdjustmentAnswer(Schema):
     @property
     def failed(self) -> bool:
         """True if anything did not move as it was meant to."""
-        return any(each.status == "check failed" for each in self.adjustments)
+        return any(one.status == "check failed" for one in self.adjustments)
 
 
 @dataclass(eq=False)
@@ -159,7 +163,7 @@ class AdjustingDialogue(Dialogue):
 
     def greet(self) -> None:
         """Say what is adjusted, in which order."""
-        names = ", then ".join(adjustment.parameter for adjustment in self.adjustments)
+        names = ", then ".join(adjustment.name for adjustment in self.adjustments)
         begun = f" Resumed: {len(self.state.accepted)} readings." if self.state.accepted else ""
         self.asker.say(f"To be adjusted: {names}.{begun} ? is help.", Style.TITLE)
 
@@ -205,7 +209,7 @@ class AdjustingDialogue(Dialogue):
             rule, text = wording.set_up(self.setting, step.setup, begun, asker.columns)
             asker.say(f"\n{rule}", Style.TITLE)
             asker.say(
-                f"{BEGUN if begun else text}\n{plan.parameter} is {plan.value:+.3g} ±"
+                f"{BEGUN if begun else text}\n{plan.name} is {plan.value:+.3g} ±"
                 f" {plan.expanded:.2g} {plan.unit}: each {plan.unit} moves this gauge by"
                 f" {plan.sensitivity:+.3f} mm."
             )
@@ -222,7 +226,7 @@ class AdjustingDialogue(Dialogue):
             self.write(events.Noted(at=self.now(), step=step.number, text=text))
         self._safe = drives_off
         if phase is Phase.PUSHED:
-            asker.say(f"Loosen {plan.loosen}.", Style.TITLE)
+            asker.say(f"Loosen {plan.loosen}.{HOMED if plan.homed else ''}", Style.TITLE)
         self._shown = step.setup, phase
 
     def _read(self, step: SessionStep, token: Token) -> None:
@@ -278,14 +282,16 @@ def open_adjustments(
     InputError: a file cannot be used; GaugeLost: the gauge cannot be reached.
     """
     if SIMULATED in source:
-        what = "A simulated gauge does not see what you push."
-        raise UsageError(what, "Leave out --gauge to type the readings, or name a real one.")
+        problem = "A simulated gauge does not see what you push."
+        raise UsageError(problem, "Leave out --gauge to type the readings, or name a real one.")
     session = Path(given.measured.source.path)
     first = PriorReadings(read_document(str(session)), given.model)
     target = session.with_suffix(f".{cause}{JOURNAL}")
     if target.exists() and not resume:
-        what = f"{session} was adjusted already, or that was begun: {target.name} is there."
-        raise UsageError(what, "Measure again before you adjust again, or continue with --resume.")
+        raise UsageError(
+            f"{session} was adjusted already, or that was begun: {target.name} is there.",
+            "Measure again before you adjust again, or continue with --resume.",
+        )
     if gauge := serial_gauge(source):
         gauge.open()  # a missing gauge leaves no file behind
     cells = [
@@ -303,8 +309,8 @@ def open_adjustments(
         state = events.replay(journal.events)
         then = state.planned
         if then is None or (list(then.readings), then.following) != (cells, following):
-            what = "This is the journal of another adjustment, or of other readings."
-            raise InputError(what, "Measure again, then adjust.", file=str(target))
+            problem = "This is the journal of another adjustment, or of other readings."
+            raise InputError(problem, "Measure again, then adjust.", file=str(target))
         if gauge is None and (gauge := serial_gauge(state.source)):
             gauge.open()
         asker.gauge = gauge

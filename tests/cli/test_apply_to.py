@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +16,16 @@ import yaml
 from orthoglide_cal.files.controller_file import ControllerFile, replace_file
 from tests import truth
 from tests.files.test_controller_file import CFG, INI
-from tests.linuxcnc import LinuxCnc, missing
+from tests.linuxcnc import HOME, LinuxCnc, missing
+from tests.printer_files import OFF, printer_cfg
+from tests.truth.delta import Delta
+from tests.truth.forward import Disturbance
+from tests.truth.plan import standard_plan
 
-from .program import FIRST, answer, as_measured, done, refused, run, words
+from .program import FIRST, answer, done, refused, run, words
 from .test_apply import history, to_practise
 
-PROGRAM = (sys.executable, "-m", "orthoglide_cal", "apply", "--to", "mill.ini", "--yes")
+TRUE = np.array([0.21, -0.34, 0.12])  # true joint offsets of a machine with a real controller [mm]
 
 
 @pytest.fixture(autouse=True)
@@ -139,29 +144,49 @@ def test_killed_between_the_two_files_it_goes_on(on: str, monkeypatch: pytest.Mo
 
 
 @pytest.mark.slow
-def test_two_hundred_kills_lose_nothing() -> None:
+@pytest.mark.parametrize("target", ["mill.ini", "printer.cfg"])
+def test_a_hundred_kills_lose_nothing(target: str) -> None:
     """Whenever it is killed, each file is whole, and the record says more than the controller."""
-    chance = random.Random(5)
-    started = time.monotonic()
-    subprocess.run([*PROGRAM, "before.csv"], check=True, capture_output=True)
+    measured, record = target, Path("printer.yaml")
+    if target == "mill.ini":
+        measured, record = "before.csv", accepted_scale()
+        limits = "MIN_LIMIT = -400\nMAX_LIMIT = 400\nHOME_OFFSET ="
+        Path(target).write_text(re.sub(r"(?m)^ *HOME_OFFSET ?=", limits, INI), encoding="utf-8")
+    else:
+        Path(target).write_text(printer_cfg(Delta(), OFF), encoding="utf-8")
+    program = (sys.executable, "-m", "orthoglide_cal", "apply", "--to", target, "--yes")
+    original, started = Path(target).read_bytes(), time.monotonic()
+    subprocess.run([*program, measured], check=True, capture_output=True)
     takes = time.monotonic() - started
-    written = Path("mill.ini").read_bytes()
-    undone = 0
-    for _ in range(200):
-        undo = len(history()) == 1 and Path("mill.ini").read_bytes() == written
-        what = ["--undo"] if undo else ["before.csv"]
-        process = subprocess.Popen([*PROGRAM, *what], stdout=-3, stderr=-3)
+    written = Path(target).read_bytes()
+    tables = {path: path.read_bytes() for path in Path().glob("*.comp")}
+    assert len(tables) == 2 * (target == "mill.ini")
+    chance, undone = random.Random(5), 0
+    for _ in range(100):
+        undo = Path(target).read_bytes() == written
+        process = subprocess.Popen([*program, "--undo" if undo else measured], stdout=-3, stderr=-3)
         time.sleep(takes * chance.uniform(0.5, 1.1))
         process.send_signal(signal.SIGKILL)
         process.wait()
-        assert Path("mill.ini").read_bytes() in (written, INI.encode())
-        assert len(history()) in (0, 1)
-        if Path("mill.ini").read_bytes() == written:
-            assert len(history()) == 1
+        held, content = Path(target).read_bytes(), yaml.safe_load(record.read_text("utf-8"))
+        assert held in (original, written)
+        assert len(content.get("history") or []) in ((1,) if held == written else (0, 1))
+        # A missing table makes LinuxCNC unusable.
+        assert held == original or all(path.read_bytes() == tables[path] for path in tables)
         undone += undo
-    assert undone > 20
-    left = [path for path in Path().iterdir() if path.suffix == ".tmp"]
-    assert all(path.name.startswith(".") for path in left)
+    assert undone > 10
+    subprocess.run([*program, "--undo"], check=held == written, capture_output=True)
+    assert Path(target).read_bytes() == original
+    assert all(path.name.startswith(".") for path in Path().iterdir() if path.suffix == ".tmp")
+
+
+def accepted_scale() -> Path:
+    """The machine file, in which the scales of x and y are known, of gauge blocks."""
+    scale = {axis: {"value": 0.3 * (axis != "z"), "std": 0.01, "unit": "1e-3"} for axis in "xyz"}
+    entry = {"cause": "encoder_scale", "date": "2026-01-01", "data_sha256": 64 * "0"}
+    with (path := Path("machine.yaml")).open("a", encoding="utf-8") as file:
+        file.write(yaml.safe_dump({"identified": [{**entry, "parameters": scale}]}))
+    return path
 
 
 @pytest.mark.skipif(missing() is not None, reason=str(missing()))
@@ -220,43 +245,57 @@ def test_what_was_simulated_reaches_no_machine(form: str) -> None:
     assert len(history()) == 1
 
 
+def measured_at(machine: LinuxCnc, name: str, seed: int) -> float:
+    """Gauges read by the independent truth where a controller's carriages really stand.
+
+    The machine of `truth.LARGE` with offsets TRUE; at first the controller homed by HOME. Returns
+    the r.m.s. of the readings' noise [mm].
+    """
+    rng = np.random.default_rng(seed)
+    plan = standard_plan(truth.LARGE, rng, cycles=2)
+    stands = list[list[float]]()
+    for row, joints in enumerate(plan.indicated - truth.LARGE.leg):
+        if not row or np.any(plan.indicated[row] != plan.indicated[row - 1]):
+            machine.drive(*joints.round(6).tolist())
+        stands.append(machine.carriages_mm())
+    motion = np.array(stands) + HOME - (plan.indicated - truth.LARGE.leg)
+    session = truth.measure(truth.LARGE, truth.MICRON, plan, TRUE, (), rng)
+    session = replace(session, disturbance=Disturbance.of(plan, motion=motion))
+    truth.write_readings(replace(session, readings=session.gauges_show(plan, rng)[1]), Path(name))
+    return truth.MICRON.sigma
+
+
 @pytest.mark.skipif(missing() is not None, reason=str(missing()))
 def test_a_real_linuxcnc_corrects_lost_motion_and_scale() -> None:
-    known = {"backlash": (0.05, 0.002, "mm"), "encoder_scale": (0.3, 0.01, "1e-3")}
-    entries = [
-        {"cause": id, "date": "2026-01-01", "data_sha256": 64 * "0",
-         "parameters": {axis: {"value": value * (axis != "z"), "std": std, "unit": unit}
-                        for axis in "xyz"}}
-        for id, (value, std, unit) in known.items()
-    ]  # fmt: skip
-    with Path("machine.yaml").open("a", encoding="utf-8") as file:
-        file.write(yaml.safe_dump({"identified": entries}))
-    done("simulate", "--machine", "machine.yaml", "--seed", "3", "--output", "worn.csv")
-    as_measured("worn.csv")
+    """Gauges hardly show a scale of 0.3e-3: gauge blocks have, and it was accepted."""
+    accepted_scale()
     with LinuxCnc(lost_mm=(0.05, 0.05, 0.0), excess=(3e-4, 3e-4, 0.0)) as machine:
-        original = machine.ini.read_bytes()
-
-        def spread() -> np.ndarray:
-            """How unevenly the carriages are off, at places reached both ways [mm]."""
-            off = []
-            for position in (-90.0, 40.0, -20.0, -20.5, 0.0):
-                machine.drive(position, position, position)
-                off.append(np.subtract(machine.carriages_mm(), position))
-            return np.ptp(off, axis=0)
-
-        assert np.all(spread()[:2] > 0.04)
+        noise = measured_at(machine, "before.csv", 1)
+        assert answer("solve", "before.csv")["rms"]["after_mm"] < 1.2 * noise
+        assert [one["id"] for one in answer("diagnose", "before.csv")["causes"]] == ["backlash"]
         machine.stop()
-        said = answer("apply", "worn.csv", "--to", str(machine.ini), "--yes")
-        assert "no_origin" in [each["left"] for each in said["corrections"]]
+        said = answer("apply", "before.csv", "--to", str(machine.ini), "--yes")
+        assert "no_origin" in [one["left"] for one in said["corrections"]]
         done("apply", "--undo", "--to", str(machine.ini), "--yes")
-        # The isotropic posture is at 420 or at 0: only these limits tell.
-        narrow = re.sub(rb"(M\w\w_LIMIT = -?)500", rb"\g<1>400", original)
+        # The isotropic posture is at 420 or at 0: only these limits tell. It has a table already.
+        narrow = re.sub(rb"(M\w\w_LIMIT = -?)500", rb"\g<1>400", machine.ini.read_bytes())
+        narrow = narrow.replace(b"HOME = 0.0\n", b"HOME = 0.0\nCOMP_FILE = old.comp\n", 1)
         machine.ini.write_bytes(narrow)
-        done("apply", "worn.csv", "--to", str(machine.ini), "--yes")
+        table = machine.folder / "old.comp"
+        table.write_text("-400 -400 -400\n400 400 400\n")
+        said = answer("apply", "before.csv", "--to", str(machine.ini), "--yes")
+        made = [(one["id"], one["name"]) for one in said["corrections"] if not one["left"]]
+        assert made == [(id, axis) for id in ("encoder_scale", "backlash") for axis in "xy"]
         machine.start()
-        assert spread() == pytest.approx(0.0, abs=1e-4)
+        measured_at(machine, "after.csv", 2)
+        after = answer("solve", "after.csv")
+        # With the standard deviation of an r.m.s. of 36 residuals, doubled for 95 %.
+        assert after["rms"]["before_mm"] == pytest.approx(noise, rel=2.0 / np.sqrt(2.0 * 36.0))
+        assert not after["release"]["needed"]
+        assert answer("verify", "before.csv", "after.csv")["kept"]
         machine.stop()
         done("apply", "--undo", "--to", str(machine.ini), "--yes")
         assert machine.ini.read_bytes() == narrow
-        assert not list(machine.folder.glob("*.comp"))
+        assert list(machine.folder.glob("*.comp")) == [table]
+        assert table.read_text() == "-400 -400 -400\n400 400 400\n"
         machine.start()

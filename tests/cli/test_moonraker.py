@@ -16,7 +16,8 @@ from tests.truth.delta import Delta
 
 from .program import answer, done, refused, run, words
 
-GOOD = printer_cfg(Delta(), OFF).encode()
+# With all digits that Klipper writes.
+GOOD = printer_cfg(Delta(), OFF).replace("= 161.8\n", "= 161.800449\n").encode()
 INFO = {"result": {"klippy_state": "ready"}}
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.planning.adjustment import choose_adjustments
@@ -27,7 +27,9 @@ from tests.truth.forward import PARTS
 from .terminal import Terminal
 from .virtual import AT, opened
 
-ADJUSTABLE = [id for id, cause in CAUSES.items() if cause.adjustable]
+# Each with where its parameters are in the truth.
+ADJUSTABLE = {id: PARTS[id] for id, cause in CAUSES.items() if cause.adjustable}
+ADJUSTABLE |= {HOME_SWITCH.id: PARTS["offsets"]}
 MACHINES = truth.PROTOTYPE, truth.LARGE
 MOST = 6  # readings while it is loose and once it is tightened
 FEEL, SLIP = 0.25, 0.005  # std. dev. of a push, of its size; and of what tightening moves [mm]
@@ -36,7 +38,8 @@ FEEL, SLIP = 0.25, 0.005  # std. dev. of a push, of its size; and of what tighte
 def adjusted(seed: int, machine: truth.Machine, cause: str) -> Iterator[tuple[int, int, int, int]]:
     """Of each adjustment of one session: its readings, pushes in the wrong direction, and whether
     the true parameter ends within U and the check agrees."""
-    session = truth.make_session(seed, machine, truth.DIAL, (cause,))
+    hidden = () if cause == HOME_SWITCH.id else (cause,)
+    session = truth.make_session(seed, machine, truth.DIAL, hidden)
     try:
         id, adjustments = choose_adjustments(diagnose(*known(session)), cause)
     except UnusableResultError:
@@ -44,7 +47,7 @@ def adjusted(seed: int, machine: truth.Machine, cause: str) -> Iterator[tuple[in
     rng = np.random.default_rng(seed)
     loose, state = LooseMachine(session, rng), replay([opened()])
     for number, plan in enumerate(adjustments):
-        slot = PARTS[cause].start + CAUSES[id].names.index(plan.parameter)
+        slot = ADJUSTABLE[id].start + CAUSES.get(id, HOME_SWITCH).names.index(plan.name)
         begin, stand = len(PHASES) * number, (plan.leg, plan.direction, plan.gauge_at)
         here = partial(loose.surface, *stand, plan.here_mm)
         there = partial(loose.surface, *stand, plan.there_mm)
@@ -171,6 +174,8 @@ def test_a_check_that_fails_ends_with_4(folder: Path) -> None:
     ("options", "code", "what"),
     [
         (("before.csv", "--cause", "backlash"), 2, "No screw or shim corrects 'backlash'"),
+        (("before.csv", "--cause", "tower_lean"), 2, "far more of where a pushed tower pivots"),
+        (("before.csv", "--cause", "home_switch"), 4, "axis_squareness"),
         (("before.csv", "--cause", "axis_gap"), 4, "does not name axis_gap"),
         (("before.csv", "--resume"), 2, "There is no unfinished session"),
         (("before.csv", "--gauge", "simulated"), 2, "does not see what you push"),

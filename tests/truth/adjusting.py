@@ -1,4 +1,4 @@
-"""A rail or a bar that a technician has loosened and pushed, and what a dial on its leg shows.
+"""A rail, bar or switch that a technician has loosened and pushed, and what a dial on a leg shows.
 
 The frame is the base's: the other rails stay, and so does the stand, wherever the loose part goes.
 """
@@ -40,7 +40,7 @@ class LooseMachine:
         ):
             points[second, 3 - first - second] -= gap
             ways[second, first] += 1e-3 * angle
-        joints = joints_at(length, leg, displacement) + self.state[PARTS["offsets"]]
+        joints = joints_at(length, leg, displacement) + (self.state + pushed)[PARTS["offsets"]]
         carriages = points + ways * joints[:, None]
         near = displacement * np.eye(3)[leg]
         legs = length + self.state[PARTS["leg_length"]]

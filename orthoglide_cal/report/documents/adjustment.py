@@ -25,12 +25,12 @@ def _page(answer: AdjustmentAnswer, again: str) -> doc.Page:
         )
         target += f" ± {plain(plan.expanded_mm, decimals)}"
         expected += f" ± {plain(plan.check_expanded_mm, decimals)}"
-        rows.append((plan.parameter, one.status, target, reached, expected, measured))
+        rows.append((plan.name, one.status, target, reached, expected, measured))
     caption = "Readings of the gauge, mm; the check is the difference between two postures."
     notice = doc.Notice(doc.Tone.INFO, f"Adjusted: {answer.cause}")
     if answer.failed:
-        what = "A check failed: something moved in another way than it was meant to"
-        notice = doc.Notice(doc.Tone.BAD, what)
+        failed = "A check failed: something moved in another way than it was meant to"
+        notice = doc.Notice(doc.Tone.BAD, failed)
     steps = (
         doc.Instruction("Measure again in the same way.", again),
         doc.Instruction("Compare the two.", command("verify", answer.input.path, "AFTER")),

@@ -226,7 +226,7 @@ def _courses(history: History) -> doc.Figure:
     return doc.Figure(None, "", panels, key=key)
 
 
-def _rate(rate: CauseParameter) -> str:
+def _rate(rate: Estimate) -> str:
     """A drift in a month."""
     return with_uncertainty(_MONTH * rate.value, _MONTH * rate.expanded)
 
