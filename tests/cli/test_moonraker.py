@@ -43,7 +43,6 @@ def test_a_server_is_read_like_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     ("answers", "said"),
     [
         ({"info": b"<html>router</html>"}, "not Moonraker"),
-        ({"info": [1]}, "not Moonraker"),
         ({"info": {"result": {}}}, "not Moonraker"),
         ({}, "404"),
         ({"info": 401}, "MOONRAKER_API_KEY"),

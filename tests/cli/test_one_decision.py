@@ -74,7 +74,7 @@ FILES: dict[str, tuple[Callable[[Path], None], str, bool, str]] = {
 }  # fmt: skip
 
 
-SLOW = ("leaning.cfg", "right.cfg")  # one printer in every run is enough
+SLOW = ("single.csv", "leaning.cfg", "right.cfg")  # twins of others: one of each is enough
 
 
 @pytest.mark.parametrize(

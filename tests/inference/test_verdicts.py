@@ -113,12 +113,15 @@ def test_what_is_not_listed_is_unexplained(outside: str) -> None:
     assert found.lack_of_fit.p_value < 1e-6
     assert found.patterns
     assert found.patterns[0].accepted
+    # Within 4 of its standard deviations, in which all that is left open counts: one false failure
+    # in 2,000 sessions.
+    assert np.all(np.abs(found.offsets_mm - session.offsets) < 4.0 * found.std_mm)
 
 
 @pytest.mark.parametrize("cause", [c for c in truth.MACHINE_CAUSES if c != "backlash"])
 def test_what_is_too_small_to_be_seen_is_not_excluded(cause: str) -> None:
     """A thirtieth of its plausible size is there, and does not show."""
-    for seed in (1, 2, 3):
+    for seed in (1, 2):
         hidden = truth.make_session(seed, truth.PROTOTYPE, truth.DIAL, (cause,), times=(0.02, 0.05))
         found = diagnose(*known(hidden))
         assert found.verdict == "consistent"

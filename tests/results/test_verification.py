@@ -127,12 +127,6 @@ def test_unequal_sessions_share_what_both_determine():
     assert result.answer is Behaviour.AS_MODELLED
 
 
-def test_raw_readings_against_differences():
-    result = verify(before(5), paper(3), TRUE)
-    assert result.kind == DataKind.SIX
-    assert result.compared == 6
-
-
 @pytest.mark.parametrize(
     ("acted", "behaviour"),
     [

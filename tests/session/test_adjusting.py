@@ -19,12 +19,12 @@ from orthoglide_cal.planning.adjustment import choose_adjustments
 from orthoglide_cal.session.adjusting import PHASES, Adjusted, Phase
 from orthoglide_cal.session.events import State, Taken, advance, replay
 from tests import truth
-from tests.cli.program import process, refused
+from tests.cli.program import refused
 from tests.inference.sessions import known
 from tests.truth.adjusting import LooseMachine
 from tests.truth.forward import PARTS
 
-from .terminal import Terminal
+from .terminal import Terminal, run_program
 from .virtual import AT, opened
 
 ADJUSTABLE = [id for id, cause in CAUSES.items() if cause.adjustable]
@@ -141,7 +141,7 @@ def test_two_lines_stay_in_place_and_a_kill_loses_nothing(folder: Path) -> None:
 def piped(folder: Path, answers: Sequence[str], *options: str) -> tuple[int, str]:
     """Exit code and standard output of `adjust --json` with answers from a pipe."""
     text = "".join(f"{answer}\n" for answer in answers)
-    ended = process("adjust", "before.csv", "--json", *options, text=text)
+    ended = run_program(folder, "before.csv", "--json", *options, stdin=text, command="adjust")
     assert "Traceback" not in ended.stderr
     return ended.returncode, ended.stdout
 
