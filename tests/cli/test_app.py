@@ -29,11 +29,10 @@ from tests.cli.program import (
     run,
     words,
 )  # fmt: skip
-from tests.printers import CONFIG
 from tests.session.terminal import PROGRAM, Terminal
 
 COMMANDS = tuple(get_command(app).commands)  # type: ignore[attr-defined]
-FILES = {"SIX": SIX, "DOUBLE": DOUBLE, "PRINTER": CONFIG}
+FILES = {"SIX": SIX, "DOUBLE": DOUBLE}
 
 
 def worded(command: str) -> list[str]:
@@ -64,7 +63,7 @@ def test_every_command_has_help() -> None:
           for command in ("--help", "--version", "solve --help")),
         ("guide signs", "numpy scipy"),
         *((command, "scipy.optimize scipy.stats matplotlib jinja2")
-          for command in ("solve DOUBLE", "report DOUBLE --html -", "plan --machine PRINTER")),
+          for command in ("solve DOUBLE", "report DOUBLE --html -", "plan")),
     ],
 )  # fmt: skip
 def test_no_command_loads_what_it_does_not_need(command: str, heavy: str) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.model.linear_delta import ProbePlan, mixed, rings
+from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan, mixed, rings
 from orthoglide_cal.model.machine import SimulationOptions
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -172,7 +172,10 @@ def test_a_flat_bed_does_not_tell_and_the_telling_layout_does() -> None:
     assert all(layout.minutes >= best.minutes for layout in longer)
 
 
-def test_where_nothing_tells_the_best_is_named() -> None:
+def test_where_nothing_tells_the_best_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Among a few of the layouts."""
+    every = LinearDelta.distinguishing_layouts
+    monkeypatch.setattr(LinearDelta, "distinguishing_layouts", lambda machine: every(machine)[::9])
     rough = V400_MODEL.machine.changed(probe=V400_MODEL.machine.probe.changed(texture_mm=0.2))
     design = measurement_plan(Model(rough), Wanted()).design
     assert design is not None

@@ -156,7 +156,6 @@ def test_what_no_reading_tells_is_not_looked_for(
 
 
 SESSIONS = [
-    (5, truth.MICRON, ()),
     (3, truth.MICRON, ("backlash",)),
     (8, truth.DIAL, ("axis_gap",)),
 ]
@@ -168,7 +167,7 @@ def test_what_u_will_be_is_what_solve_prints(
 ) -> None:
     """Of all readings together, on average over sittings that the truth measures.
 
-    Sound machines, causes that bar the offsets, and causes that are only a part of their U.
+    A cause that bars the offsets, and one that is only a part of their U.
     """
     session = truth.make_session(seed, truth.PROTOTYPE, gauge, causes)
     ranking = ranked(diagnose(*known(session)))
