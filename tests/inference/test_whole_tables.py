@@ -176,6 +176,12 @@ def test_healthy_sessions_are_not_widened_by_what_nothing_shows(offset_sd: float
         assert all(CAUSES[id].names for id in (*found.not_excluded, *left_open))
 
 
+def test_offsets_of_200_mm_are_still_judged() -> None:
+    """The other sign is out of reach of this machine: it is left out, nothing fails."""
+    readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL, offset_sd=60.0))
+    assert diagnose(readings, model).verdict is Verdict.CONSISTENT
+
+
 @both_gauges
 def test_two_legs_written_for_each_other_are_the_third_ones_gauges(gauge: truth.Gauge) -> None:
     """No reading tells these two apart; the advice names both."""
