@@ -5,7 +5,9 @@ import gc
 import os
 import shutil
 import signal
+import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import typer.testing
@@ -16,8 +18,9 @@ ROOT = Path(__file__).parents[1]
 # Whatever else is installed in this environment, and wherever a test runs the program.
 os.environ["PYTHONPATH"] = str(ROOT)
 
-# Programs that tests start find the package compiled.
+# Programs that tests start find the package compiled, and the next run these tests.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 # One thread for each worker: the tests share two processors.
 for library in ("OMP", "OPENBLAS", "MKL"):
@@ -41,6 +44,14 @@ vars(app)["get_command"] = functools.cache(app.get_command)
 def pytest_collection_finish() -> None:
     """Keep what was loaded and collected out of the search for garbage: it stays to the end."""
     gc.freeze()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> object:
+    """Neighbours run in one process, where they share what fixtures made and what was decided."""
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log)
 
 
 @pytest.fixture

@@ -6,19 +6,18 @@ A test that replaces a part of the inference calls `decide` itself.
 
 import functools
 import importlib
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 
 from orthoglide_cal.inference.belief import Belief
-from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.decision import Decision, decide, decide_by
+from orthoglide_cal.inference.decision import decide, decide_by
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import ReadOnly
 
 KEPT = 50
-_decisions: dict[Hashable, Decision] = {}
 
 
 def content(value: object) -> Hashable:
@@ -30,21 +29,31 @@ def content(value: object) -> Hashable:
     return tuple(map(content, value)) if isinstance(value, tuple) else value
 
 
-def decide_once(white: Whitened) -> Decision:
-    """The decision about the data, of an earlier test if that asked for the same."""
-    key = content(white)
-    if key not in _decisions:
-        if len(_decisions) == KEPT:
-            _decisions.clear()
-        _decisions[key] = decide(white)
-    return _decisions[key]
+def once(work: Callable[..., Any]) -> Callable[..., Any]:
+    """The work, with the results of an earlier test that asked for the same."""
+    done: dict[Hashable, Any] = {}
+
+    def repeated(*given: Any, **options: Any) -> Any:
+        key = content((*given, *options.items()))
+        if key not in done:
+            if len(done) == KEPT:
+                del done[next(iter(done))]
+            done[key] = work(*given, **options)
+        return done[key]
+
+    return repeated
 
 
-DIAGNOSE, HISTORY = (
+DIAGNOSE, HISTORY, PLAN = (
     vars(importlib.import_module(f"orthoglide_cal.{name}"))
-    for name in ("inference.diagnose", "results.history")
+    for name in ("inference.diagnose", "results.history", "planning.plan")
 )
-DIAGNOSE["decide"] = HISTORY["decide"] = decide_once
+DIAGNOSE["decide"] = HISTORY["decide"] = once(decide)
 # And what follows from the very same decision with all tolerances halved and doubled.
 DIAGNOSE["decide_by"] = functools.lru_cache(KEPT)(decide_by)
 Belief.scaled = functools.lru_cache(KEPT)(Belief.scaled)  # type: ignore[method-assign]
+# A plan that goes on from no data is a pure function of the machine and of what is wanted.
+new_plan, plan = PLAN["measurement_plan"], once(PLAN["measurement_plan"])
+PLAN["measurement_plan"] = lambda model, wanted, following=(), *details: (
+    new_plan if following else plan
+)(model, wanted, following, *details)

@@ -64,14 +64,6 @@ def test_each_is_what_the_contract_says(cause: Cause) -> None:
     assert CAUSES[cause.id] is cause
 
 
-@alone
-def test_no_cause_takes_back_what_another_cause_says(cause: Cause) -> None:
-    """A value of the base of all, stated again, hides that of a class between."""
-    own = {name: value for name, value in vars(type(cause)).items() if not name.startswith("_")}
-    base = {name: vars(Cause)[name] for name in own.keys() & vars(Cause).keys()}
-    assert [name for name, value in base.items() if own[name] is value or own[name] == value] == []
-
-
 def test_words_of_another_kind_are_of_what_is_read() -> None:
     worded = {Machine: dict.fromkeys(("title", "names", "advise"), "")}
     with pytest.raises(TypeError, match="cannot word advise, names"):

@@ -179,24 +179,6 @@ def test_offsets_changed_by_hand_are_not_taken_back() -> None:
     assert "by hand" in refused(2, "apply", "--undo", "--yes")
 
 
-def test_sessions_say_themselves_what_was_active() -> None:
-    """Of two sessions, and with the machine file's offsets changed since."""
-    to_practise()
-    run("simulate", "--offsets", "0.4", "0", "0", "--seed", "1", "--output", "one.yaml")
-    done("apply", "one.yaml", "--yes")
-    entered = active()
-    left = np.array([0.4, 0.0, 0.0]) - entered
-    run("simulate", "--offsets", *map(str, left), "--seed", "2", "--output", "two.yaml")
-    run("apply", "--undo", "--yes")
-    solved = answer("solve", "two.yaml", "--machine", "machine.yaml")
-    assert parameters(solved)["x"]["active"] == entered[0]
-    verified = answer("verify", "one.yaml", "two.yaml")
-    assert verified["applied_mm"]["x"] == pytest.approx(entered[0], abs=1e-9)
-    # They need no machine file: nothing that lies around may stop them.
-    Path("other.yaml").write_text("kind: broken\n", encoding="utf-8")
-    done("verify", "one.yaml", "two.yaml")
-
-
 def simulated_session() -> None:
     """s.yaml, as `measure --gauge simulated --seed 4` leaves one, to be recorded for practice."""
     to_practise()

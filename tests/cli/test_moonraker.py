@@ -44,7 +44,6 @@ def test_a_server_is_read_like_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     ("answers", "said"),
     [
         ({"info": b"<html>router</html>"}, "not Moonraker"),
-        ({"info": [1]}, "not Moonraker"),
         ({"info": {"result": {}}}, "not Moonraker"),
         ({}, "404"),
         ({"info": 401}, "MOONRAKER_API_KEY"),
@@ -118,14 +117,13 @@ def test_what_was_stored_stays_recorded_though_the_answer_was_lost() -> None:
     assert server.answers["printer"] == GOOD
 
 
-@pytest.mark.parametrize("code", [403, 503])
-def test_a_refusal_says_what_the_server_says_and_leaves_no_file(code: int) -> None:
+def test_a_refusal_says_what_the_server_says_and_leaves_no_file() -> None:
     class Refusing(StandIn):
         def answer(self, asked: BaseHTTPRequestHandler) -> None:
             if asked.path != "/server/files/upload":
                 super().answer(asked)
                 return
-            asked.send_response(code)
+            asked.send_response(403)
             asked.end_headers()
             asked.wfile.write(b'{"error": {"message": "File is loaded, upload not permitted"}}')
 

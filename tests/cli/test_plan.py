@@ -11,8 +11,9 @@ import yaml
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.planning.design import GIVES_UP
-from tests.cli.program import DOUBLE, lines, once, process, run, words
+from tests.cli.program import DOUBLE, lines, once, run, words
 from tests.machines import ROOT
+from tests.session.terminal import run_program
 
 OWN = [id for id, cause in CAUSES.items() if Orthoglide in cause.sizes]
 
@@ -59,9 +60,8 @@ def test_the_json_is_that_of_the_contract() -> None:
 def test_measure_takes_the_readings_and_the_minutes_that_were_planned(protocol: str) -> None:
     (data,) = lines(run("plan", "--protocol", protocol, "--cycles", "2", "--json"))
     row = next(each for each in data["by_cycles"] if each["cycles"] == 2)
-    done = process(
-        "measure", "--gauge", "simulated", "--seed", "1", "--protocol", protocol, "--cycles", "2",
-    )  # fmt: skip
+    options = ("--gauge", "simulated", "--seed", "1", "--protocol", protocol, "--cycles", "2")
+    done = run_program(Path(), *options)
     said = re.search(r"(\d+) readings .* (\d+) gauge\s+moves,\s+about (\d+) min", done.stdout)
     assert said, done.stdout
     expected = [row["readings"], row["gauge_moves"], round(row["minutes"])]
@@ -144,9 +144,3 @@ def test_a_page_and_json_are_asked_for_apart(
     assert done.exit_code == 2
     assert "Leave out --html" in words(done.stdout + done.stderr)
     assert not list(folder.iterdir())
-
-
-def test_its_help_is_made_of_phrases_that_stand_alone() -> None:
-    """What an option is comes before what it is of."""
-    options = run("plan", "--help").stdout.partition("Options:")[2]
-    assert re.findall(r"^  --\S.*?  Of .*$|^ +Of .*$", options, re.MULTILINE) == []

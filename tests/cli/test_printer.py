@@ -126,8 +126,8 @@ FILES: dict[str, Callable[[], str]] = {
     "longer.cfg": lambda: printer_cfg(V400, replace(OFF, arms=np.full(3, 0.9))),
     "t13.csv": lambda: exact(V400, OFF, Layout(places=13)),
     "t41.csv": lambda: exact(V400, OFF, Layout(places=41)),
-    "belt.csv": lambda: touched(STRETCHED, Layout(41, THREE)),
-    "lean.csv": lambda: touched(LEANING, Layout(81, THREE)),
+    "belt.csv": lambda: touched(STRETCHED, Layout(25, THREE)),
+    "lean.csv": lambda: touched(LEANING, Layout(49, THREE)),
     "lost.csv": lambda: touched(replace(OFF, lost=np.array([0.12, 0.0, 0.1])), Layout(81)),
     "noisy.csv": lambda: off_by(exact(V400, OFF, Layout(places=41)), alternating(0.3)),
     "bent.csv": lambda: off_by(
@@ -135,7 +135,6 @@ FILES: dict[str, Callable[[], str]] = {
     ),
     "right.csv": lambda: tilted(0.0),
     "tilted.csv": lambda: tilted(0.06),
-    "odd.csv": lambda: off_by(tilted(0.0), alternating(0.3)),
     "seven.csv": lambda: seven(0.033),
     "seven20.csv": lambda: seven(0.02),
     "seven14.csv": lambda: seven(0.0145),
@@ -233,9 +232,7 @@ def test_verify_says_what_was_entered_of_each_parameter() -> None:
 @pytest.mark.parametrize(
     ("left", "said", "kept", "moved"),
     [
-        (0.0, "✔ The touches agree better than before, as predicted", True, False),
         (0.4, "but not as predicted", False, False),
-        (1.0, "not as predicted", False, False),
         (3.0, "The machine has moved: nothing was entered", False, True),
     ],
 )
@@ -304,7 +301,7 @@ def test_a_simulated_printer_is_found_out() -> None:
     shape = ("--cause", "bed_shape=0.3,0,-0.3,0,0,0,0.4")
     left = []
     for name, more in (("flat.csv", ()), ("bent.csv", shape)):
-        run("simulate", *MACHINE, *more, "--seed", "4", "-o", name)
+        run("simulate", *MACHINE, *more, "--places", "61", "--seed", "4", "-o", name)
         left.append(answer("solve", name, *MACHINE)["lack_of_fit"]["left_mm"])
     assert left[1] > 1.7 * left[0]
 
@@ -390,15 +387,6 @@ def test_diagnose_shows_the_bed_from_above() -> None:
     assert "The bed from above" in said
 
 
-def test_the_report_is_written_whole() -> None:
-    done("report", "printer.cfg", "--data", "mesh", "--html", "r.html", "--markdown", "r.md")
-    html = Path("r.html").read_text()
-    assert 'id="bed-0-t"' in html
-    assert "Not determined: leg_length" in html
-    assert "Leg x" not in html
-    assert "Workspace" not in Path("r.md").read_text()
-
-
 # --- little, nothing, or nothing to change ----------------------------------------------------
 
 
@@ -455,9 +443,9 @@ def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
 
 def test_values_and_page_give_the_same_residuals() -> None:
     """In the sentences of the answer, too: nobody has to know of degrees of freedom."""
-    told = found("diagnose", "odd.csv", *MACHINE)
+    told = found("diagnose", "noisy.csv", *MACHINE)
     assert told["verdict"] == "unexplained"
-    lack, said = told["lack_of_fit"], page("diagnose", "odd.csv", *MACHINE, "--details")
+    lack, said = told["lack_of_fit"], page("diagnose", "noisy.csv", *MACHINE, "--details")
     assert f"{lack['left_mm']:.4f} mm r.m.s. remains" in said
     assert f"would leave {lack['expected_mm']:.4f} mm" in said
     # Touches that scatter more than the probe: U allows for it, and the screen says so.

@@ -4,7 +4,6 @@ import hashlib
 import json
 import math
 import re
-import shlex
 from pathlib import Path
 
 import pytest
@@ -58,12 +57,6 @@ def test_json_is_the_answer(file: str) -> None:
             assert row["expected_mm"] == pytest.approx(gap, abs=5e-4)
 
 
-@pytest.mark.parametrize("file", [DOUBLE, SINGLE])
-def test_the_sample_sessions_give_their_true_offsets(file: str) -> None:
-    for each, value in zip(answer("solve", file)["parameters"], (0.42, -0.31, 0.87), strict=True):
-        assert abs(each["found"] - value) < 3.0 * each["std"]
-
-
 def test_without_spare_readings_nothing_is_not_a_number() -> None:
     text = "difference,value_mm\ndx_y,0.1\ndy_x,0.2\ndz_x,-0.3\n"
     found = answer("solve", "-", text=text)
@@ -96,18 +89,6 @@ def test_text_says_what_to_type_into_the_controller(tmp_path: Path) -> None:
     assert "true = indicated + Δρ" in details
 
 
-def test_text_shows_the_papers_table_4() -> None:
-    shown = run("solve", SIX, "--method", "six", "--details").stdout.splitlines()
-    at = next(i for i, line in enumerate(shown) if line.startswith("  Deviation, mm"))
-    names = ["dx_y", "dx_z", "dy_x", "dy_z", "dz_x", "dz_y", "r.m.s."]
-    assert shown[at].split()[2:] == names
-    measured, expected = shown[at + 1].split(), shown[at + 2].split()
-    assert " ".join(measured[1:]) == "−0.43 −0.37 +0.42 −0.18 −1.14 −0.70 0.62"
-    assert expected[:2] == ["if", "entered"]
-    assert " ".join(expected[2:]) == "−0.28 +0.25 +0.21 −0.14 −0.13 +0.09 0.20"
-    assert "0.6219 mm r.m.s. before, 0.1953 after" in shown[at + 4]
-
-
 @pytest.mark.parametrize(
     ("number", "printed"),
     [
@@ -128,33 +109,6 @@ def test_what_is_refused_shows_the_papers_numbers_too(number: int, printed: str)
     assert told[3:] == paper[3:]
     assert "measured" in shown
     assert "if entered" in shown
-
-
-def test_text_puts_the_sigmas_side_by_side() -> None:
-    shown = run("solve", DOUBLE, "--details").stdout
-    found = answer("solve", DOUBLE)
-    said = " ".join(shown.split()).partition("Noise, mm ")[2]
-    words = ("repeats", "residuals", "stated", "resolution q/√12", "used for U")
-    numbers = [said.partition(f"{word} ")[2].partition(" ")[0].strip(",;") for word in words]
-    names = ("repeats", "residuals", "stated", "floor", "used")
-    expected = [found["noise"][f"{name}_mm"] for name in names]
-    assert [float(number) for number in numbers] == pytest.approx(expected, abs=5e-5)
-
-
-def test_what_must_not_be_entered_stands_without_an_order(tmp_path: Path) -> None:
-    """A named cause: first why not, then the command to run next; not released, so 4."""
-    copy = tmp_path / "my session.yaml"
-    copy.write_bytes(Path(SESSION).read_bytes())
-    done = run("solve", str(copy))
-    assert done.exit_code == 4
-    shown = done.stdout
-    columns = shown.index("offsets alone  allowing for axis_gap")
-    assert shown.index("Do not enter these offsets") < columns
-    assert "  enter" not in shown
-    assert (
-        "Offsets alone: x −0.177, y +0.683, z +0.109" in run("solve", "--details", str(copy)).stdout
-    )
-    assert f"orthocal diagnose {shlex.quote(str(copy))}\n" in shown
 
 
 def test_standard_input_is_a_file_like_others() -> None:

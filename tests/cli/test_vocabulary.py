@@ -19,8 +19,9 @@ from typer.testing import Result
 
 from orthoglide_cal.files.machine_file import default_machine, machine_text, shipped_folder
 from tests import truth
-from tests.cli.program import MACHINE, READINGS, done, process, run, words, written
+from tests.cli.program import MACHINE, READINGS, done, run, words, written
 from tests.machines import SAMPLES
+from tests.session.terminal import run_program
 
 SAMPLE_FILES = sorted(path.name for path in SAMPLES.iterdir() if path.suffix in (".csv", ".yaml"))
 SPEAKING = ("solve", "diagnose", "report", "export")
@@ -81,7 +82,14 @@ def walk_on(*given: str) -> int:
     return 1 + sum(walk_on(given[0], "--machine", str(machine)) for machine in made)
 
 
-@pytest.mark.parametrize("name", SAMPLE_FILES)
+# The paper's other experiments are six differences like these.
+TWINS = ("experiment1.csv", "experiment3.csv")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow if name in TWINS else ()) for name in SAMPLE_FILES],
+)
 def test_samples(name: str) -> None:
     shutil.copy(SAMPLES / name, f"my {name}")
     # The session's gap is accepted, and that machine file is walked, too.
@@ -114,15 +122,14 @@ def test_where_no_machine_file_can_keep_it_the_command_says_what_was_entered() -
     assert "--applied" in said(run("solve", "s.yaml"))
 
 
-@pytest.mark.parametrize("cause", [None, "axis_gap", "misread"])
-def test_sessions_of_the_truth(cause: str | None) -> None:
-    hidden = () if cause is None else (cause,)
-    walk_on(*written(truth.make_session(1, truth.PROTOTYPE, truth.MICRON, hidden)))
+def test_a_session_of_the_truth() -> None:
+    """A cause of the measurement, which no sample has."""
+    walk_on(*written(truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("misread",))))
 
 
-def test_a_session_ends_with_what_solve_says_of_it(tmp_path: Path) -> None:
-    path = str(tmp_path / "my session.yaml")
-    measured = process("measure", path, "--gauge", "simulated", "--seed", "1")
+def test_a_session_ends_with_what_solve_says_of_it() -> None:
+    path = "my session.yaml"
+    measured = run_program(Path(), path, "--gauge", "simulated", "--seed", "1")
     assert measured.returncode == 0
     solved = said(run("solve", path))
     assert solved.strip() in measured.stdout

@@ -158,8 +158,7 @@ def test_a_caution_is_a_note_too(tmp_path: Path) -> None:
     assert set(found["release"]["cautions"]) <= set(found["notes"])
 
 
-@pytest.mark.parametrize("protocol", ["double", "single"])
-@pytest.mark.parametrize("kept", [False, True])
+@pytest.mark.parametrize(("protocol", "kept"), [("double", True), ("single", False)])
 def test_the_end_of_measure_is_one_screen(tmp_path: Path, protocol: str, kept: bool) -> None:
     """With a machine file, so that all steps of the round are named."""
     (tmp_path / "machine.yaml").write_text(PROTOTYPE, encoding="utf-8")
@@ -174,8 +173,7 @@ def test_the_end_of_measure_is_one_screen(tmp_path: Path, protocol: str, kept: b
 
 @pytest.mark.parametrize(
     ("words", "code"),
-    [("diagnose {}", 0), ("diagnose {} --details", 0), ("report {} --markdown -", 4),
-     ("history {} {six}", 4), ("history {six} {}", 4)],
+    [("diagnose {} --details", 0), ("report {} --markdown -", 4), ("history {six} {}", 4)],
 )  # fmt: skip
 def test_where_nothing_is_determined_no_table_is_empty(words: str, code: int) -> None:
     """One number is of another place. Nor does a history follow such a session."""

@@ -6,16 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from orthoglide_cal.estimation.gaussian import Mixture, fit_size, unexplained
-
-
-def test_what_free_unknowns_leave_has_nothing_of_them() -> None:
-    rng = np.random.default_rng(5)
-    columns, values = rng.normal(size=(7, 3)), rng.normal(size=(7, 2))
-    left = unexplained(columns, values)
-    np.testing.assert_allclose(columns.T @ left, 0.0, atol=1e-12)
-    expected = np.linalg.lstsq(columns, values, rcond=None)[0]
-    np.testing.assert_allclose(values - left, columns @ expected)
+from orthoglide_cal.estimation.gaussian import Mixture, fit_size
 
 
 def test_a_size_that_few_data_tell_counts_what_they_leave_open() -> None:

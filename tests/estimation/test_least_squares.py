@@ -11,14 +11,13 @@ from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.paper.tables import experiment
 from tests.estimation.sessions import SIX, TWELVE, of_values, problem_of
-from tests.machines import NOMINAL, both_models
+from tests.machines import NOMINAL, NOMINAL_LARGE
 
 EXPERIMENT_1 = experiment(1).value
 
 
-@both_models
-@pytest.mark.parametrize("kind", [SIX, TWELVE])
-def test_all_of_100_000_random_offsets_converge_from_zero(model: Model, kind: DataKind) -> None:
+@pytest.mark.parametrize(("model", "kind"), [(NOMINAL, TWELVE), (NOMINAL_LARGE, SIX)])
+def test_all_of_50_000_random_offsets_converge_from_zero(model: Model, kind: DataKind) -> None:
     """In all; also of those near ±20 mm; all of them can be reached, or `predict` would raise."""
     problem = problem_of(kind, model)
     offsets = np.random.default_rng(7).uniform(-20.0, 20.0, (25_000, 3))

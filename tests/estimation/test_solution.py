@@ -74,7 +74,6 @@ def test_other_data_or_another_machine_are_noticed() -> None:
         (0.99 * SUSPICIOUS, True, "larger than the gauge's noise"),
         (1.01 * SUSPICIOUS, False, "larger than usual"),
         (0.049, False, "p = 0.049"),
-        (0.049, False, "larger than usual"),
         (0.051, False, "agree with the gauge's noise"),
         (0.998, False, "(p > 0.99)"),
         (0.37, False, "p = 0.37"),

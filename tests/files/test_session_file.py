@@ -75,7 +75,7 @@ def test_the_conditions_are_those_of_the_file(tmp_path):
     assert given.environment == (("sky", "foggy"),)
 
 
-@pytest.mark.parametrize("name", ["session.yaml", "session", "data.csv", "x.txt"])
+@pytest.mark.parametrize("name", ["session.yaml", "data.csv"])
 @pytest.mark.parametrize("before", ["", "# a comment, with commas\n\n", "---\n", "\ufeff"])
 def test_recognised_by_content(tmp_path, name, before):
     for text in (session_text(values()), json.dumps(session_json(values()))):
@@ -156,13 +156,10 @@ def test_resolution_with_its_unit_and_inches(tmp_path):
 BAD = [
     ("leg: x", "leg: w", "readings[0].leg", "w", "not an axis"),
     ("posture: max", "posture: [a]", "readings[1].posture", None, "one value"),
-    ("leg: x,", "leg: x, colour: [red],", "readings[0].colour", None, "one value"),
     ("leg: x,", "leg: x, entered: [0.1, 0.2, 0.3],", "readings[0].entered", None, "one value"),
     ("reading_mm: -0.4", "reading_mm: 1:30", "readings[0].reading_mm", "1:30", "not a number"),
     ("reading_mm: -0.4, ", "", "readings[0].reading_mm", None, "missing"),
     ("09:00:30.250", "soon", "readings[0].timestamp", "2025-03-01Tsoon+01:00", "not a time"),
-    ("started: '2025-03-01T09:00:00+01:00'", "started: early", "started", "early", "not a time"),
-    ("leg_length_mm: 310.25", "leg_length_mm: -1", "machine.leg_length_mm", "-1", "zero"),
     ("id: '012'", "id: ''", "gauges[0].id", "", "empty"),
     ("leg: z, posture: iso", "leg: q, posture: iso", "skipped[0].leg", "q", "not an axis"),
     ("retaken:\n- {leg: x", "retaken:\n- {lag: x", "retaken[0].leg", None, "missing"),

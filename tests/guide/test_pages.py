@@ -19,8 +19,6 @@ PAGES = {path.stem: path.read_text(encoding="utf-8") for path in sorted(FOLDER.r
 OF_CAUSES = {path.stem for path in (FOLDER / "causes").glob("*.md")}
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
-every_page = pytest.mark.parametrize("name", PAGES)
-
 
 def test_every_cause_has_its_page() -> None:
     assert set(CAUSES) == OF_CAUSES
@@ -67,27 +65,24 @@ def test_every_command_is_explained() -> None:
     assert commands <= told | {"guide"}
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    dict.fromkeys(tuple(each) for page in (*PAGES.values(), README) for each in mentioned(page)),
-    ids=" ".join,
-)
-def test_every_command_exists(arguments: tuple[str, ...]) -> None:
+def test_every_command_exists() -> None:
     """With all its options. `--help` comes first where the first word would act at once."""
-    helped = ("--help", *arguments) if arguments[0].startswith("-") else (*arguments, "--help")
-    shown = run(*helped)
-    assert shown.exit_code == 0, shown.stderr
-    if arguments[0] == "guide":
-        assert run(*arguments).exit_code == 0
+    typed = {tuple(words) for page in (*PAGES.values(), README) for words in mentioned(page)}
+    for arguments in sorted(typed):
+        helped = ("--help", *arguments) if arguments[0].startswith("-") else (*arguments, "--help")
+        shown = run(*helped)
+        assert shown.exit_code == 0, shown.stderr
+        if arguments[0] == "guide":
+            assert run(*arguments).exit_code == 0, arguments
 
 
-@every_page
-def test_it_fits_the_narrowest_terminal_in_use(name: str) -> None:
-    code = [line for kind in ("text", "sh", "console", "python") for block in
-            blocks(PAGES[name], kind) for line in block.splitlines()]  # fmt: skip
-    assert max(map(len, code), default=0) <= 78
-    assert max(map(len, PAGES[name].splitlines())) <= 80
-    assert PAGES[name].count("\n```") == 2 * len(re.findall(r"^```\w+$", PAGES[name], re.M))
+def test_it_fits_the_narrowest_terminal_in_use() -> None:
+    for name, page in PAGES.items():
+        code = [line for kind in ("text", "sh", "console", "python") for block in
+                blocks(page, kind) for line in block.splitlines()]  # fmt: skip
+        assert max(map(len, code), default=0) <= 78, name
+        assert max(map(len, page.splitlines())) <= 80, name
+        assert page.count("\n```") == 2 * len(re.findall(r"^```\w+$", page, re.M)), name
 
 
 EXAMPLES = {name: blocks(page, "sh") for name, page in {**PAGES, "README": README}.items()}

@@ -2,17 +2,12 @@
 
 from math import exp
 
-import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.files.input import read_input
-from orthoglide_cal.inference import Verdict, diagnose
 from orthoglide_cal.inference.candidates import UNLISTED, Candidates, Ids
 from orthoglide_cal.model.model import Model
-from tests import truth
-from tests.inference.sessions import known
-from tests.machines import NOMINAL, PROTOTYPE, SAMPLES, extended
+from tests.machines import NOMINAL, PROTOTYPE, extended
 
 OWN = {id: cause for id, cause in CAUSES.items() if type(PROTOTYPE) in cause.sizes}
 
@@ -54,33 +49,3 @@ class TestCandidates:
         known_gap = extended(axis_gap=(0.1, 0.2, -0.1))
         assert not any("axis_gap" in ids for ids in tried(known_gap))
         assert any("bar_skew" in ids for ids in tried(known_gap))
-
-
-def test_an_open_choice_is_part_of_the_uncertainty() -> None:
-    """Moments of the mixture, E(x²) − E(x)².
-
-    The explanations of the paper's third experiment differ in the offsets by more than each leaves
-    open: most of the uncertainty lies between them.
-    """
-    found = diagnose(read_input(str(SAMPLES / "experiment3.csv")).measured, NOMINAL)
-    assert found.verdict is Verdict.AMBIGUOUS
-    left_open = [one for one in found.explanations if one.parameters]
-    share = np.array([one.probability for one in left_open])
-    value, std = (
-        np.array([[getattr(each, name) for each in one.parameters] for one in left_open])
-        for name in ("found", "std")
-    )
-    mean, square = (np.average(each, axis=0, weights=share) for each in (value, value**2 + std**2))
-    assert found.offsets_mm == pytest.approx(mean, rel=1e-9)
-    assert found.std_mm == pytest.approx(np.sqrt(square - mean**2), rel=1e-6)
-    within = np.average(std**2, axis=0, weights=share)
-    assert np.sort(found.std_mm**2 / within)[1] > 2.0
-
-
-@pytest.mark.parametrize("outside", sorted(truth.OUTSIDE.keys() - {"scattered_misreads"}))
-def test_what_is_not_listed_is_part_of_the_uncertainty(outside: str) -> None:
-    """Each offset lies within 4 of its standard deviations: one false failure in 2,000 sessions."""
-    session = truth.clear_outside(1, truth.PROTOTYPE, truth.MICRON, outside)
-    found = diagnose(*known(session))
-    assert found.verdict is Verdict.UNEXPLAINED
-    assert np.all(np.abs(found.offsets_mm - session.offsets) < 4.0 * found.std_mm)

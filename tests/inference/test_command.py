@@ -136,13 +136,6 @@ def sound_with(diagnosis: Diagnosis, share: float) -> Diagnosis:
 
 
 class TestText:
-    def test_wrapped_lines_keep_their_place(self) -> None:
-        lines = shown(SECOND, "--details").splitlines()
-        start = next(k for k, line in enumerate(lines) if line.lstrip().startswith("1."))
-        column = lines[start].index("1.") + 3
-        assert lines[start + 1].startswith(" " * column)
-        assert lines[start + 1][column] != " "
-
     def test_it_says_what_to_do(self) -> None:
         text = words(shown(GAP))
         assert "Cause found: the actuator axes do not meet in one point (axis_gap, 94.7 %)" in text

@@ -42,7 +42,7 @@ LEANING = Truth(
 # The same, calibrated again: other values in its controller.
 MOVED = replace(V400, radius=162.3, angles=(210.1, 329.9, 90.0), endstops=(420.6, 419.7, 420.2))
 HOMED = replace(LEANING, endstops=frozen([0.4, -0.2, 0.3]), radius=-0.4)
-MESH = Layout(240)
+MESH = Layout(150)
 
 
 def diagnosed(session: DeltaSession) -> Diagnosis:
@@ -107,6 +107,7 @@ def test_a_recalibrated_machine_is_held_out_with_its_parameters_free(
     assert any("was recalibrated" in note for note in sentences(told.notes))
 
 
+@pytest.mark.slow
 def test_few_touches_of_a_recalibrated_machine_are_predicted_as_well_as_is_stated(
     leaning: tuple[Input, Input],
 ) -> None:
@@ -163,7 +164,7 @@ def test_the_verdict_does_not_hang_on_sizes(leaning: tuple[Input, Input]) -> Non
     before, _ = leaning
     machine = before.model.machine
     probe, causes = machine.probe, {"tower_lean", "bed_shape", "backlash"}
-    for noise, local, size in ((1.5, 1.0, 1.0), (1 / 1.5, 1.5, 2.0), (1.0, 1 / 1.5, 0.5)):
+    for noise, local, size in ((1 / 1.5, 1.5, 2.0), (1.5, 1 / 1.5, 0.5)):
         other = machine.changed(
             probe=probe.changed(
                 repeatability_mm=noise * probe.repeatability_mm,
@@ -187,7 +188,7 @@ def test_what_stays_unexplained_is_told(held_out: Diagnosis) -> None:
 @pytest.mark.parametrize(
     ("drift", "layout", "seed"),
     [
-        *((0.15, Layout(9, cycles=12, pace=0.28), seed) for seed in range(3)),
+        (0.15, Layout(9, cycles=12, pace=0.28), 0),
         (1.4, Layout(13, cycles=5), 0),
         (1.4, Layout(41, cycles=3), 0),
     ],
@@ -202,7 +203,7 @@ def test_a_series_that_drifts_is_named_drift(drift: float, layout: Layout, seed:
     assert abs(estimate.value - drift) < 3.0 * estimate.std
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0])
 def test_several_wrong_touches_are_all_named(seed: int) -> None:
     """On a bed that could be four times as rough as stated, so that each alone might be its own."""
     session = clear_delta_outside(seed, V400, Layout(61), "scattered_misreads")
@@ -260,7 +261,7 @@ def test_every_page_has_the_same_root_mean_square(tmp_path: Path) -> None:
 @pytest.mark.parametrize("size", [1.0, 2.5])
 def test_a_rough_bed_is_told_to_be_rough(size: float) -> None:
     rough = (size * V400.texture, GRAIN)
-    session = make_delta_session(1, V400, (), Layout(240), rough)
+    session = make_delta_session(1, V400, (), Layout(121), rough)
     found = answer_to(given(session))
     assert found.release.usable
     said = " ".join(sentences(found.release.cautions))
@@ -268,7 +269,7 @@ def test_a_rough_bed_is_told_to_be_rough(size: float) -> None:
 
 
 def test_41_points_of_a_sound_machine_name_nothing() -> None:
-    for seed in range(4):
+    for seed in range(2):
         bumps = (V400.texture, GRAIN) if seed % 2 else (0.0, GRAIN)
         session = make_delta_session(seed, V400, (), Layout(41), bumps)
         assert diagnosed(session).verdict is Verdict.CONSISTENT

@@ -26,15 +26,6 @@ def test_densities_are_those_of_the_dense_covariance(shape: tuple[int, int]) -> 
         assert logs[g] == pytest.approx(expected, rel=1e-6, abs=1e-5)
 
 
-def test_the_noise_is_weighed_around_what_is_stated() -> None:
-    grid = NoiseGrid.around(0.0067)
-    assert np.exp(grid.log_weight).sum() == pytest.approx(1.0)
-    assert grid.sigma.min() < 0.6 * 0.0067
-    assert grid.sigma.max() > 1.5 * 0.0067
-    assert np.exp(grid.log_weight) @ grid.sigma == pytest.approx(0.0067, rel=0.05)
-    assert grid.stated == pytest.approx(0.0067)
-
-
 @pytest.mark.parametrize("known", [9, 4])
 def test_a_shared_shape_is_a_dense_covariance(known: int) -> None:
     """Evidence, and how patterns weigh and match, with every covariance written out.

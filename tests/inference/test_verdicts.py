@@ -29,6 +29,8 @@ CLEAR = {
     "swapped_gauges": (37, 2),
 }
 GAUGES = (truth.MICRON, truth.DIAL)
+# Of the effects beyond the list: in the posture, in the motion, in the scatter.
+QUICK = ("leg_bending", "plunger_hysteresis", "noisy_leg")
 PACE = {"thermal_drift": 2.5, "gauge_drift": 2.5}
 cases = [
     pytest.param(cause, gauge, seed, id=f"{cause}-{gauge.name}")
@@ -103,7 +105,13 @@ def test_its_place_and_size_are_the_truth_s(cause: str, gauge: truth.Gauge, seed
         assert named.where == ""
 
 
-@pytest.mark.parametrize("outside", sorted(truth.OUTSIDE.keys() - {"scattered_misreads"}))
+@pytest.mark.parametrize(
+    "outside",
+    [
+        pytest.param(name, marks=() if name in QUICK else pytest.mark.slow)
+        for name in sorted(truth.OUTSIDE.keys() - {"scattered_misreads"})
+    ],
+)
 def test_what_is_not_listed_is_unexplained(outside: str) -> None:
     session = truth.clear_outside(1, truth.PROTOTYPE, truth.MICRON, outside)
     readings, model = known(session)
@@ -113,12 +121,15 @@ def test_what_is_not_listed_is_unexplained(outside: str) -> None:
     assert found.lack_of_fit.p_value < 1e-6
     assert found.patterns
     assert found.patterns[0].accepted
+    # Within 4 of its standard deviations, in which all that is left open counts: one false failure
+    # in 2,000 sessions.
+    assert np.all(np.abs(found.offsets_mm - session.offsets) < 4.0 * found.std_mm)
 
 
 @pytest.mark.parametrize("cause", [c for c in truth.MACHINE_CAUSES if c != "backlash"])
 def test_what_is_too_small_to_be_seen_is_not_excluded(cause: str) -> None:
     """A thirtieth of its plausible size is there, and does not show."""
-    for seed in (1, 2, 3):
+    for seed in (1, 2):
         hidden = truth.make_session(seed, truth.PROTOTYPE, truth.DIAL, (cause,), times=(0.02, 0.05))
         found = diagnose(*known(hidden))
         assert found.verdict == "consistent"

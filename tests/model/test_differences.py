@@ -7,12 +7,9 @@ import pytest
 
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference
-from orthoglide_cal.model.model import Model, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
-from orthoglide_cal.model.plan import zero_free
 from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series
 from tests.machines import PROTOTYPE, both_machines
-from tests.model.geometries import mixed_plan
 
 OFFSETS = np.array([0.4, -0.9, 0.6])
 KINDS = (DataKind.SIX, DataKind.TWELVE, DataKind.SINGLE)
@@ -86,24 +83,3 @@ def test_readings_of_different_set_ups_are_never_subtracted() -> None:
     again = GaugePlan(**{**vars(plan), "setup": np.unique(setup, return_inverse=True)[1]})
     row = reduction(DataKind.SIX, (Difference(Series(0, 1)),), PROTOTYPE, again)[0]
     assert row @ values == pytest.approx(((3.0 - (-6.0)) + (4.0 - (-2.0))) / 2.0)
-
-
-@both_machines
-@pytest.mark.parametrize("kind", ["few", "mixed", "ends"])
-def test_contrasts_are_least_squares_with_free_zeros(machine: Machine, kind: str) -> None:
-    """Unequal repeats, gauges that moved, ends of legs: the normal equations of all readings."""
-    rng = np.random.default_rng(8)
-    plan = double_posture(machine).subset(np.sort(rng.choice(60, 41, replace=False)))
-    if kind != "few":
-        once = mixed_plan(machine) if kind == "mixed" else single_posture(machine)
-        plan = once.subset(np.sort(rng.choice(len(once), 3 * len(once))))
-    slope = simulate_with_jacobian(Model(machine), OFFSETS, plan)[1]
-    values = rng.normal(0.0, 1.0, len(plan))
-    contrasts, zeros = zero_free(plan), plan.zeros
-    rows = contrasts @ np.eye(len(plan))
-    assert rows @ rows.T == pytest.approx(np.eye(len(contrasts)), abs=1e-12)
-    assert np.abs(contrasts @ zeros).max() < 1e-12
-    for one, other in ((slope, slope), (slope, values)):
-        mine = (contrasts @ one).T @ (contrasts @ other)
-        left = other - zeros @ np.linalg.lstsq(zeros, other)[0]
-        assert mine == pytest.approx(one.T @ left, abs=1e-10)

@@ -61,13 +61,3 @@ def test_a_changed_machine_has_the_fields_of_its_kind():
         PROTOTYPE.changed(arm_length_mm=300.0)
     with pytest.raises(UsageError, match="linear_delta"):
         Orthoglide.require(PRINTER)
-
-
-def test_what_is_asked_of_a_new_machine_says_what_it_is():
-    for made in MACHINES.values():
-        asked = {name: field for name, field in made.model_fields.items() if field.title}
-        assert "name" in asked
-        for field in asked.values():
-            assert field.description
-            assert isinstance(field.json_schema_extra, dict)
-            assert "unit" in field.json_schema_extra

@@ -52,14 +52,6 @@ def test_stands_stay_where_they_were_used_last() -> None:
     assert not single_posture(PROTOTYPE).standing.any()
 
 
-def test_order_in_time_and_set_ups() -> None:
-    plan = small_plan()
-    assert plan.in_time.tolist() == [1, 0, 3, 2]
-    assert plan.setups == 3
-    assert plan.zeros.tolist() == [[1, 0, 0], [1, 0, 0], [0, 0, 1], [0, 1, 0]]
-    assert plan.subset([]).setups == len(plan.subset([])) == 0
-
-
 def test_readings_alike_share_their_cell_and_their_moment() -> None:
     """A cell is where and how is read; a moment where the carriages stand; iso is one for all."""
     ends = [(0, 1, 0.0), (0, 1, 60.0), (0, 2, 60.0), (1, 2, 0.0), (1, 2, 60.0), (1, 2, 60.0)]

@@ -34,7 +34,7 @@ def measured(session: truth.Session, option: Option, seed: int) -> Readings:
 
 @pytest.mark.parametrize("cause", ["axis_gap", "bar_skew"])
 @pytest.mark.parametrize(
-    "seed", [1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, 4))]
+    "seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3, 4))]
 )
 def test_a_gap_and_a_skewed_bar_are_told_apart_afterwards(cause: str, seed: int) -> None:
     """A chance of 0.96 or more for each of 24 sessions: all of them are named rightly."""
@@ -55,10 +55,9 @@ def test_a_gap_and_a_skewed_bar_are_told_apart_afterwards(cause: str, seed: int)
         assert rival not in after.ambiguous_with
 
 
-@pytest.mark.parametrize("gauge", [truth.MICRON, truth.DIAL], ids=lambda gauge: gauge.name)
-def test_u_is_that_of_the_session_alone(gauge: truth.Gauge) -> None:
+def test_u_is_that_of_the_session_alone() -> None:
     """On average over sessions of it, whatever the differences knew before."""
-    session = truth.make_session(5, truth.PROTOTYPE, gauge)
+    session = truth.make_session(5, truth.PROTOTYPE, truth.MICRON)
     readings, model = known(session)
     for following in rank_measurements(diagnose(reduced(DataKind.SIX, readings, model), model)):
         sessions = [measured(session, following, seed) for seed in range(6)]

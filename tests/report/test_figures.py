@@ -11,7 +11,6 @@ import pytest
 from orthoglide_cal import errors, words
 from orthoglide_cal.report import case, figures
 from orthoglide_cal.report.documents.pictures import _sign, _signs
-from orthoglide_cal.report.figures import Scale, mark, tick_text
 from orthoglide_cal.results.answer import Residual, Shim
 
 BED = 100.0, (210.0, 330.0, 90.0)
@@ -20,26 +19,6 @@ BED = 100.0, (210.0, 330.0, 90.0)
 def marks(picture: str) -> list[tuple[float, float]]:
     found = re.findall(r'<circle cx="([-\d.]+)" cy="([-\d.]+)"', picture)
     return [(float(x), float(y)) for x, y in found]
-
-
-def test_scale_and_ticks():
-    scale = Scale(-2.0, 6.0, 10.0, 90.0)
-    assert scale(-2.0) == 10.0
-    assert scale(0.0) == 30.0
-    assert Scale(1.0, 1.0, 0.0, 8.0)(1.0) == 4.0
-    written = [(kind, text) for _, kind, text in Scale(-0.32, 0.55, 0.0, 87.0).ticks(4)]
-    assert written == [("grid", "−0.25"), ("zero", "0.00"), ("grid", "0.25"), ("grid", "0.50")]
-    assert [tick_text(v, 0.25) for v in (-0.25, 0.0, 0.5)] == ["−0.25", "0.00", "0.50"]
-    assert [tick_text(v, 20.0) for v in (-20.0, 0.0)] == ["−20", "0"]
-    around = Scale.around([0.3, -0.1], 0.0, 1.0)
-    assert around.low < -0.1
-    assert around.high > 0.3
-
-
-def test_marks_differ_in_shape():
-    drawn = [mark(0.0, 0.0, shape) for shape in range(4)]
-    assert len(set(drawn)) == 4
-    assert mark(0.0, 0.0, 4) == drawn[0]
 
 
 def test_residual_panels_one_scale_and_named_worst():
@@ -129,21 +108,6 @@ def test_what_is_left_is_shown_with_its_uncertainty_and_the_limit():
     judged = figures.deviation_rows(rows, 0.2, ["Pass", "Fail"])
     assert [judged.count(f">{word}<") for word in ("Pass", "Fail", "−0.100")] == [1, 1, 1]
     assert "dz_x +0.400, −0.100, −0.300 ± 0.040, Fail" in judged
-
-
-def test_classes_of_colours_hold_all_values_in_round_steps():
-    for largest in (0.0313, 2.41, 7.0, 0.00071, 0.0):
-        for around_zero in (False, True):
-            limits = figures.class_limits(largest, around_zero)
-            assert len(limits) == figures.CLASSES + 1
-            assert limits[0] == pytest.approx(-limits[-1] if around_zero else 0.0)
-            assert limits[-1] >= largest * (1 - 1e-9)
-            steps = np.diff(limits)
-            assert steps == pytest.approx(steps[0])
-            mantissa = steps[0] / 10.0 ** np.floor(np.log10(steps[0]) + 1e-9)
-            assert any(mantissa == pytest.approx(one) for one in (1, 1.5, 2, 2.5, 3, 4, 5, 7.5))
-            # No scale is so coarse that most of it stays unused.
-            assert largest > 0.45 * limits[-1] or not largest
 
 
 def heat(panel: str) -> dict[str, float]:
@@ -261,14 +225,6 @@ def test_what_is_found_of_a_machine_is_drawn_to_its_sign():
     ((start, _, end, _),) = lines(carriage, "fault")
     assert end < start
     assert "x −0.080 mm" in figures.parameter_sketch("cause", carriage)
-
-
-def test_the_machine_shows_every_gauge():
-    gauges = [(0, 1, 0.5), (2, 0, 0.25)]
-    drawn = figures.machine_sketch(310.25, (-100.0, 60.0), gauges)
-    assert drawn.count('class="dial"') == 2
-    assert "+y" in drawn
-    assert "leg z, direction x at 0.25" in drawn
 
 
 @pytest.mark.parametrize("module", [errors, case, figures, words])

@@ -11,7 +11,6 @@ import pytest
 
 from orthoglide_cal.model.machine import Details
 from orthoglide_cal.report.document import MARK
-from orthoglide_cal.report.escape import Html, in_html, tag
 from orthoglide_cal.report.html import html
 from orthoglide_cal.report.markdown import markdown
 from tests.report.cases import changed, documents, report_of
@@ -187,13 +186,3 @@ def test_what_was_not_given_is_a_blank_line():
     blanks = [value for _, name, value in outline.attributes if value == "not given"]
     # Measured, gauges, temperature, operator; protocol, started, finished; traceability.
     assert len(blanks) == 8
-
-
-def test_markup_escapes_all_but_itself():
-    assert tag("p", "<b>&'\"", title='"<') == '<p title="&quot;&lt;">&lt;b&gt;&amp;&#x27;&quot;</p>'
-    assert tag("p", tag("b", "x")) == "<p><b>x</b></p>"
-    assert in_html(Html("<i>")) == "<i>"
-    assert tag("line", x1=1.50, y1=None, stroke_width=2) == (
-        '<line x1="1.5" stroke-width="2"></line>'
-    )
-    assert tag("meta", name="a", class_="b") == '<meta name="a" class="b">'

@@ -178,6 +178,7 @@ def run_program(
     *arguments: str,
     stdin: str = "",
     before: Callable[[], None] | None = None,
+    command: str = "measure",
 ) -> subprocess.CompletedProcess[str]:
     """`orthocal measure` without a terminal; `before` runs in the new process."""
     # On a full disk Python would keep a module's code cut off, for all runs after this one.
@@ -190,7 +191,7 @@ def run_program(
         restore_signals=False,
         text=True,
         timeout=PATIENCE_S,
-        preexec_fn=forked(PROGRAM, ("measure", *arguments), here, before or (lambda: None)),
+        preexec_fn=forked(PROGRAM, (command, *arguments), here, before or (lambda: None)),
         check=False,
     )
 

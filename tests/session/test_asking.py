@@ -258,13 +258,6 @@ def test_a_gauge_that_is_quiet_again_is_heard() -> None:
     assert "The gauge is quiet now." in screen.text
 
 
-def test_keys_work_while_a_gauge_sends_by_itself() -> None:
-    flood = [(0.1, None, [READ])] * 12
-    asker, _, _ = at((9.0, None, []), *flood, (0.05, "q", [READ]))
-    assert asker.ask(ASKED, STEP) == Unasked(0)
-    assert asker.ask(ASKED, STEP) == "q"
-
-
 def test_return_on_a_silent_gauge_says_what_to_check() -> None:
     soon = 0.6 * ANSWER_S
     asker, screen, _ = at((9.0, "", []), (soon, None, []), (soon, None, []), (soon, "q", []))

@@ -5,7 +5,6 @@ from collections.abc import Callable
 
 import pytest
 
-from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
 from orthoglide_cal.session.checks import check_number, check_reading, check_repeats
@@ -83,23 +82,6 @@ def test_one_wrong_reading(
     assert number == at + 1
     assert doubt in doubts
     assert words in text
-
-
-def test_a_reading_is_predicted_once_for_what_changes_it_alone(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """And once more with the gauges exchanged: not for each revolution, sign and decimal point."""
-    steps = steps_of()
-    values = readings_of(steps)
-    before = [taken(k, value, 0.2 * k) for k, value in enumerate(values[:32], start=1)]
-    now = read_next(state_of(before), steps, 32, 7.0, values[32] + 1.0)
-    predicted: list[object] = []
-    predict = Mixture.given
-    monkeypatch.setattr(Mixture, "given", lambda *by: predicted.append(by) or predict(*by))
-    question = check_reading(now, Unit.MM)
-    assert question is not None
-    assert question.doubt is Doubt.REVOLUTION
-    assert len(predicted) == 2
 
 
 @pytest.mark.parametrize("seed", SEEDS)

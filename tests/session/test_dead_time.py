@@ -10,7 +10,7 @@ from orthoglide_cal.session.asking import BETWEEN_GAUGES_S, BY_HAND_S, DeadTime
 from orthoglide_cal.session.events import State, replay
 
 from .going_on import events_of
-from .terminal import PROGRAM, PROMPT, Terminal
+from .terminal import PROGRAM, Terminal
 
 
 def state_in(folder: Path) -> State:
@@ -35,24 +35,6 @@ def test_a_second_press_is_no_reading(tmp_path: Path) -> None:
         terminal.type("0.41")
         terminal.expect("saved")
     assert kept(tmp_path) == {1: -0.64, 2: 0.41}
-
-
-def test_a_gauge_in_continuous_output_stores_nothing(tmp_path: Path) -> None:
-    with Terminal(tmp_path, "s.yaml", program=PROGRAM) as terminal:
-        assert terminal.step() == 1
-        until = time.monotonic() + BETWEEN_GAUGES_S + 0.3
-        while time.monotonic() < until:
-            terminal.type("0.41")
-            time.sleep(0.03)
-        terminal.expect(r"Switch off the\s+gauge's continuous")
-        assert terminal.seen.count("ignored: ") <= 8
-        assert kept(tmp_path) == {}
-        terminal.expect("The gauge is quiet now")
-        terminal.expect(PROMPT)
-        assert kept(tmp_path) == {}
-        terminal.type("-0.64")
-        terminal.expect("saved -0.640")
-    assert kept(tmp_path) == {1: -0.64}
 
 
 def test_a_number_begun_before_its_prompt_is_not_taken_for_its_end(tmp_path: Path) -> None:

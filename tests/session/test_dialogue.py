@@ -53,8 +53,10 @@ def test_a_drive_takes_longer_than_turning_to_the_other_gauge(
 
 def test_a_value_beyond_the_gauges_range_is_not_kept(tmp_path: Path) -> None:
     lines = typed(readings_of(steps_of()))[:5]
-    dialogue, screen = answered(tmp_path / "s.journal", [*lines[:4], "55.5", "k", "55.5", lines[4]])
-    assert replaced(dialogue) == [55.5, 55.5]
+    """Neither by a key nor by being typed twice."""
+    typed_again = [*lines[:4], "55.5", "k", "55.5", "55.5", lines[4]]
+    dialogue, screen = answered(tmp_path / "s.journal", typed_again)
+    assert replaced(dialogue) == [55.5] * 3
     assert len(dialogue.state.accepted) == 5
     assert "Not kept" in screen.text
     assert "5. k keep" not in screen.text
@@ -164,9 +166,7 @@ def test_retake_of_a_leg_whose_stand_has_moved_is_the_whole_set_up(tmp_path: Pat
     assert values(again) == {}
 
 
-@pytest.mark.parametrize(
-    "line", ["r 99", "r 59", "r -1", "r abc", "r 1e3", "r 0", "r q", "r z", "r"]
-)
+@pytest.mark.parametrize("line", ["r 59", "r -1", "r abc", "r 0", "r z", "r"])
 def test_retake_of_nothing(tmp_path: Path, line: str) -> None:
     dialogue, _ = answered(tmp_path / "s.journal", ["-0.64", line, ""])
     assert values(dialogue) == {1: -0.64}
@@ -204,7 +204,7 @@ def test_resuming_says_that_the_stands_are_in_place(tmp_path: Path) -> None:
     assert screen.text.count("do not touch") == 1  # nothing counts any more: set it up again
 
 
-@pytest.mark.parametrize("line", ["", "911", "\x1b[A", "urr", "k", "m", "u", "t", "?", "ß0.64"])
+@pytest.mark.parametrize("line", ["", "911", "\x1b[A", "urr", "k", "t", "ß0.64"])
 def test_nothing_but_a_reading_is_a_reading(tmp_path: Path, line: str) -> None:
     dialogue, screen = answered(tmp_path / "s.journal", [line, line])
     assert dialogue.state.count == 1
@@ -255,7 +255,7 @@ def test_a_slip_is_questioned_and_can_be_read_again(tmp_path: Path) -> None:
     assert take.question in content(dialogue)["retaken"][0]["reason"]
 
 
-@pytest.mark.parametrize("key", ["k", "y", "K", "keep", "yes", "m"])
+@pytest.mark.parametrize("key", ["k", "K", "yes", "m"])
 def test_a_slip_can_be_kept_with_a_note(tmp_path: Path, key: str) -> None:
     dialogue, _ = answered(tmp_path / "s.journal", [*with_slip(), key])
     assert dialogue.state.pending is None
@@ -279,7 +279,7 @@ def test_the_same_reading_again_is_kept_without_a_second_question(
     assert replaced(dialogue) == [float(lines[-1])]
 
 
-@pytest.mark.parametrize("line", ["u", "t", "?", "n what", "hello", ""])
+@pytest.mark.parametrize("line", ["u", "t", "n what", "hello"])
 def test_keys_work_at_a_question(tmp_path: Path, line: str) -> None:
     dialogue, _ = answered(tmp_path / "s.journal", [*with_slip(), line])
     assert (dialogue.state.pending is None) == (line == "u")
@@ -326,11 +326,3 @@ def test_a_clock_that_is_set_back_does_not_turn_the_order_around(tmp_path: Path)
     late = opened(at="2025-03-01T19:00:00.000+01:00")  # the clock shows 9 in the morning
     dialogue, _ = answered(tmp_path / "t.journal", ["-0.64"], first=late)
     assert dialogue.so_far.minutes.tolist() == [0.0]
-
-
-def test_what_the_plunger_cannot_reach_is_not_kept_for_being_typed_twice(tmp_path: Path) -> None:
-    lines = [*typed(readings_of(steps_of()))[:4], "55.5", "55.5", "55.5"]
-    dialogue, screen = answered(tmp_path / "s.journal", lines)
-    assert len(dialogue.state.accepted) == 4
-    assert "kept" not in screen.text
-    assert dialogue.state.pending is not None

@@ -16,7 +16,7 @@ from tests.truth.machines import Gauge as TrueGauge
 from tests.truth.machines import Machine as TrueMachine
 from tests.truth.session import make_session
 
-from .virtual import both_protocols, play, read_next, state_of, steps_of, taken
+from .virtual import DOUBLE, SINGLE, play, read_next, state_of, steps_of, taken
 
 
 def healthy_values(
@@ -33,8 +33,7 @@ def healthy_values(
     return np.round(noisy / gauge.resolution_mm) * gauge.resolution_mm
 
 
-@both_protocols
-@pytest.mark.parametrize("gauge", [DIAL, MICRON], ids=["10 um dial", "1 um gauge"])
+@pytest.mark.parametrize(("protocol", "gauge"), [(DOUBLE, DIAL), (SINGLE, MICRON)])
 def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
     protocol: MeasuringProtocol, gauge: TrueGauge
 ) -> None:
@@ -61,8 +60,7 @@ def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
     assert false.sum() < 10
 
 
-@pytest.mark.parametrize("gauge", [DIAL, MICRON], ids=["dial", "micron"])
-@pytest.mark.parametrize("machine", [PROTOTYPE, LARGE], ids=["prototype", "large"])
+@pytest.mark.parametrize(("machine", "gauge"), [(PROTOTYPE, DIAL), (LARGE, MICRON)])
 @pytest.mark.parametrize("imperfection", ["none", "axis_gap", "bar_skew", "backlash"])
 def test_sessions_of_an_independent_truth_are_left_alone(
     gauge: TrueGauge, machine: TrueMachine, imperfection: str

@@ -16,7 +16,7 @@ from orthoglide_cal.session.events import (
 
 from .virtual import opened, random_events
 
-seeds = pytest.mark.parametrize("seed", range(20))
+seeds = pytest.mark.parametrize("seed", range(8))
 
 
 @seeds

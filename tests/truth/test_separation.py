@@ -9,15 +9,13 @@ from . import (
     MICRON,
     PROTOTYPE,
     Session,
-    clear_outside,
     expected_heldout,
     make_session,
-    pair_distances,
     separation,
 )
 from .forward import PARTS, prior_sd, signals
 from .plan import Floats
-from .separation import Neighbourhood, marginal, place_costs
+from .separation import Neighbourhood
 
 
 def _brute_distance(session: Session, cause: str) -> float:
@@ -65,50 +63,6 @@ def test_a_shift_is_as_far_as_a_fit_at_every_place_says() -> None:
     # At its offsets the slip stands where the model was linearised: no curvature to speak of.
     distance = separation(session).distances["stand_shift"]
     assert distance == pytest.approx(np.sqrt(min(costs)), rel=1e-3)
-
-
-def test_a_misread_last_reading_is_also_a_knock() -> None:
-    """A knock before the last reading of a gauge spoils that reading alone."""
-    near = 0
-    for seed in range(60):
-        session = make_session(seed, PROTOTYPE, MICRON, ("misread",))
-        row, setup = session.effects[0].row, session.plan.setup
-        rows = np.flatnonzero(setup == session.effects[0].setup)
-        found = separation(session)
-        alias = abs(found.distances["stand_shift"] - found.own) < 1e-6
-        assert alias == (row in (rows[0], rows[-1]))
-        near += alias
-    assert near > 3
-
-
-def test_rank_one_and_whole_turns() -> None:
-    rng = np.random.default_rng(3)
-    residual, pattern = rng.normal(size=20), rng.normal(size=(20, 1))
-    overlap, square = pattern.T @ residual, (pattern**2).sum(axis=0)
-    cost, size = place_costs("misread", overlap, square, residual @ residual)
-    grid = np.linspace(-3, 3, 60001)
-    brute = ((residual[:, None] - pattern * grid) ** 2).sum(axis=0) + grid**2
-    assert cost[0] == pytest.approx(brute.min(), rel=1e-6)
-    assert size[0] == pytest.approx(grid[brute.argmin()], abs=1e-3)
-    cost, size = place_costs("gauge_slip", overlap, square, residual @ residual)
-    assert abs(size[0]) == 1.0
-    assert cost[0] == pytest.approx(np.interp(size[0], grid, brute), rel=1e-6)
-
-
-def test_marginal_weight_is_the_cost_of_the_family() -> None:
-    """min over t of |residual - patterns t|^2 + |t|^2."""
-    rng = np.random.default_rng(4)
-    patterns, residual = rng.normal(size=(20, 4)), rng.normal(size=20)
-    target, matrix = np.append(residual, np.zeros(4)), np.concatenate((patterns, np.eye(4)))
-    fit = np.linalg.lstsq(matrix, target, rcond=None)[0]
-    direct = np.sum((target - matrix @ fit) ** 2)
-    assert residual @ marginal(patterns) @ residual == pytest.approx(direct, rel=1e-12)
-
-
-def test_outside_effects_stand_clear_of_singles_and_pairs() -> None:
-    session = clear_outside(1, PROTOTYPE, DIAL, "leg_bending")
-    assert separation(session).distance >= 10.0
-    assert next(iter(pair_distances(session).values())) >= 8.0
 
 
 def test_expected_heldout_is_what_leaving_out_gives() -> None:

@@ -26,7 +26,7 @@ from . import (
     signals,
     standard_plan,
 )
-from .effects import state_with, swapped_rows, transposed
+from .effects import state_with, swapped_rows
 from .forward import PARTS
 from .plan import frozen
 from .session import SITTING, Setting
@@ -62,17 +62,6 @@ def test_settings_have_the_stated_sizes() -> None:
     exact = make_session(3, PROTOTYPE, DIAL, exact=True)
     assert not exact.setting.misplaced.any()
     assert not second_session(exact, 3).setting.misplaced.any()
-
-
-def test_tired_eyes_exchange_neighbouring_digits() -> None:
-    assert transposed(-3.147, 3, 1) == -3.417
-    assert transposed(0.652, 3, 2) == 0.625
-    assert transposed(1.27, 2, 2) == 1.72
-    digits = [make_session(s, PROTOTYPE, MICRON, ("misread",)) for s in range(60)]
-    sizes = np.abs([s.effects[0].parameters[0] for s in digits])
-    assert 0.004 < sizes.min() < sizes.max() < 0.95
-    written = [s.readings[s.effects[0].row] for s in digits]
-    assert np.allclose(written, np.round(written, 3))
 
 
 def test_next_day_keeps_the_machine_and_forgets_the_blunders() -> None:
@@ -171,26 +160,3 @@ def test_a_set_up_may_lack_the_isotropic_posture() -> None:
     some = continue_session(first, 1, order=np.arange(away.sum()), **arrays)
     expected = whole.clean[60:][away] - whole.zeros[whole.plan.zero[60:][away]]
     assert some.clean[60:] - some.zeros[some.plan.zero[60:]] == pytest.approx(expected, abs=1e-9)
-
-
-def test_readings_are_taken_in_their_order() -> None:
-    first = drawn(exact=False)
-    plain = again(first)
-    plan, new = plain.plan, np.random.default_rng(0).permutation(60)
-    arrays = {name: getattr(plan, name)[60:][new] for name in (*SITTING, "hours")}
-    shuffled = continue_session(first, 1, order=new, **arrays)
-    assert shuffled.readings.tolist() == plain.readings.tolist()
-
-
-def test_the_file_tells_of_the_parts_and_only_where_there_are_some() -> None:
-    first = make_session(2, PROTOTYPE, DIAL)
-    assert readings_csv(first).splitlines()[0].endswith("reading_mm")
-    both = again(first, turned=1, entered=(0.5, 0.0, -0.2), gauge_at=0.25)
-    lines = readings_csv(both).splitlines()
-    assert lines[1].endswith("0.500000,1,,0.000000 0.000000 0.000000")
-    assert lines[61].endswith("0.250000,2,turned,0.500000 0.000000 -0.200000")
-
-
-def test_nobody_knows_what_an_unlisted_effect_does_next() -> None:
-    with pytest.raises(ValueError, match="outside the list"):
-        again(make_session(1, PROTOTYPE, DIAL, outside="screw_period"))
