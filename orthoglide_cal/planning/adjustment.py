@@ -21,8 +21,7 @@ from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.inference import Diagnosis, Verdict
 from orthoglide_cal.inference.prediction import expect
-from orthoglide_cal.inference.result import CauseParameter
-from orthoglide_cal.model.cause import Cause, Effect, Stage
+from orthoglide_cal.model.cause import Cause, Effect, Estimate, Stage
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.model import differentiate, simulate
 from orthoglide_cal.model.orthoglide import POSTURES, Orthoglide, PlannedReading, plan_of
@@ -32,7 +31,7 @@ from orthoglide_cal.model.readings import Contact, other_axes
 _HALF_WAY = 0.5  # along the leg
 
 
-class Adjustment(CauseParameter):
+class Adjustment(Estimate):
     """How a parameter of a cause is corrected; leg and direction are 0, 1, 2 for x, y, z."""
 
     loosen: str = Field(description="what is loosened")
@@ -132,8 +131,8 @@ def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
         spread = np.array([*(k * (root[there] - root[here])), k * noise, stop])
         cell = cells[here]
         yield Adjustment(
-            name=name, unit=size.unit, value=size.value, std=size.std, expanded=k * size.std,
-            **screw._asdict(), direction=cell.direction, gauge_at=cell.gauge_at,
+            name=name, unit=size.unit, value=size.value, std=size.std, **screw._asdict(),
+            direction=cell.direction, gauge_at=cell.gauge_at,
             here_mm=cell.displacement, there_mm=cells[there].displacement,
             sensitivity=float(slope[here] * cause.scale),
             change_mm=float(corrected[here] - readings[here]), expanded_mm=float(expanded),

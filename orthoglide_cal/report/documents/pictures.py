@@ -13,6 +13,7 @@ from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import Case, comparison_words
+from orthoglide_cal.report.escape import Html
 from orthoglide_cal.report.sentences import pattern_name, pattern_words
 from orthoglide_cal.results.answer import Answer, Residual
 from orthoglide_cal.words import plain, short, signed, unit_words, with_uncertainty
@@ -179,7 +180,7 @@ def cause_figure(case: Case, cause: FoundCause, gaps: bool) -> Iterator[doc.Figu
     drawn = [each for each in seen_parameters(cause) if set(each.name) <= {*AXES, "_"}]
     if gaps:
         sizes_mm = {each.name: each.value for each in cause.parameters}
-        panels = (figures.rails_sketch(sizes_mm, case.answer.shims),)
+        panels: tuple[Html, ...] = (figures.rails_sketch(sizes_mm, case.answer.shims),)
         key = "The rails where they really are, the gaps enlarged. " + (
             " Arrows: move the mount there." if case.answer.shims else ""
         )
