@@ -266,10 +266,10 @@ def _explanations(found: Decision) -> tuple[Explanation, ...]:
     model = found.belief.at.white.problem.model
     fits = {tuple(sorted(fit.ids)): fit for _, fit in found.left_open}
 
-    def told(ids: Ids, probability: float) -> Explanation:
+    def explanation(ids: Ids, probability: float) -> Explanation:
         fit = fits.get(ids)
         if fit is None:
-            return Explanation(ids=ids, probability=probability)
+            return Explanation.model_construct(ids=ids, probability=probability)
         std = np.sqrt(np.diag(fit.offsets_covariance))
         return Explanation(
             ids=ids,
@@ -278,10 +278,10 @@ def _explanations(found: Decision) -> tuple[Explanation, ...]:
             parameters=Parameter.all_of(model, fit.offsets, std, half_width(np.inf)),
         )
 
-    tried = [told(ids, value) for ids, value in found.belief.listed.items()]
+    tried = [explanation(ids, value) for ids, value in found.belief.listed.items()]
     for pattern, value in found.belief.unlisted.items():
-        tried.append(Explanation(pattern=pattern, probability=value))
-    return tuple(sorted(tried, key=lambda each: -each.probability))
+        tried.append(Explanation.model_construct(pattern=pattern, probability=value))
+    return tuple(sorted(tried, key=lambda one: -one.probability))
 
 
 def _unshown(found: Decision, offsets: Floats, u: Floats) -> tuple[UnshownFault, ...]:
