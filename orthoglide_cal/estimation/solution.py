@@ -281,8 +281,8 @@ def fit_parameters(
         offsets = estimator @ shifted
         residuals = shifted - at_zero @ offsets
     else:
-        found = _search(posed, start)
-        offsets = found.offsets_mm
+        fit = _search(posed, start)
+        offsets = fit.offsets_mm
     plan, gauge = posed.problem.plan, model.machine.instrument
     uncertain = influences(model, offsets, plan)
     # Causes that were fitted to these very data are not uncertain in addition to their noise: id →
@@ -293,15 +293,15 @@ def fit_parameters(
         if effect.data_sha256 == measured.source.sha256
     }
     left = [influence for influence in uncertain if influence.source not in here]
-    stated_mm = math.hypot(gauge.noise_mm, math.sqrt(sum(each.rest for each in left)))
-    ratios = [(each.source, each.columns / stated_mm) for each in left]
+    stated_mm = math.hypot(gauge.noise_mm, math.sqrt(sum(one.rest for one in left)))
+    ratios = [(one.source, one.columns / stated_mm) for one in left]
     if chosen is Method.READINGS:
         posed = posed.weighted(posed.problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
-        found = _search(posed, start=offsets)
-        offsets = found.offsets_mm
+        fit = _search(posed, start=offsets)
+        offsets = fit.offsets_mm
     readings, jacobian = simulate_at(model, offsets, plan)
     if not chosen.linear:
-        residuals = found.residuals_mm
+        residuals = fit.residuals_mm
         estimator = np.asarray(np.linalg.pinv(posed.problem.matrix @ jacobian), np.float64)
     # What a cause of the machine would explain is no noise.
     hidden = set(model.machine.unobservable) - {effect.cause.id for effect in model.accepted}
