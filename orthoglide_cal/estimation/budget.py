@@ -110,7 +110,7 @@ class Budget:
     @property
     def largest(self) -> Contribution:
         """The source that adds most to the three offsets together."""
-        return max(self.contributions, key=lambda each: float(np.trace(each.covariance_mm2)))
+        return max(self.contributions, key=lambda part: float(np.trace(part.covariance_mm2)))
 
 
 def budget_of(
@@ -214,19 +214,19 @@ def _influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, .
     gauges = model.machine.uncertain(
         plan, lambda other: readings if other is plan else simulate(model, offsets, other)
     )
-    found = [*gauges, *hidden]
+    acting = [*gauges, *hidden]
     if model.accepted:
         carried = carried_uncertainty(model, offsets, plan)
-        found += [
+        acting += [
             Influence(effect.cause.id, None, "", False, columns)
             for effect, columns in zip(model.accepted, carried, strict=True)
         ]
     if offsets.ndim > 1:
         # What does not depend on the offsets is the same at all of them.
-        shapes = [(*offsets.shape[:-1], *each.columns.shape[-2:]) for each in found]
-        pairs = zip(found, shapes, strict=True)
-        found = [replace(each, columns=np.broadcast_to(each.columns, s)) for each, s in pairs]
-    return tuple(found)
+        shapes = [(*offsets.shape[:-1], *one.columns.shape[-2:]) for one in acting]
+        pairs = zip(acting, shapes, strict=True)
+        acting = [replace(one, columns=np.broadcast_to(one.columns, s)) for one, s in pairs]
+    return tuple(acting)
 
 
 def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
@@ -248,17 +248,17 @@ def _of_causes(
     known = {effect.cause.id for effect in model.accepted}
     causes = [CAUSES[id] for id in ids if id not in known and CAUSES[id].size(machine) > 0.0]
     readings, (_, *jacobians) = differentiate_absent(model, offsets, plan, causes)
-    found = [
+    hidden = [
         Influence(
             cause.id,
             cause.size(machine),
             cause.unit,
             cause.assumed(machine),
-            own * cause.prior_std(machine),
+            derivatives * cause.prior_std(machine),
         )
-        for cause, own in zip(causes, jacobians, strict=True)
+        for cause, derivatives in zip(causes, jacobians, strict=True)
     ]
-    return readings, found
+    return readings, hidden
 
 
 class BudgetTotal(Schema):

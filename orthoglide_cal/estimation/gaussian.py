@@ -37,13 +37,13 @@ def whiten(covariance: Floats, *values: Floats) -> tuple[Floats, ...]:
     (array([1., 2.]),)
     """
     root = np.linalg.cholesky(covariance)
-    columns = [each[:, None] if each.ndim == 1 else each for each in values]
-    shape = np.broadcast_shapes(*(each.shape[:-2] for each in (root, *columns)))
-    whole = [np.broadcast_to(each, (*shape, *each.shape[-2:])) for each in columns]
+    columns = [one[:, None] if one.ndim == 1 else one for one in values]
+    shape = np.broadcast_shapes(*(one.shape[:-2] for one in (root, *columns)))
+    whole = [np.broadcast_to(one, (*shape, *one.shape[-2:])) for one in columns]
     white = np.linalg.solve(root, np.concatenate(whole, axis=-1))
-    parts = np.split(white, np.cumsum([each.shape[-1] for each in columns])[:-1], axis=-1)
+    parts = np.split(white, np.cumsum([one.shape[-1] for one in columns])[:-1], axis=-1)
     return tuple(
-        part[..., 0] if each.ndim == 1 else part for each, part in zip(values, parts, strict=True)
+        part[..., 0] if one.ndim == 1 else part for one, part in zip(values, parts, strict=True)
     )
 
 
@@ -99,13 +99,13 @@ def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen:
     # What the others leave of the chosen ones; along its axes these are independent.
     inner = precision[np.ix_(others, others)] + np.diag(1.0 / sizes[others] ** 2)
     taken = np.linalg.solve(inner, precision[np.ix_(others, chosen)]).T
-    own, axes = np.linalg.eigh(
+    spectrum, axes = np.linalg.eigh(
         precision[np.ix_(chosen, chosen)] - taken @ precision[np.ix_(others, chosen)]
     )
     along = axes.T @ (pull[chosen] - taken @ pull[others])
     size = 1.0
     for _ in range(SIZE_ROUNDS):
-        variance = 1.0 / (own + 1.0 / size**2)
+        variance = 1.0 / (spectrum + 1.0 / size**2)
         before, size = size, float(np.sqrt(np.mean((along * variance) ** 2 + variance)))
         if abs(size / before - 1.0) < SIZE_WITHIN:
             break

@@ -59,7 +59,7 @@ class Problem(ReadOnly):
         """
         plan, matrix = self.plan, self.matrix
         if offsets.size == offsets.shape[-1]:
-            point = _at_point(self.model, tuple(offsets.reshape(-1).tolist()), plan, strict)
+            point = simulate_at(self.model, offsets.reshape(-1), plan, strict)
             readings, jacobian = (np.reshape(a, (*offsets.shape[:-1], *a.shape)) for a in point)
         else:
             readings, jacobian = simulate_with_jacobian(self.model, offsets, plan, strict)
@@ -120,11 +120,21 @@ class Problem(ReadOnly):
         return np.asarray(np.sqrt(np.square(moved).sum(axis=-1)) / noise)
 
 
-@functools.lru_cache(maxsize=4)
-def _at_point(
+def simulate_at(
+    model: Model, offsets: Floats, plan: Plan, strict: bool = True
+) -> tuple[Floats, Floats]:
+    """`simulate_with_jacobian` at one point (3,): other weights of the same readings ask it again.
+
+    At zero so do other sessions of the same steps.
+    """
+    same = plan.steps if model.repeats else plan
+    return _simulate_at(model, tuple(offsets.tolist()), same, strict)
+
+
+@functools.lru_cache(maxsize=8)
+def _simulate_at(
     model: Model, offsets: tuple[float, ...], plan: Plan, strict: bool
 ) -> tuple[Floats, Floats]:
-    """`simulate_with_jacobian` at one point: other weights of the same readings ask it again."""
     readings, jacobian = simulate_with_jacobian(model, np.array(offsets), plan, strict)
     return read_only(readings), read_only(jacobian)
 

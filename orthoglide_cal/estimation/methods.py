@@ -139,7 +139,7 @@ def pose_plan(plan: Plan, model: Model, kind: DataKind) -> tuple[Problem, tuple[
     wanted = DIFFERENCES[kind]
     matrix = reduction(kind, wanted, model.orthoglide, plan)
     present = np.abs(matrix).sum(axis=1) > 0.0
-    kept = tuple(each for each, ok in zip(wanted, present, strict=True) if ok)
+    kept = tuple(difference for difference, ok in zip(wanted, present, strict=True) if ok)
     return Problem(model, plan, matrix[present]), kept
 
 

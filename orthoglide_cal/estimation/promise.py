@@ -94,9 +94,9 @@ def promise(
     rows = zip(posed.which, *(column.tolist() for column in columns), strict=True)
     return tuple(
         PromisedDifference(
-            name=which.name, measured_mm=was, modelled_mm=own, expected_mm=to_come, expanded_mm=u
+            name=which.name, measured_mm=was, modelled_mm=model, expected_mm=to_come, expanded_mm=u
         )
-        for which, was, own, to_come, u in rows
+        for which, was, model, to_come, u in rows
     )
 
 

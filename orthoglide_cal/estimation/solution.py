@@ -19,14 +19,19 @@ from orthoglide_cal.estimation.accuracy import (
     sum_of_squares,
 )
 from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
-from orthoglide_cal.estimation.least_squares import OPTIMAL, LeastSquaresFit, fit_offsets
+from orthoglide_cal.estimation.least_squares import (
+    OPTIMAL,
+    LeastSquaresFit,
+    fit_offsets,
+    simulate_at,
+)
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, UNLISTED, surprising
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Influence, Instrument
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings, notes_on
-from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only
 from orthoglide_cal.schema import Reason
 
@@ -134,12 +139,12 @@ class Solution(ReadOnly):
             order = [every.which.index(difference) for difference in measured.which]
             predicted = every.problem.predict(self.offsets_mm)[order]
             return rms(self.posed.data), read_only(predicted)
-        zeros, both = measured.plan.zeros, np.stack((0.0 * self.offsets_mm, self.offsets_mm))
-        simulated = simulate(model, both, measured.plan)
+        plan, points = measured.plan, (0.0 * self.offsets_mm, self.offsets_mm)
+        zeros, simulated = plan.zeros, np.stack([simulate_at(model, x, plan)[0] for x in points])
         fitted = np.linalg.lstsq(zeros, (measured.value - simulated).T, rcond=None)[0]
         before, after = simulated + (zeros @ fitted).T
         # Of readings that are less precise than most, as much less counts.
-        return rms(measured.plan.precision * (measured.value - before)), read_only(after)
+        return rms(plan.precision * (measured.value - before)), read_only(after)
 
     @property
     def predicted_mm(self) -> Floats:
@@ -275,8 +280,8 @@ def fit_parameters(
         offsets = estimator @ shifted
         residuals = shifted - at_zero @ offsets
     else:
-        found = _search(posed, start)
-        offsets = found.offsets_mm
+        fit = _search(posed, start)
+        offsets = fit.offsets_mm
     plan, gauge = posed.problem.plan, model.machine.instrument
     uncertain = influences(model, offsets, plan)
     # Causes that were fitted to these very data are not uncertain in addition to their noise: id →
@@ -287,15 +292,15 @@ def fit_parameters(
         if effect.data_sha256 == measured.source.sha256
     }
     left = [influence for influence in uncertain if influence.source not in here]
-    stated_mm = math.hypot(gauge.noise_mm, math.sqrt(sum(each.rest for each in left)))
-    ratios = [(each.source, each.columns / stated_mm) for each in left]
+    stated_mm = math.hypot(gauge.noise_mm, math.sqrt(sum(one.rest for one in left)))
+    ratios = [(one.source, one.columns / stated_mm) for one in left]
     if chosen is Method.READINGS:
         posed = posed.weighted(posed.problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
-        found = _search(posed, start=offsets)
-        offsets = found.offsets_mm
-    readings, jacobian = simulate_with_jacobian(model, offsets, plan)
+        fit = _search(posed, start=offsets)
+        offsets = fit.offsets_mm
+    readings, jacobian = simulate_at(model, offsets, plan)
     if not chosen.linear:
-        residuals = found.residuals_mm
+        residuals = fit.residuals_mm
         estimator = np.asarray(np.linalg.pinv(posed.problem.matrix @ jacobian), np.float64)
     # What a cause of the machine would explain is no noise.
     hidden = set(model.machine.unobservable) - {effect.cause.id for effect in model.accepted}

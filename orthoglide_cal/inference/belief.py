@@ -96,6 +96,8 @@ class Belief:
     def refined(self, sets: Iterable[Ids]) -> Belief:
         """The belief with the nonlinear fits of some more sets of causes, made together."""
         missing = [ids for ids in dict.fromkeys(sets) if ids not in self.fits]
+        if not missing:
+            return self
         fits = fit_explanations([self.hypotheses[ids] for ids in missing])
         return replace(self, fits={**self.fits, **dict(zip(missing, fits, strict=True))})
 

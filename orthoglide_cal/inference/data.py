@@ -164,8 +164,8 @@ class Whitened(ReadOnly):
 
     def uncertain(self, offsets: Floats) -> tuple[Influence, ...]:
         """Influences on the data in addition to noise, for offsets (..., 3) [mm]."""
-        found = influences(self.problem.model, offsets, self.plan)
-        return tuple(each.reduced(self.matrix) for each in found)
+        acting = influences(self.problem.model, offsets, self.plan)
+        return tuple(one.reduced(self.matrix) for one in acting)
 
     def with_effects(
         self, uncertain: tuple[Influence, ...], offsets: Floats, effects: Sequence[Effect]
@@ -223,8 +223,8 @@ def _of_readings(plan: Plan, model: Model, timed: bool) -> Whitened:
 def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
     """The model with the plausible sizes of these causes multiplied."""
     machine = model.machine
-    own = (cause for cause in causes if cause.usual(type(machine)) is not None)
-    sizes = {cause.id: factor * cause.stated(machine) for cause in own}
+    usual = (cause for cause in causes if cause.usual(type(machine)) is not None)
+    sizes = {cause.id: factor * cause.stated(machine) for cause in usual}
     return replace(model, machine=machine.changed(tolerances={**machine.tolerances, **sizes}))
 
 
@@ -393,7 +393,9 @@ class Linearised:
             offsets=fit.offsets_mm[fit.converged],
             residuals=fit.residuals_mm[fit.converged],
             jacobian=jacobian,
-            jacobians={cause.id: own for cause, own in zip(broad, jacobians, strict=True)},
+            jacobians={
+                cause.id: derivatives for cause, derivatives in zip(broad, jacobians, strict=True)
+            },
             uncertain=tuple(uncertain),
         )
 
@@ -465,5 +467,5 @@ class Linearised:
 
         Those of the parameters are `scale` times the tolerances; `choice` is among their shares.
         """
-        own = [scale * self._stds[cause.id][choice if cause.shares else 0] for cause in base]
-        return np.concatenate([np.full(self.jacobian.shape[1], OFFSETS_MM), *own])
+        stds = [scale * self._stds[cause.id][choice if cause.shares else 0] for cause in base]
+        return np.concatenate([np.full(self.jacobian.shape[1], OFFSETS_MM), *stds])

@@ -249,7 +249,7 @@ class Decision:
         belief, accepted = self.belief, self.accepted
         fewer = (tuple(id for id in accepted if id != one) for one in accepted)
         sets = {accepted, *fewer} if accepted else set()
-        beside = (weight_of(each) for ids in sets for each in belief.beside(ids))
+        beside = (weight_of(one) for ids in sets for one in belief.beside(ids))
         return max(beside, default=-math.inf) > belief.log_weight[accepted]
 
     @cached_property

@@ -85,10 +85,10 @@ def diagnose(
         entered = np.zeros(len(model.machine.parameter_names))
         if applied is not None:
             entered[: len(applied)] = applied
-        found = _decided(white)
-        alone = fit_parameters(measured, model, start=found.belief.at.offsets[0])
+        decision = _decided(white)
+        alone = fit_parameters(measured, model, start=decision.belief.at.offsets[0])
         again = repeats(white, later)
-        nothing, accepted = found.belief.fit(()), found.fit
+        nothing, accepted = decision.belief.fit(()), decision.fit
         causes: tuple[FoundCause, ...] = ()
         free = len(entered) * anew
         beside = None
@@ -96,7 +96,7 @@ def diagnose(
         if later is not None and anew:
             notes.append(Reason.of("recalibrated", changed=changed))
         elif later is not None:
-            shift = moved_origin(later, found.carried, entered)
+            shift = moved_origin(later, decision.carried, entered)
             if shift is not None:
                 free = len(shift)
                 names = zip(model.machine.parameter_names, shift.tolist(), strict=False)
@@ -109,16 +109,16 @@ def diagnose(
                 predict_later(later, fit, entered, free, model.machine)
                 if later is not None
                 else leave_out_cells(white, fit, accepted)
-                for fit in (nothing, found.carried)
+                for fit in (nothing, decision.carried)
             )
             # Whoever adjusted the machine may have removed what acted before.
-            if later is not None and found.verdict is Verdict.NAMED and not entered.any():
-                fits = found.carried, nothing
+            if later is not None and decision.verdict is Verdict.NAMED and not entered.any():
+                fits = decision.carried, nothing
                 if chance_of_worse(later, *fits, entered, free, model.machine) < MISFIT:
                     errors = {"without_mm": before.rms_mm, "with_mm": after.rms_mm}
-                    refuted = Reason.of("refuted_later", ids=found.accepted, **errors)
-                    found = replace(found, refuted=refuted)
-                    accepted = found.fit
+                    refuted = Reason.of("refuted_later", ids=decision.accepted, **errors)
+                    decision = replace(decision, refuted=refuted)
+                    accepted = decision.fit
             # Without the cause the errors are in the unit that was written down, too.
             unit = 1.0 if later is not None else unit_of(accepted.effects)
             before = replace(before, rms_mm=before.rms_mm * unit)
@@ -132,35 +132,35 @@ def diagnose(
                     repeats=again,
                 )
             better = beside is not None and beside.better is not None
-            causes = _named(found, alone, before, after, better)
+            causes = _named(decision, alone, before, after, better)
         changes: dict[str, Otherwise] = {}
-        if sensitivity and found.verdict is not Verdict.CONSISTENT:
+        if sensitivity and decision.verdict is not Verdict.CONSISTENT:
             for name, factor in (("halved", 0.5), ("doubled", 2.0)):
-                other = decide_by(found.belief.scaled(factor))
+                other = decide_by(decision.belief.scaled(factor))
                 changes[name] = Otherwise(verdict=other.verdict, ids=other.accepted)
-        offsets, covariance = found.offsets
-        unshown = _unshown(found, offsets, half_width(np.inf) * np.sqrt(np.diag(covariance)))
+        offsets, covariance = decision.offsets
+        unshown = _unshown(decision, offsets, half_width(np.inf) * np.sqrt(np.diag(covariance)))
         matter = {fault.id for fault in unshown if fault.matters}
-        patterns, wrong = tuple(_patterns(found, measured)), accepted.wrong_readings
+        patterns, wrong = tuple(_patterns(decision, measured)), accepted.wrong_readings
         explained = alone.predicted_mm
         if accepted.effects:
             explained = _predicted(white, measured, accepted.left, accepted.effects)
         if any(pattern.accepted for pattern in patterns):
-            explained, wrong = _with_patterns(found, measured)
+            explained, wrong = _with_patterns(decision, measured)
         return Diagnosis(
             measured=measured,
             model=model,
-            verdict=found.verdict,
-            refuted=found.refuted,
-            lack_of_fit=_lack_of_fit(found, alone),
+            verdict=decision.verdict,
+            refuted=decision.refuted,
+            lack_of_fit=_lack_of_fit(decision, alone),
             causes=causes,
             baselines=beside,
-            ambiguous_with=found.ambiguous_with,
-            not_excluded=found.not_excluded,
-            left_open=found.left_open,
+            ambiguous_with=decision.ambiguous_with,
+            not_excluded=decision.not_excluded,
+            left_open=decision.left_open,
             by_place=(
-                *found.by_place,
-                *((share, fit) for id, share, fit in found.unshown if id in matter),
+                *decision.by_place,
+                *((share, fit) for id, share, fit in decision.unshown if id in matter),
             ),
             offsets_mm=offsets,
             covariance_mm2=covariance,
@@ -168,14 +168,14 @@ def diagnose(
             explained_mm=explained,
             wrong_readings=wrong,
             sensitivity=MappingProxyType(changes),
-            explanations=_explanations(found),
+            explanations=_explanations(decision),
             unshown=unshown,
             patterns=patterns,
-            enterable=found.enterable if found.verdict is Verdict.UNEXPLAINED else 0.0,
+            enterable=decision.enterable if decision.verdict is Verdict.UNEXPLAINED else 0.0,
             beyond_tolerance=tuple(
-                TimesStated(id=id, times=times) for id, times in found.beyond_tolerance
+                TimesStated(id=id, times=times) for id, times in decision.beyond_tolerance
             ),
-            notes=(*_notes(found, measured), *notes, *_of_local_shape(found)),
+            notes=(*_notes(decision, measured), *notes, *_of_local_shape(decision)),
         )
 
 
@@ -202,8 +202,8 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
             "Give it a size there if the machine may have it.",
         )
     with _weighable(model):
-        found = _decided(Whitened.of(measured, model))
-        verdict, accepted = found.verdict, found.accepted
+        decision = _decided(Whitened.of(measured, model))
+        verdict, accepted = decision.verdict, decision.accepted
         if not accepted:
             raise UnusableResultError(
                 f"These data are {verdict}: they do not support {id} as an extension.",
@@ -211,7 +211,7 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
             )
         # Faults of the measurement that stand in its place in an explanation without it; those that
         # hold it may differ in what else was wrong with the measurement.
-        sets = (accepted, *found.rivals)
+        sets = (accepted, *decision.rivals)
         shared = set.intersection(*map(set, sets))
         others = dict.fromkeys(other for ids in sets for other in ids if other not in (id, *shared))
         doubtful = [other for other in others if not CAUSES[other].in_machine]
@@ -221,13 +221,15 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
                 f" {', '.join(doubtful)}, which lies in the measurement.",
                 "Take the reading that diagnose names, then accept.",
             )
-        listed = found.belief.listed
+        listed = decision.belief.listed
         best = max((ids for ids in listed if id in ids), key=listed.__getitem__, default=())
-        if id not in best or not (best == accepted or found.is_open(best)):
+        if id not in best or not (best == accepted or decision.is_open(best)):
             raise UnusableResultError(
                 f"These data contradict {id}.", f"They name {', '.join(accepted)}."
             )
-        (effect,) = (effect for effect in found.belief.fit(best).effects if effect.cause.id == id)
+        (effect,) = (
+            effect for effect in decision.belief.fit(best).effects if effect.cause.id == id
+        )
         return model.accepting(effect.accepted(on.isoformat(), measured.source.sha256))
 
 
@@ -237,14 +239,14 @@ def _decided(white: Whitened) -> Decision:
     A name has to predict what is left out of its fit.
     """
     again = repeats(white)
-    found = replace(decide(white), repeats=again is not None and again > REPEATS)
-    if found.verdict is not Verdict.NAMED:
-        return found
-    held = leave_out_cells(white, found.fit, found.fit)
+    decision = replace(decide(white), repeats=again is not None and again > REPEATS)
+    if decision.verdict is not Verdict.NAMED:
+        return decision
+    held = leave_out_cells(white, decision.fit, decision.fit)
     if held.chance >= MISFIT:
-        return found
+        return decision
     sizes = {"error_mm": held.rms_mm, "stated_mm": held.rms_mm / held.ratio}
-    return replace(found, refuted=Reason.of("refuted_left_out", ids=found.accepted, **sizes))
+    return replace(decision, refuted=Reason.of("refuted_left_out", ids=decision.accepted, **sizes))
 
 
 @contextmanager
@@ -261,35 +263,35 @@ def _weighable(model: Model) -> Iterator[None]:
         ) from error
 
 
-def _explanations(found: Decision) -> tuple[Explanation, ...]:
+def _explanations(decision: Decision) -> tuple[Explanation, ...]:
     """All that were tried, best first, with the parameters of those that are left open."""
-    model = found.belief.at.white.problem.model
-    fits = {tuple(sorted(fit.ids)): fit for _, fit in found.left_open}
+    model = decision.belief.at.white.problem.model
+    fits = {tuple(sorted(fit.ids)): fit for _, fit in decision.left_open}
 
-    def told(ids: Ids, probability: float) -> Explanation:
+    def explanation(ids: Ids, probability: float) -> Explanation:
         fit = fits.get(ids)
         if fit is None:
-            return Explanation(ids=ids, probability=probability)
+            return Explanation.model_construct(ids=ids, probability=probability)
         std = np.sqrt(np.diag(fit.offsets_covariance))
         return Explanation(
             ids=ids,
             probability=probability,
-            rms_mm=found.belief.at.white.rms(fit.left) if ids else None,
+            rms_mm=decision.belief.at.white.rms(fit.left) if ids else None,
             parameters=Parameter.all_of(model, fit.offsets, std, half_width(np.inf)),
         )
 
-    tried = [told(ids, value) for ids, value in found.belief.listed.items()]
-    for pattern, value in found.belief.unlisted.items():
-        tried.append(Explanation(pattern=pattern, probability=value))
-    return tuple(sorted(tried, key=lambda each: -each.probability))
+    tried = [explanation(ids, value) for ids, value in decision.belief.listed.items()]
+    for pattern, value in decision.belief.unlisted.items():
+        tried.append(Explanation.model_construct(pattern=pattern, probability=value))
+    return tuple(sorted(tried, key=lambda one: -one.probability))
 
 
-def _unshown(found: Decision, offsets: Floats, u: Floats) -> tuple[UnshownFault, ...]:
+def _unshown(decision: Decision, offsets: Floats, u: Floats) -> tuple[UnshownFault, ...]:
     """Each fault that would not show, with all places where it may be; U (3,) of the offsets."""
-    white, machine = found.belief.at.white, found.belief.at.white.machine
+    white, machine = decision.belief.at.white, decision.belief.at.white.machine
     wheres: dict[str, list[str]] = {}
     moved: dict[str, Floats] = {}
-    for id, _, fit in found.unshown:
+    for id, _, fit in decision.unshown:
         place = next(effect.place for effect in fit.effects if effect.cause.id == id)
         wheres.setdefault(id, []).append(CAUSES[id].label(place, white.plan, machine))
         moved[id] = np.maximum(moved.get(id, 0.0 * u), np.abs(fit.offsets - offsets))
@@ -308,34 +310,36 @@ def _unshown(found: Decision, offsets: Floats, u: Floats) -> tuple[UnshownFault,
 
 
 def _named(
-    found: Decision, alone: Solution, before: HeldOut, after: HeldOut, better: bool
+    decision: Decision, alone: Solution, before: HeldOut, after: HeldOut, better: bool
 ) -> tuple[FoundCause, ...]:
     """The accepted causes; the one without which the data are hardest to explain comes first.
 
     What can act together with any other comes after it. `better`: what needs no cause predicts
     better, and no shape is recommended.
     """
-    white, machine = found.belief.at.white, found.belief.at.white.machine
-    accepted, listed = found.fit, found.belief.listed
-    ids, rivals = set(found.accepted), found.rivals if found.wrong else ()
+    white, machine = decision.belief.at.white, decision.belief.at.white.machine
+    accepted, listed = decision.fit, decision.belief.listed
+    ids, rivals = set(decision.accepted), decision.rivals if decision.wrong else ()
     falls = after.rms_mm < LOWER * before.rms_mm
     by_parameters = accepted.columns[:, : accepted.offsets.size]
 
     def sure(id: str) -> bool:
         """No explanation without this cause needs a fault of the measurement in its place."""
         instead = {other for rival in rivals if id not in rival for other in rival} - ids
-        return id == found.shape or all(CAUSES[other].compensable for other in instead)
+        return id == decision.shape or all(CAUSES[other].compensable for other in instead)
 
     def aliases(id: str) -> Ids:
         """Causes that stand in its place in a rival explanation, or in one of the same remedy."""
-        others = (*found.same_answer(found.accepted), *rivals)
-        instead = (each for each in others if ids - {id} <= set(each) and id not in each)
-        return tuple(dict.fromkeys(other for each in instead for other in each if other not in ids))
+        others = (*decision.same_answer(decision.accepted), *rivals)
+        instead = (rival for rival in others if ids - {id} <= set(rival) and id not in rival)
+        return tuple(
+            dict.fromkeys(other for rival in instead for other in rival if other not in ids)
+        )
 
     named = [
         FoundCause(
             id=effect.cause.id,
-            probability=listed[found.accepted],
+            probability=listed[decision.accepted],
             where=where,
             parameters=_parameters(white, effect),
             adds_mm=white.rms(unexplained(by_parameters, accepted.columns[:, slot] @ sizes)),
@@ -350,7 +354,7 @@ def _named(
             recommended=(effect.cause.compensable or effect.cause.id in machine.recommended)
             and falls
             and sure(effect.cause.id)
-            and not (better and effect.cause.id == found.shape),
+            and not (better and effect.cause.id == decision.shape),
             in_machine=effect.cause.in_machine,
         )
         for effect, slot in zip(accepted.effects, accepted.slots, strict=True)
@@ -358,23 +362,23 @@ def _named(
         for sizes in (effect.theta[: slot.stop - slot.start],)
         for times in (effect.times(machine),)
     ]
-    single = {cause.id: -found.belief.hypotheses[(cause.id,)].log_evidence for cause in named}
+    single = {cause.id: -decision.belief.hypotheses[(cause.id,)].log_evidence for cause in named}
     return tuple(
         sorted(named, key=lambda cause: (cause.id in machine.companions, single[cause.id]))
     )
 
 
-def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
+def _patterns(decision: Decision, measured: Measured) -> Iterator[FoundPattern]:
     """What stands beyond the list, those that act together first."""
-    if found.verdict is not Verdict.UNEXPLAINED or found.refuted is not None:
+    if decision.verdict is not Verdict.UNEXPLAINED or decision.refuted is not None:
         return
-    best = {pattern.label for pattern in found.beyond_list[0][1].patterns}
+    best = {pattern.label for pattern in decision.beyond_list[0][1].patterns}
     total: dict[str, float] = {}
-    for probability, hypothesis in found.beyond_list:
+    for probability, hypothesis in decision.beyond_list:
         for pattern in hypothesis.patterns:
             total[pattern.label] = total.get(pattern.label, 0.0) + probability
     seen = set()
-    for _, hypothesis in found.beyond_list:
+    for _, hypothesis in decision.beyond_list:
         for pattern in hypothesis.patterns:
             if pattern.label in seen or pattern.how in CAUSES:
                 continue
@@ -382,32 +386,32 @@ def _patterns(found: Decision, measured: Measured) -> Iterator[FoundPattern]:
             others = tuple(one for one in hypothesis.patterns if one is not pattern)
             alone = replace(hypothesis, patterns=(*others, pattern))
             numbers = described(
-                alone, found.belief, measured, total[pattern.label], pattern.label in best
+                alone, decision.belief, measured, total[pattern.label], pattern.label in best
             )
             if numbers is not None:
                 yield numbers
 
 
-def _with_patterns(found: Decision, measured: Measured) -> tuple[Floats, tuple[int, ...]]:
+def _with_patterns(decision: Decision, measured: Measured) -> tuple[Floats, tuple[int, ...]]:
     """Prediction by the likeliest explanation beyond the list, (n,) [mm], and wrong readings.
 
     More noise predicts nothing.
     """
-    hypothesis = found.beyond_list[0][1]
-    fit = found.belief.fit(hypothesis.ids)
+    hypothesis = decision.beyond_list[0][1]
+    fit = decision.belief.fit(hypothesis.ids)
     acting = tuple(one for one in hypothesis.patterns if one.how != "scatters")
     left = fit.left
     if acting:
         fits = fits_of(replace(hypothesis, patterns=acting), fit)
         left = np.sum([share * ground.fit.left for share, ground, _ in fits], axis=0)
-    wrong = (place for cause, place in _beside_patterns(found) if cause.hides_reading)
-    return _predicted(found.belief.at.white, measured, left, fit.effects), sum(wrong, ())
+    wrong = (place for cause, place in _beside_patterns(decision) if cause.hides_reading)
+    return _predicted(decision.belief.at.white, measured, left, fit.effects), sum(wrong, ())
 
 
-def _beside_patterns(found: Decision) -> Iterator[tuple[Cause, Place]]:
+def _beside_patterns(decision: Decision) -> Iterator[tuple[Cause, Place]]:
     """Listed causes of the likeliest explanation beyond the list, and where they act."""
-    hypothesis = found.beyond_list[0][1]
-    for effect in found.belief.fit(hypothesis.ids).effects:
+    hypothesis = decision.beyond_list[0][1]
+    for effect in decision.belief.fit(hypothesis.ids).effects:
         yield effect.cause, effect.place
     for one in hypothesis.patterns:
         if one.how in CAUSES:
@@ -425,14 +429,14 @@ def _parameters(white: Whitened, effect: Effect) -> tuple[Estimate, ...]:
     return tuple(one.changed(name=name) for one, name in zip(sizes, names, strict=True))
 
 
-def _lack_of_fit(found: Decision, alone: Solution) -> LackOfFit:
+def _lack_of_fit(decision: Decision, alone: Solution) -> LackOfFit:
     """Judge the parameters alone; a bed's local shape as large as it is found."""
-    white, measured = found.belief.at.white, alone.measured
+    white, measured = decision.belief.at.white, alone.measured
     noise, dof, size = white.machine.instrument.noise_mm, alone.dof, alone.sigma_residuals_mm or 0.0
     p_value = 1.0 if alone.lack_of_fit_p is None else alone.lack_of_fit_p
     if white.texture is not None:
-        dof, p_value = len(white) - alone.offsets_mm.size, found.chance
-        size = math.sqrt(found.alone.square / dof) if dof else 0.0
+        dof, p_value = len(white) - alone.offsets_mm.size, decision.chance
+        size = math.sqrt(decision.alone.square / dof) if dof else 0.0
     repeats, chance = None, None
     if white.raw:
         repeats = scatter_of_repeats(white.plan, measured.value)
@@ -468,9 +472,9 @@ def _predicted(
     return measured.value - white.plain(residual)[white.in_file]
 
 
-def _of_local_shape(found: Decision) -> Iterator[Reason]:
+def _of_local_shape(decision: Decision) -> Iterator[Reason]:
     """Size of what stays unexplained where that is the rule, and claims not made."""
-    white, accepted = found.belief.at.white, found.fit
+    white, accepted = decision.belief.at.white, decision.fit
     if white.texture is None:
         return
     companions = white.machine.companions
@@ -486,30 +490,30 @@ def _of_local_shape(found: Decision) -> Iterator[Reason]:
     yield Reason.of("local_residual", left_mm=left, noise_mm=min(noise, left), beyond_mm=beyond)
 
 
-def _notes(found: Decision, measured: Measured) -> Iterator[Reason]:
+def _notes(decision: Decision, measured: Measured) -> Iterator[Reason]:
     yield from notes_on(measured)
-    machine = found.belief.at.white.machine
+    machine = decision.belief.at.white.machine
     for spread in machine.doubted.values():
         lengths = machine.nominal_rails.lengths.tolist()
         yield Reason.of("unequal_arms", lengths_mm=lengths, spread_mm=spread)
-    causes = [effect.cause for effect in found.fit.effects]
-    listed, unlisted = found.belief.listed, found.belief.unlisted
-    accepted, raw = found.accepted, found.belief.at.white.raw
-    if found.not_excluded:
-        yield Reason.of("not_excluded", ids=found.not_excluded)
-    if found.verdict is Verdict.UNEXPLAINED:
-        best, white = found.best, found.belief.at.white
-        for cause, place in _beside_patterns(found) if found.refuted is None else ():
+    causes = [effect.cause for effect in decision.fit.effects]
+    listed, unlisted = decision.belief.listed, decision.belief.unlisted
+    accepted, raw = decision.accepted, decision.belief.at.white.raw
+    if decision.not_excluded:
+        yield Reason.of("not_excluded", ids=decision.not_excluded)
+    if decision.verdict is Verdict.UNEXPLAINED:
+        best, white = decision.best, decision.belief.at.white
+        for cause, place in _beside_patterns(decision) if decision.refuted is None else ():
             where = cause.label(place, white.plan, white.machine)
             yield Reason.of("acts_too", id=cause.id, where=where)
         if len(best) > 1 and listed[best] >= DISMISSED * max(unlisted.values()):
             yield Reason.of("two_would_follow", ids=best)
-    if found.verdict is Verdict.AMBIGUOUS:
-        for ids in found.rivals:
+    if decision.verdict is Verdict.AMBIGUOUS:
+        for ids in decision.rivals:
             if set(accepted) < set(ids):
                 yield Reason.of("perhaps_also", ids=[id for id in ids if id not in accepted])
     for part in (ids for ids in listed if ids and set(ids) < set(accepted)):
-        if found.is_open(part):
+        if decision.is_open(part):
             others = [id for id in accepted if id not in part]
             yield Reason.of("perhaps_alone", id=part[0], others=others, probability=listed[part])
     if causes and not raw:

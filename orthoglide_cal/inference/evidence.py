@@ -175,8 +175,8 @@ class Gaussian:
         self._turn = np.swapaxes(axes * stretch, -1, -2) * sizes[..., None, :]
         self._sigma2 = noise.sigma[:, None] ** 2
         self._shrink = size2 / (self._sigma2 + size2)  # (..., s, g, r)
-        own = columns.shape[-2] * np.log(self._sigma2[:, 0])
-        log_det = np.log1p(size2 / self._sigma2).sum(axis=-1) + own
+        constant = columns.shape[-2] * np.log(self._sigma2[:, 0])
+        log_det = np.log1p(size2 / self._sigma2).sum(axis=-1) + constant
         self._log_share = np.asarray(log_share)[..., None] + noise.log_weight - 0.5 * log_det
 
     def log_density(self, residuals: Floats) -> Floats:
@@ -190,11 +190,11 @@ class Gaussian:
 
     def overlap(self, columns: Floats | Places, residual: Floats) -> Overlap:
         """Of columns (..., k, q), or of all places, and one residual (..., k)."""
-        ours, axes, own = self._columns, self._axes, residual[..., None]
+        ours, axes, values = self._columns, self._axes, residual[..., None]
         if isinstance(columns, Places):
-            match, inside, along = map(columns.products, (own, ours, axes))
+            match, inside, along = map(columns.products, (values, ours, axes))
             return Overlap(columns.power, match[..., 0, :], inside, along)
-        match, inside = (np.swapaxes(each, -1, -2) @ columns for each in (own, ours))
+        match, inside = (np.swapaxes(one, -1, -2) @ columns for one in (values, ours))
         return Overlap((columns**2).sum(axis=-2), match[..., 0, :], inside, axes.T @ columns)
 
     def against(self, columns: Overlap, residual: Floats) -> tuple[Floats, Floats]:
@@ -204,8 +204,8 @@ class Gaussian:
             cᵀ S⁻¹ c and cᵀ S⁻¹ r, each of shape (..., s, g, q).
         """
         turned = self._turned(columns)
-        own = self._turned(self.overlap(residual[..., None], residual))
-        match = columns.match[..., None, None, :] - self._shrink @ (turned * own)
+        along = self._turned(self.overlap(residual[..., None], residual))
+        match = columns.match[..., None, None, :] - self._shrink @ (turned * along)
         match /= self._sigma2
         return self._quadratic(columns, turned), match
 
@@ -254,10 +254,10 @@ class Patchy(Gaussian):
 
     def against(self, columns: Overlap, residual: Floats) -> tuple[Floats, Floats]:
         """As of `Gaussian`."""
-        own, match = self.overlap(residual[..., None], residual), []
+        data, match = self.overlap(residual[..., None], residual), []
         for g, (general, more) in enumerate(zip(self._general, self._more, strict=True)):
-            plain = general * columns.match + ((more[:, None] * own.along) * columns.along).sum(-2)
-            inside = (self._inside(g, columns) * self._inside(g, own)).sum(axis=-2)
+            plain = general * columns.match + ((more[:, None] * data.along) * columns.along).sum(-2)
+            inside = (self._inside(g, columns) * self._inside(g, data)).sum(axis=-2)
             match.append(plain[..., None, :] - inside)
         return self._quadratic(columns), np.stack(match, axis=-2)
 

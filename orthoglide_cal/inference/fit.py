@@ -168,10 +168,10 @@ def fit_explanations(scores: Sequence[Hypothesis], scale_factor: float | None = 
                 models = white.linearised(
                     *((search.offsets, search.effects) for search in together)
                 )
-            for each, (predicted, own) in zip(together, models, strict=True):
-                before, each.moved = each.moved, each.move(predicted, own)
-                if FAR_MM < each.moved < 0.5 * before:
-                    far.append(each)
+            for search, (predicted, derivatives) in zip(together, models, strict=True):
+                before, search.moved = search.moved, search.move(predicted, derivatives)
+                if FAR_MM < search.moved < 0.5 * before:
+                    far.append(search)
         moving = far
     for search in searches:
         search.settle()
@@ -179,7 +179,8 @@ def fit_explanations(scores: Sequence[Hypothesis], scale_factor: float | None = 
     for at in dict.fromkeys(search.at for search in searches):
         weighed |= _weighed(at, [search for search in searches if search.at is at])
     return [
-        each.fitted(score, *weighed[each]) for each, score in zip(searches, scores, strict=True)
+        search.fitted(score, *weighed[search])
+        for search, score in zip(searches, scores, strict=True)
     ]
 
 
@@ -190,46 +191,47 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
     """
     acting: dict[_Search, Acting] = {}
     # What stays where it was scored is as likely as its score says.
-    found = {search: search.by_noise for search in group if search.by_noise is not None}
-    moved = [search for search in group if search not in found]
-    logs = {each: each.score.log_evidence for each in found}
+    densities = {search: search.by_noise for search in group if search.by_noise is not None}
+    moved = [search for search in group if search not in densities]
+    logs = {search: search.score.log_evidence for search in densities}
     alone = [search for search in moved if search.score.extra is None and len(search.base) < 2]
     others = [search for search in moved if search not in alone]
     for scales, some in ((at.scales, alone), (at.usual, others)):
         if some:
-            columns, bases = [each.own for each in some], [each.base for each in some]
-            density = density_of(at, columns, bases, scales, [each.seen for each in some])
-            residuals = np.stack([each.linear + each.added for each in some])[..., None]
-            found |= zip(some, density.log_density(residuals)[..., 0], strict=True)
+            parts = ((search.derivatives, search.base, search.seen) for search in some)
+            columns, bases, seen = zip(*parts, strict=True)
+            density = density_of(at, columns, bases, scales, seen)
+            residuals = np.stack([search.linear + search.added for search in some])[..., None]
+            densities |= zip(some, density.log_density(residuals)[..., 0], strict=True)
     for search in alone:
         if search.base:
             width = search.width
-            mine = search.own[:, width:] * at.sizes(search.base)[width:]
-            rest = offsets_and_seen(at, search.own[:, :width])
-            log_all = float(log_sum(found[search]))
+            mine = search.derivatives[:, width:] * at.sizes(search.base)[width:]
+            rest = offsets_and_seen(at, search.derivatives[:, :width])
+            log_all = float(log_sum(densities[search]))
             acting[search] = Acting(search.base[0], mine, rest, search.linear, log_all)
-    for each in others:
-        extra = each.score.extra
+    for search in others:
+        extra = search.score.extra
         if extra is None:
             continue
         placed = at.extras[extra.cause.id]
         if isinstance(extra.cause, RelabelCause):
-            found[each] = found[each] + placed.log_weight[extra.place]
+            densities[search] = densities[search] + placed.log_weight[extra.place]
             continue
         wrong, price = others_wrong(at, extra)
-        seen = [np.hstack((each.seen, wrong))]
-        density = density_of(at, [each.own], [each.base], at.usual, seen)
-        residual = each.linear + each.added
-        by_noise = density.by_noise(residual) if extra.others else found[each][None]
+        seen = [np.hstack((search.seen, wrong))]
+        density = density_of(at, [search.derivatives], [search.base], at.usual, seen)
+        residual = search.linear + search.added
+        by_noise = density.by_noise(residual) if extra.others else densities[search][None]
         blocks = pattern_densities(at, placed, density, residual, by_noise)
         by_block = [log_sum(log[0] + placed.weights[where], (-2, -1)) for where, log in blocks]
-        found[each] = log_sum(np.stack(by_block), 0) + price
+        densities[search] = log_sum(np.stack(by_block), 0) + price
     logs |= {
-        search: float(log_sum(found[search])) + LOG_ALL * bool(search.base) for search in moved
+        search: float(log_sum(densities[search])) + LOG_ALL * bool(search.base) for search in moved
     }
     either = all_or_one(list(acting.values()), at.noise, at.scales)
     logs.update(zip(acting, either, strict=True))
-    return {each: (own, logs[each]) for each, own in found.items()}
+    return {search: (by_noise, logs[search]) for search, by_noise in densities.items()}
 
 
 class _Search:
@@ -251,7 +253,7 @@ class _Search:
             else:
                 size = extra.count * cause.millimetres(machine)
                 self.added = size * at.pattern(extra)[:, 0]
-        self.at, self.score, self.own = at, score, at.columns(self.base)
+        self.at, self.score, self.derivatives = at, score, at.columns(self.base)
         self.by_noise = score.by_noise  # as long as it stays where it was scored
         # A cause of this explanation is not counted as uncertain again.
         ids = ids_of(*self.base)
@@ -275,11 +277,11 @@ class _Search:
         self.slots = tuple(slice(*pair) for pair in pairwise(ends.tolist()))
         self.offsets = offsets
         self.linear = at.residuals[self.version] - self.added
-        self.local = np.flatnonzero(local) + self.own.shape[1] + free_size.size
+        self.local = np.flatnonzero(local) + self.derivatives.shape[1] + free_size.size
         # Few touches cannot tell a local shape from a fault.
         many = self.local.size >= ENOUGH * width
         if scale_factor is None and many:
-            columns = np.hstack([self.own, self.free, self.carried])
+            columns = np.hstack([self.derivatives, self.free, self.carried])
             stated = math.hypot(at.noise.stated, math.sqrt(sum(e.rest for e in self.uncertain)))
             scale_factor = fit_size(columns, self.linear, self.sizes, stated, self.local)
         self.scale_factor = 1.0 if scale_factor is None else scale_factor
@@ -299,11 +301,13 @@ class _Search:
         if not choices:
             return at.sizes(self.base, scale)
         tried = [(s, n) for s in at.scales for n in range(choices)]
-        sizes = np.stack([at.sizes(self.base, *each) for each in tried])
+        sizes = np.stack([at.sizes(self.base, *choice) for choice in tried])
         rest = np.concatenate([beside, np.ones(self.seen.shape[1])])
         every = np.hstack([sizes, np.tile(rest, (len(sizes), 1))])
         shares = np.log([at.scales[s] for s, _ in tried])
-        density = at.noise.density(np.hstack([self.own, self.free, self.seen]), every, shares)
+        density = at.noise.density(
+            np.hstack([self.derivatives, self.free, self.seen]), every, shares
+        )
         residual = at.residuals[self.version] - self.added
         likeliest = int(np.argmax(log_sum(density.by_noise(residual), 1)))
         return np.asarray(sizes[likeliest])
@@ -312,7 +316,7 @@ class _Search:
     def effects(self) -> list[Effect]:
         """The causes of the base as found so far."""
         pairs = zip(self.base, self.slots, strict=False)
-        return [cause.at(self.found[slot]) for cause, slot in pairs]
+        return [cause.at(self.unknowns[slot]) for cause, slot in pairs]
 
     @property
     def beyond_noise(self) -> bool:
@@ -320,9 +324,9 @@ class _Search:
 
         From where they were linearised: the offsets alone, fitted to the data as recorded.
         """
-        theta = self.found[self.width : self.own.shape[1]]
+        theta = self.unknowns[self.width : self.derivatives.shape[1]]
         unknowns = np.concatenate([self.offsets - self.at.offsets[0], theta])
-        moved = np.sqrt(np.mean(self.own**2, axis=0)) @ np.abs(unknowns)
+        moved = np.sqrt(np.mean(self.derivatives**2, axis=0)) @ np.abs(unknowns)
         return float(moved) > self.at.noise.stated
 
     @property
@@ -336,37 +340,38 @@ class _Search:
 
     def _solve(self) -> None:
         # Derivatives of the data by all unknowns, shape (k, q).
-        self.columns = np.hstack([self.own, self.free, self.carried])
+        self.columns = np.hstack([self.derivatives, self.free, self.carried])
         self.columns.setflags(write=False)
-        self.found, _ = condition(self.columns, self.linear, self.sizes, self.stated)
-        self.offsets = self.offsets + self.found[: self.width]
+        self.unknowns, _ = condition(self.columns, self.linear, self.sizes, self.stated)
+        self.offsets = self.offsets + self.unknowns[: self.width]
 
-    def move(self, predicted: Floats, own: Floats) -> float:
+    def move(self, predicted: Floats, derivatives: Floats) -> float:
         """Solve with the linear model of where it stands: prediction (k,), derivatives.
 
         How far this moves the prediction, r.m.s. [mm].
         """
-        self.own, self.by_noise = own, None
-        theta = self.found[self.width : own.shape[1]]
+        self.derivatives, self.by_noise = derivatives, None
+        theta = self.unknowns[self.width : derivatives.shape[1]]
         self.linear = self.at.versions[self.version] - self.added - predicted
-        self.linear += own[:, self.width :] @ theta
+        self.linear += derivatives[:, self.width :] @ theta
         self._solve()
-        step = self.found[: own.shape[1]].copy()
+        step = self.unknowns[: derivatives.shape[1]].copy()
         step[self.width :] -= theta
-        return rms(own @ step)
+        return rms(derivatives @ step)
 
     def settle(self) -> None:
         """Carry what is uncertain of the data as it acts on a machine with these causes."""
         at, uncertain = self.at, self.uncertain
-        caused = self.own[:, self.width :] @ self.found[self.width : self.own.shape[1]]
+        theta = self.unknowns[self.width : self.derivatives.shape[1]]
+        caused = self.derivatives[:, self.width :] @ theta
         if rms(caused) > STEEP * at.noise.stated and self.possible:
             self.uncertain = at.white.with_effects(uncertain, self.offsets, self.effects)
         if self.uncertain is not uncertain:
             self.by_noise = None
             self.carried = np.hstack([influence.columns for influence in self.uncertain])
-            self.seen = at.shown(self.uncertain, self.own[:, : self.width])
+            self.seen = at.shown(self.uncertain, self.derivatives[:, : self.width])
             # Once more from where the last step began.
-            self.offsets = self.offsets - self.found[: self.width]
+            self.offsets = self.offsets - self.unknowns[: self.width]
             self._solve()
 
     def fitted(self, score: Hypothesis, by_noise: Floats, log_evidence: float) -> Fit:
@@ -376,21 +381,21 @@ class _Search:
         log = float(log_sum(by_noise))
         sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2) + self.rest))
         _, covariance = condition(columns, linear, self.sizes, sigma)
-        centre, sizes, found = np.zeros(len(self.sizes)), self.sizes.copy(), self.found
+        centre, sizes, unknowns = np.zeros(len(self.sizes)), self.sizes.copy(), self.unknowns
         bounds = 0.0
         for cause, slot in zip(self.base, self.slots, strict=False):
             named = slice(slot.start, slot.start + len(cause.names))
             if cause.positive:
                 std = np.sqrt(np.diag(covariance)[named])
-                bounds += float((log_ndtr(found[named] / std) - math.log(0.5)).sum())
+                bounds += float((log_ndtr(unknowns[named] / std) - math.log(0.5)).sum())
                 mean, spread = HALF_NORMAL
                 centre[named], sizes[named] = mean * sizes[named], spread * sizes[named]
         if np.any(centre):
             beyond = linear - columns @ centre
-            found = centre + condition(columns, beyond, sizes, self.stated)[0]
+            unknowns = centre + condition(columns, beyond, sizes, self.stated)[0]
             _, covariance = condition(columns, beyond, sizes, sigma)
         effects = [
-            Effect(cause, found[slot], covariance=covariance[slot, slot])
+            Effect(cause, unknowns[slot], covariance=covariance[slot, slot])
             for cause, slot in zip(self.base, self.slots, strict=False)
         ]
         slots = self.slots[: len(effects)]
@@ -398,7 +403,7 @@ class _Search:
             cause, place, count = score.extra.cause, score.extra.place, score.extra.count
             slot = self.slots[-1]
             if isinstance(cause, PatternCause) and count is None:
-                effects.append(Effect(cause, found[slot], place, covariance[slot, slot]))
+                effects.append(Effect(cause, unknowns[slot], place, covariance[slot, slot]))
             else:
                 effects.append(cause.at(np.array([count] if count else [], np.float64), place))
             slots = (*slots, slot)
@@ -406,9 +411,9 @@ class _Search:
             log_evidence = -math.inf
         if score.replanned is not None:
             log_evidence += score.log_evidence - score.replanned.log_evidence
-        residual = linear - columns @ found
-        carried = self.own.shape[1] + self.free.shape[1]
-        stretched = self.stated * ((found - centre) / sizes)[carried:]
+        residual = linear - columns @ unknowns
+        carried = self.derivatives.shape[1] + self.free.shape[1]
+        stretched = self.stated * ((unknowns - centre) / sizes)[carried:]
         square = float(residual @ residual + stretched @ stretched)
         square *= (at.noise.stated / self.stated) ** 2
         return Fit(
@@ -416,12 +421,12 @@ class _Search:
             log_likelihood=bounds - 0.5 * square / at.noise.stated**2,
             square=square,
             effects=tuple(effects),
-            offsets=self.offsets + (found - self.found)[: self.width],
+            offsets=self.offsets + (unknowns - self.unknowns)[: self.width],
             covariance=covariance,
             slots=slots,
             linear=linear,
             residual=residual,
-            local=columns[:, self.local] @ found[self.local],
+            local=columns[:, self.local] @ unknowns[self.local],
             columns=columns,
             centre=centre,
             sizes=sizes,
@@ -482,21 +487,21 @@ def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, 
             inner = np.linalg.solve(np.eye(rank) - turned @ mine, turned @ both)
             solved = np.asarray(both + mine @ inner)
         else:
-            own = np.eye(size) if isinstance(entries, Contrasts) else _gram(entries, some)
-            solved = np.asarray(np.linalg.solve(own - mine @ turned, both))
+            unit = np.eye(size) if isinstance(entries, Contrasts) else _gram(entries, some)
+            solved = np.asarray(np.linalg.solve(unit - mine @ turned, both))
         error, spread = solved[..., :1], solved[..., 1:]
         errors.append(error.reshape(-1))
         square += float((error * values).sum()) / fit.sigma**2
         within = turned @ spread if size > rank else spread @ turned
         alone += float((within * within.swapaxes(-1, -2)).sum())
         together += np.tensordot(mine, spread, ((0, 1), (0, 1)))
-    each, chance = np.concatenate(errors), 1.0
-    n = each.size
+    errors_mm, chance = np.concatenate(errors), 1.0
+    n = errors_mm.size
     if isinstance(entries, Contrasts):
         dof = n**2 / (n + float(np.sum(together**2)) - alone)
         chance = float(chdtrc(dof, square * dof / n))
-    held = HeldOut(rms(each), math.sqrt(square / n), chance)
-    return np.concatenate([some.reshape(-1) for some in every]), each, held
+    held = HeldOut(rms(errors_mm), math.sqrt(square / n), chance)
+    return np.concatenate([some.reshape(-1) for some in every]), errors_mm, held
 
 
 def _gram(entries: Floats, blocks: Ints) -> Floats:

@@ -201,7 +201,7 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis]) -> dict[Ids, Hypoth
 
     Also beside two causes; nothing where one wrong reading makes no set likelier.
     """
-    found: dict[Ids, Hypothesis] = {}
+    scores_wrong: dict[Ids, Hypothesis] = {}
     for placed in at.extras.values():
         if not placed.cause.hides_reading:
             continue
@@ -219,9 +219,9 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis]) -> dict[Ids, Hypoth
         others = extra.others if extra else ()
         for score in likelier[SEARCHED:]:
             more = (_further(at, score, others),) if others else ()
-            best.append(max((score, *more), key=lambda each: each.log_evidence))
-        found |= {score.ids: score for score in best}
-    return found
+            best.append(max((score, *more), key=lambda one: one.log_evidence))
+        scores_wrong |= {score.ids: score for score in best}
+    return scores_wrong
 
 
 def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
@@ -297,9 +297,9 @@ def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
     if broad:
         others = offsets_and_seen(at, at.jacobian)
         acting = [
-            Acting(cause, own, others, residual, scores[(cause.id,)].log_evidence)
+            Acting(cause, scaled, others, residual, scores[(cause.id,)].log_evidence)
             for cause in broad
-            for own in [at.jacobians[cause.id] * cause.prior_std(machine)]
+            for scaled in [at.jacobians[cause.id] * cause.prior_std(machine)]
         ]
         for some in _together(at, broad):
             means = all_or_one(acting[some], at.noise, at.scales)
@@ -326,10 +326,10 @@ def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Hypothesis]:
     """Scores of bases without an extra, from the log density for each, scale and σ, (b, s, g)."""
     by_scale = log_sum(log, 2)
     scales = np.array(list(at.scales))[by_scale.argmax(axis=1)]
-    each = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), log, strict=True)
+    rows = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), log, strict=True)
     return {
-        ids_of(*base): Hypothesis(at, value, base, scale, by_noise=own)
-        for base, value, scale, own in each
+        ids_of(*base): Hypothesis(at, value, base, scale, by_noise=by_noise)
+        for base, value, scale, by_noise in rows
     }
 
 
@@ -357,13 +357,16 @@ def density_of(
         seen: what is uncertain of the data and shows, with each base; as of `at` without.
     """
     seen = seen or [at.seen] * len(bases)
-    width = max(own.shape[1] + more.shape[1] for own, more in zip(columns, seen, strict=True))
+    width = max(
+        derivatives.shape[1] + more.shape[1]
+        for derivatives, more in zip(columns, seen, strict=True)
+    )
     padded = np.zeros((len(bases), len(at.white), width))
     sizes = np.ones((len(bases), len(scales), width))
     first = at.jacobian.shape[1]
-    for number, (own, more, base) in enumerate(zip(columns, seen, bases, strict=True)):
-        end = own.shape[1]
-        padded[number, :, :end] = own
+    for number, (derivatives, more, base) in enumerate(zip(columns, seen, bases, strict=True)):
+        end = derivatives.shape[1]
+        padded[number, :, :end] = derivatives
         padded[number, :, end : end + more.shape[1]] = more
         sizes[number, :, :end] = at.sizes(base)
         sizes[number, :, first:end] *= np.array(list(scales))[:, None]
@@ -374,7 +377,7 @@ class Acting(NamedTuple):
     """A cause that may act with all its parameters, or with any one of them."""
 
     cause: Cause
-    own: Floats  # its columns, scaled by their plausible sizes, shape (k, p) [mm]
+    scaled: Floats  # its columns, scaled by their plausible sizes, shape (k, p) [mm]
     others: Floats  # scaled columns of everything else, shape (k, r) [mm]; as many of each cause
     residual: Floats  # data minus the model without the cause, shape (k,) [mm]
     log_all: float  # its log evidence if all its parameters act
@@ -394,10 +397,10 @@ def all_or_one(
     named = max(len(one.cause.names) for one in acting)
     columns = np.zeros((len(acting), k, always + nuisance))
     ones = np.zeros((len(acting), k, named))
-    for each, filled, own in zip(acting, columns, ones, strict=True):
-        mine, others = np.split(each.own, [len(each.cause.names)], axis=1)
-        own[:, : mine.shape[1]] = mine
-        filled[:, : always + others.shape[1]] = np.hstack([each.others, others])
+    for one, filled, scaled in zip(acting, columns, ones, strict=True):
+        mine, others = np.split(one.scaled, [len(one.cause.names)], axis=1)
+        scaled[:, : mine.shape[1]] = mine
+        filled[:, : always + others.shape[1]] = np.hstack([one.others, others])
     tried = np.array(list(scales))[:, None]
     sizes = np.ones((len(scales), columns.shape[-1]))
     sizes[:, always:] = tried
@@ -408,9 +411,9 @@ def all_or_one(
     log += density.log_density(residuals[..., None])
     by_one = log_sum(log, (1, 2))
     return [
-        float(np.logaddexp(each.log_all + LOG_ALL, log_mean(own) + math.log(1.0 - ALL)))
-        for each, row in zip(acting, by_one, strict=True)
-        for own in (row[: len(each.cause.names)],)
+        float(np.logaddexp(one.log_all + LOG_ALL, log_mean(scaled) + math.log(1.0 - ALL)))
+        for one, row in zip(acting, by_one, strict=True)
+        for scaled in (row[: len(one.cause.names)],)
     ]
 
 
@@ -442,8 +445,8 @@ def _at_best_place(
     scores = {}
     number = likeliest.reshape(every.shape)[np.arange(len(bases)), best]
     scale = np.array(list(at.scales))[number].tolist()
-    each = zip(bases, scale, best.tolist(), total.tolist(), shares, strict=True)
-    for base, size, number, value, share in each:
+    rows = zip(bases, scale, best.tolist(), total.tolist(), shares, strict=True)
+    for base, size, number, value, share in rows:
         log_all = LOG_ALL if base else 0.0
         scores[ids_of(*base, cause)] = Hypothesis(
             at, value + log_all, base, size, placed.numbered(number), by_place=share

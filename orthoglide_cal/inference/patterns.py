@@ -592,6 +592,8 @@ def weight_of(hypothesis: Hypothesis) -> float:
 def combined(hypothesis: Hypothesis, fit: Fit, every: Sequence[Tried]) -> list[Hypothesis]:
     """A hypothesis, of whose listed causes `fit` is, with every pattern in addition."""
     ground, patterns = Ground.of(hypothesis.at, fit), hypothesis.patterns
+    if not hypothesis.label:
+        return ground.scores(every)
     for pattern in patterns:
         ground, _ = ground.extended(pattern)
     gained = (hypothesis.log_evidence if patterns else fit.log_evidence) - fit.log_evidence

@@ -61,12 +61,12 @@ class Response(ReadOnly):
     moved: Floats  # what the axes moved by, shape (3,) [mm]
     free: Floats  # columns of what is free about it, of size 1, shape (3, q) [mm]
 
-    def log_weight(self, found: Floats, covariances: Floats, log_noise: Floats) -> float:
+    def log_weight(self, moved: Floats, covariances: Floats, log_noise: Floats) -> float:
         """ln of prior times evidence; arguments as of `decide_response`."""
         spread = np.diag((STANDS * self.moved) ** 2) + np.multiply.outer(
             SIZES**2, self.free @ self.free.T
         )
-        log = log_density(spread[:, None] + covariances, (found - self.moved)[:, None])[..., 0]
+        log = log_density(spread[:, None] + covariances, (moved - self.moved)[:, None])[..., 0]
         return log_mean(log + log_noise) + math.log(self.share * PRIOR[self.behaviour])
 
     def otherwise(self, applied: Floats) -> list[bool]:
@@ -96,7 +96,7 @@ def responses(applied: Floats) -> Iterator[Response]:
 
 
 def decide_response(
-    found: Floats,
+    moved: Floats,
     unit_covariance: Floats,
     square: float,
     spare: int,
@@ -116,7 +116,7 @@ def decide_response(
     covariances = variance[:, None, None] * unit_covariance
     log_noise = -0.5 * (spare * np.log(variance) + square / variance)
     weighed = [
-        (response.log_weight(found, covariances, log_noise), response)
+        (response.log_weight(moved, covariances, log_noise), response)
         for response in responses(applied)
     ]
     weights: dict[Behaviour, list[float]] = {}

@@ -266,8 +266,8 @@ class Diagnosis(ReadOnly):
     @property
     def effects(self) -> tuple[Effect, ...]:
         """The accepted causes as fitted to these data, in the order of `causes`."""
-        found = {effect.cause.id: effect for effect in self.left_open[0][1].effects}
-        return tuple(found[cause.id] for cause in self.causes)
+        effects = {effect.cause.id: effect for effect in self.left_open[0][1].effects}
+        return tuple(effects[cause.id] for cause in self.causes)
 
     @property
     def undecided(self) -> bool:
@@ -318,12 +318,14 @@ class Diagnosis(ReadOnly):
         if consistent:
             (_, alone), *others = fits
             least, fits = alone.offsets_covariance, tuple(others)
-        found = []
+        contributions = []
         for share, fit in fits:
             apart = fit.offsets - solution.offsets_mm
             spread = share * (fit.offsets_covariance - least + np.outer(apart, apart))
-            found.append(Contribution.beyond(" and ".join(fit.ids), spread, possible=consistent))
-        return tuple(found)
+            contributions.append(
+                Contribution.beyond(" and ".join(fit.ids), spread, possible=consistent)
+            )
+        return tuple(contributions)
 
     @property
     def budget(self) -> Budget:
@@ -344,11 +346,11 @@ class Diagnosis(ReadOnly):
         Causes that act together are one, unless each of them is open alone, too.
         """
         (_, answer), *others = self.left_open
-        found = [tuple(id for id in fit.ids if id not in answer.ids) for _, fit in others]
-        order, alone = self.ambiguous_with, {ids for ids in found if len(ids) == 1}
+        apart = [tuple(id for id in fit.ids if id not in answer.ids) for _, fit in others]
+        order, alone = self.ambiguous_with, {ids for ids in apart if len(ids) == 1}
         kept = {
             ids
-            for ids in found
+            for ids in apart
             if set(ids) <= set(order) and (ids in alone or any((id,) not in alone for id in ids))
         }
         return tuple(sorted(kept - {()}, key=lambda ids: [order.index(id) for id in ids]))
