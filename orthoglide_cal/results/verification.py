@@ -10,7 +10,8 @@ change is then regressed on what the model predicts for the correction,
     c = β·g(δ) + noise,  g(δ) = h(Δρ − δ) − h(Δρ)
 
 h: predicted quantities, Δρ: offsets before, δ: entered in the controller. An entered δ is taken
-off the offset that remains (true = indicated + Δρ), so theory says β = 1.
+off the offset that remains (true = indicated + Δρ), so theory says β = 1. What the controller
+corrects of causes from then on was entered, too: g holds it; each axis is judged without it.
 
 A machine that probes itself has other places each time: what is compared is how much the heights
 scatter, and what is left of each parameter. It is as predicted if the mean squares differ by no
@@ -21,7 +22,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, computed_field
@@ -646,40 +647,31 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     values = shared.change, shared.corrected, problem.change(offsets, applied), jacobian
     moved, corrected, predicted, jacobian = whiten(shared.covariance, *values)
     change, predicted = moved + corrected, predicted + corrected
-    entered, columns = applied, jacobian
-    if not applied.any():  # Corrections have one gain.
-        entered, columns, moved = np.ones(1), predicted[:, None], change
-    dof, spare = len(change) - 1, len(change) - len(entered)
-    # All fitted together. No reading is known better than its gauge's resolution allows.
-    inverse = np.linalg.pinv(columns)
-    responses = inverse @ moved
-    residual = moved - columns @ responses
-    left = float(residual @ residual)
-    sigma = max(float(np.sqrt(left / spare)), gauge.rounding_mm)
-    stds = (sigma * np.sqrt(np.diag(inverse @ inverse.T))).tolist()
+    gain = _regress(predicted[:, None], change, gauge.rounding_mm)
+    # The axes are fitted together; corrections have one gain.
+    moves, entered, axes = gain, np.ones(1), dict[str, AxisResponse]()
+    if applied.any():
+        moves, entered = _regress(jacobian, moved, gauge.rounding_mm), applied
+    left, spare = moves.left, moves.spare
     answer, likeliest = decide_response(
-        responses, inverse @ inverse.T, left, spare, gauge.noise_mm, entered
+        moves.sizes, moves.unit, left, spare, gauge.noise_mm, entered
     )
-    axes, rows = {}, (applied.tolist(), responses.tolist(), stds, likeliest.otherwise(entered))
-    for axis, size, value, std, otherwise in zip(AXES, *rows, strict=True) if applied.any() else ():
-        reach = half_width(spare) * std
-        axes[axis] = AxisResponse(
-            applied_mm=size,
-            found_mm=value,
-            ci95_mm=(value - reach, value + reach),
-            coefficient=_coefficient(value / size, std / abs(size), spare) if size else None,
-            otherwise=otherwise,
-        )
-    beta = float(predicted @ change / (predicted @ predicted))
-    residual = change - beta * predicted
-    sigma = max(float(np.sqrt(residual @ residual / dof)), gauge.rounding_mm)
-    response = _coefficient(beta, sigma / float(np.sqrt(predicted @ predicted)), dof)
-    another = answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
+    if applied.any():
+        rows = applied.tolist(), moves.sizes.tolist(), moves.stds, likeliest.otherwise(applied)
+        for axis, by, value, std, otherwise in zip(AXES, *rows, strict=True):
+            axes[axis] = AxisResponse(
+                applied_mm=by,
+                found_mm=value,
+                ci95_mm=_coefficient(value, std, spare).ci95,
+                coefficient=_coefficient(value / by, std / abs(by), spare) if by else None,
+                otherwise=otherwise,
+            )
+    another = bool(axes) and answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
     typical = float(np.sqrt(np.mean(np.diag(shared.covariance))))
     p_value = chance_of_residual(left, spare, gauge.noise_mm)
     return {
-        "response": response,
-        "response_dof": dof,
+        "response": _coefficient(float(gain.sizes[0]), gain.stds[0], gain.spare),
+        "response_dof": gain.spare,
         "axes": axes,
         "answer": answer,
         "acted_as_mm": _by_axis(likeliest.moved) if another else None,
@@ -691,6 +683,26 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
             found=p_value < SUSPICIOUS,
         ),
     }
+
+
+class _Regression(NamedTuple):
+    """Least squares of a whitened change."""
+
+    sizes: Floats  # shape (q,)
+    unit: Floats  # their covariance for unit noise, shape (q, q)
+    stds: list[float]  # of each
+    left: float  # sum of squares that they leave [mm²]
+    spare: int  # its degrees of freedom
+
+
+def _regress(columns: Floats, change: Floats, rounding_mm: float) -> _Regression:
+    inverse = np.linalg.pinv(columns)
+    sizes, unit = inverse @ change, inverse @ inverse.T
+    residual = change - columns @ sizes
+    left, spare = float(residual @ residual), len(change) - len(sizes)
+    # No reading is known better than its gauge's resolution allows.
+    sigma = max(math.sqrt(left / spare), rounding_mm)
+    return _Regression(sizes, unit, (sigma * np.sqrt(np.diag(unit))).tolist(), left, spare)
 
 
 def _coefficient(value: float, std: float, dof: int) -> Coefficient:

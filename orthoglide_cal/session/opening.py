@@ -20,12 +20,12 @@ from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.readings import doubted_temperatures
 from orthoglide_cal.files.text import read_document
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference import NextMeasurement, diagnose
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.model.readings import GaugePlan
-from orthoglide_cal.planning import Option, rank_measurements
+from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.design import require_on_bar
 from orthoglide_cal.planning.steps import (
     CYCLES,
@@ -218,7 +218,7 @@ class Recommendation:
     """Measurements that could be taken next, given earlier readings."""
 
     first: PriorReadings
-    options: tuple[Option, ...]  # best first
+    options: tuple[NextMeasurement, ...]  # best first
     choice: int | None  # which of them the operator wants, from 1
     stands: int | None  # number of gauges, if the operator says it
 

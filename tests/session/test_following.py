@@ -13,8 +13,8 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine, read_machine_file
 from orthoglide_cal.files.text import read_document
-from orthoglide_cal.inference import diagnose
-from orthoglide_cal.planning import Option, rank_measurements
+from orthoglide_cal.inference import NextMeasurement, diagnose
+from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.session.events import Planned, Taken
 from orthoglide_cal.session.opening import Recommendation, Request, open_session
@@ -199,7 +199,7 @@ def test_the_best_design_says_what_it_gives_up_and_keeps_its_steps(tmp_path: Pat
 
 @pytest.mark.parametrize("wanted", [is_turn, None])
 def test_offsets_that_were_applied_meanwhile_are_no_error(
-    first: Path, tmp_path: Path, wanted: Callable[[Option], object] | None
+    first: Path, tmp_path: Path, wanted: Callable[[NextMeasurement], object] | None
 ) -> None:
     """Measure, enter something, go on: `solve` finds the offsets of before, from all readings."""
     active = ("--offsets-active", "0.5", "-0.3", "0.2")
