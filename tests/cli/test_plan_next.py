@@ -7,7 +7,6 @@ import pytest
 from tests import truth
 from tests.cli.program import DOUBLE, SINGLE, SIX, answer, lines, once, process, run, words, written
 
-
 # A skewed bar that may as well be rails that do not meet.
 OPEN = truth.make_session(7_100_014, truth.PROTOTYPE, truth.DIAL, ("bar_skew",))
 
