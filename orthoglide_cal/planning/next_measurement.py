@@ -74,12 +74,9 @@ MOST = 8
 
 
 def options(first: Plan | None, machine: Orthoglide) -> tuple[NextMeasurement, ...]:
-    """All that can be done next.
+    """All that can be done next within the limits of a machine.
 
-    Args:
-        first: what was read with gauges that stand in space; None where nothing can be solved
-            together with what was read.
-        machine: its limits bound the postures.
+    `first` was read with gauges that stand in space; None where nothing can be solved with it.
     """
     if first is None:
         return tuple(_alone(machine))

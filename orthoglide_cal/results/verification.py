@@ -27,17 +27,16 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from pydantic import Field, computed_field
 from scipy.linalg import block_diag
-from scipy.special import fdtrc
 
 from orthoglide_cal.causes import correcting
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
-from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, half_width, rms
+from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.files.machine_file import machine_values
+from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
 from orthoglide_cal.model.cause import Effect
@@ -55,8 +54,6 @@ from orthoglide_cal.schema import Reason, Schema, Sentence
 
 # No controller takes finer offsets [mm]; firmwares print parameters to this many of their units.
 SMALLEST_MM, AS_FOUND = 1e-6, 1e-3
-# Entries of the machine file in which two sessions of one machine agree.
-SAME = ("kind", "leg_length_mm", "joint_limits_mm", "identified")
 # Eigenvalues of the information matrix below this are zero; real ones are 1/4 and more.
 NO_INFORMATION = 1e-9
 # A promise is that of heights that are less than this share of those before.
@@ -260,9 +257,7 @@ def verify(
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
     if limit_mm is not None and not 0.0 < limit_mm < np.inf:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
-    one, other = machine_values(before.model), machine_values(after.model)
-    different = [name for name in SAME if one.get(name) != other.get(name)]
-    if different:
+    if different := differing(before.model, after.model):
         raise UsageError(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
             "Give the machine that both are to be judged by: --machine FILE",
@@ -364,15 +359,11 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
             heights.append(left[touched] - left[touched].mean())
     earlier, promised, afterwards, reachable = map(rms, heights)
     was, now = len(heights[0]), len(heights[2])
-
-    # F test, 5 %: more is left than before, by more than noise.
-    dof = max(was - 1, 1), now - 1
-    ratio = (afterwards**2 * now / dof[1]) / (earlier**2 * was / dof[0])
-    worse = ratio > 1.0 and bool(fdtrc(dof[1], dof[0], ratio) < 1.0 - CONFIDENCE)
-    (noise2, u_before), (_, u_after) = (
-        _mean_square(*pair) for pair in ((first, heights[1]), (second, heights[2]))
+    (noise2, u_promised), (_, u_earlier), (_, u_after) = (
+        _mean_square(solution, heights[k]) for solution, k in ((first, 1), (first, 0), (second, 2))
     )
-    reach = half_width(np.inf) * math.hypot(u_before, u_after)
+    reach = half_width(np.inf) * math.hypot(u_promised, u_after)
+    worse = afterwards**2 - earlier**2 > half_width(np.inf) * math.hypot(u_earlier, u_after)
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
     most = promised**2 + 2.0 * len(old) * noise2 / was + reach
