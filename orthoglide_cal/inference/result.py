@@ -20,7 +20,7 @@ from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import Differences, Measured
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, ReadOnly, Where
+from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, Where
 from orthoglide_cal.schema import Minutes, Reason, Schema
 
 # Probability from which it is told that nothing may be wrong at all.
@@ -37,19 +37,28 @@ class Verdict(StrEnum):
 
 
 class NextMeasurement(Schema):
-    """A measurement that may decide what is open."""
+    """A measurement that could be taken next; what it is worth once it is ranked."""
 
     what: str  # to do, in words
     minutes: Minutes  # that it takes
-    separates: Ids  # of each of the two the first cause that the other lacks, or has as well
-    # Of the two likeliest explanations that it distinguishes, the causes that the other lacks, or
-    # all if one has no more; empty if nothing is open that readings tell.
-    between: tuple[Ids, ...]
-    # Expected distance between their predictions; 0 without them [standard deviations].
-    separation_sigma: float
+    # The new readings alone; part, set-ups, order and hours as in the joined data.
+    plan: Plan = Field(exclude=True)
+    # The stands are still where they were: same part, same set-ups.
+    continues: bool = Field(default=False, exclude=True)
     # What `measure` is told for it if it is a session of its own; None if it continues what was
     # read.
     session: str | None = None
+    separates: Ids = ()  # of each of the two the first cause that the other lacks, or has as well
+    # Of the two likeliest explanations that it distinguishes, the causes that the other lacks, or
+    # all if one has no more; empty if nothing is open that readings tell.
+    between: tuple[Ids, ...] = ()
+    # Expected distance between their predictions; 0 without them [standard deviations].
+    separation_sigma: float = 0.0
+    chance: float = 0.0  # that it leaves one answer; 0 where nothing is open that readings tell
+    # U of the parameters that `solve` is expected to print of all readings together, or of a
+    # session of its own alone, shape (p,).
+    expanded: Floats = Field(default_factory=lambda: np.zeros(0), exclude=True)
+    expanded_mm: dict[str, float] = Field(default_factory=dict)  # of those that are lengths
 
 
 class Parameter(Schema):

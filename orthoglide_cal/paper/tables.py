@@ -22,49 +22,24 @@ from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan, plan_of,
 from orthoglide_cal.model.plan import Floats, zero_free
 from orthoglide_cal.model.readings import AXES, Contact, Posture, other_axes
 
-
-@dataclass(frozen=True)
-class Experiment:
-    """One experiment of Tables 4 and 5; lengths in mm."""
-
-    measured: tuple[float, ...]  # Δx_y, Δx_z, Δy_x, Δy_z, Δz_x, Δz_y (max − min)
-    expected: tuple[float, ...]  # expected improvement: measured minus modelled
-    rms_before: float
-    rms_after: float
-    six_offsets: tuple[float, ...]  # Δρ by the six-equation method (Table 5)
-    twelve_offsets: tuple[float, ...]
-    twelve_rms: float
-
-
-EXPERIMENTS: Mapping[int, Experiment] = {
-    1: Experiment(  # Initial settings
-        # Printed Δx_z = +1.58: only +1.48 gives the printed r.m.s., residuals and offsets.
-        (0.52, 1.48, 2.37, -0.25, -0.57, -0.04),
-        (-0.94, 0.63, 1.07, -0.84, -0.27, 0.35),
-        1.19,
-        0.74,
-        (2.17, 1.69, -1.42),
-        (2.07, 1.66, -1.30),
-        0.75,
-    ),
-    2: Experiment(  # After mechanical tuning
-        (-0.43, -0.37, 0.42, -0.18, -1.14, -0.70),
-        (-0.28, 0.25, 0.21, -0.14, -0.13, 0.09),
-        0.62,
-        0.20,
-        (-0.53, 0.59, -1.76),
-        (-0.52, 0.55, -1.69),
-        0.21,
-    ),
-    3: Experiment(  # After calibration
-        (-0.23, 0.27, 0.34, -0.10, -0.09, 0.11),
-        (-0.29, 0.23, 0.25, -0.17, -0.10, 0.08),
-        0.21,
-        0.20,
-        (0.07, 0.14, 0.00),
-        (0.12, 0.00, 0.10),
-        0.21,
-    ),
+# Tables 4 and 5, r.m.s. last [mm]: initial settings, after mechanical tuning, after calibration.
+# Measured and expected: Δx_y, Δx_z, Δy_x, Δy_z, Δz_x, Δz_y (max − min). Of #1 the printed
+# Δx_z = +1.58: only +1.48 gives the printed r.m.s., residuals and offsets.
+TABLE_4: Mapping[str, tuple[float, ...]] = {
+    "#1 measured": (0.52, 1.48, 2.37, -0.25, -0.57, -0.04, 1.19),
+    "#1 expected": (-0.94, 0.63, 1.07, -0.84, -0.27, 0.35, 0.74),
+    "#2 measured": (-0.43, -0.37, 0.42, -0.18, -1.14, -0.70, 0.62),
+    "#2 expected": (-0.28, 0.25, 0.21, -0.14, -0.13, 0.09, 0.20),
+    "#3 measured": (-0.23, 0.27, 0.34, -0.10, -0.09, 0.11, 0.21),
+    "#3 expected": (-0.29, 0.23, 0.25, -0.17, -0.10, 0.08, 0.20),
+}
+TABLE_5: Mapping[str, tuple[float, ...]] = {
+    "#1 six-equation": (2.17, 1.69, -1.42, 0.74),
+    "#1 twelve-equation": (2.07, 1.66, -1.30, 0.75),
+    "#2 six-equation": (-0.53, 0.59, -1.76, 0.20),
+    "#2 twelve-equation": (-0.52, 0.55, -1.69, 0.21),
+    "#3 six-equation": (0.07, 0.14, 0.00, 0.20),
+    "#3 twelve-equation": (0.12, 0.00, 0.10, 0.21),
 }
 
 # Table 3: (method, offset in mm) → std(Δρ) and its spread over 20 replications [mm].
@@ -132,7 +107,7 @@ class Reproduction:
 
 def experiment(number: int) -> Differences:
     """The six differences of experiment 1, 2 or 3 (Table 4, with its erratum)."""
-    values = np.array(EXPERIMENTS[number].measured)
+    values = np.array(TABLE_4[f"#{number} measured"][:-1])
     kind = DataKind.SIX
     return Differences(kind, DIFFERENCES[kind], values, Source(f"experiment {number}", ""))
 
@@ -243,15 +218,15 @@ def table_3(model: Model, rng: np.random.Generator) -> Reproduction:
 
 def table_4(model: Model) -> Reproduction:
     """Expected improvement of the three experiments."""
-    rows = []
-    for number, printed in EXPERIMENTS.items():
-        table = solve(experiment(number), model).promised()
-        for name, values, size, computed in (
-            ("measured", printed.measured, printed.rms_before, [r.measured_mm for r in table]),
-            ("expected", printed.expected, printed.rms_after, [r.expected_mm for r in table]),
-        ):
-            figures = (*computed, rms(np.array(computed)))
-            rows.append(ReproducedRow(f"#{number} {name}", (*values, size), figures, PRINTED_MM))
+    computed = {}
+    for number in (1, 2, 3):
+        promised = solve(experiment(number), model).promised()
+        computed[f"#{number} measured"] = [row.measured_mm for row in promised]
+        computed[f"#{number} expected"] = [row.expected_mm for row in promised]
+    rows = [
+        ReproducedRow(name, TABLE_4[name], (*values, rms(np.array(values))), PRINTED_MM)
+        for name, values in computed.items()
+    ]
     return Reproduction(
         "4",
         "Experimental data and expected improvements of accuracy, mm",
@@ -268,13 +243,12 @@ def table_4(model: Model) -> Reproduction:
 def table_5(model: Model) -> Reproduction:
     """Joint offsets of the three experiments."""
     rows = []
-    for number, printed in EXPERIMENTS.items():
+    for number in (1, 2, 3):
         solution = solve(experiment(number), model)
-        computed = (*solution.offsets_mm.tolist(), solution.rms_after_mm)
-        six = (*printed.six_offsets, printed.rms_after)
-        rows.append(ReproducedRow(f"#{number} six-equation", six, computed, PRINTED_MM))
-        twelve = (*printed.twelve_offsets, printed.twelve_rms)
-        rows.append(ReproducedRow(f"#{number} twelve-equation", twelve, None, PRINTED_MM))
+        six = (*solution.offsets_mm.tolist(), solution.rms_after_mm)
+        for method, figures in (("six", six), ("twelve", None)):
+            name = f"#{number} {method}-equation"
+            rows.append(ReproducedRow(name, TABLE_5[name], figures, PRINTED_MM))
     return Reproduction(
         "5",
         "Model parameters obtained, mm",

@@ -1,3 +1,3 @@
 """Planning: what to measure, before it is measured."""
 
-from orthoglide_cal.planning.next_measurement import Option, best_next, rank_measurements
+from orthoglide_cal.planning.next_measurement import best_next, rank_measurements

@@ -177,28 +177,16 @@ def forecast(
     method: Method = Method.READINGS,
     stands: int = 2,
 ) -> SessionForecast:
-    """Forecast a session of a protocol.
-
-    The method is one that the readings of a `session_of` these can feed.
-
-    Raises:
-        RankDeficientError: the readings will not determine the offsets.
-    """
+    """Forecast a `session_of` a protocol by a method that its readings can feed."""
     return SessionForecast.of(model, session_of(model, protocol, cycles, stands), method)
 
 
 def estimator_for(
     model: Model, plan: Plan, uncertain: Sequence[Influence], method: Method = Method.READINGS
 ) -> Floats:
-    """Derivatives of the parameters by the readings, shape (p, n).
+    """Derivatives of the parameters by n readings, (p, n), by a method that they can feed.
 
-    Args:
-        plan: n readings.
-        uncertain: what acts on them in addition to noise.
-        method: an estimator that they can feed.
-
-    Raises:
-        RankDeficientError: the readings do not determine the parameters.
+    `uncertain` acts on them in addition to noise. Raises RankDeficientError.
     """
     problem, which = pose_plan(plan, model, method.uses)
     require_rank(problem)

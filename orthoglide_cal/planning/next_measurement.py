@@ -25,7 +25,6 @@ from dataclasses import replace
 from operator import ne
 
 import numpy as np
-from pydantic import Field
 
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.budget import fixed_influences, influences
@@ -74,30 +73,10 @@ ALONE = (1, 2, 3, 5)  # cycles of a session of its own
 MOST = 8
 
 
-class Option(NextMeasurement):
-    """A measurement that could be taken next; what it is worth once it is ranked."""
+def options(first: Plan | None, machine: Orthoglide) -> tuple[NextMeasurement, ...]:
+    """All that can be done next within the limits of a machine.
 
-    # The new readings alone; part, set-ups, order and hours as in the joined data.
-    plan: Plan = Field(exclude=True)
-    # The stands are still where they were: same part, same set-ups.
-    continues: bool = Field(default=False, exclude=True)
-    separates: Ids = ()
-    between: tuple[Ids, ...] = ()
-    separation_sigma: float = 0.0
-    # U of the parameters that `solve` is expected to print of all readings together, or of a
-    # session of its own alone, shape (p,).
-    expanded: Floats = Field(default_factory=lambda: np.zeros(0), exclude=True)
-    chance: float = 0.0  # that it leaves one answer; 0 where nothing is open that readings tell
-    expanded_mm: dict[str, float] = Field(default_factory=dict)  # of those that are lengths
-
-
-def options(first: Plan | None, machine: Orthoglide) -> tuple[Option, ...]:
-    """All that can be done next.
-
-    Args:
-        first: what was read with gauges that stand in space; None where nothing can be solved
-            together with what was read.
-        machine: its limits bound the postures.
+    `first` was read with gauges that stand in space; None where nothing can be solved with it.
     """
     if first is None:
         return tuple(_alone(machine))
@@ -133,7 +112,7 @@ def _walks(machine: Orthoglide, gauge_at: float) -> tuple[tuple[str, tuple[float
     )
 
 
-def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
+def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[NextMeasurement]:
     """With the stands where they are, on the leg that was read last, if they are fixed in space."""
     standing = first.in_time[first.standing[first.in_time]]
     # Of each direction that is read there, its last reading.
@@ -145,7 +124,7 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
 
     def option(
         task: str, stops: Sequence[float], wait_min: float = 0.0, short_mm: Floats | float = 0.0
-    ) -> Option:
+    ) -> NextMeasurement:
         """Further postures, in the same set-ups, each carriage commanded short by `short_mm`."""
         index = np.array(rows * len(stops))
         plan = replace(
@@ -160,7 +139,7 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
         *times, minutes = clock(steps_of(as_it_lies, machine, Order.PAPER, stands=2))
         start = float(first.hours.max()) + (MINUTES_PER_POSTURE + wait_min) / 60.0
         plan = replace(plan, hours=start + np.array(times) / 60.0)
-        return Option(what=task, plan=plan, minutes=minutes + wait_min, continues=True)
+        return NextMeasurement(what=task, plan=plan, minutes=minutes + wait_min, continues=True)
 
     # Of two stands the one that is farther from half-way bounds the travel.
     farthest = max(first.gauge_at[rows].tolist(), key=lambda at: abs(at - HALF_WAY))
@@ -188,7 +167,7 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
                 break
 
 
-def _alone(machine: Orthoglide) -> Iterator[Option]:
+def _alone(machine: Orthoglide) -> Iterator[NextMeasurement]:
     """Sessions as `measure` guides them, of the best design where plungers would leave the bar."""
     usual = double_posture(machine)
     protocol = MeasuringProtocol.BEST if machine.bar_warning(usual) else MeasuringProtocol.DOUBLE
@@ -201,10 +180,10 @@ def _alone(machine: Orthoglide) -> Iterator[Option]:
             " It needs no old data: keep those apart."
         )
         typed = sequence_options(*session)
-        yield Option(what=task, plan=plan, minutes=minutes, session=typed)
+        yield NextMeasurement(what=task, plan=plan, minutes=minutes, session=typed)
 
 
-def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[Option]:
+def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[NextMeasurement]:
     """With the stands set up again, labels and + sides of the gauges checked."""
     walks = _walks(machine, HALF_WAY)
     usual = walks[0][1]
@@ -244,7 +223,7 @@ def _session(
     stops: tuple[float, ...],
     gauge_at: float = HALF_WAY,
     turned: bool = False,
-) -> Option:
+) -> NextMeasurement:
     """One leg after the other, then back to iso, with new set-ups, as a part of its own."""
     read = visiting((*stops, 0.0), gauge_at, legs)
     read = replace(read, turned=np.full(len(read), turned))
@@ -256,7 +235,7 @@ def _session(
         # What was commanded short was so for those readings alone.
         entered=plan.entered + first.stood[first.in_time[-1]],
     )
-    return Option(what=task, plan=plan, minutes=minutes)
+    return NextMeasurement(what=task, plan=plan, minutes=minutes)
 
 
 # --- ranked -----------------------------------------------------------------------------------
@@ -264,7 +243,7 @@ def _session(
 
 # `plan FILE` asks for all, and so does the calibration that it shows as well.
 @functools.lru_cache(maxsize=1)
-def rank_measurements(diagnosis: Diagnosis) -> tuple[Option, ...]:
+def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     """All that can be done next, best first.
 
     For differences and readings along a leg, which no others can be solved together with, these
@@ -275,11 +254,11 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[Option, ...]:
     """
     model, measured = diagnosis.model, diagnosis.measured
     plan = measured.plan if isinstance(measured, Readings) else None
-    choice: tuple[Option, ...] = ()
+    choice: tuple[NextMeasurement, ...] = ()
     if plan is not None:
         # What the kind of machine has to offer other than gauges on legs.
         choice = tuple(
-            Option(what=task, plan=_later(plan, new), minutes=minutes)
+            NextMeasurement(what=task, plan=_later(plan, new), minutes=minutes)
             for task, new, minutes in model.machine.further(plan)
         )
     first = plan if choice or (plan is not None and plan.fixed) else None
@@ -356,7 +335,7 @@ def _lacking(one: Ids, other: Ids) -> tuple[Ids, Ids]:
     return (only_one, only_other) if only_one and only_other else (one, other)
 
 
-def best_next(diagnosis: Diagnosis) -> Option | None:
+def best_next(diagnosis: Diagnosis) -> NextMeasurement | None:
     """The measurement that best distinguishes what is left open, or would not show but matters.
 
     None if none does.
@@ -397,7 +376,7 @@ def _pair(open_pairs: Bools, sigma: Floats, ids: Sequence[Ids]) -> tuple[int, in
 def predictions(
     model: Model,
     first: Plan | None,
-    choice: Sequence[Option],
+    choice: Sequence[NextMeasurement],
     weighted: Sequence[tuple[float, Fit]],
 ) -> list[Mixture]:
     """Predictions of each option by explanations with their probabilities.

@@ -16,6 +16,7 @@ from pydantic import Field, field_serializer
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution, budget_lines
+from orthoglide_cal.inference import NextMeasurement
 from orthoglide_cal.model.machine import Suspicion
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import MARGIN
@@ -28,7 +29,6 @@ from orthoglide_cal.planning.forecast import (
     rivals_sigma,
     session_of,
 )
-from orthoglide_cal.planning.next_measurement import Option
 from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations, separations
 from orthoglide_cal.planning.steps import CYCLES, MOST_CYCLES, MeasuringProtocol, Order
 from orthoglide_cal.schema import Schema
@@ -136,7 +136,7 @@ class MeasurementPlan(Schema):
     pairs: int  # how many these others make
     alike: int  # of these pairs, how many cannot be distinguished
     design: BestDesign | None  # None where nothing is to be gained
-    next: tuple[Option, ...] = ()  # in addition to existing data, best first
+    next: tuple[NextMeasurement, ...] = ()  # in addition to existing data, best first
 
     @field_serializer("budget")
     def _with_lengths(self, lines: tuple[Contribution, ...]) -> list[dict[str, object]]:
@@ -145,7 +145,7 @@ class MeasurementPlan(Schema):
 
 
 def measurement_plan(
-    model: Model, wanted: Wanted, following: tuple[Option, ...] = (), details: bool = True
+    model: Model, wanted: Wanted, following: tuple[NextMeasurement, ...] = (), details: bool = True
 ) -> MeasurementPlan:
     """Forecast the session that is wanted, and other ways to measure.
 

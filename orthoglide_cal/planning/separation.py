@@ -56,12 +56,9 @@ class Separations(ReadOnly):
 
 
 def separations(model: Model, plan: Plan, among: Collection[str] | None = None) -> Separations:
-    """Every cause that is possible on this machine against every other.
+    """Every cause that is possible on this machine and not accepted yet against every other.
 
-    Args:
-        model: its machine gives the plausible sizes; what is accepted already is no candidate.
-        plan: n readings that determine the offsets.
-        among: ids of those to look at; None for all.
+    The n readings of the plan determine the offsets. `among` are ids to look at; None for all.
     """
     machine, known = model.machine, {effect.cause.id for effect in model.accepted}
     possible = [

@@ -363,10 +363,10 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "one_more_session": "Measure once more: one further session decides between them.",
     "home_repeatedly": "Home three times and measure one cycle after each: that decides between"
     " them.",
-    "find_step": "Look for a collision, a loose carriage or an exchanged part.",
-    "find_drift": "Look for wear or warming up; calibrate again before the drift matters.",
-    "find_scatter": "Check home switches and couplings: calibration cannot be better than homing.",
-    "nothing_to_do": "Nothing to do: measure again at the next service, or after a collision.",
+    "changed": "Look for a collision, a loose carriage or an exchanged part.",
+    "drifting": "Look for wear or warming up; calibrate again before the drift matters.",
+    "scattering": "Check home switches and couplings: calibration cannot be better than homing.",
+    "unchanged": "Nothing to do: measure again at the next service, or after a collision.",
     # About the data.
     "remark": "{text}",
     "below_resolution": "The residuals are smaller than the {words.noise}'s resolution allows"

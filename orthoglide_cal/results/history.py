@@ -56,13 +56,6 @@ U95, ONE_SIDED = half_width(math.inf), half_width(math.inf, 0.9)
 Sizes = tuple[Estimate, ...]
 _Shape = tuple[Floats, Floats, Bed]  # touched places (n, 2), what is left (n,)
 
-_ADVICE = {
-    Trend.CHANGED: Reason.of("find_step"),
-    Trend.DRIFTING: Reason.of("find_drift"),
-    Trend.SCATTERING: Reason.of("find_scatter"),
-    Trend.UNCHANGED: Reason.of("nothing_to_do"),
-}
-
 
 class DatedSession(Schema):
     """One session."""
@@ -431,7 +424,7 @@ def compare(
         also=also,
         limit=None if limit_mm is None else _reached(limit_mm, now, drift, scatter, last),
         notes=(*notes, *_circumstances(sessions, diagnosed)),
-        next=decides if rivals else _ADVICE[verdict],
+        next=decides if rivals else Reason.of(verdict),
         newest=machine,
         shapes=tuple(
             _shape(diagnosed[k]) for k in (0, -1) if diagnosed[k].white.plan.touches.any()

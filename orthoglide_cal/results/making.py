@@ -56,6 +56,7 @@ from orthoglide_cal.inference import (
     nothing_wrong,
 )
 from orthoglide_cal.inference.result import WORTH_SAYING
+from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -252,9 +253,7 @@ def with_dates(
 
     `inputs` are the dates, oldest first.
     """
-    day, sha256 = datetime.now(UTC).date().isoformat(), diagnosis.measured.source.sha256
-    lasting = [effect.accepted(day, sha256) for effect in diagnosis.effects if effect.cause.lasting]
-    dates = []
+    lasting, dates = _lasting(diagnosis), []
     for dated in inputs:
         machines = diagnosis.model.machine, dated.model.machine
         model = dated.model.extended(effect.transferred(*machines) for effect in lasting)
@@ -286,15 +285,16 @@ def _warmth(given: Input) -> tuple[Contribution, ...]:
 
 
 def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
-    """The machine with the lasting causes that a diagnosis names in it, as if accepted now."""
+    """The machine with the lasting causes that a diagnosis names in it."""
     if diagnosis.verdict is not Verdict.NAMED:
         return model
-    day = datetime.now(UTC).date().isoformat()
-    return model.extended(
-        effect.accepted(day, diagnosis.measured.source.sha256)
-        for effect in diagnosis.effects
-        if effect.cause.in_machine and effect.cause.lasting
-    )
+    return model.extended(effect for effect in _lasting(diagnosis) if effect.cause.in_machine)
+
+
+def _lasting(diagnosis: Diagnosis) -> list[Effect]:
+    """The lasting causes of a diagnosis, as if accepted now."""
+    day, sha256 = datetime.now(UTC).date().isoformat(), diagnosis.measured.source.sha256
+    return [effect.accepted(day, sha256) for effect in diagnosis.effects if effect.cause.lasting]
 
 
 def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool:
@@ -497,7 +497,7 @@ def release(
         solution: of the offsets alone, with the accepted causes; it checks itself again here.
         diagnosis: of the same data; None if it was not or could not be made.
         following: what would distinguish the explanations that it leaves open; None without.
-        corrects: ids that the controller is to correct, too.
+        corrects: as of `answer_to`.
     """
     failures = tuple(_failures(solution, diagnosis))
     patterns = [one for one in diagnosis.patterns if one.accepted] if diagnosis else []

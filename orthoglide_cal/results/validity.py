@@ -137,10 +137,8 @@ def identify(
 ) -> Identity:
     """Identity of a result: another number for whatever a report shows otherwise.
 
-    Args:
-        inputs: each file, with the machine that it is judged by.
-        options: whatever else changes the content; their `str` distinguishes them.
-        issued: time of issue; now if None.
+    Of each file, with the machine that it is judged by, and of all options that change the content
+    (their `str` distinguishes them). It is issued now if no time is given.
     """
     software = f"orthocal {__version__}"
     parts = [

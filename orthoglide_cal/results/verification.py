@@ -10,7 +10,8 @@ change is then regressed on what the model predicts for the correction,
     c = β·g(δ) + noise,  g(δ) = h(Δρ − δ) − h(Δρ)
 
 h: predicted quantities, Δρ: offsets before, δ: entered in the controller. An entered δ is taken
-off the offset that remains (true = indicated + Δρ), so theory says β = 1.
+off the offset that remains (true = indicated + Δρ), so theory says β = 1. What the controller
+corrects of causes from then on was entered, too: g holds it; each axis is judged without it.
 
 A machine that probes itself has other places each time: what is compared is how much the heights
 scatter, and what is left of each parameter. It is as predicted if the mean squares differ by no
@@ -21,22 +22,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, computed_field
 from scipy.linalg import block_diag
-from scipy.special import fdtrc
 
 from orthoglide_cal.causes import correcting
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
-from orthoglide_cal.estimation.accuracy import CONFIDENCE, chance_of_residual, half_width, rms
+from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files.input import Input
-from orthoglide_cal.files.machine_file import machine_values
+from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
 from orthoglide_cal.model.cause import Effect
@@ -54,8 +54,6 @@ from orthoglide_cal.schema import Reason, Schema, Sentence
 
 # No controller takes finer offsets [mm]; firmwares print parameters to this many of their units.
 SMALLEST_MM, AS_FOUND = 1e-6, 1e-3
-# Entries of the machine file in which two sessions of one machine agree.
-SAME = ("kind", "leg_length_mm", "joint_limits_mm", "identified")
 # Eigenvalues of the information matrix below this are zero; real ones are 1/4 and more.
 NO_INFORMATION = 1e-9
 # A promise is that of heights that are less than this share of those before.
@@ -259,9 +257,7 @@ def verify(
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
     if limit_mm is not None and not 0.0 < limit_mm < np.inf:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
-    one, other = machine_values(before.model), machine_values(after.model)
-    different = [name for name in SAME if one.get(name) != other.get(name)]
-    if different:
+    if different := differing(before.model, after.model):
         raise UsageError(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
             "Give the machine that both are to be judged by: --machine FILE",
@@ -363,15 +359,11 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
             heights.append(left[touched] - left[touched].mean())
     earlier, promised, afterwards, reachable = map(rms, heights)
     was, now = len(heights[0]), len(heights[2])
-
-    # F test, 5 %: more is left than before, by more than noise.
-    dof = max(was - 1, 1), now - 1
-    ratio = (afterwards**2 * now / dof[1]) / (earlier**2 * was / dof[0])
-    worse = ratio > 1.0 and bool(fdtrc(dof[1], dof[0], ratio) < 1.0 - CONFIDENCE)
-    (noise2, u_before), (_, u_after) = (
-        _mean_square(*pair) for pair in ((first, heights[1]), (second, heights[2]))
+    (noise2, u_promised), (_, u_earlier), (_, u_after) = (
+        _mean_square(solution, heights[k]) for solution, k in ((first, 1), (first, 0), (second, 2))
     )
-    reach = half_width(np.inf) * math.hypot(u_before, u_after)
+    reach = half_width(np.inf) * math.hypot(u_promised, u_after)
+    worse = afterwards**2 - earlier**2 > half_width(np.inf) * math.hypot(u_earlier, u_after)
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
     most = promised**2 + 2.0 * len(old) * noise2 / was + reach
@@ -654,40 +646,31 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     values = shared.change, shared.corrected, problem.change(offsets, applied), jacobian
     moved, corrected, predicted, jacobian = whiten(shared.covariance, *values)
     change, predicted = moved + corrected, predicted + corrected
-    entered, columns = applied, jacobian
-    if not applied.any():  # Corrections have one gain.
-        entered, columns, moved = np.ones(1), predicted[:, None], change
-    dof, spare = len(change) - 1, len(change) - len(entered)
-    # All fitted together. No reading is known better than its gauge's resolution allows.
-    inverse = np.linalg.pinv(columns)
-    responses = inverse @ moved
-    residual = moved - columns @ responses
-    left = float(residual @ residual)
-    sigma = max(float(np.sqrt(left / spare)), gauge.rounding_mm)
-    stds = (sigma * np.sqrt(np.diag(inverse @ inverse.T))).tolist()
+    gain = _regress(predicted[:, None], change, gauge.rounding_mm)
+    # The axes are fitted together; corrections have one gain.
+    moves, entered, axes = gain, np.ones(1), dict[str, AxisResponse]()
+    if applied.any():
+        moves, entered = _regress(jacobian, moved, gauge.rounding_mm), applied
+    left, spare = moves.left, moves.spare
     answer, likeliest = decide_response(
-        responses, inverse @ inverse.T, left, spare, gauge.noise_mm, entered
+        moves.sizes, moves.unit, left, spare, gauge.noise_mm, entered
     )
-    axes, rows = {}, (applied.tolist(), responses.tolist(), stds, likeliest.otherwise(entered))
-    for axis, size, value, std, otherwise in zip(AXES, *rows, strict=True) if applied.any() else ():
-        reach = half_width(spare) * std
-        axes[axis] = AxisResponse(
-            applied_mm=size,
-            found_mm=value,
-            ci95_mm=(value - reach, value + reach),
-            coefficient=_coefficient(value / size, std / abs(size), spare) if size else None,
-            otherwise=otherwise,
-        )
-    beta = float(predicted @ change / (predicted @ predicted))
-    residual = change - beta * predicted
-    sigma = max(float(np.sqrt(residual @ residual / dof)), gauge.rounding_mm)
-    response = _coefficient(beta, sigma / float(np.sqrt(predicted @ predicted)), dof)
-    another = answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
+    if applied.any():
+        rows = applied.tolist(), moves.sizes.tolist(), moves.stds, likeliest.otherwise(applied)
+        for axis, by, value, std, otherwise in zip(AXES, *rows, strict=True):
+            axes[axis] = AxisResponse(
+                applied_mm=by,
+                found_mm=value,
+                ci95_mm=_coefficient(value, std, spare).ci95,
+                coefficient=_coefficient(value / by, std / abs(by), spare) if by else None,
+                otherwise=otherwise,
+            )
+    another = bool(axes) and answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
     typical = float(np.sqrt(np.mean(np.diag(shared.covariance))))
     p_value = chance_of_residual(left, spare, gauge.noise_mm)
     return {
-        "response": response,
-        "response_dof": dof,
+        "response": _coefficient(float(gain.sizes[0]), gain.stds[0], gain.spare),
+        "response_dof": gain.spare,
         "axes": axes,
         "answer": answer,
         "acted_as_mm": _by_axis(likeliest.moved) if another else None,
@@ -699,6 +682,26 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
             found=p_value < SUSPICIOUS,
         ),
     }
+
+
+class _Regression(NamedTuple):
+    """Least squares of a whitened change."""
+
+    sizes: Floats  # shape (q,)
+    unit: Floats  # their covariance for unit noise, shape (q, q)
+    stds: list[float]  # of each
+    left: float  # sum of squares that they leave [mm²]
+    spare: int  # its degrees of freedom
+
+
+def _regress(columns: Floats, change: Floats, rounding_mm: float) -> _Regression:
+    inverse = np.linalg.pinv(columns)
+    sizes, unit = inverse @ change, inverse @ inverse.T
+    residual = change - columns @ sizes
+    left, spare = float(residual @ residual), len(change) - len(sizes)
+    # No reading is known better than its gauge's resolution allows.
+    sigma = max(math.sqrt(left / spare), rounding_mm)
+    return _Regression(sizes, unit, (sigma * np.sqrt(np.diag(unit))).tolist(), left, spare)
 
 
 def _coefficient(value: float, std: float, dof: int) -> Coefficient:

@@ -20,12 +20,12 @@ from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.readings import implausible_c
 from orthoglide_cal.files.text import free_path, read_document
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference import NextMeasurement, diagnose
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.model.readings import GaugePlan
-from orthoglide_cal.planning import Option, rank_measurements
+from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.design import require_on_bar
 from orthoglide_cal.planning.steps import (
     CYCLES,
@@ -212,7 +212,7 @@ def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
 
 def planned_next(
     first: PriorReadings,
-    options: tuple[Option, ...],
+    options: tuple[NextMeasurement, ...],
     request: Request,
     offsets_mm: Sequence[float],
 ) -> tuple[GaugePlan, events.Following, str]:
@@ -253,7 +253,9 @@ def planned_next(
     return plan, following, changed
 
 
-def _recommended(path: str, request: Request) -> tuple[PriorReadings, tuple[Option, ...], Model]:
+def _recommended(
+    path: str, request: Request
+) -> tuple[PriorReadings, tuple[NextMeasurement, ...], Model]:
     """Rank what to measure next, given the readings in a file, and on which machine."""
     given, keeper, choice = request.model, request.keeper, request.choice
     if path == "-":

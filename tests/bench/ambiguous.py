@@ -11,9 +11,9 @@ from itertools import product
 
 import numpy as np
 
-from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
+from orthoglide_cal.inference import Diagnosis, NextMeasurement, Verdict, diagnose
 from orthoglide_cal.model.readings import GaugePlan
-from orthoglide_cal.planning import Option, rank_measurements
+from orthoglide_cal.planning import rank_measurements
 from tests.inference.sessions import known
 from tests.truth import Gauge, Machine, Session, continue_session, make_session, separation
 from tests.truth.separation import STANDS_OUT
@@ -30,7 +30,7 @@ class Ambiguous:
 
     session: Session
     found: Diagnosis
-    following: tuple[Option, ...]
+    following: tuple[NextMeasurement, ...]
 
     @property
     def pair(self) -> Pair:
@@ -40,13 +40,15 @@ class Ambiguous:
         return accepted, ", ".join(sorted({*self.found.ambiguous_with, *unshown}))
 
     @property
-    def recommended(self) -> Option | None:
+    def recommended(self) -> NextMeasurement | None:
         """The best; None where no measurement tells anything of what is open."""
         best = self.following[0]
         return best if best.between else None
 
 
-def continued(session: Session, option: Option, seed: int, rest_min: float = 0.0) -> Session:
+def continued(
+    session: Session, option: NextMeasurement, seed: int, rest_min: float = 0.0
+) -> Session:
     """The session with an option measured by the truth, some minutes later than planned."""
     names = {item.name for item in fields(GaugePlan)} - {"contact", "setup", "date", "precision"}
     arrays = {name: getattr(option.plan, name) for name in names}
@@ -54,7 +56,7 @@ def continued(session: Session, option: Option, seed: int, rest_min: float = 0.0
     return continue_session(session, seed, **arrays)
 
 
-def joined_diagnosis(session: Session, option: Option, seed: int) -> Diagnosis:
+def joined_diagnosis(session: Session, option: NextMeasurement, seed: int) -> Diagnosis:
     """What is said of a session together with an option, measured by the truth."""
     return diagnose(*known(continued(session, option, seed)))
 

@@ -1,7 +1,5 @@
 """`orthocal paper`: each table from the command line."""
 
-from dataclasses import replace
-
 import pytest
 
 from orthoglide_cal.paper import tables
@@ -33,8 +31,7 @@ def test_rows_that_cannot_be_reproduced_say_so() -> None:
 
 
 def test_a_table_that_is_not_reproduced_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
-    wrong = replace(tables.EXPERIMENTS[2], six_offsets=(-0.53, 0.59, -1.70))
-    monkeypatch.setattr(tables, "EXPERIMENTS", {2: wrong})
+    monkeypatch.setitem(tables.TABLE_5, "#2 six-equation", (-0.53, 0.59, -1.70, 0.20))
     shown = run("paper", "--table", "5")
     assert shown.exit_code == 4
     assert "NOT reproduced" in shown.stdout

@@ -7,7 +7,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.inference import Diagnosis, diagnose
+from orthoglide_cal.inference import Diagnosis, NextMeasurement, diagnose
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
@@ -16,7 +16,7 @@ from orthoglide_cal.model.model import Model, differentiate, synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, joined
 from orthoglide_cal.model.readings import GaugePlan, Posture
-from orthoglide_cal.planning import Option, best_next, rank_measurements
+from orthoglide_cal.planning import best_next, rank_measurements
 from orthoglide_cal.planning.next_measurement import _pair, options, predictions
 from orthoglide_cal.results import answer_to
 from tests import truth
@@ -39,7 +39,7 @@ ENDS = (Posture.MAX, Posture.MIN)
 LIMITS = double_posture(MACHINE, postures=ENDS, closing=False)
 
 
-def chosen(found: Diagnosis, *words: str) -> Option:
+def chosen(found: Diagnosis, *words: str) -> NextMeasurement:
     """The best option whose instruction holds these words."""
     return next(each for each in rank_measurements(found) if all(w in each.what for w in words))
 

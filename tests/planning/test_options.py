@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from orthoglide_cal.inference import NextMeasurement
 from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_SETUP,
     double_posture,
@@ -14,7 +15,7 @@ from orthoglide_cal.model.orthoglide import (
 from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import Contact
 from orthoglide_cal.planning.design import design_of
-from orthoglide_cal.planning.next_measurement import WAIT_MIN, Option, options
+from orthoglide_cal.planning.next_measurement import WAIT_MIN, options
 from orthoglide_cal.planning.steps import Order, clock, steps_of
 from tests import truth
 from tests.inference.sessions import model_of
@@ -28,7 +29,7 @@ WITH_NEW_STANDS = [option for option in ALL if not option.continues]
 
 
 @pytest.mark.parametrize("option", ALL, ids=lambda option: option.what)
-def test_it_can_be_done(option: Option) -> None:
+def test_it_can_be_done(option: NextMeasurement) -> None:
     """Within the limits, after what was read, and it takes as long as its steps."""
     plan = option.plan
     low, high = MACHINE.joint_limits_mm

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.inference import Verdict, diagnose
+from orthoglide_cal.inference import NextMeasurement, Verdict, diagnose
 from orthoglide_cal.model.measured import DataKind, Readings
-from orthoglide_cal.planning import Option, best_next, rank_measurements
+from orthoglide_cal.planning import best_next, rank_measurements
 from tests import truth
 from tests.bench.ambiguous import continued
 from tests.inference.sessions import known, readings_of, reduced
 from tests.readings import some
 
 
-def measured(session: truth.Session, option: Option, seed: int) -> Readings:
+def measured(session: truth.Session, option: NextMeasurement, seed: int) -> Readings:
     """The recommended session on the same machine, a day later, without the first one."""
     first, plan = readings_of(session).plan, option.plan
     later = replace(

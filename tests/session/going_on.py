@@ -8,9 +8,9 @@ from typing import Any
 import yaml
 
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference import NextMeasurement, diagnose
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.planning import Option, rank_measurements
+from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.session.events import Event
 from orthoglide_cal.session.journal import decode
 
@@ -24,29 +24,29 @@ def read(path: Path) -> Readings:
 
 
 @functools.cache
-def _options(path: Path, content: bytes) -> tuple[Option, ...]:
+def _options(path: Path, content: bytes) -> tuple[NextMeasurement, ...]:
     """Recommended after a file with this content, best first; ranked once."""
     given = read_input(str(path))
     return rank_measurements(diagnose(given.measured, given.model))
 
 
-def choice(path: Path, wanted: Callable[[Option], object]) -> tuple[str, ...]:
+def choice(path: Path, wanted: Callable[[NextMeasurement], object]) -> tuple[str, ...]:
     """The options of the command that carry out the first recommendation that is wanted."""
     options = _options(path, path.read_bytes())
     number = next(k for k, option in enumerate(options, start=1) if wanted(option))
     return ("--then", str(path), "--choice", str(number), "--yes")
 
 
-def is_step(option: Option) -> bool:
+def is_step(option: NextMeasurement) -> bool:
     return option.continues and bool(option.plan.entered[:, 0].any())
 
 
-def is_turn(option: Option) -> bool:
+def is_turn(option: NextMeasurement) -> bool:
     anew = not option.continues and set(option.plan.leg) == {1}
     return anew and bool(option.plan.turned.all())
 
 
-def is_usual(option: Option) -> bool:
+def is_usual(option: NextMeasurement) -> bool:
     return not (option.continues or option.plan.turned.any()) and set(option.plan.leg) == {1}
 
 

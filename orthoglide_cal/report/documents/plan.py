@@ -14,9 +14,9 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import command, file_words, visible
 from orthoglide_cal.estimation.budget import Budget
+from orthoglide_cal.inference import NextMeasurement
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning import Option
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.plan import (
@@ -444,7 +444,9 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
     return doc.Notice(doc.Tone.INFO, f"Next: {minutes}", (worth, *target))
 
 
-def _next_grid(plan: MeasurementPlan, ranked: Sequence[Option], full: bool = False) -> doc.Grid:
+def _next_grid(
+    plan: MeasurementPlan, ranked: Sequence[NextMeasurement], full: bool = False
+) -> doc.Grid:
     """A part of the ranking; `full`: also U as it is, and what the columns mean."""
     telling = any(each.between for each in plan.next)
     now_mm = plan.now_mm if full else None
