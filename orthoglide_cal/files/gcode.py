@@ -48,12 +48,7 @@ from orthoglide_cal.files.probe_readings import (
     within,
 )
 from orthoglide_cal.files.text import FileText, read_document
-from orthoglide_cal.model.linear_delta import (
-    TOWERS_TURN,
-    Endstops,
-    LinearDelta,
-    counter_clockwise,
-)
+from orthoglide_cal.model.linear_delta import TOWERS_TURN, Endstops, LinearDelta, counter_clockwise
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.schema import Reason
 

@@ -153,10 +153,7 @@ def readings_in(
 
 
 def readings_of(
-    rows: Sequence[ReadingRow],
-    machine: Orthoglide,
-    source: Source,
-    lines: Sequence[int],
+    rows: Sequence[ReadingRow], machine: Orthoglide, source: Source, lines: Sequence[int]
 ) -> Readings:
     """Checked rows in the order of their file, and their lines, as arrays.
 

@@ -53,16 +53,7 @@ from orthoglide_cal.model.machine import (
     stated_or,
 )
 from orthoglide_cal.model.measured import Measured, Readings, Source
-from orthoglide_cal.model.plan import (
-    Bools,
-    Floats,
-    Ints,
-    Numbers,
-    Plan,
-    alike,
-    joined,
-    read_only,
-)
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Numbers, Plan, alike, joined, read_only
 from orthoglide_cal.schema import Number, ask
 
 TOWERS = ("a", "b", "c")
