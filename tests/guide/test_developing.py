@@ -97,7 +97,7 @@ class TiltTable(Machine):
     reading_words, judging = LinearDelta.reading_words, LinearDelta.judging
     local_shape, uncertain = LinearDelta.local_shape, LinearDelta.uncertain
     synthetic, further = LinearDelta.synthetic, LinearDelta.further
-    simulated_plan, _rings = LinearDelta.simulated_plan, LinearDelta._rings
+    simulated_plan = LinearDelta.simulated_plan
 
     @property
     def nominal_rails(self):
