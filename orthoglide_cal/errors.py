@@ -161,15 +161,7 @@ def fault_kinds(faults: Sequence[Any]) -> tuple[list[tuple[Any, str]], list[str]
 
 
 class PostureError(InputError):
-    """A posture that the machine cannot take."""
-
-
-class UnreachableError(PostureError):
-    """No real solution: the legs do not reach, or the point is outside the workspace."""
-
-
-class SingularError(PostureError):
-    """The posture exists but the machine is singular there: the Jacobian has no inverse."""
+    """A posture that the machine cannot take, or where it is singular."""
 
 
 class UnusableResultError(OrthocalError):

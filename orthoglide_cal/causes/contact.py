@@ -7,13 +7,7 @@ from typing import Self
 
 import numpy as np
 
-from orthoglide_cal.causes.base import (
-    PatternCause,
-    apart,
-    series_places,
-    there,
-    words_of,
-)
+from orthoglide_cal.causes.base import PatternCause, apart, series_places, there, words_of
 from orthoglide_cal.model.cause import Cause, Effect, Place, Screw, Stage
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.model.machine import Machine

@@ -36,7 +36,7 @@ from pathlib import Path, PurePath
 
 import numpy as np
 
-from orthoglide_cal.errors import InputError, UnreachableError
+from orthoglide_cal.errors import InputError, PostureError
 from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
@@ -48,12 +48,7 @@ from orthoglide_cal.files.probe_readings import (
     within,
 )
 from orthoglide_cal.files.text import FileText, read_document
-from orthoglide_cal.model.linear_delta import (
-    TOWERS_TURN,
-    Endstops,
-    LinearDelta,
-    counter_clockwise,
-)
+from orthoglide_cal.model.linear_delta import TOWERS_TURN, Endstops, LinearDelta, counter_clockwise
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.schema import Reason
 
@@ -246,7 +241,8 @@ def _words(file: FileText) -> Words:
 MARLIN_OUTPUT = re.compile(
     "Bed X:|Bilinear Leveling Grid:|G33 Auto Calibrate|Bed Topography Report|Measured points:"
 )
-_KIMBRA = re.compile(r"MarlinKimbra|\bM666\b[^\n]*\bD[0-9.]+\s+H", re.IGNORECASE)
+# MarlinKimbra keeps its settings in M666.
+KIMBRA = re.compile(r"MarlinKimbra|\bM666\b[^\n]*\bD[0-9.]+\s+H", re.IGNORECASE)
 _BED = re.compile(r"Bed X: ?(\S+) Y: ?(\S+) Z: ?(\S+)")
 _GRID = re.compile(r"(?<!Subdivided )(?<!ROM )Bilinear Leveling Grid:")
 _ROW = re.compile(r"(?:^|[\s>])[0-9]{1,3}((?:\s+(?:[-+][0-9.]+|nan|=+))+)\s*$")
@@ -261,11 +257,6 @@ _TURNS = dict(zip(("x", "y", "z", "yz", "zx", "xy"), _PLACES, strict=True))
 # So far from the edge the probe stays unless Marlin was compiled otherwise [mm].
 _MARGIN_MM = 10.0
 _ROUNDED = 0.0051  # mm, deg, to which G33 prints its settings
-
-
-def marlin_name(text: str) -> str:
-    """Whose output it is: MarlinKimbra keeps its settings in M666."""
-    return "MarlinKimbra" if _KIMBRA.search(text) else "Marlin"
 
 
 class _Reader:
@@ -398,7 +389,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         remarks.append(Reason.of("converted", name=name, line=reader.changed))
         try:
             place = reader.now.believed(then, mesh.plan.spots)
-        except UnreachableError as error:
+        except PostureError as error:
             what = f"The arms cannot reach a place of {name}."
             remedy = "Check the settings (M503, or the machine file)."
             raise InputError(what, remedy, file=document.path, line=int(mesh.line[0])) from error

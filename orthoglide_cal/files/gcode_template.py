@@ -66,11 +66,8 @@ class Template(Schema):
 def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
     """The template that a file holds.
 
-    No line of it may have one of the numbers of the blocks that are to be written.
-
-    Raises:
-        InvalidFileError: no marker or two, a setting that cannot be used, a number that a block
-            has, or a mode (inches, relative) in which the blocks would drive elsewhere.
+    Raises InvalidFileError: no marker or two, a setting that cannot be used, one of the numbers of
+    the blocks to be written, or a mode (inches, relative) in which they would drive elsewhere.
     """
     content, taken = Content(document), set(numbers)
     parts: tuple[list[str], list[str]] = ([], [])

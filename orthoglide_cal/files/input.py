@@ -124,9 +124,8 @@ def read_input(
         stored: what of a printer's file is meant; None for its calibration, or else its mesh.
             Other files are read whole.
 
-    Raises:
-        InvalidFileError: everything that is wrong with its content, each with its place.
-        InputError: not readable, too large, or not text.
+    Raises InvalidFileError: every fault of its content with its place; InputError: not readable,
+    too large, or not text.
     """
     document = source if isinstance(source, FileText) else read_document(source)
     if _is_yaml(document):
@@ -144,11 +143,8 @@ def check_file(
 ) -> tuple[Check, Input | None]:
     """Check a file of any kind, also of a machine; arguments as of `read_input`.
 
-    Returns:
-        What was found; and what was measured: None for a machine, or if the file is not valid.
-
-    Raises:
-        InputError: the file cannot be opened, so that there is nothing to check.
+    Returns the measurement, too; None for a machine, or if the file is not valid. Raises
+    InputError: the file cannot be opened, so that there is nothing to check.
     """
     input, data = CheckedFile(path=path), read_bytes(path)
     try:
@@ -404,7 +400,7 @@ def _firmware_file(
             beside = replace(beside, heights=None, mesh=None, remarks=(remark,))
     elif gcode.MARLIN_OUTPUT.search(text):
         read, named = gcode.read_marlin, "--machine FILE, or keep what M503 prints in this file"
-        title = f"what {gcode.marlin_name(text)} prints"
+        title = f"what {'MarlinKimbra' if gcode.KIMBRA.search(text) else 'Marlin'} prints"
         beside = gcode.read_codes(document) if gcode.SETTINGS.search(text) else None
     elif gcode.PROBE_HEIGHTS.search(text):
         read, named = gcode.read_listed, "--machine config.g"

@@ -219,8 +219,8 @@ def read_printer_file(
             settings.options[_CALIBRATION, option] = text
     _check_kind(settings)
     radius = settings.number("printer", "delta_radius", low=0.0)
-    arms = _each(settings, "arm_length", 0.0 if math.isnan(radius) else radius)
-    endstops = _each(settings, "position_endstop", -LARGEST_MM)
+    arms = _of_towers(settings, "arm_length", 0.0 if math.isnan(radius) else radius)
+    endstops = _of_towers(settings, "position_endstop", -LARGEST_MM)
     angles = [
         settings.number(tower, "angle", default, low=-720.0)
         for tower, default in zip(_TOWERS, USUAL_ANGLES_DEG, strict=True)
@@ -338,7 +338,7 @@ def _check_kind(settings: _Settings) -> None:
         settings.missing("printer", "kinematics")
 
 
-def _each(settings: _Settings, option: str, low: float) -> Floats:
+def _of_towers(settings: _Settings, option: str, low: float) -> Floats:
     """A number of each tower; that of the first stands for the others where they have none."""
     first = settings.number(_TOWERS[0], option, low=low)
     others = (settings.number(tower, option, first, low) for tower in _TOWERS[1:])

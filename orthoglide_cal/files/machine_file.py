@@ -175,9 +175,8 @@ class StoredMachine:
 def read_machine_file(path: Path | str) -> StoredMachine:
     """The machine file at a path ("-": standard input).
 
-    Raises:
-        InvalidFileError: everything in it that breaks the schema, each with line and path.
-        InputError: not readable, not YAML, or not a machine file.
+    Raises InvalidFileError: everything in it that breaks the schema, each with line and path;
+    InputError: not readable, not YAML, or not a machine file.
     """
     file = read_document(str(path), YAML_LIMIT)
     if PRINTER_SECTION.search(file.text):

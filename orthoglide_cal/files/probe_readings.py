@@ -9,7 +9,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.rows import YES, ProbeRow, Rows, check_order
+from orthoglide_cal.files.rows import YES, ProbeRow, Rows, check_order, times_of
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, ProbePlan, touching
@@ -55,17 +55,13 @@ def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
             remedy = f"Check it, or bed_radius_mm ({bed.radius_mm:g}) in the machine file."
             checking.note(index, "x_mm", what, remedy)
     rows = checking.checked()
-    times = {row.minutes for row in rows}
-    timed = None not in times and (len(rows) == 1 or len(times) > 1)
-    if not timed and None not in times:
+    in_time, minutes, timed = times_of(rows)
+    if not timed and rows[0].minutes is not None:
         remarks.append(Reason.of("equal_minutes"))
     place = np.array([(row.x_mm, row.y_mm, row.reading_mm) for row in rows])
     surface = np.array([row.z_mm or 0.0 for row in rows])
-    seq = [-1 if row.seq is None else row.seq for row in rows]
-    order = np.argsort(np.argsort(seq, kind="stable"))
-    minutes = np.array([row.minutes or 0.0 for row in rows]) if timed else None
     return Readings(
-        touching(place, surface, order, minutes),
+        touching(place, surface, np.argsort(in_time), minutes if timed else None),
         place[:, 2] - surface,
         np.array([checking.line(index) for index in range(len(rows))]),
         timed,

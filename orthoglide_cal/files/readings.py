@@ -23,6 +23,7 @@ from orthoglide_cal.files.rows import (
     Rows,
     check_order,
     difference_name,
+    times_of,
 )
 from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
@@ -134,14 +135,8 @@ def readings_in(
 ) -> Readings:
     """Convert and check the readings of a file, by the limits of a machine.
 
-    Args:
-        content: of the file, with the faults found earlier; these are added.
-        path: of the list of readings.
-        started: when the session began, ISO 8601, for times without `minutes`.
-        remarks: those found earlier; these are added.
-
-    Raises:
-        InvalidFileError: everything that is wrong with the file.
+    `path` is that of their list, `started` (ISO 8601) counts where there are no `minutes`; remarks
+    are added to those given. Raises InvalidFileError: everything that is wrong with the file.
     """
     leg = machine.leg_length_mm
     than = "the leg is long"
@@ -158,20 +153,14 @@ def readings_in(
 
 
 def readings_of(
-    rows: Sequence[ReadingRow],
-    machine: Orthoglide,
-    source: Source,
-    lines: Sequence[int],
+    rows: Sequence[ReadingRow], machine: Orthoglide, source: Source, lines: Sequence[int]
 ) -> Readings:
     """Checked rows in the order of their file, and their lines, as arrays.
 
     The machine gives the postures.
     """
     first = rows[0]  # what is numbered or timed in one row is so in all
-    minutes = [row.minutes or 0.0 for row in rows]
-    # The same time for all means no times.
-    timed = first.minutes is not None and (len(rows) == 1 or len(set(minutes)) > 1)
-    in_time = np.argsort([-1 if row.seq is None else row.seq for row in rows], kind="stable")
+    in_time, minutes, timed = times_of(rows)
     order = np.argsort(in_time)
     contact = np.array([Contact[(row.end or "fixed").upper()] for row in rows], dtype=np.intp)
     named = {posture.value: machine.displacement_mm(posture) for posture in Posture}

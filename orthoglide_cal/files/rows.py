@@ -12,6 +12,7 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import Annotated, ClassVar, Generic, TypeVar
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     AliasChoices,
@@ -28,6 +29,7 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import WORDS, Content, Steps
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Source
+from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.schema import Count, Moment, Schema, text_that, whole_number, yaml_number
 from orthoglide_cal.words import MM_PER_INCH
@@ -357,6 +359,14 @@ class Rows(Generic[R]):
                 if cells and not filled[index]:
                     what = "The cell is empty here but filled in other rows."
                     self.note(index, column, what, "Fill it in every row or in none.")
+
+
+def times_of(rows: Sequence[Timed]) -> tuple[Ints, Floats, bool]:
+    """Indices from first to last; minutes; and whether they are times: no one time for all."""
+    in_time = np.argsort([-1 if row.seq is None else row.seq for row in rows], kind="stable")
+    minutes = np.array([row.minutes or 0.0 for row in rows])
+    timed = rows[0].minutes is not None and (len(rows) == 1 or len(np.unique(minutes)) > 1)
+    return in_time, minutes, timed
 
 
 def check_order(rows: Rows[Timed]) -> None:

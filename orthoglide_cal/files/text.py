@@ -49,8 +49,7 @@ class FileText:
 def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
     """Read a text file, or standard input for "-", of at most `limit` bytes.
 
-    Raises:
-        InputError: no such file, a folder, no permission; too large, empty, or not UTF-8 text.
+    Raises InputError: no such file, a folder, no permission; too large, empty, or no UTF-8 text.
     """
     return document_from_bytes(read_bytes(path, limit), path, limit)
 
@@ -101,9 +100,7 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
     A file that is replaced keeps its owner and mode; one that has several names is not replaced,
     and without `overwrite` none is.
 
-    Raises:
-        UsageError: the file exists and may not be replaced.
-        InputError: the file cannot be written (no such folder, no permission, disk full).
+    Raises UsageError: the file exists and may not be replaced; InputError: it cannot be written.
     """
     temporary = path.with_name(f".{path.name}.{uuid.uuid4().hex[:12]}.tmp")
     # Remove temporary files of interrupted writes, once nobody can be writing them; also a second

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.errors import SingularError, UnreachableError
+from orthoglide_cal.errors import PostureError
 from orthoglide_cal.model.plan import Floats, Ints, Numbers, ReadOnly, read_only
 from orthoglide_cal.model.readings import AXES
 
@@ -52,7 +52,7 @@ class Geometry(ReadOnly):
         """Inverse kinematics: true joint positions q (..., 3) that put the tool at p (..., 3) [mm].
 
         The carriages stand ahead of the tool: all signs of eq. (3) are +, the prototype's
-        (errata). Raises UnreachableError: a leg is too short to reach the point from its rail.
+        (errata). Raises PostureError: a leg is too short to reach the point from its rail.
         """
         from_rail = tool[..., None, :] - self.points
         along = (from_rail * self.directions).sum(axis=-1)
@@ -62,14 +62,14 @@ class Geometry(ReadOnly):
             batch = np.broadcast_to(tool, (*root2.shape[:-1], 3))
             at = ", ".join(f"{c:.3f}" for c in batch[tuple(place)].real)
             what = f"Leg {AXES[leg]} is too short to reach the point ({at}) mm from its rail."
-            raise UnreachableError(what, "Choose a point inside the workspace.")
+            raise PostureError(what, "Choose a point inside the workspace.")
         return np.asarray(along + np.sqrt(root2))
 
     def tool_derivative(self, joints: Numbers, tool: Numbers) -> Numbers:
         """Jacobian ∂p/∂q of the general machine (eq. 5 inverted), shape (..., 3, 3).
 
         At true joint positions q and the tool p at these, shapes (..., 3) [mm]. Raises
-        SingularError: the three legs lie in one plane.
+        PostureError: the three legs lie in one plane.
         """
         matrix = tool_derivative(
             components(self.carriages(joints), 2),
@@ -78,7 +78,7 @@ class Geometry(ReadOnly):
         )
         if not np.all(np.isfinite(matrix)):
             what = "The three legs lie in one plane: the machine is singular at this posture."
-            raise SingularError(what, "Choose a posture inside the workspace.")
+            raise PostureError(what, "Choose a posture inside the workspace.")
         return behind_batch(matrix, 2)
 
 
@@ -200,9 +200,7 @@ def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numb
         lengths: shape (3, ...) [mm].
         strict: raise if any of the batch has no solution; otherwise its entry is NaN.
 
-    Raises:
-        UnreachableError: the three spheres have no common point.
-        SingularError: the three centres lie on a line.
+    Raises PostureError: the spheres have no common point, or their centres lie on a line.
     """
     first = centres[0]
     to_second = centres[1] - first
@@ -213,7 +211,7 @@ def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numb
     on_a_line = area2.real <= SINGULAR**2 * np.abs(second2 * third2)
     if strict and np.any(on_a_line):
         what = "The three carriage joints lie on a line: the tool position is not determined."
-        raise SingularError(what, "Change the joint positions.")
+        raise PostureError(what, "Change the joint positions.")
     area2 = np.where(on_a_line, np.nan, area2)
     squares = lengths**2
     half_second = 0.5 * (second2 + squares[0] - squares[1])
@@ -223,7 +221,7 @@ def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numb
     apart = height2.real < 0.0
     if strict and np.any(apart):
         missing = float(np.sqrt(-height2.real.min()))
-        raise UnreachableError(
+        raise PostureError(
             "The legs do not reach each other at these joint positions"
             f" (the spheres miss by {missing:.3g} mm).",
             "Use joint positions inside the limits of the machine.",

@@ -133,6 +133,7 @@ CALLIPER_MM = 0.06
 # Where it says nothing of a bed: foil, glue and magnets under a plate.
 TEXTURE_MM = 0.02
 Step = Annotated[Number, Field(ge=0.0, le=10.0)]
+Spread = Annotated[Number, Field(ge=1e-6, le=10.0)]
 
 
 class Probe(Instrument):
@@ -140,12 +141,10 @@ class Probe(Instrument):
 
     resolution_mm: Annotated[Step, ask("Probe: resolution", "the smallest step that it resolves")]
     repeatability_mm: Annotated[
-        Annotated[Number, Field(ge=1e-6, le=10.0)],
-        ask("Probe: repeatability", "standard deviation of one touch"),
+        Spread, ask("Probe: repeatability", "standard deviation of one touch")
     ]
     calliper_mm: Annotated[
-        Annotated[Number, Field(ge=1e-6, le=10.0)],
-        ask("Calliper", "standard deviation of a distance on a printed object"),
+        Spread, ask("Calliper", "standard deviation of a distance on a printed object")
     ] = CALLIPER_MM
     # Standard deviation of the local shape of the bed; None if nobody stated it.
     texture_mm: Step | None = None
@@ -587,7 +586,7 @@ class LinearDelta(Machine):
         if wanted.protocol or wanted.gauge_at is not None:
             what = "--protocol and --gauge-at are for machines that are measured with gauges."
             raise UsageError(what, "Leave them out.")
-        at = mixed(self._rings(wanted.places or 41))
+        at = mixed(rings(wanted.places or 41, REACH * self.bed_radius_mm))
         parts = [(at, height) for height in wanted.heights or (0.0,)] * (wanted.cycles or 1)
         return layout_of("simulated", "", parts).plan
 
@@ -645,7 +644,7 @@ class LinearDelta(Machine):
         printed = first, np.vstack((ring, np.roll(ring, -1, axis=0)))
         flat, raised, measured = [], [], []
         for count in PLACES:
-            at = mixed(self._rings(count))
+            at = mixed(rings(count, REACH * self.bed_radius_mm))
             bed, up = [(at, 0.0)], [(at, height) for height in BLOCKS_MM]
             flat.append(layout_of(f"bed-{count}", f"{count} places of the bed", bed))
             what = f"{count} places of the bed, and again on blocks of {heights} mm"
@@ -658,16 +657,13 @@ class LinearDelta(Machine):
         """Touches that distinguish skew frame and bent bed."""
         layouts = []
         for some, count in product(RAISED, SPREAD):
-            upper = self._rings(some)
+            upper = rings(some, REACH * self.bed_radius_mm)
             # A place that is touched on both heights has one local shape.
-            bed = mixed(np.vstack((self._rings(count), upper)))
+            bed = mixed(np.vstack((rings(count, REACH * self.bed_radius_mm), upper)))
             again = f"{some} of them again on a block of {HIGH_MM:g} mm"
             what = f"{len(bed)} places of the bed, and {again}"
             layouts.append(layout_of("telling", what, [(bed, 0.0), (mixed(upper), HIGH_MM)]))
         return tuple(sorted(layouts, key=lambda layout: layout.minutes))
-
-    def _rings(self, count: int) -> Floats:
-        return rings(count, REACH * self.bed_radius_mm)
 
     def local_shape(self, plan: ProbePlan) -> Influence:
         size, assumed = stated_or(self.probe.texture_mm, TEXTURE_MM)

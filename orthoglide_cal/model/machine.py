@@ -375,7 +375,7 @@ class Machine(Schema):
     @property
     def homing_std_mm(self) -> float:
         """`homing_mm`, or what is usual."""
-        return HOMING_MM if self.homing_mm is None else self.homing_mm
+        return stated_or(self.homing_mm, HOMING_MM)[0]
 
     @property
     @abstractmethod

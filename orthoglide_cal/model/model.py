@@ -124,8 +124,8 @@ def simulate(model: Model, offsets: Numbers, plan: Plan) -> Numbers:
     """Predicted readings, (..., n) [mm], for joint offsets Δρ, (..., 3) [mm] (Table 2, errata).
 
     The gauge zeros are at the origin of the frame. Leading axes of the parameters of the model's
-    causes broadcast with those of the offsets: many machines in one call. Raises UnreachableError,
-    SingularError: a posture that this machine cannot take.
+    causes broadcast with those of the offsets: many machines in one call. Raises PostureError: this
+    machine cannot take a posture.
     """
     return _simulate(model, np.asarray(offsets), plan, strict=True)[0]
 
@@ -145,7 +145,7 @@ def synthetic_session(
         gauge: the machine's own if None; its repeatability is the noise, a resolution of 0 means
             no rounding.
 
-    Raises UnreachableError, SingularError: a posture that this machine cannot take.
+    Raises PostureError: this machine cannot take a posture.
     """
     machine, predict = model.machine, partial(simulate, model, offsets)
     return machine.synthetic(plan, predict, rng, gauge or machine.instrument)

@@ -16,7 +16,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
 
-from orthoglide_cal.errors import InputError, PostureError, UnreachableError, UsageError
+from orthoglide_cal.errors import InputError, PostureError, UsageError
 from orthoglide_cal.model.gauge import PLACEMENT_MM, SCALE_U, Gauge
 from orthoglide_cal.model.kinematics import (
     Command,
@@ -236,13 +236,13 @@ class Orthoglide(Machine):
         """Indicated joints with one leg displaced by d: ρ_i = L + d, ρ_j = √(L² − d²) (sec. 2.5).
 
         Shape (..., 3) [mm] for legs 0, 1, 2 and displacements [mm] of shape (...). Raises
-        UnreachableError: a displacement is not shorter than the legs.
+        PostureError: a displacement is not shorter than the legs.
         """
         length = self.leg_length_mm
         moved = np.asarray(displacement, dtype=np.float64)
         if np.any(np.abs(moved) >= length):
             worst = np.argmax(np.abs(moved))
-            raise UnreachableError(
+            raise PostureError(
                 f"Leg {AXES[int(np.ravel(leg)[worst])]} cannot be displaced by"
                 f" {np.ravel(moved)[worst]:g} mm: the legs are {length:g} mm long.",
                 "Use a posture inside the joint limits.",
@@ -324,7 +324,7 @@ class Orthoglide(Machine):
         return Suspicion(what, remedy, max(-left, 0.0))
 
     def command(self, plan: GaugePlan) -> Command:
-        """Where the carriages are sent; raises UnreachableError for a posture out of reach."""
+        """Where the carriages are sent; raises PostureError for a posture out of reach."""
         return _command(self, plan)
 
     def sensed(
@@ -345,7 +345,7 @@ class Orthoglide(Machine):
             if bad.size:
                 moved = plan.displacement[bad[0]]
                 named = f"Leg {AXES[plan.leg[bad[0]]]} displaced by {moved:g} mm"
-            raise type(error)(f"{named}: {error.what}", error.remedy) from error
+            raise PostureError(f"{named}: {error.what}", error.remedy) from error
         return _touched(points, plan, moments, derivative and real.still)
 
     def reading_words(self, plan: GaugePlan, index: int) -> str:

@@ -151,7 +151,7 @@ def compensation(model: Model, points: int) -> Compensation:
     """The table for the causes accepted for this machine, with `points` along each edge.
 
     Raises UsageError: no accepted cause can be compensated, or the grid has a useless size;
-    UnreachableError: a leg is too short for a point.
+    PostureError: a leg is too short for a point.
     """
     if not 2 <= points <= MOST_POINTS:
         what = f"A table has 2 to {MOST_POINTS} points along each edge, not {points}."

@@ -64,7 +64,7 @@ from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.linear_delta import LinearDelta, Probe
 from orthoglide_cal.model.machine import Bed, Length, Machine
 from orthoglide_cal.model.plan import read_only
-from orthoglide_cal.schema import Number, prompt
+from orthoglide_cal.schema import Number, ask
 
 ANGLES = np.radians([90.0, 210.0, 330.0])
 
@@ -82,8 +82,8 @@ class TiltTable(Machine):
     geometry_keys = ("bed_radius_mm", "screws_mm")
 
     kind: Literal["tilt_table"] = "tilt_table"
-    bed_radius_mm: Annotated[Length, prompt("Radius of the table", "where its screws are")]
-    screws_mm: Annotated[tuple[Number, Number, Number], prompt("Screws", "height of each")]
+    bed_radius_mm: Annotated[Length, ask("Radius of the table", "where its screws are")]
+    screws_mm: Annotated[tuple[Number, Number, Number], ask("Screws", "height of each")]
     probe: Probe
 
     instrument = property(lambda self: self.probe)
@@ -97,7 +97,7 @@ class TiltTable(Machine):
     reading_words, judging = LinearDelta.reading_words, LinearDelta.judging
     local_shape, uncertain = LinearDelta.local_shape, LinearDelta.uncertain
     synthetic, further = LinearDelta.synthetic, LinearDelta.further
-    simulated_plan, _rings = LinearDelta.simulated_plan, LinearDelta._rings
+    simulated_plan = LinearDelta.simulated_plan
 
     @property
     def nominal_rails(self):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import SingularError, UnreachableError
+from orthoglide_cal.errors import PostureError
 from orthoglide_cal.model.kinematics import trilaterate
 from orthoglide_cal.model.machine import Machine
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
@@ -48,7 +48,7 @@ def test_the_derivative_is_that_of_the_direct_kinematics(machine: Machine, bent:
 def test_legs_that_do_not_reach_say_by_how_much() -> None:
     """The middle of the three centres is √6·200 = 489.9 mm from each: 379.1 = √(489.9² − L²)."""
     centres = np.diag([600.0, 600.0, 600.0])
-    with pytest.raises(UnreachableError, match=r"do not reach .* miss by 379 mm") as caught:
+    with pytest.raises(PostureError, match=r"do not reach .* miss by 379 mm") as caught:
         trilaterate(centres, np.full(3, L))
     assert "limits" in caught.value.remedy
 
@@ -59,7 +59,7 @@ def test_legs_that_do_not_reach_say_by_how_much() -> None:
 )
 def test_a_leg_too_short_is_named(point: tuple[float, float, float], leg: str) -> None:
     at = r"\({:.3f}, {:.3f}, {:.3f}\)".format(*point)
-    with pytest.raises(UnreachableError, match=f"Leg {leg} is too short .* {at}") as caught:
+    with pytest.raises(PostureError, match=f"Leg {leg} is too short .* {at}") as caught:
         NOMINAL.machine.nominal_rails.joints_for(np.array([POINT, point]))
     assert "workspace" in caught.value.remedy
     longer = PROTOTYPE.changed(leg_length_mm=400.0)
@@ -76,11 +76,11 @@ def test_legs_in_one_plane_are_singular() -> None:
     for rails in (PROTOTYPE.nominal_rails, turned):
         tool = np.array([[20.0, 30.0, 50.0], [50.0, 50.0, 50.0]]) @ rails.directions
         assert np.isfinite(rails.tool_derivative(np.full((1, 3), 150.0), tool[:1])).all()
-        with pytest.raises(SingularError, match="three legs lie in one plane"):
+        with pytest.raises(PostureError, match="three legs lie in one plane"):
             rails.tool_derivative(np.full((2, 3), 150.0), tool)
 
 
 @pytest.mark.parametrize("moved", [L, -L, 400.0])
 def test_a_leg_displaced_by_its_length_is_named(moved: float) -> None:
-    with pytest.raises(UnreachableError, match=f"Leg z cannot be displaced by {moved:g} mm"):
+    with pytest.raises(PostureError, match=f"Leg z cannot be displaced by {moved:g} mm"):
         NOMINAL.orthoglide.joints_at(np.array([0, 2]), np.array([60.0, moved]))
