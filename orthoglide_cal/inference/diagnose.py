@@ -17,17 +17,20 @@ from orthoglide_cal.estimation.accuracy import half_width, scatter_of_repeats
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
-from orthoglide_cal.inference.candidates import Ids
-from orthoglide_cal.inference.data import Whitened, unit_of
+from orthoglide_cal.inference.candidates import Candidates, Ids
+from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
 from orthoglide_cal.inference.described import described
 from orthoglide_cal.inference.fit import (
+    Fit,
     HeldOut,
     chance_of_worse,
+    fit_explanations,
     leave_out_cells,
     moved_origin,
     predict_later,
 )
+from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import fits_of
 from orthoglide_cal.inference.result import (
     Diagnosis,
@@ -42,7 +45,8 @@ from orthoglide_cal.inference.result import (
     Verdict,
 )
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place
-from orthoglide_cal.model.measured import Measured, notes_on
+from orthoglide_cal.model.machine import Machine
+from orthoglide_cal.model.measured import Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
@@ -77,7 +81,8 @@ def diagnose(
         UnusableResultError: the numbers of the machine file and the data are too far apart.
     """
     with _weighable(model):
-        white = Whitened.of(measured, model)
+        decision = _decided(measured, model)
+        white = decision.belief.at.white
         changed = model.machine.differing(then.machine) if then is not None else ()
         known = then if then is not None and changed else model
         anew = bool(changed) if recalibrated is None else recalibrated
@@ -85,7 +90,6 @@ def diagnose(
         entered = np.zeros(len(model.machine.parameter_names))
         if applied is not None:
             entered[: len(applied)] = applied
-        decision = _decided(white)
         alone = fit_parameters(measured, model, start=decision.belief.at.offsets[0])
         again = repeats(white, later)
         nothing, accepted = decision.belief.fit(()), decision.fit
@@ -113,12 +117,9 @@ def diagnose(
             )
             # Whoever adjusted the machine may have removed what acted before.
             if later is not None and decision.verdict is Verdict.NAMED and not entered.any():
-                fits = decision.carried, nothing
-                if chance_of_worse(later, *fits, entered, free, model.machine) < MISFIT:
-                    errors = {"without_mm": before.rms_mm, "with_mm": after.rms_mm}
-                    refuted = Reason.of("refuted_later", ids=decision.accepted, **errors)
-                    decision = replace(decision, refuted=refuted)
-                    accepted = decision.fit
+                refuted = refuted_later(later, decision.carried, nothing, free, model.machine)
+                decision = replace(decision, refuted=refuted)
+                accepted = decision.fit
             # Without the cause the errors are in the unit that was written down, too.
             unit = 1.0 if later is not None else unit_of(accepted.effects)
             before = replace(before, rms_mm=before.rms_mm * unit)
@@ -202,7 +203,7 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
             "Give it a size there if the machine may have it.",
         )
     with _weighable(model):
-        decision = _decided(Whitened.of(measured, model))
+        decision = _decided(measured, model)
         verdict, accepted = decision.verdict, decision.accepted
         if not accepted:
             raise UnusableResultError(
@@ -233,20 +234,55 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
         return model.accepting(effect.accepted(on.isoformat(), measured.source.sha256))
 
 
-def _decided(white: Whitened) -> Decision:
+def _decided(measured: Measured, model: Model) -> Decision:
     """Decide what the data say; maps of several dates that repeat are no noise.
 
-    A name has to predict what is left out of its fit.
+    A name has to predict what is left out of its fit, and each date from those before it.
     """
+    white = Whitened.of(measured, model)
     again = repeats(white)
     decision = replace(decide(white), repeats=again is not None and again > REPEATS)
     if decision.verdict is not Verdict.NAMED:
         return decision
     held = leave_out_cells(white, decision.fit, decision.fit)
     if held.chance >= MISFIT:
-        return decision
+        return replace(decision, refuted=_refuted_by_date(measured, decision))
     sizes = {"error_mm": held.rms_mm, "stated_mm": held.rms_mm / held.ratio}
     return replace(decision, refuted=Reason.of("refuted_left_out", ids=decision.accepted, **sizes))
+
+
+def refuted_later(
+    later: Whitened, fit: Fit, alone: Fit, free: int, before: Machine
+) -> Reason | None:
+    """How later data refute the causes of a fit; None if they do not. As of `chance_of_worse`."""
+    nothing = np.zeros(fit.offsets.size)
+    if chance_of_worse(later, fit, alone, nothing, free, before) >= MISFIT:
+        return None
+    errors = (predict_later(later, one, nothing, free, before).rms_mm for one in (alone, fit))
+    sizes = dict(zip(("without_mm", "with_mm"), errors, strict=True))
+    return Reason.of("refuted_later", ids=tuple(sorted(fit.ids)), **sizes)
+
+
+def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
+    """How a date refutes what lasts of a name, predicted from those before it.
+
+    The parameters are others on each date.
+    """
+    belief, fit = decision.belief, decision.carried
+    model, hypothesis = belief.at.white.problem.model, belief.hypotheses[tuple(sorted(fit.ids))]
+    lasting = tuple(cause for cause in hypothesis.base if cause.lasting)
+    if not isinstance(measured, Readings) or not lasting:
+        return None
+    for day in np.unique(measured.plan.date)[1:]:
+        parts = measured.plan.date < day, measured.plan.date == day
+        earlier, later = (Whitened.of(measured.subset(part), model) for part in parts)
+        at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
+        bases = (Hypothesis(at, 0.0, base, hypothesis.scale) for base in (lasting, ()))
+        fits = fit_explanations([*bases])
+        refuted = refuted_later(later, *fits, fit.offsets.size, model.machine)
+        if refuted is not None:
+            return refuted
+    return None
 
 
 @contextmanager

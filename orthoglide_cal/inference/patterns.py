@@ -41,8 +41,10 @@ from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, Plan, Wher
 SIZES = np.array((5.0, 30.0))
 NOISIER = np.geomspace(1.0, 16.0, 7)
 # Time constants and periods, as shares of the longest set-up: from, to, and how many; of data that
-# are not sound so many. Moments of a step.
-SETTLING, DRIFTING, COARSE, FINE = (0.08, 0.8), (0.5, 4.0), 5, 40
+# are not sound so many. A period holds so many readings, and the shortest is within these bounds.
+# Moments of a step.
+SETTLING, LONGEST, COARSE, FINE = (0.08, 0.8), 4.0, 5, 40
+SMOOTH, SHORTEST = 5, (1.0 / 6.0, 0.5)
 MOMENTS = 64
 # Rounds in which the movements of plungers are found that lag.
 ROUNDS = 3
@@ -77,9 +79,9 @@ class Course:
         kelvin = np.zeros(len(plan)) if white.kelvin is None else white.kelvin
         return cls(plan, white.raw, turned, kelvin, fine)
 
-    def durations(self, least: float, most: float) -> Floats:
+    def durations(self, least: float, most: float, closer: float = 1.0) -> Floats:
         """Times between shares of the longest set-up, shape (v,) [h]."""
-        count = FINE if self.fine else COARSE
+        count = round(closer * (FINE if self.fine else COARSE))
         return np.geomspace(least, most, count) * (self.since.max(initial=0.0) or 1.0)
 
     def by_mover(
@@ -123,7 +125,10 @@ def _repeats(course: Course) -> Made:
 
 def _drifts(course: Course) -> Made:
     """Smooth in time: a sine of each gauge, of a period that they share."""
-    periods = course.durations(*DRIFTING)
+    least = SMOOTH / np.bincount(course.plan.shared, minlength=1).max()
+    least = float(np.clip(least, *SHORTEST))
+    # The more periods there are, the closer they must be to each other.
+    periods = course.durations(least, LONGEST, SHORTEST[1] / least)
     turn = 2.0 * np.pi * course.since[:, None] / periods
     terms = np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(course.since)
     # Of a probe a steady drift is a cause's own.

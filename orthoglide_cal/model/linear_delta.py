@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from types import MappingProxyType
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import (
@@ -183,6 +183,12 @@ class ProbePlan(Plan):
         """Columns of the parameters of each other day, shape (n, 6 for each)."""
         days = [self.slope * (self.date == day)[:, None] for day in np.unique(self.date)]
         return read_only(np.hstack([np.zeros((len(self), 0)), *(s for s in days if s.any())]))
+
+    def subset(self, chosen: Ints | Bools) -> Self:
+        """The plan of some; the parameters of the latest date are looked for."""
+        part = super().subset(chosen)
+        earlier = part.date < part.date.max(initial=0)
+        return replace(part, slope=part.slope * earlier[:, None])
 
     @property
     def wanted(self) -> Floats:

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from itertools import product
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly, read_only
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, ReadOnly, read_only
 from orthoglide_cal.model.readings import Posture, Series
 from orthoglide_cal.schema import Reason
 
@@ -119,6 +119,11 @@ class Readings(ReadOnly):
 
     def __len__(self) -> int:
         return len(self.plan)
+
+    def subset(self, chosen: Bools) -> Self:
+        """The values of some of them."""
+        plan, value, line = self.plan.subset(chosen), self.value[chosen], self.line[chosen]
+        return type(self)(plan, value, line, self.timed, self.source)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.truth import GAUGES, MACHINES
 
-from .beyond import draw_hidden, failures_beyond, report_beyond, run_beyond
+from .beyond import draw_beds, draw_hidden, failures_beyond, report_beyond, run_beyond
 from .cases import FULL, FULL_PRINTERS, draw_gauges, draw_printers
 from .report import failures, full_report
 from .run import run_bench
@@ -38,7 +38,12 @@ def main(arguments: list[str] | None = None) -> int:
     machines = [MACHINES[name] for name in given.machine or MACHINES]
     gauges = [GAUGES[name] for name in given.gauge or GAUGES]
     if given.beyond:
-        described = run_beyond(draw_hidden(machines, gauges, given.beyond, given.seed), given.keep)
+        hidden = (
+            draw_beds(given.beyond, given.seed)
+            if given.printers
+            else draw_hidden(machines, gauges, given.beyond, given.seed)
+        )
+        described = run_beyond(hidden, given.keep)
         print(report_beyond(described))
         return int(bool(failures_beyond(described)))
     drawn = (

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from tests.truth import Gauge, Machine
+from tests.printers import true_values
+from tests.truth import Gauge, Machine, Session, bed
 from tests.truth.beyond import HOWS, KINDS, Beyond, Distinction, distinguish, draw_beyond
 
 from .cases import Case
@@ -22,11 +23,14 @@ SPREAD = ("repeats", "scatters")
 """Their noise is part of U, and no reading left out of scatter can be predicted."""
 
 
+Hidden = Beyond | bed.HiddenInBed
+
+
 @dataclass(frozen=True, eq=False)
 class Described:
     """A hidden effect, and the answers with and without it."""
 
-    hidden: Beyond
+    hidden: Hidden
     far: Distinction
     answer: Answer
     twin: Answer
@@ -54,8 +58,14 @@ class Described:
 
     @property
     def inside(self) -> list[bool]:
-        """Whether U holds each true offset."""
-        pairs = zip(self._parameters(self.answer), self.hidden.session.offsets, strict=False)
+        """Whether U holds each true parameter."""
+        session = self.hidden.session
+        true = (
+            session.offsets
+            if isinstance(session, Session)
+            else true_values(session.machine, session.truth)
+        )
+        pairs = zip(self._parameters(self.answer), true, strict=False)
         return [abs(one["found"] - true) <= one["expanded"] for one, true in pairs]
 
     @property
@@ -75,7 +85,7 @@ class Described:
 
 def draw_hidden(
     machines: Sequence[Machine], gauges: Sequence[Gauge], count: int, seed: int
-) -> Iterator[tuple[str, Beyond]]:
+) -> Iterator[tuple[str, Hidden]]:
     """Sessions with names: each effect in turn, somewhere; half of them beside a listed cause."""
     for n in range(count):
         rng = np.random.default_rng([seed, n, 7])
@@ -86,7 +96,15 @@ def draw_hidden(
         yield f"beyond-{n:03d}", drawn
 
 
-def run_beyond(drawn: Iterator[tuple[str, Beyond]], keep: Path | None = None) -> list[Described]:
+def draw_beds(count: int, seed: int) -> Iterator[tuple[str, Hidden]]:
+    """Probed beds with names: each effect in turn, in each kind of region in turn."""
+    kinds = list(bed.KINDS)
+    for n in range(count):
+        how, kind = bed.HOWS[n % len(bed.HOWS)], kinds[n // len(bed.HOWS) % len(kinds)]
+        yield f"bed-{n:03d}", bed.draw_bed(100_000 * seed + n, how, kind)
+
+
+def run_beyond(drawn: Iterator[tuple[str, Hidden]], keep: Path | None = None) -> list[Described]:
     """Ask about each session and its twin."""
     hidden = dict(drawn)
     cases = [
@@ -96,7 +114,12 @@ def run_beyond(drawn: Iterator[tuple[str, Beyond]], keep: Path | None = None) ->
     ]
     answers = {item.case.name: item.answer for item in run_bench(cases, keep=keep).judged}
     return [
-        Described(one, distinguish(one), answers[name], answers[f"{name}-twin"])
+        Described(
+            one,
+            distinguish(one) if isinstance(one, Beyond) else bed.distinguish_bed(one),
+            answers[name],
+            answers[f"{name}-twin"],
+        )
         for name, one in hidden.items()
     ]
 
@@ -139,10 +162,10 @@ def _miss(name: int, item: Described) -> str:
     rival = f"{near.sigma:.1f} from {near.how or 'the list'} {near.where.names or ''}".strip()
     probability = told.get("probability")
     said = f"{told['how']} {told['where']}" + ("" if probability is None else f" {probability:.2f}")
-    size = np.abs(hidden.session.clean - hidden.twin.clean).max()
+    size = np.abs(hidden.session.readings - hidden.twin.readings).max()
     return (
         f"{name:03d} {causes}{hidden.how} {hidden.where.names} shape {hidden.shape:.2f},"
-        f" {size:.3f} mm, {hidden.session.machine.name} {hidden.session.gauge.name}; {rival}:"
+        f" {size:.3f} mm, {hidden.session.machine.name}; {rival}:"
         f" {item.answer.verdict} {','.join(item.answer.ids)} {said}"
     )
 

@@ -4,10 +4,11 @@ region of the bed; and how far apart these are, as in `beyond`.
 
 from dataclasses import dataclass
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
-from .beyond import RARE, SAME, SIZES, Gaussian
+from .beyond import RARE, SAME, SIZES, Distinction, Gaussian, Rival
 from .delta import (
     KOSSEL,
     TOLERANCES,
@@ -20,27 +21,42 @@ from .delta import (
     places_of,
 )
 from .delta_separation import GRAIN, calibrated, local_shape, slopes
-from .plan import Floats, Ints
-from .separation import STANDS_OUT
+from .plan import Floats
 
 HOWS = ("drifts", "settles", "steps", "scatters")
 KINDS = {
     "everything": ("",), "half": ("left", "right", "front", "back"),
     "quarter": ("front left", "front right", "back left", "back right"), "ring": ("edge", "centre"),
 }  # fmt: skip
-REGIONS = tuple(region for regions in KINDS.values() for region in regions)
 SHAPES = (0.08, 0.15, 0.3, 0.6, 1.2, 2.4)
 """Time constants and periods of rivals, in addition to the true one, in lengths of the session."""
 
 
-def rows_of(region: str, x: Floats, y: Floats) -> np.ndarray:
-    """Mask of the touches in a region as seen from the front, shape (N,)."""
-    away2 = x**2 + y**2
-    outside = away2 > away2.max() / 2.0
-    masks = {"left": x < 0, "right": x > 0, "front": y < 0, "back": y > 0,
-             "edge": outside, "centre": ~outside}  # fmt: skip
-    asked = [masks[word] for word in region.split()]
-    return np.logical_and.reduce(asked, axis=0) | np.zeros(len(x), dtype=bool)
+class Region(NamedTuple):
+    """A region of the bed, as seen from the front; all of it without a name."""
+
+    name: str = ""
+
+    def rows(self, x: Floats, y: Floats) -> np.ndarray:
+        """Mask of the touches in it, shape (N,)."""
+        away2 = x**2 + y**2
+        outside = away2 > away2.max() / 2.0
+        masks = {"left": x < 0, "right": x > 0, "front": y < 0, "back": y > 0,
+                 "edge": outside, "centre": ~outside}  # fmt: skip
+        asked = [masks[word] for word in self.name.split()]
+        return np.logical_and.reduce(asked, axis=0) | np.zeros(len(x), dtype=bool)
+
+    @property
+    def kind(self) -> str:
+        return next(kind for kind, names in KINDS.items() if self.name in names)
+
+    @property
+    def names(self) -> dict[str, str]:
+        """As the answer has it; empty for the whole bed."""
+        return {"region": self.name} if self.name else {}
+
+
+REGIONS = tuple(Region(name) for names in KINDS.values() for name in names)
 
 
 def columns(how: str, rows: np.ndarray, minutes: Floats, shape: float) -> Floats:
@@ -65,16 +81,16 @@ class HiddenInBed:
     session: DeltaSession
     twin: DeltaSession
     how: str
-    region: str
+    where: Region
     shape: float
 
 
 def draw_bed(seed: int, how: str, kind: str) -> HiddenInBed:
     """Draw three passes over a bed, and an effect somewhere; the same arguments give the same."""
     rng = np.random.default_rng([seed, 8])
-    machine, region = (V400, KOSSEL)[rng.integers(2)], str(rng.choice(KINDS[kind]))
+    machine, region = (V400, KOSSEL)[rng.integers(2)], Region(str(rng.choice(KINDS[kind])))
     layout, bumps = Layout(int(rng.choice((37, 61))), cycles=3), (machine.texture, GRAIN)
-    rows = rows_of(region, *np.tile(places_of(layout, machine.bed), (3, 1)).T)
+    rows = region.rows(*np.tile(places_of(layout, machine.bed), (3, 1)).T)
     drawn: list[float] = []
 
     def disturb(truth: Truth, minutes: Floats, _: np.random.Generator) -> tuple[Truth, Floats]:
@@ -97,8 +113,8 @@ def draw_bed(seed: int, how: str, kind: str) -> HiddenInBed:
     return HiddenInBed(session, twin, how, region, drawn[0])
 
 
-def distinguish_bed(hidden: HiddenInBed) -> tuple[frozenset[tuple[str, str]], bool]:
-    """The (how, region) that are the hidden effect on this plan, and whether it is clear."""
+def distinguish_bed(hidden: HiddenInBed) -> Distinction:
+    """Compare a hidden effect with all others, and with one listed cause."""
     session, truth = hidden.session, hidden.session.truth
     machine, minutes = session.machine, session.minutes
     bare = Truth(truth.endstops, truth.radius, truth.angles)
@@ -112,15 +128,23 @@ def distinguish_bed(hidden: HiddenInBed) -> tuple[frozenset[tuple[str, str]], bo
         for cause, (count, change) in changes(machine.bed).items()
         for size in [TOLERANCES[cause]]
     ]
-    costs = {("", ""): min(RARE + float(at.costs(record, one[None])[0]) for one in families)}
+    # Nothing, or a cause that one bed in a hundred has.
+    listed = min(RARE + float(at.costs(record, one[None])[0]) for one in families)
+    costs = {("", Region()): listed}
     for how, region in product(HOWS, REGIONS):
-        rows = rows_of(region, session.x, session.y)
-        shapes: Ints | Floats = minutes[rows] if how == "steps" else np.array(SHAPES) * minutes[-1]
-        tried = (columns(how, rows, minutes, shape) for shape in (*shapes, hidden.shape))
+        rows = region.rows(session.x, session.y)
+        shapes = minutes[rows] if how == "steps" else np.array(SHAPES) * minutes[-1]
+        tried = [*shapes, hidden.shape] if hidden.shape else shapes
         costs[how, region] = min(
-            float(at.costs(record, SIZES[:, None, None] * pattern).min()) for pattern in tried
+            float(at.costs(record, SIZES[:, None, None] * pattern).min())
+            for pattern in (columns(how, rows, minutes, shape) for shape in tried)
         )
-    own = costs.pop((hidden.how, hidden.region))
+    key = hidden.how, hidden.where
+    own = costs.pop(key)
     same = {claim for claim, cost in costs.items() if claim[0] and abs(cost - own) < SAME}
-    nearest = min(cost for claim, cost in costs.items() if claim not in same)
-    return frozenset({(hidden.how, hidden.region), *same}), nearest - own >= STANDS_OUT**2
+    rivals = [
+        Rival(how, where, float(np.sqrt(max(cost - own, 0.0))))
+        for (how, where), cost in costs.items()
+        if (how, where) not in same
+    ]
+    return Distinction(frozenset((key, *same)), min(rivals, key=lambda rival: rival.sigma))

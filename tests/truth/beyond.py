@@ -7,7 +7,7 @@ time constant are common. The same columns, with a plausible size, are the rival
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -53,6 +53,17 @@ class Where(NamedTuple):
         """As the answer has it; empty for everything."""
         given = ((name, value) for name, value in self._asdict().items() if value is not None)
         return {name: value if name == "posture" else AXIS_NAMES[value] for name, value in given}
+
+
+class Place(Protocol):
+    """Where an effect may act."""
+
+    @property
+    def kind(self) -> str: ...
+
+    @property
+    def names(self) -> dict[str, str]:
+        """As the answer has it; empty for everything."""
 
 
 PLACES = {
@@ -251,7 +262,7 @@ class Rival(NamedTuple):
     """The best other claim: an effect elsewhere or of another kind, or listed causes (no `how`)."""
 
     how: str
-    where: Where
+    where: Place
     sigma: float
     """Root of twice the log odds against it; doubled where its place holds the true one."""
 
@@ -265,7 +276,7 @@ class Distinction:
         nearest: the best other claim.
     """
 
-    same: frozenset[tuple[str, Where]]
+    same: frozenset[tuple[str, Place]]
     nearest: Rival
 
     @property
