@@ -11,7 +11,6 @@ import os
 import re
 import shutil
 import sys
-import textwrap
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -32,7 +31,7 @@ from orthoglide_cal.errors import (
     visible_lines,
 )
 from orthoglide_cal.schema import parse_count, parse_number
-from orthoglide_cal.words import MM
+from orthoglide_cal.words import MM, wrapped
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -460,20 +459,8 @@ def tell(message: str) -> None:
     """A message on standard error; what file names and the like hold is shown, never obeyed."""
     shown = visible_lines(message)
     if sys.stderr.isatty():
-        shown = "\n".join(map(_fitted, shown.split("\n")))
+        shown = wrapped(shown, shutil.get_terminal_size().columns)
     print(shown, file=sys.stderr)
-
-
-def _fitted(line: str) -> str:
-    """A line for a terminal: broken between words; a command stays whole, on a line of its own."""
-    words, _, typed = line.partition(": orthocal ")
-    columns = shutil.get_terminal_size().columns
-    if len(line) <= columns:
-        return line
-    command = [f"  orthocal {typed}"] if typed else []
-    words = f"{words}:" if typed else words
-    broken = textwrap.wrap(words, columns, break_long_words=False, break_on_hyphens=False)
-    return "\n".join(broken + command)
 
 
 def tell_error(error: Exception, path: str | None = None, as_json: bool = False) -> None:

@@ -13,8 +13,7 @@ from orthoglide_cal.errors import visible
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.gauges import GaugeLost, LiveGauge, Token
 from orthoglide_cal.session.keyboard import Keyboard, Line
-from orthoglide_cal.session.wording import wrapped
-from orthoglide_cal.words import counted
+from orthoglide_cal.words import counted, wrapped
 
 POLL_S = 0.05  # the keyboard is awaited so long before the gauge is looked at again [s]
 RECONNECT_S = 0.5
