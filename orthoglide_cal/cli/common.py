@@ -54,7 +54,6 @@ _UNITS: Mapping[str | None, Mapping[str, float]] = {
     "SHARE": {},
     "DR DA DB": {},
 }
-_WHOLE = "N"
 _WITH_UNIT = re.compile(r"(.*[0-9.,])\s*(\D*)")
 SLOW_S = 2.0
 
@@ -70,11 +69,7 @@ class PlainCommand(TyperCommand):
             # The help would call files `<list[str]>`, and a choice `<this|that>`.
             named = parameter.param_type_name == "argument"
             shown = "" if named else parameter.display_type_rich(ctx)
-            vars(parameter).update(
-                display_type_rich=lambda ctx, shown=shown: (shown or "").strip("<>"),
-                # It would say `[1<=x<=50]`: the help text has the limits in words.
-                _get_number_range_help_str=lambda: None,
-            )
+            parameter.display_type_rich = lambda ctx, shown=shown: (shown or "").strip("<>")
         return parameters
 
     def invoke(self, ctx: Any) -> Any:
@@ -121,7 +116,7 @@ def option(
             raise typer.BadParameter(f"{text!r}. {error.what} {error.remedy}") from error
         return value
 
-    counts = metavar == _WHOLE
+    counts = metavar == "N"
     low = -_LARGEST if min is None else min
     high = (math.inf if counts else _LARGEST) if max is None else max
     parser = number if counts or metavar in _UNITS else None
@@ -294,9 +289,8 @@ def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
     """The machine of --machine, or the settings of a printer's firmware."""
     from orthoglide_cal.files.input import printer_settings
 
-    if machine_file is None or str(machine_file) == "-":
-        return given_machine(machine_file)
-    return printer_settings(machine_file) or given_machine(machine_file)
+    path = machine_file if str(machine_file) != "-" else None
+    return (printer_settings(path) if path else None) or given_machine(machine_file)
 
 
 def given_machine(machine_file: Path | None) -> Model | None:

@@ -285,7 +285,7 @@ class Asker:
             return
         when = "before the prompt"
         if gone is not None:
-            when = f"{gone:.2f} s after the last reading"
+            when = f"{gone:.2f} s after the one before"
         name = visible(text.strip())[:24] or "Return"
         self._break_in(f"ignored: {name} came {when}; if intended, give it again", Style.ASIDE)
 
