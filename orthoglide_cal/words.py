@@ -5,6 +5,7 @@ has a true minus (`signed`); what may be typed or pasted has an ASCII "-" (`plai
 """
 
 import math
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 
@@ -171,3 +172,23 @@ def counted(number: int, noun: str) -> str:
 def listed(names: Sequence[str]) -> str:
     """Names for a message, with commas; the first ten where there are more."""
     return ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
+
+
+def wrapped(text: str, columns: int) -> str:
+    """Text whose lines end where a screen does, and go on indented as they began.
+
+    A command at the end of a line stays whole, on a line of its own.
+    """
+    lines = list[str]()
+    for line in text.split("\n"):
+        if len(line) < columns:
+            lines.append(line)
+            continue
+        words, colon, typed = line.partition(": orthocal ")
+        indent = " " * min(len(line) - len(line.lstrip()), columns // 2)
+        lines += textwrap.wrap(
+            words + colon[:1], columns - 1, subsequent_indent=indent,
+            break_long_words=False, break_on_hyphens=False,
+        )  # fmt: skip
+        lines += [f"  orthocal {typed}"] if typed else []
+    return "\n".join(lines)

@@ -12,7 +12,6 @@ import os
 import re
 import shutil
 import sys
-import textwrap
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -33,7 +32,7 @@ from orthoglide_cal.errors import (
     visible_lines,
 )
 from orthoglide_cal.schema import parse_count, parse_number
-from orthoglide_cal.words import MM
+from orthoglide_cal.words import MM, wrapped
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -56,7 +55,6 @@ _UNITS: Mapping[str | None, Mapping[str, float]] = {
     "SHARE": {},
     "DR DA DB": {},
 }
-_WHOLE = "N"
 _WITH_UNIT = re.compile(r"(.*[0-9.,])\s*(\D*)")
 SLOW_S = 2.0
 
@@ -72,11 +70,7 @@ class PlainCommand(TyperCommand):
             # The help would call files `<list[str]>`, and a choice `<this|that>`.
             named = parameter.param_type_name == "argument"
             shown = "" if named else parameter.display_type_rich(ctx)
-            vars(parameter).update(
-                display_type_rich=lambda ctx, shown=shown: (shown or "").strip("<>"),
-                # It would say `[1<=x<=50]`: the help text has the limits in words.
-                _get_number_range_help_str=lambda: None,
-            )
+            parameter.display_type_rich = lambda ctx, shown=shown: (shown or "").strip("<>")
         return parameters
 
     def invoke(self, ctx: Any) -> Any:
@@ -123,7 +117,7 @@ def option(
             raise typer.BadParameter(f"{text!r}. {error.what} {error.remedy}") from error
         return value
 
-    counts = metavar == _WHOLE
+    counts = metavar == "N"
     low = -_LARGEST if min is None else min
     high = (math.inf if counts else _LARGEST) if max is None else max
     parser = number if counts or metavar in _UNITS else None
@@ -298,9 +292,8 @@ def known_machine(machine_file: Path | None) -> Model | PrinterFile | None:
     """The machine of --machine, or the settings of a printer's firmware."""
     from orthoglide_cal.files.input import printer_settings
 
-    if machine_file is None or str(machine_file) == "-":
-        return given_machine(machine_file)
-    return printer_settings(machine_file) or given_machine(machine_file)
+    path = machine_file if str(machine_file) != "-" else None
+    return (printer_settings(path) if path else None) or given_machine(machine_file)
 
 
 def given_machine(machine_file: Path | None) -> Model | None:
@@ -466,20 +459,8 @@ def tell(message: str) -> None:
     """A message on standard error; what file names and the like hold is shown, never obeyed."""
     shown = visible_lines(message)
     if sys.stderr.isatty():
-        shown = "\n".join(map(_fitted, shown.split("\n")))
+        shown = wrapped(shown, shutil.get_terminal_size().columns)
     print(shown, file=sys.stderr)
-
-
-def _fitted(line: str) -> str:
-    """A line for a terminal: broken between words; a command stays whole, on a line of its own."""
-    words, _, typed = line.partition(": orthocal ")
-    columns = shutil.get_terminal_size().columns
-    if len(line) <= columns:
-        return line
-    command = [f"  orthocal {typed}"] if typed else []
-    words = f"{words}:" if typed else words
-    broken = textwrap.wrap(words, columns, break_long_words=False, break_on_hyphens=False)
-    return "\n".join(broken + command)
 
 
 def tell_error(error: Exception, path: str | None = None, as_json: bool = False) -> None:

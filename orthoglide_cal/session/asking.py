@@ -13,8 +13,7 @@ from orthoglide_cal.errors import visible
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.gauges import GaugeLost, LiveGauge, Token
 from orthoglide_cal.session.keyboard import Keyboard, Line
-from orthoglide_cal.session.wording import wrapped
-from orthoglide_cal.words import counted
+from orthoglide_cal.words import counted, wrapped
 
 POLL_S = 0.05  # the keyboard is awaited so long before the gauge is looked at again [s]
 RECONNECT_S = 0.5
@@ -286,7 +285,7 @@ class Asker:
             return
         when = "before the prompt"
         if gone is not None:
-            when = f"{gone:.2f} s after the last reading"
+            when = f"{gone:.2f} s after the one before"
         name = visible(text.strip())[:24] or "Return"
         self._break_in(f"ignored: {name} came {when}; if intended, give it again", Style.ASIDE)
 

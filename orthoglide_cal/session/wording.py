@@ -1,6 +1,5 @@
 """The words that lead through a session, in plain characters."""
 
-import textwrap
 from collections import Counter
 from collections.abc import Iterable
 
@@ -178,16 +177,3 @@ def in_unit(value_mm: float, unit: Unit, form: str = "g") -> str:
     """Any other length in a unit: "10 mm", "0.393701 in (10 mm)"."""
     metric = f"{value_mm:{form}} mm"
     return metric if unit is Unit.MM else f"{value_mm / MM_PER_INCH:{form}} in ({metric})"
-
-
-def wrapped(text: str, columns: int) -> str:
-    """Text whose lines end where the screen does; what goes on is indented like its beginning."""
-    width, lines = columns - 1, list[str]()
-    for line in text.split("\n"):
-        indent = " " * min(len(line) - len(line.lstrip()), width // 2)
-        lines += (
-            textwrap.wrap(line, width, subsequent_indent=indent, break_on_hyphens=False)
-            if len(line) > width
-            else [line]
-        )
-    return "\n".join(lines)

@@ -179,7 +179,7 @@ def test_a_line_in_the_dead_time_is_said_and_not_taken(driving: bool, second: st
     asker.rest(driving)
     assert asker.ask(ASKED, STEP) == "0.5"
     said = [text for text, style in screen.shown if style is Style.ASIDE]
-    when = f"{0.97 * dead:.2f} s after the last reading"
+    when = f"{0.97 * dead:.2f} s after the one before"
     assert said == [f"ignored: {second or 'Return'} came {when}; if intended, give it again"]
     assert screen.text.endswith(f"{PLACE}\n{PROMPT}")  # shown again
 

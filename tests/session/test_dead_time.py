@@ -27,7 +27,7 @@ def test_a_second_press_is_no_reading(tmp_path: Path) -> None:
         terminal.type("-0.64")
         time.sleep(0.12)
         terminal.type("-0.64")
-        terminal.expect(r"ignored: \S+ came \d\.\d\d s after the last reading")
+        terminal.expect(r"ignored: \S+ came \d\.\d\d s after the one before")
         terminal.expect("Drive to")
         assert terminal.step() == 2
         assert kept(tmp_path) == {1: -0.64}
@@ -58,7 +58,7 @@ def test_what_is_ignored_is_said_on_standard_error(tmp_path: Path) -> None:
         assert terminal.step() == 2
     assert "ignored" not in terminal.seen
     said = (tmp_path / "e").read_text().splitlines()[0]
-    assert re.fullmatch(r"ignored: -0\.64 came \d\.\d\d s after the last reading; .+", said)
+    assert re.fullmatch(r"ignored: -0\.64 came \d\.\d\d s after the one before; .+", said)
 
 
 # ---- the rule itself
