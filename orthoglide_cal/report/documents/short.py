@@ -41,8 +41,8 @@ def _machine_page(model: Model) -> doc.Page:
         if effect.corrects:
             continue
         sizes = (
-            f"{name} {short(each.value, 4)} ± {short(each.std, 4)} {each.unit}"
-            for name, each in model.called(effect).items()
+            f"{name} {short(size.value, 4)} ± {short(size.std, 4)} {size.unit}"
+            for name, size in model.called(effect).items()
         )
         known.append((effect.cause.id, ", ".join(sizes), (effect.date or "")[:10]))
     history = doc.Grid(("entered", "before, mm", "after, mm", "from SHA-256"), entered)
@@ -68,7 +68,7 @@ def _rows(values: Mapping[str, object], group: str = "") -> Iterator[tuple[str, 
 
 def _written(value: object) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_written(each)}" for name, each in value.items())
+        return ", ".join(f"{name} {_written(part)}" for name, part in value.items())
     if isinstance(value, list | tuple):
         return " ".join(map(_written, value))
     if value is None or isinstance(value, bool):
@@ -125,7 +125,7 @@ def application_document(
     offsets = offsets[::-1] if application.undone else offsets
 
     def data() -> dict[str, object]:
-        before, after = (dict(zip(AXES, each, strict=False)) for each in offsets)
+        before, after = (dict(zip(AXES, triple, strict=False)) for triple in offsets)
         return {
             "schema_version": 1,
             "simulated": application.simulated,
@@ -136,7 +136,7 @@ def application_document(
             "before": before,
             "after": after,
             "data_sha256": entry.data_sha256,
-            "corrections": [each._asdict() for each in application.corrections],
+            "corrections": [correction._asdict() for correction in application.corrections],
             "written": entry.written.model_dump() if entry.written else None,
         }
 
@@ -150,11 +150,11 @@ def application_document(
         first = "The controller must hold the last column and have been homed with it."
         if application.controller is not None and entry.written is not None:
             head, rows = ("line", "what", "now", "from now on"), []
-            for each in entry.written.values:
-                now, then = each.before, each.after
+            for value in entry.written.values:
+                now, then = value.before, value.after
                 now, then = (then, now) if application.undone else (now, then)
                 now, then = now or "(no line)", then or "(no line)"
-                rows.append((str(each.line), each.key, now, doc.strong(then)))
+                rows.append((str(value.line), value.key, now, doc.strong(then)))
             notes = (
                 f"Lines of {entry.written.target}; all others stay.",
                 *application.controller.remarks,
@@ -237,7 +237,7 @@ def paper_document(reproduction: "Reproduction") -> doc.Document:
             both = (row.name, "published", row.published), ("", "computed", computed)
             for name, origin, values in both:
                 cells = (
-                    "—" if each is None else plain(each, reproduction.digits) for each in values
+                    "—" if part is None else plain(part, reproduction.digits) for part in values
                 )
                 rows.append((name, origin, *cells))
         verdict = doc.Notice(doc.Tone.BAD, "NOT reproduced.")

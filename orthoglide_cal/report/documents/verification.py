@@ -62,7 +62,7 @@ def _says(result: Verification) -> Callable[[Reason], str]:
 
 def _screen(result: Verification) -> doc.Page:
     parameters = result.parameters.items()
-    left = [(name, each.left, each.left_expanded, each.unit) for name, each in parameters]
+    left = [(name, row.left, row.left_expanded, row.unit) for name, row in parameters]
     unit = common_unit(result.inputs[1][1].machine)
     grid = sizes_grid([(f"left{unit}", sizes(left, not unit))], 3 if unit else 2)
     before, after = (count for _, count in _measured(result))
@@ -87,7 +87,7 @@ def _page(result: Verification, identity: Identity) -> doc.Page:
         "Verification report",
         result.inputs[1][1].machine,
         identity,
-        [(each, each.validity) for each in (result.before, result.after)],
+        [(side, side.validity) for side in (result.before, result.after)],
         *(applied if result.applied_mm else []),
     )
     compared = "independent changes" if result.differences else "touches afterwards"
@@ -125,8 +125,8 @@ def verification_notice(result: Verification) -> doc.Notice:
         title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
         if result.moved:
             title = "The machine has moved: nothing was entered, and the touches agree worse"
-            told = "Look for a part that was hit or came loose; then calibrate and probe again."
-            lines = (*lines, told)
+            advice = "Look for a part that was hit or came loose; then calibrate and probe again."
+            lines = (*lines, advice)
         tone = doc.Tone.GOOD if result.kept else doc.Tone.WARN
     elif not result.kept:
         tone, title = doc.Tone.BAD, "The correction did not work as predicted"
@@ -284,7 +284,7 @@ def parameters_left(result: Verification) -> doc.Section:
     }
     caption = "Before, now: active in the controller. Found by the first measurement, left by the"
     caption += " second."
-    other = [name for name, each in result.parameters.items() if each.as_found is False]
+    other = [name for name, row in result.parameters.items() if row.as_found is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
         note = "The files do not record what was entered. A saved printer.cfg does."
@@ -317,12 +317,12 @@ def _differences(result: Verification) -> doc.Grid:
     every = result.differences
     rows = every if len(every) <= _MOST_DIFFERENCES else ()
     sizes = {
-        "before": [*(each.before_mm for each in rows), result.rms_before_mm],
-        "predicted": [*(each.promised_mm for each in rows), result.rms_promised_mm],
-        "± U": [each.promised_expanded_mm for each in rows],
-        "measured": [*(each.after_mm for each in rows), result.rms_after_mm],
+        "before": [*(row.before_mm for row in rows), result.rms_before_mm],
+        "predicted": [*(row.promised_mm for row in rows), result.rms_promised_mm],
+        "± U": [row.promised_expanded_mm for row in rows],
+        "measured": [*(row.after_mm for row in rows), result.rms_after_mm],
     }
-    return deviations_grid([each.difference for each in rows], _digits(result), sizes)
+    return deviations_grid([row.difference for row in rows], _digits(result), sizes)
 
 
 def left_figure(result: Verification) -> doc.Figure:
@@ -331,7 +331,7 @@ def left_figure(result: Verification) -> doc.Figure:
     rows = [(e.difference, e.before_mm, e.promised_mm, e.expanded_mm, e.after_mm) for e in every]
     sizes = (result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm)
     limit = result.decision.limit_mm if result.decision else None
-    outcomes = [each.outcome.capitalize() for each in every if each.outcome]
+    outcomes = [row.outcome.capitalize() for row in every if row.outcome]
     return differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit, outcomes)
 
 
