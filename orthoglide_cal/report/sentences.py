@@ -63,7 +63,7 @@ def sentence(reason: Reason, machine: Machine) -> str:
 
 
 def _residuals(size: str, end: str) -> str:
-    scatter = "one reading scatters by {scatter_mm:.2g} mm against {stated_mm:.2g} mm"
+    scatter = "one reading scatters by {scatter_mm:.2g} mm, stated: {stated_mm:.2g} mm"
     return f"The residuals are {size} the {{words.noise}}'s noise{{words.also}}{end % scatter}"
 
 

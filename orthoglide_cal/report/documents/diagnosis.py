@@ -9,7 +9,6 @@ from functools import partial
 from itertools import zip_longest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.inference import NextMeasurement, Verdict, nothing_wrong
 from orthoglide_cal.inference.baselines import Baselines
 from orthoglide_cal.inference.result import Explanation, FoundPattern
@@ -111,7 +110,9 @@ def diagnosis_notice(case: Case) -> doc.Notice:
     if not release.usable and answer.verdict in (None, Verdict.CONSISTENT):
         return notice  # not the model is wrong, but the numbers
     title = headline(case)
-    lines = [f"{notice.title}.", *notice.lines]
+    judged = answer.judgement and case.says(answer.judgement)  # it is in the headline
+    consistent = answer.verdict is Verdict.CONSISTENT
+    lines = [f"{notice.title}.", *(e for e in notice.lines if not (consistent and e == judged))]
     reason = release.reasons[0].code if release.reasons else ""
     if answer.alone is not None and reason in ("offsets_wrong", "cause_found"):
         wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
@@ -353,7 +354,7 @@ def _page(case: Case) -> doc.Page:
 
 def headline(case: Case) -> str:
     """The verdict in one sentence."""
-    answer, lack = case.answer, case.answer.lack_of_fit
+    answer = case.answer
     if answer.verdict is Verdict.NAMED:
         ids, share = [cause.id for cause in answer.causes], answer.causes[0].probability
         others = [cause for cause in answer.causes if cause.id != case.shape]
@@ -378,24 +379,16 @@ def headline(case: Case) -> str:
         ]
         only = f"only {' or '.join(far)} would explain what these readings show"
         return f"Unexplained: {only if far else 'no listed cause explains these readings'}."
-    if lack is not None and not lack.dof:
-        return (
-            "Consistent, but without spare readings these data cannot show whether the model fits."
-        )
-    noise = f"this {case.words.noise}'s noise{case.words.also}"
-    text = f"nothing shows beyond {noise}; the model fits."
-    if lack is not None and lack.p_value < UNUSUAL:
-        text = (
-            f"the residuals are larger than usual for {noise}, not large enough to call the model"
-        )
-        text += " wrong."
+    judged = answer.judgement and case.says(answer.judgement)
+    text = f"{judged[0].lower()}{judged[1:]}" if judged else "the model fits."
     for unknown in answer.undetermined:
         if unknown.name not in [parameter.name for parameter in answer.parameters]:
             within = f"{unknown.within:.2g} {unit_words(unknown.unit)}"
             text += (
                 f" The readings do not determine {unknown.name}: it may be off by {within} (1 σ)."
             )
-    return f"Consistent: {text}"
+    known = answer.judgement is not None and answer.judgement.code == "residuals_too_large"
+    return f"{'No cause found' if known else 'Consistent'}: {text}"
 
 
 def diagnosis_section(case: Case) -> doc.Section:

@@ -13,6 +13,7 @@ from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import Case, comparison_words
+from orthoglide_cal.report.escape import Html
 from orthoglide_cal.report.sentences import pattern_name, pattern_words
 from orthoglide_cal.results.answer import Answer, Residual
 from orthoglide_cal.words import plain, short, signed, unit_words, with_uncertainty
@@ -147,8 +148,10 @@ def _pattern_figure(case: Case, pattern: FoundPattern, number: int, when: str) -
     column, axis = _OVER.get(pattern.how if rows[0].leg else "", ("minutes", "min"))
     effect = np.array([row.pattern_mm[number] for row in rows])
     reach = np.array([row.pattern_expanded_mm[number] for row in rows])
-    key = f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: measured, less all"
-    key += " else that was found." + " Ringed: wrong, left out." * any(row.wrong for row in rows)
+    key = (
+        f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: readings without all"
+    )
+    key += " other effects." + " Ringed: wrong, left out." * any(row.wrong for row in rows)
     panels = figures.reading_panels(
         *_named(f"pattern-{number}", f"Pattern, over {axis}", when),
         rows,
@@ -177,6 +180,7 @@ def cause_figure(case: Case, cause: FoundCause, gaps: bool) -> Iterator[doc.Figu
     rows = case.answer.residuals
     key = "Dashed: as it should be. Solid: as it is, enlarged."
     drawn = [size for size in seen_parameters(cause) if set(size.name) <= {*AXES, "_"}]
+    panels: Sequence[Html]
     if gaps:
         sizes_mm = {size.name: size.value for size in cause.parameters}
         panels = (figures.rails_sketch(sizes_mm, case.answer.shims),)

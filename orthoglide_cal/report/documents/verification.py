@@ -273,24 +273,25 @@ def parameters_left(result: Verification) -> doc.Section:
     decimals = _entered(result) if result.remaining_mm else 4
     every = result.parameters.values()
     now = [None if e.entered is None else e.before + e.entered for e in every]
+    unit = common_unit(result.inputs[1][1].machine)
     columns: dict[str, list[doc.Blank]] = {
         "": [doc.strong(name) for name in result.parameters],
-        "unit": [e.unit for e in every],
+        **({} if unit else {"unit": [e.unit for e in every]}),
         "found ± U": [with_uncertainty(e.found, e.expanded) for e in every],
         "before": [plain(e.before, decimals) for e in every],
         "entered": ["unknown" if e.entered is None else signed(e.entered, decimals) for e in every],
         "now": ["unknown" if new is None else doc.strong(plain(new, decimals)) for new in now],
         "left ± U": [with_uncertainty(e.left, e.left_expanded) for e in every],
     }
-    caption = "Before, now: active in the controller. Found by the first measurement, left by the"
-    caption += " second."
+    caption = "Before and now: active in the controller. Found: by the first measurement; left: by"
+    caption += " the second."
     other = [name for name, row in result.parameters.items() if row.as_found is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
         note = "The files do not record what was entered. A saved printer.cfg does."
     elif other:
         note = f"What was entered differs from what was found here: {', '.join(other)}."
-    return doc.Section("Parameters", doc.Grid.of(columns, caption=caption), note)
+    return doc.Section(f"Parameters{unit}", doc.Grid.of(columns, caption=caption), note)
 
 
 def _outcome(result: Verification) -> doc.Section:
