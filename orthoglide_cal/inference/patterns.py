@@ -236,7 +236,7 @@ def tried(at: Linearised, course: Course) -> list[Tried]:
 def _lie_in(plan: Plan) -> Bools:
     """Which movers are part of which others, shape (g, g)."""
     outside = plan.movers.astype(np.float64) @ ~plan.movers.T
-    return (outside == 0.0) & (outside.T > 0.0)
+    return np.asarray((outside == 0.0) & (outside.T > 0.0))
 
 
 @functools.lru_cache(maxsize=8)
@@ -446,8 +446,8 @@ class Ground:
                 problem = replace(white.problem, plan=plan, matrix=after)
                 data, texture = after @ (contrasts.T @ white.data), white.texture
                 if texture is not None:
-                    shape = after @ (contrasts.T @ texture.columns)
-                    texture = Texture.of(shape, texture.rest, texture.assumed)
+                    fine = after @ (contrasts.T @ texture.columns)
+                    texture = Texture.of(fine, texture.rest, texture.assumed)
                     noise = replace(noise, texture=texture)
                 white = replace(white, problem=problem, data=data, texture=texture)
             else:

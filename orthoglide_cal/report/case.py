@@ -72,8 +72,8 @@ class Case:
     @property
     def invalidating(self) -> str:
         """What makes parameters worthless that are released, in one sentence; "" for nothing."""
-        found = (r for r in self.answer.release.cautions if r.code in INVALIDATING)
-        return next(map(self.says, found), "")
+        worst = (r for r in self.answer.release.cautions if r.code in INVALIDATING)
+        return next(map(self.says, worst), "")
 
     @property
     def machine(self) -> Machine:
@@ -162,9 +162,11 @@ class Case:
     def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
         """Steps instead of entering the parameters; with `verb` only those with that command."""
         remedies = self.answer.release.remedies
-        steps = ((self.says(each.sentence), self.remedied(each), each.verb) for each in remedies)
-        for text, typed, own in dict.fromkeys(steps):  # two reasons may have one remedy
-            if verb in (None, own):
+        steps = (
+            (self.says(remedy.sentence), self.remedied(remedy), remedy.verb) for remedy in remedies
+        )
+        for text, typed, run in dict.fromkeys(steps):  # two reasons may have one remedy
+            if verb in (None, run):
                 yield doc.Instruction(text, typed)
 
     @property
@@ -175,7 +177,7 @@ class Case:
         """
         unknown = recording(self.given) == "nowhere"
         digits = self.answer.decimals
-        changes = " ".join(plain(each.change(digits), digits) for each in self.answer.parameters)
+        changes = " ".join(plain(size.change(digits), digits) for size in self.answer.parameters)
         return self.typed("verify", f"--applied {changes}" if unknown else "", other="AFTER")
 
     @property
@@ -216,7 +218,7 @@ def decision_notice(case: Case) -> doc.Notice:
         title, reasons = NOT_NEEDED, cautions
         if judged and judged.code == "residuals_unusual":
             reasons = (judged, *cautions)
-        known = [(each.found or 0.0, each.expanded, each.unit) for each in answer.parameters]
+        known = [(size.found or 0.0, size.expanded, size.unit) for size in answer.parameters]
         value, expanded, unit = max(known, key=lambda row: abs(row[0]) / row[1])
         size = f"{with_uncertainty(value, expanded)} {unit_words(unit)}"
         lines = [f"Largest change {size}; the differences would not become smaller."]

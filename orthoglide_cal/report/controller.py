@@ -72,11 +72,11 @@ def as_text(case: Case, identity: Identity) -> str:
     answer = case.answer
     digits = answer.decimals
     unit, rows = common_unit(case.machine), [("", "previous", "change", "U", "enter")]
-    for each in answer.parameters:
-        name = each.name if unit else f"{each.name}, {each.unit}"
-        change = typed(each.change(digits), digits) if each.determined else "unknown"
-        active, new = plain(each.active, digits), plain(each.new(digits), digits)
-        rows.append((name, active, change, two_figures(each.expanded), new))
+    for row in answer.parameters:
+        name = row.name if unit else f"{row.name}, {row.unit}"
+        change = typed(row.change(digits), digits) if row.determined else "unknown"
+        active, new = plain(row.active, digits), plain(row.new(digits), digits)
+        rows.append((name, active, change, two_figures(row.expanded), new))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
         "",
@@ -101,13 +101,13 @@ def as_linuxcnc(case: Case, identity: Identity) -> str:
         "# is inch). If yours holds more than the offset, such as the place of the home switch,",
         "# add the change to it instead of replacing it.",
     ]
-    for number, each in enumerate(case.answer.parameters):
+    for number, row in enumerate(case.answer.parameters):
         lines += [
             "",
             f"[JOINT_{number}]",
-            f"# axis {each.name}: previous {typed(each.active, digits)},"
-            f" change {typed(each.change(digits), digits)} (U = {two_figures(each.expanded)})",
-            f"HOME_OFFSET = {plain(each.new(digits), digits)}",
+            f"# axis {row.name}: previous {typed(row.active, digits)},"
+            f" change {typed(row.change(digits), digits)} (U = {two_figures(row.expanded)})",
+            f"HOME_OFFSET = {plain(row.new(digits), digits)}",
         ]
     return _around(case, identity, [*lines, ""], "# ")
 
@@ -132,7 +132,7 @@ def firmware_machine(case: Case) -> LinearDelta:
     """The machine as its firmware is to have it, with arms that were accepted as longer."""
     model, answer = case.given.model, case.answer
     machine = LinearDelta.require(model.machine)
-    *endstops, radius, angle_a, angle_b = (each.new(answer.decimals) for each in answer.parameters)
+    *endstops, radius, angle_a, angle_b = (row.new(answer.decimals) for row in answer.parameters)
     arms = np.array(machine.arm_length_mm)
     for effect in model.accepted:
         if effect.cause.id in machine.fixed_parameters:
@@ -156,7 +156,7 @@ def firmware_values(
     new = firmware_machine(case)
     names = [*"abc", "radius", *(f"{of}_{tower}" for of in ("angle", "arm") for tower in "abc")]
     values = (*new.endstops_mm, new.delta_radius_mm, *new.tower_angles_deg, *new.arm_length_mm)
-    found, known = (
+    setting, known = (
         dict(zip(names, values, strict=True)),
         {e.cause.id for e in case.given.model.accepted},
     )
@@ -164,7 +164,7 @@ def firmware_values(
     settings = file.settings if file else {}
     for id, tower, value, *_ in made:
         if not CAUSES[id].by_joint:
-            found[f"arm_{tower}"] += 0.0 if id in known else value
+            setting[f"arm_{tower}"] += 0.0 if id in known else value
             continue
         (effect,) = correcting(new, {id: {tower: value}})
         at = "abc".index(tower)
@@ -172,9 +172,9 @@ def firmware_values(
             0, :, at
         ]
         excess = 1.0 / (1.0 + high - low)
-        found[f"pitch_{tower}"] = float(settings[f"pitch_{tower}"].before) * excess
-        found[tower] += (excess - 1.0) * (heights[at] - home)
-    return found
+        setting[f"pitch_{tower}"] = float(settings[f"pitch_{tower}"].before) * excess
+        setting[tower] += (excess - 1.0) * (heights[at] - home)
+    return setting
 
 
 def klipper(new: LinearDelta) -> Iterator[str]:
@@ -288,6 +288,6 @@ def _left_out(name: str, case: Case) -> Iterator[str]:
     for id in dict.fromkeys(cause.id for cause in case.known):
         if id not in case.machine.fixed_parameters:
             yield f"Not in these lines: {id}; {CAUSES[id].words(case.machine).no_setting}."
-    unknown = [each.name for each in case.answer.parameters if not each.determined]
+    unknown = [row.name for row in case.answer.parameters if not row.determined]
     if unknown:
         yield f"Unchanged, because these readings do not determine them: {', '.join(unknown)}."

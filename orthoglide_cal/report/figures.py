@@ -63,7 +63,7 @@ def round_up(size: float, *factors: float) -> float:
     """The smallest of these factors times a power of ten that is no smaller than a size."""
     power = 10.0 ** math.floor(math.log10(size))
     sizes = (factor * power for factor in (*factors, 10.0))
-    return next(each for each in sizes if each >= size * (1.0 - 1e-9))
+    return next(candidate for candidate in sizes if candidate >= size * (1.0 - 1e-9))
 
 
 def tick_text(value: float, step: float) -> str:
@@ -187,7 +187,7 @@ def deviation_rows(
     `limit_mm` is the largest size that is allowed; None if nobody said. The `outcomes` of what was
     measured afterwards stand below the names.
     """
-    names, found, expected, expanded, after = zip(*rows, strict=True)
+    names, first, expected, expanded, after = zip(*rows, strict=True)
     measured = after[0] is not None
     last = after if measured else expected
     limits = [] if limit_mm is None else [-limit_mm, limit_mm]
@@ -197,7 +197,7 @@ def deviation_rows(
     if measured:
         heads = {194.0: "found", 252.0: "expected", _WIDE - 2.0: "as left ± U"}
     left, high_row = (60.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
-    across = Scale.around([*found, *expected, *ends, -0.02, 0.02], left, min(heads) - 46.0)
+    across = Scale.around([*first, *expected, *ends, -0.02, 0.02], left, min(heads) - 46.0)
     top, bottom = _TOP - 4.0, _TOP + high_row * len(rows)
     places, kinds, texts = zip(*across.ticks(4), strict=True)
     band = [
@@ -214,9 +214,9 @@ def deviation_rows(
     listed = []
     for k, (name, value, half) in enumerate(zip(names, last, expanded, strict=True)):
         y = _TOP + high_row * (k + 0.5)
-        start, stop = across(found[k]), across(expected[k])
+        start, stop = across(first[k]), across(expected[k])
         low, high = across(value - half), across(value + half)
-        numbers = [signed(found[k], 3), f"{signed(value, 3)} ± {plain(half, 3)}"]
+        numbers = [signed(first[k], 3), f"{signed(value, 3)} ± {plain(half, 3)}"]
         if measured:
             numbers.insert(1, signed(expected[k], 3))
         listed.append(f"{name} {', '.join([*numbers, *outcomes[k : k + 1]])}")
@@ -339,7 +339,9 @@ def reading_panels(
                 cells: dict[str, list[float]] = {}
                 for k in chosen:
                     cells.setdefault(places[k], []).append(float(values[k]))
-                means = (f"{at} {signed(float(np.mean(own)), 1)}" for at, own in cells.items())
+                means = (
+                    f"{at} {signed(float(np.mean(values)), 1)}" for at, values in cells.items()
+                )
                 seen += f" Mean of the repeats, µm, {model}: {', '.join(means)}."
         row = rows[chosen[0]]
         id = name if together else f"{name}-{row.direction}{row.leg}"
@@ -405,7 +407,7 @@ def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) ->
 
 
 def workspace_maps(
-    found: Workspace, after: Workspace | None = None, limit_mm: float | None = None
+    first: Workspace, after: Workspace | None = None, limit_mm: float | None = None
 ) -> tuple[Html, ...]:
     """Error of the tool position in slices, the highest first: three before, three after.
 
@@ -416,11 +418,11 @@ def workspace_maps(
 
     The last picture is the one scale of their colours, which begins at zero.
     """
-    before = found.maps
+    before = first.maps
     assert before is not None
-    pictures = [("as found", before.before_mm, found.before_mm, found.worst_before_mm)]
+    pictures = [("as found", before.before_mm, first.before_mm, first.worst_before_mm)]
     if after is None:
-        pictures.append(("expected", before.after_mm, found.after_mm, found.worst_after_mm))
+        pictures.append(("expected", before.after_mm, first.after_mm, first.worst_after_mm))
     else:
         assert after.maps is not None
         pictures.append(("as left", after.maps.before_mm, after.before_mm, after.worst_before_mm))
@@ -619,7 +621,7 @@ def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
         drawn.append(rectangle(start[0] - 6.0, start[1] - 6.0, 12.0, 12.0, "carriage"))
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
         taken += [*np.linspace(start, stop, 29)]
-        for shim in (each for each in shims if each.rail == axis):
+        for shim in (one for one in shims if one.rail == axis):
             way = _ON_PAPER[AXES.index(shim.along[-1])] * (-1.0 if "-" in shim.along else 1.0)
             x, y = start + 46.0 * way / np.linalg.norm(way)
             parts.append(arrow(start + 9.0 * way, start + 34.0 * way))

@@ -72,7 +72,7 @@ def sentence(reason: Reason, machine: Machine | None = None) -> str:
 
 
 def _residuals(size: str, end: str) -> str:
-    scatter = "one reading scatters by {scatter_mm:.2g} mm against {stated_mm:.2g} mm"
+    scatter = "one reading scatters by {scatter_mm:.2g} mm, stated: {stated_mm:.2g} mm"
     return f"The residuals are {size} the {{words.noise}}'s noise{{words.also}}{end % scatter}"
 
 
@@ -202,9 +202,9 @@ def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
     verb = _HOWS[pattern.how][0].format(s="s" * single)
     numbers = [f"{with_uncertainty(pattern.size_mm, pattern.expanded_mm).lstrip('+')} mm"]
     numbers += [
-        f"{two_figures(abs(each.value))} {each.unit}"
-        for each in pattern.parameters
-        if each.name == "time_constant" or (each.unit == "mm/K" and len(pattern.parameters) == 1)
+        f"{two_figures(abs(size.value))} {size.unit}"
+        for size in pattern.parameters
+        if size.name == "time_constant" or (size.unit == "mm/K" and len(pattern.parameters) == 1)
     ]
     if pattern.how == "steps" and pattern.from_minutes is not None:
         numbers.append(f"at {plain(pattern.from_minutes, 1)} min")
@@ -218,7 +218,7 @@ def pattern_name(pattern: FoundPattern) -> str:
 
 def pattern_remedy(machine: Machine, pattern: FoundPattern) -> str:
     """What to do about it."""
-    known = {each.name: each.value for each in pattern.parameters}
+    known = {size.name: size.value for size in pattern.parameters}
     rest = math.ceil(RESTING * known.get("time_constant", 0.0))
     text = _HOWS[pattern.how][2]
     between = "two readings"

@@ -29,8 +29,8 @@ def _page(answer: AdjustmentAnswer, again: str) -> doc.Page:
     caption = "Readings of the gauge, mm; the check is the difference between two postures."
     notice = doc.Notice(doc.Tone.INFO, f"Adjusted: {answer.cause}")
     if answer.failed:
-        failed = "A check failed: something moved in another way than it was meant to"
-        notice = doc.Notice(doc.Tone.BAD, failed)
+        failure = "A check failed: something moved in another way than it was meant to"
+        notice = doc.Notice(doc.Tone.BAD, failure)
     steps = (
         doc.Instruction("Measure again in the same way.", again),
         doc.Instruction("Compare the two.", command("verify", answer.input.path, "AFTER")),

@@ -182,15 +182,15 @@ def _causes(case: Case) -> Iterator[doc.Section]:
     undecided = answer.verdict is Verdict.AMBIGUOUS
     advised = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
-        gaps = any(CAUSES[cause.id].shim(each.name, each.value) for each in cause.parameters)
+        gaps = any(CAUSES[cause.id].shim(size.name, size.value) for size in cause.parameters)
         seen = cause.parameters if gaps else seen_parameters(cause)
-        sizes = [each for each in cause.parameters if each in seen]
-        places = [place_words(each.name) for each in sizes]
+        sizes = [size for size in cause.parameters if size in seen]
+        places = [place_words(size.name) for size in sizes]
         if cause.where and len(sizes) < 2:
             places = [cause.where]
         columns: dict[str, Sequence[doc.Blank]] = {"": [doc.strong(place) for place in places]}
         if sizes:
-            columns["size ± U (95 %)"] = [size_words(each) for each in sizes]
+            columns["size ± U (95 %)"] = [size_words(size) for size in sizes]
         if gaps and answer.shims:
             columns["shim"] = [
                 f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in answer.shims
@@ -255,26 +255,28 @@ def _workspace(
     case: Case, left: Verification | None, limit_mm: float | None
 ) -> Iterator[doc.Section]:
     """Tool-position error in slices of the workspace, as found and afterwards."""
-    found, after = case.answer.workspace, left.workspace if left else None
-    if found is None:
+    before, after = case.answer.workspace, left.workspace if left else None
+    if before is None:
         return
 
     def up_to(size_mm: float, tool_mm: Sequence[float]) -> str:
         return f"{two_figures(size_mm)} mm, at {position_words(tool_mm, 0)}"
 
-    lead = f"As found: up to {up_to(found.before_mm, found.worst_before_mm)}."
+    lead = f"As found: up to {up_to(before.before_mm, before.worst_before_mm)}."
     if after is None:
         why = ", from uncertainty alone."
         if causes := " and ".join(cause.id for cause in case.known):
-            why = f"; {two_figures(found.left_mm)} mm of that comes from {causes}, which offsets do"
+            why = (
+                f"; {two_figures(before.left_mm)} mm of that comes from {causes}, which offsets do"
+            )
             why += " not remove."
-        lead += f" Expected: at most {up_to(found.after_mm, found.worst_after_mm)}{why}"
+        lead += f" Expected: at most {up_to(before.after_mm, before.worst_after_mm)}{why}"
         if timed := " and ".join(cause.id for cause in case.known if cause.timed):
             lead += f" Not included: the effect of {timed}, which depends on time or path."
     else:
         lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
-    low, high = (plain(edge, 0) for edge in found.cube_mm)
-    maps = figures.workspace_maps(found, after, limit_mm)
+    low, high = (plain(edge, 0) for edge in before.cube_mm)
+    maps = figures.workspace_maps(before, after, limit_mm)
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
     if limit_mm is not None:
         key += f" Dotted: {limit_mm:g} mm."

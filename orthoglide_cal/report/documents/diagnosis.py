@@ -9,7 +9,6 @@ from functools import partial
 from itertools import zip_longest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.solution import UNUSUAL
 from orthoglide_cal.inference import NextMeasurement, Verdict, nothing_wrong
 from orthoglide_cal.inference.baselines import Baselines
 from orthoglide_cal.inference.result import Explanation, FoundPattern
@@ -112,14 +111,16 @@ def diagnosis_notice(case: Case) -> doc.Notice:
     if not release.usable and answer.verdict in (None, Verdict.CONSISTENT):
         return notice  # not the model is wrong, but the numbers
     title = headline(case)
-    lines = [f"{notice.title}.", *notice.lines]
+    judged = answer.judgement and case.says(answer.judgement)  # it is in the headline
+    consistent = answer.verdict is Verdict.CONSISTENT
+    lines = [f"{notice.title}.", *(e for e in notice.lines if not (consistent and e == judged))]
     reason = release.reasons[0].code if release.reasons else ""
     if answer.alone is not None and reason in ("offsets_wrong", "cause_found"):
         wrong = f"{two_figures(answer.alone.wrong_by)} {answer.alone.unit}"
         alone = f"the {case.words.many} alone would be wrong by up to {wrong}"
         lines[:2] = [f"Do not enter anything yet: {alone}."]
     elif "beyond_list" in release.codes:
-        caution = next(each for each in release.cautions if each.code == "beyond_list")
+        caution = next(one for one in release.cautions if one.code == "beyond_list")
         words = (
             f"The {case.words.many} may be entered, with a reservation: the reason is not known."
         )
@@ -127,7 +128,7 @@ def diagnosis_notice(case: Case) -> doc.Notice:
     elif answer.refuted is not None and reason == answer.refuted.code:
         del lines[1]  # the title
     elif reason == "undecided":
-        u = two_figures(max(each.expanded for each in answer.parameters))
+        u = two_figures(max(size.expanded for size in answer.parameters))
         why = f": they may be wrong by {u} {answer.parameters[0].unit} until this is decided"
         lines[:2] = [f"{notice.title}{why if common_unit(case.machine) else ''}."]
     if case.invalidating:
@@ -142,9 +143,9 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
     for cause in answer.causes:
         shown = cause.parameters
         if len(shown) > _MOST_SIZES and not cause.where:
-            largest = sorted(shown, key=lambda each: -abs(each.value) / (each.std or 1.0))
+            largest = sorted(shown, key=lambda size: -abs(size.value) / (size.std or 1.0))
             shown = tuple(largest[:_MOST_CELLS])
-        rows = [(each.name, each.value, each.expanded, each.unit) for each in shown]
+        rows = [(size.name, size.value, size.expanded, size.unit) for size in shown]
         if cause.where:
             places = [cause.where] if len(rows) < 2 else [name for name, *_ in rows]
             for place, row in zip_longest(places, rows):
@@ -159,8 +160,8 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
             cells = [*sizes(rows, False), *([f"and {counted(others, 'other')}"] * bool(others))]
             lines.append((f"{cause.id}, {unit_words(shown[0].unit)}", cells))
     if offsets:
-        known = (each for each in answer.parameters if each.determined)
-        rows = [(each.name, each.found or 0.0, each.expanded, each.unit) for each in known]
+        known = (size for size in answer.parameters if size.determined)
+        rows = [(size.name, size.found or 0.0, size.expanded, size.unit) for size in known]
         # They stand in the row above: by their names the columns would not fit.
         together = len(answer.causes) + len(_beyond(answer))
         causes = f" with {'them' if together > 1 else 'it'}" * bool(answer.named or answer.patterns)
@@ -179,8 +180,8 @@ def _omitted(case: Case) -> str:
 
 
 def _beyond(answer: Answer) -> list[FoundPattern]:
-    """The patterns of the likeliest explanation beyond the list."""
-    return [each for each in answer.patterns if each.accepted]
+    """The patterns of the likeliest state beyond the list."""
+    return [pattern for pattern in answer.patterns if pattern.accepted]
 
 
 def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
@@ -208,44 +209,44 @@ def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
 
 def _baselines(case: Case) -> Iterator[doc.Block]:
     """Predictions of a printer's extension, compared with those that need no cause."""
-    found = case.answer.baselines
-    if found is None:
+    baselines = case.answer.baselines
+    if baselines is None:
         return
     named = {
-        f"{case.words.many} alone": found.parameters_mm,
-        "extension": found.extension_mm,
-        "a quartic surface instead": found.quartic_mm,
-        "the earlier map instead": found.earlier_map_mm,
+        f"{case.words.many} alone": baselines.parameters_mm,
+        "extension": baselines.extension_mm,
+        "a quartic surface instead": baselines.quartic_mm,
+        "the earlier map instead": baselines.earlier_map_mm,
     }
     errors = [f"{name} {plain(1e3 * mm, 1)}" for name, mm in named.items() if mm is not None]
     yield f"Errors of predicting {_omitted(case)}, µm r.m.s.: {', '.join(errors)}."
 
 
-def _baseline_step(found: Baselines) -> doc.Instruction:
+def _baseline_step(baselines: Baselines) -> doc.Instruction:
     """What to use instead of the extension where it predicts better."""
-    instead, mm = "Keep the earlier bed mesh: it", found.earlier_map_mm
-    if found.better == "quartic":
-        instead, mm = "Make a bed mesh: a quartic surface", found.quartic_mm
-    sizes = [f"{plain(1e3 * size, 1)} µm" for size in (mm or 0.0, found.extension_mm)]
+    instead, mm = "Keep the earlier bed mesh: it", baselines.earlier_map_mm
+    if baselines.better == "quartic":
+        instead, mm = "Make a bed mesh: a quartic surface", baselines.quartic_mm
+    sizes = [f"{plain(1e3 * size, 1)} µm" for size in (mm or 0.0, baselines.extension_mm)]
     return doc.Instruction(f"{instead} predicts to {sizes[0]}, what was found to {sizes[1]}.")
 
 
 def _open(answer: Answer) -> list[Explanation]:
     """The explanations that these data leave open; of some it was not worth fitting."""
-    return [each for each in answer.explanations if each.parameters]
+    return [state for state in answer.explanations if state.parameters]
 
 
-def _name(each: Explanation) -> str:
-    if each.pattern is not None:
-        return each.pattern
-    first, *others = each.ids or (_NOTHING,)
+def _name(state: Explanation) -> str:
+    if state.pattern is not None:
+        return state.pattern
+    first, *others = state.ids or (_NOTHING,)
     return f"{first} with {' and '.join(others)}" if others else first
 
 
 def _shares(answer: Answer) -> str:
     """The most probable explanations and the share of all others, 100 % in all."""
-    shares = {_name(each): each.probability for each in answer.explanations if not each.pattern}
-    shares[_UNLISTED] = sum(each.probability for each in answer.explanations if each.pattern)
+    shares = {_name(state): state.probability for state in answer.explanations if not state.pattern}
+    shares[_UNLISTED] = sum(state.probability for state in answer.explanations if state.pattern)
     likely = sorted(shares.items(), key=lambda pair: -pair[1])[:_MOST_LIKELY]
     whole = {name: round(100.0 * share) for name, share in likely}
     shown = [f"{name} ({share} %)" for name, share in whole.items() if share]
@@ -255,18 +256,18 @@ def _shares(answer: Answer) -> str:
 
 
 def _open_grid(case: Case) -> doc.Grid:
-    """Residuals and parameters under each open explanation."""
+    """Residuals and parameters under each open state."""
     rows = []
-    names = [each.name for each in case.answer.parameters]
-    others = [each for each in _open(case.answer) if not each.sound][:_MOST_OPEN]
-    for each in (*filter(None, [offsets_only(case.answer)]), *others):
+    names = [row.name for row in case.answer.parameters]
+    others = [state for state in _open(case.answer) if not state.sound][:_MOST_OPEN]
+    for state in (*filter(None, [offsets_only(case.answer)]), *others):
         values = {
             one.name: signed(one.found, decimals_for(2.0 * one.std))
-            for one in each.parameters
+            for one in state.parameters
             if one.found is not None
         }
-        left = "" if each.rms_mm is None else plain(each.rms_mm, 4)
-        name = f"{case.words.many} only" if each.sound else _name(each)
+        left = "" if state.rms_mm is None else plain(state.rms_mm, 4)
+        name = f"{case.words.many} only" if state.sound else _name(state)
         rows.append((name, left, *(values.get(name, "") for name in names)))
     head = f"{case.words.many}{common_unit(case.machine)}"
     return doc.Grid((head, "r.m.s. left, mm", *names), rows)
@@ -279,8 +280,10 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
         yield _baseline_step(answer.baselines)
     if answer.verdict is Verdict.AMBIGUOUS:
         # Whatever else is open, these readings are wrong.
-        sure = set.intersection(*(set(each.ids) for each in _open(answer)))
-        for cause in (each for each in answer.causes if each.id in sure and not each.in_machine):
+        sure = set.intersection(*(set(state.ids) for state in _open(answer)))
+        for cause in (
+            cause for cause in answer.causes if cause.id in sure and not cause.in_machine
+        ):
             yield doc.Instruction(cause.remedy)
         if "few_readings" in release.codes:  # more of them come first
             yield from case.remedies()
@@ -290,9 +293,11 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
         for cause in answer.causes:
             if cause.where and not cause.in_machine and cause.id not in sure:
                 yield doc.Instruction(f"Or: {cause.remedy}")
-        found, shape = answer.baselines, case.machine.shape
+        baselines, shape = answer.baselines, case.machine.shape
         open_ids = (*answer.ambiguous_with, *(cause.id for cause in answer.causes))
-        worth = found and not found.better and found.extension_mm < found.parameters_mm
+        worth = (
+            baselines and not baselines.better and baselines.extension_mm < baselines.parameters_mm
+        )
         if worth and shape in open_ids:
             # What lasts may be carried, whatever its cause.
             typed = case.typed("diagnose", f"--accept {shape}")
@@ -304,7 +309,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             yield doc.Instruction(pattern_remedy(case.machine, pattern), case.further(None))
     elif not release.usable:
         yield from case.remedies()
-        if answer.next_measurement is not None and any(each.matters for each in answer.unshown):
+        if answer.next_measurement is not None and any(fault.matters for fault in answer.unshown):
             decides = _next_step(case)
             yield replace(decides, content=f"Or: {decides.content}")
     elif answer.verdict is Verdict.NAMED:
@@ -350,7 +355,7 @@ def _page(case: Case) -> doc.Page:
 
 def headline(case: Case) -> str:
     """The verdict in one sentence."""
-    answer, lack = case.answer, case.answer.lack_of_fit
+    answer = case.answer
     if answer.verdict is Verdict.NAMED:
         ids, share = [cause.id for cause in answer.causes], answer.causes[0].probability
         others = [cause for cause in answer.causes if cause.id != case.shape]
@@ -368,27 +373,23 @@ def headline(case: Case) -> str:
         return f"Unexplained: {case.says(answer.refuted)}"
     if answer.verdict is not Verdict.CONSISTENT:
         if known := _beyond(answer):
-            text = "; ".join(pattern_words(case.machine, each) for each in known)
+            text = "; ".join(pattern_words(case.machine, pattern) for pattern in known)
             return f"Not on the list: {text}."
-        far = [f"{each.id} at {each.times:.0f} times its size" for each in answer.beyond_tolerance]
+        far = [
+            f"{cause.id} at {cause.times:.0f} times its size" for cause in answer.beyond_tolerance
+        ]
         only = f"only {' or '.join(far)} would explain what these readings show"
         return f"Unexplained: {only if far else 'no listed cause explains these readings'}."
-    if lack is not None and not lack.dof:
-        return (
-            "Consistent, but without spare readings these data cannot show whether the model fits."
-        )
-    noise = f"this {case.words.noise}'s noise{case.words.also}"
-    text = f"nothing shows beyond {noise}; the model fits."
-    if lack is not None and lack.p_value < UNUSUAL:
-        text = (
-            f"the residuals are larger than usual for {noise}, not large enough to call the model"
-        )
-        text += " wrong."
-    for each in answer.undetermined:
-        if each.name not in [parameter.name for parameter in answer.parameters]:
-            within = f"{each.within:.2g} {unit_words(each.unit)}"
-            text += f" The readings do not determine {each.name}: it may be off by {within} (1 σ)."
-    return f"Consistent: {text}"
+    judged = answer.judgement and case.says(answer.judgement)
+    text = f"{judged[0].lower()}{judged[1:]}" if judged else "the model fits."
+    for unknown in answer.undetermined:
+        if unknown.name not in [parameter.name for parameter in answer.parameters]:
+            within = f"{unknown.within:.2g} {unit_words(unknown.unit)}"
+            text += (
+                f" The readings do not determine {unknown.name}: it may be off by {within} (1 σ)."
+            )
+    too_large = answer.judgement is not None and answer.judgement.code == "residuals_too_large"
+    return f"{'No cause found' if too_large else 'Consistent'}: {text}"
 
 
 def diagnosis_section(case: Case) -> doc.Section:
@@ -445,7 +446,7 @@ def _next_step(case: Case) -> doc.Instruction:
     if not answer.ambiguous_with:
         again = f"Repeat the session with {case.words.further}: a real fault returns unchanged."
         return doc.Instruction(again)
-    open_ids = {*answer.ambiguous_with, *(each.id for each in answer.causes if each.aliases)}
+    open_ids = {*answer.ambiguous_with, *(cause.id for cause in answer.causes if cause.aliases)}
     text = "No further reading of this kind is likely to decide."
     if not any(CAUSES[id].in_machine for id in open_ids):
         text += " All of them are faults of the measurement: measure there again, and leave the old"
@@ -453,9 +454,9 @@ def _next_step(case: Case) -> doc.Instruction:
     return doc.Instruction(text)
 
 
-def between_words(each: NextMeasurement) -> tuple[str, str]:
+def between_words(measurement: NextMeasurement) -> tuple[str, str]:
     """The two explanations that it distinguishes, in words."""
-    first, second = (" with ".join(ids) or "a sound machine" for ids in each.between)
+    first, second = (" with ".join(ids) or "a sound machine" for ids in measurement.between)
     return first, second
 
 
@@ -474,9 +475,9 @@ def _doubts(case: Case, all: bool = True) -> Iterator[str]:
     for fault, place in places.items():
         title = case.title_of(fault.id) + place
         yield f"These readings cannot show whether {title}. How to check: {fault.check}."
-    for each in answer.causes:
-        if each.times_stated is not None:
-            yield f"{each.id} has {CAUSES[each.id].beyond_words(machine, each.times_stated)}"
+    for cause in answer.causes:
+        if cause.times_stated is not None:
+            yield f"{cause.id} has {CAUSES[cause.id].beyond_words(machine, cause.times_stated)}"
     for far in answer.beyond_tolerance:
         words = CAUSES[far.id].beyond_words(machine, far.times)
         yield f"{far.id} would explain these readings with {words}"
@@ -494,10 +495,10 @@ def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
         notes.append(f"Assumed sizes (not in the machine file): {text}.")
     if answer.ruled_out:
         notes.append(f"Ruled out by hand: {', '.join(answer.ruled_out)}.")
-    found, changed = {cause.id for cause in answer.causes}, []
+    named_ids, changed = {cause.id for cause in answer.causes}, []
     for how, other in (answer.sensitivity or {}).items():
-        if (other.verdict, set(other.ids)) != (answer.verdict, found):
-            ids, named = (" and ".join(sorted(each)) for each in (other.ids, found))
+        if (other.verdict, set(other.ids)) != (answer.verdict, named_ids):
+            ids, named = (" and ".join(sorted(names)) for names in (other.ids, named_ids))
             conclusion = {
                 Verdict.CONSISTENT: "no cause is found",
                 Verdict.NAMED: f"the cause found is {ids}",

@@ -152,14 +152,14 @@ def _table(history: History, most: int) -> doc.Grid:
     # One alone needs no more room than a line that it is missing.
     shown = [k for k in range(count) if k in chosen or {k - 1, k + 1} <= chosen]
     if sum(max(len(name), 6) + 2 for name in names) > 64:  # those that did something
-        moved = {each.name for change in history.changes for each in change.parameters}
+        moved = {size.name for change in history.changes for size in change.parameters}
         moved |= {rate.name for rate in history.drift} | {size.name for size in history.scatter}
         every = [k for k in every if names[k] in moved] or every[:6]
     decimals = [decimals_for(size.expanded) for size in history.pooled]
 
     def row(name: str, sizes: Sequence[Estimate], uncertain: bool = False) -> tuple[str, ...]:
         """Values, or their U; lengths beyond 10 mm are no offsets: they have no sign."""
-        shown = [each.expanded if uncertain else each.value for each in sizes]
+        shown = [size.expanded if uncertain else size.value for size in sizes]
         bare = [uncertain or abs(size) > 10.0 for size in shown]
         return (name, *((plain if bare[k] else signed)(shown[k], decimals[k]) for k in every))
 

@@ -115,8 +115,8 @@ def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
         return []
     rows = answer.residuals
     left = _left(case)
-    known = (each for each in answer.patterns if each.accepted)
-    beyond = [_pattern_figure(case, each, number, when) for number, each in enumerate(known)]
+    known = (pattern for pattern in answer.patterns if pattern.accepted)
+    beyond = [_pattern_figure(case, pattern, number, when) for number, pattern in enumerate(known)]
     if not _on_bed(answer):
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
@@ -148,8 +148,10 @@ def _pattern_figure(case: Case, pattern: FoundPattern, number: int, when: str) -
     column, axis = _OVER.get(pattern.how if rows[0].leg else "", ("minutes", "min"))
     effect = np.array([row.pattern_mm[number] for row in rows])
     reach = np.array([row.pattern_expanded_mm[number] for row in rows])
-    key = f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: measured, less all"
-    key += " else that was found." + " Ringed: wrong, left out." * any(row.wrong for row in rows)
+    key = (
+        f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: readings without all"
+    )
+    key += " other effects." + " Ringed: wrong, left out." * any(row.wrong for row in rows)
     panels = figures.reading_panels(
         *_named(f"pattern-{number}", f"Pattern, over {axis}", when),
         rows,
@@ -177,10 +179,11 @@ def cause_figure(case: Case, cause: FoundCause, gaps: bool) -> Iterator[doc.Figu
     """
     rows = case.answer.residuals
     key = "Dashed: as it should be. Solid: as it is, enlarged."
-    drawn = [each for each in seen_parameters(cause) if set(each.name) <= {*AXES, "_"}]
+    drawn = [size for size in seen_parameters(cause) if set(size.name) <= {*AXES, "_"}]
+    panels: Sequence[Html]
     if gaps:
-        sizes_mm = {each.name: each.value for each in cause.parameters}
-        panels: tuple[Html, ...] = (figures.rails_sketch(sizes_mm, case.answer.shims),)
+        sizes_mm = {size.name: size.value for size in cause.parameters}
+        panels = (figures.rails_sketch(sizes_mm, case.answer.shims),)
         key = "The rails where they really are, the gaps enlarged. " + (
             " Arrows: move the mount there." if case.answer.shims else ""
         )
@@ -214,8 +217,8 @@ def cause_figure(case: Case, cause: FoundCause, gaps: bool) -> Iterator[doc.Figu
 
 def seen_parameters(cause: FoundCause) -> list[Estimate]:
     """Its parameters beyond U, or the largest if none is; the largest first."""
-    largest = sorted(cause.parameters, key=lambda each: -abs(each.value))
-    return [each for each in largest if abs(each.value) > each.expanded] or largest[:_MOST_DRAWN]
+    largest = sorted(cause.parameters, key=lambda size: -abs(size.value))
+    return [size for size in largest if abs(size.value) > size.expanded] or largest[:_MOST_DRAWN]
 
 
 def place_words(name: str) -> str:
@@ -224,10 +227,10 @@ def place_words(name: str) -> str:
     return Series(AXES.index(leg), AXES.index(direction)).words if leg in AXES else name
 
 
-def size_words(each: Estimate) -> str:
+def size_words(size: Estimate) -> str:
     """Value, U and unit; whole numbers have no U."""
-    value = with_uncertainty(each.value, each.expanded) if each.std else signed(each.value, 0)
-    return f"{value} {unit_words(each.unit)}"
+    value = with_uncertainty(size.value, size.expanded) if size.std else signed(size.value, 0)
+    return f"{value} {unit_words(size.unit)}"
 
 
 def readings_table(case: Case, when: str) -> doc.Section:
@@ -250,7 +253,9 @@ def _on_bed(answer: Answer) -> bool:
 def _left(case: Case) -> dict[str, Floats]:
     """Model → measured − modelled, shape (n,) [mm]."""
     rows = case.answer.residuals
-    beyond = (f"the {pattern_name(each)}" for each in case.answer.patterns if each.accepted)
+    beyond = (
+        f"the {pattern_name(pattern)}" for pattern in case.answer.patterns if pattern.accepted
+    )
     ids = " and ".join((*(cause.id for cause in case.answer.causes), *beyond))
     left = {
         f"{case.words.many} only": np.array([row.measured_mm - row.modelled_mm for row in rows])
@@ -272,11 +277,11 @@ def _places(answer: Answer) -> Floats:
 
 def _surfaces(answer: Answer) -> dict[str, list[int]]:
     """The height of each touched surface, in words where there are several: its touches."""
-    found: dict[float, list[int]] = {}
+    surfaces: dict[float, list[int]] = {}
     for k, row in enumerate(answer.residuals):
         if not row.distance:
-            found.setdefault(row.surface_mm or 0.0, []).append(k)
-    return {f"at {mm:g} mm" if len(found) > 1 else "": found[mm] for mm in sorted(found)}
+            surfaces.setdefault(row.surface_mm or 0.0, []).append(k)
+    return {f"at {mm:g} mm" if len(surfaces) > 1 else "": surfaces[mm] for mm in sorted(surfaces)}
 
 
 def _distances(answer: Answer) -> doc.Grid:

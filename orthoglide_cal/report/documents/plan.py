@@ -71,8 +71,8 @@ def plan_document(
     """
     if begun is not None and plan.next:
         # The largest U of the lengths that there are; None if there are none to be entered.
-        found = (each.expanded for each in begun.answer.parameters if each.unit == "mm")
-        plan = plan.changed(now_mm=max(found, default=None), simulated=begun.answer.simulated)
+        lengths = (row.expanded for row in begun.answer.parameters if row.unit == "mm")
+        plan = plan.changed(now_mm=max(lengths, default=None), simulated=begun.answer.simulated)
     going_on = begun if plan.next else None
     stamp = going_on.stamp if going_on else None
     absent = None if plan.next else {"next"}
@@ -80,7 +80,7 @@ def plan_document(
     if going_on is not None and going_on.answer.release.usable:
         # Nothing is advised that does not lower U.
         now = math.inf if plan.now_mm is None else round(plan.now_mm, decimals_for(plan.now_mm))
-        worst = ((each, max(each.expanded_mm.values())) for each in plan.next)
+        worst = ((option, max(option.expanded_mm.values())) for option in plan.next)
         plan = plan.changed(next=tuple(o for o, u in worst if round(u, decimals_for(u)) < now))
 
     def screen() -> doc.Page:
@@ -163,15 +163,15 @@ def _to_do(
 
 
 def _command(
-    found: SessionForecast, plan: MeasurementPlan, machine: Path | None, begun: Case | None
+    forecast: SessionForecast, plan: MeasurementPlan, machine: Path | None, begun: Case | None
 ) -> str:
     """The command to measure a session, or to have its places written."""
     if plan.gauges is not None:
-        protocol = MeasuringProtocol(found.name)
-        options = sequence_options(protocol, found.cycles, Order.PAPER, plan.gauges)
+        protocol = MeasuringProtocol(forecast.name)
+        options = sequence_options(protocol, forecast.cycles, Order.PAPER, plan.gauges)
         return command("measure", machine=machine, options=options)
     usual = (plan.design or plan.by_cycles[0]).name
-    named = "" if found.name == usual else f"--layout {found.name} "
+    named = "" if forecast.name == usual else f"--layout {forecast.name} "
     options = f"{named}--program {_PLACES}"
     return (
         begun.typed("plan", options) if begun else command("plan", machine=machine, options=options)
@@ -275,10 +275,14 @@ def _worthwhile(plan: MeasurementPlan) -> list[SessionForecast]:
     """Layouts, quickest first, that are better than all quicker ones."""
     kept: list[SessionForecast] = []
     best = -math.inf
-    for each in sorted(plan.by_cycles, key=lambda each: each.minutes):
-        worth = -max(each.expanded_mm.values()) if each.rivals_sigma is None else each.rivals_sigma
-        if round(worth, 1) > best or each.name == plan.chosen.name:
-            kept.append(each)
+    for session in sorted(plan.by_cycles, key=lambda session: session.minutes):
+        worth = (
+            -max(session.expanded_mm.values())
+            if session.rivals_sigma is None
+            else session.rivals_sigma
+        )
+        if round(worth, 1) > best or session.name == plan.chosen.name:
+            kept.append(session)
             best = max(best, round(worth, 1))
     return kept[-_MOST_LAYOUTS:]
 
@@ -291,22 +295,22 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     """
     machine, cycles = plan.model.machine, plan.gauges is not None
     shown = _worthwhile(plan) if brief and not cycles else plan.by_cycles
-    names: list[doc.Inline] = [str(each.cycles) if cycles else each.name for each in shown]
-    for k, each in enumerate(shown):
-        if (each.name, each.cycles) == (plan.protocol, plan.cycles):
+    names: list[doc.Inline] = [str(session.cycles) if cycles else session.name for session in shown]
+    for k, session in enumerate(shown):
+        if (session.name, session.cycles) == (plan.protocol, plan.cycles):
             names[k] = doc.strong(f"→ {names[k]}")
     columns: dict[str, list[doc.Inline]] = {
         "cycles" if cycles else "layout": names,
-        "readings": [str(each.readings) for each in shown],
-        "min": [f"{each.minutes:.0f}" for each in shown],
+        "readings": [str(session.readings) for session in shown],
+        "min": [f"{session.minutes:.0f}" for session in shown],
     }
-    own = [*zip(machine.parameter_names, machine.parameter_units, strict=True)]
-    by_unit = {unit: [name for name, its in own if its == unit] for _, unit in own}
+    named = [*zip(machine.parameter_names, machine.parameter_units, strict=True)]
+    by_unit = {unit: [name for name, its in named if its == unit] for _, unit in named}
     words = (f"{', '.join(names)} in {unit_words(unit)}" for unit, names in by_unit.items())
     unit = common_unit(machine) or f": {', '.join(words)}"
     meaning = [f"U of each {machine.vocabulary.one}{unit} (95 %); –: not determined."]
     if cycles:
-        columns["noise"] = [two_figures(max(each.noise_std_mm.values())) for each in shown]
+        columns["noise"] = [two_figures(max(session.noise_std_mm.values())) for session in shown]
         meaning.append("Noise: part of u that comes from scatter, of the worst offset.")
     for k, name in enumerate(machine.parameter_names):
         rows = [session.by_parameter for session in shown]
@@ -314,15 +318,15 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
             two_figures(row["lessened"][k]) if row["determined"][k] else "–" for row in rows
         ]
     if machine.has_cube:
-        columns["tool"] = [two_figures(each.tool_mm or 0.0) for each in shown]
+        columns["tool"] = [two_figures(session.tool_mm or 0.0) for session in shown]
         meaning.append("Tool: U at the worst point of the workspace, offsets entered.")
     if machine.rivals:
-        sigma = [each.rivals_sigma for each in shown]
+        sigma = [session.rivals_sigma for session in shown]
         columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
         pair = " and ".join(machine.rivals)
         meaning.append(f"σ: distance of {pair} of usual size, in standard deviations.")
     # What no layout determines, and what it adds to U.
-    fixed = [each.source for each in plan.budget if each.source in machine.fixed_parameters]
+    fixed = [line.source for line in plan.budget if line.source in machine.fixed_parameters]
     if fixed:
         added = map(two_figures, plan.chosen.by_parameter["fixed"])
         last = " and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)
@@ -344,14 +348,14 @@ def _ways(plan: MeasurementPlan) -> doc.Section:
     wanted = max(plan.chosen.expanded_mm.values())
     reached = [max(way.same_cycles.expanded_mm.values()) for way in plan.compare]
     # As many decimals as show of every way that takes longer that it is less sure.
-    next_ = min((each for each in reached if each > wanted * (1.0 + ROUNDING)), default=math.inf)
+    next_ = min((u for u in reached if u > wanted * (1.0 + ROUNDING)), default=math.inf)
     decimals = next(d for d in count(decimals_for(wanted)) if round(next_, d) > round(wanted, d))
     for way, worst in zip(plan.compare, reached, strict=True):
-        found = way.same_expanded
+        effort = way.same_expanded
         numbers = ["", "never", "", ""]
-        if found is not None:
-            sizes = found.cycles, found.readings, found.gauge_moves
-            numbers = [*map(str, sizes), f"{found.minutes:.0f}"]
+        if effort is not None:
+            sizes = effort.cycles, effort.readings, effort.gauge_moves
+            numbers = [*map(str, sizes), f"{effort.minutes:.0f}"]
         rows.append((way.protocol, way.method, plain(worst, decimals), *numbers))
     head = ("protocol", "method", "U", "cycles", "readings", "moves", "min")
     caption = (
@@ -424,12 +428,12 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
     if plan.target is not None:
         # The quickest way to the U that was asked for, with the data that there are.
         wanted = plan.target.expanded_mm
-        able = [each for each in plan.next if max(each.expanded_mm.values()) <= wanted]
+        able = [option for option in plan.next if max(option.expanded_mm.values()) <= wanted]
         when = "is reached by none of these."
         if now is not None and now <= wanted:
             when = "is reached already."
         elif able:
-            quickest = min(able, key=lambda each: each.minutes)
+            quickest = min(able, key=lambda option: option.minutes)
             when = f"takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
         target.append(f"± {wanted:g} mm {when}")
     if best.between:
@@ -448,18 +452,18 @@ def _next_grid(
     plan: MeasurementPlan, ranked: Sequence[NextMeasurement], full: bool = False
 ) -> doc.Grid:
     """A part of the ranking; `full`: also U as it is, and what the columns mean."""
-    telling = any(each.between for each in plan.next)
+    telling = any(option.between for option in plan.next)
     now_mm = plan.now_mm if full else None
     heads = ["", "min", *(("settles", "σ") if telling else ()), "U, mm", "what to do"]
     rows = []
     if now_mm is not None:
         blank = [""] * (len(heads) - 2)
         rows.append((*blank, two_figures(now_mm), "nothing: U as it is"))
-    for each in ranked[:_SHOWN_NEXT]:
-        sure = (percent(each.chance), f"{each.separation_sigma:.1f}") if telling else ()
-        number, minutes = str(plan.next.index(each) + 1), f"{each.minutes:.0f}"
-        u = two_figures(max(each.expanded_mm.values()))
-        rows.append((number, minutes, *sure, u, each.what))
+    for option in ranked[:_SHOWN_NEXT]:
+        sure = (percent(option.chance), f"{option.separation_sigma:.1f}") if telling else ()
+        number, minutes = str(plan.next.index(option) + 1), f"{option.minutes:.0f}"
+        u = two_figures(max(option.expanded_mm.values()))
+        rows.append((number, minutes, *sure, u, option.what))
     meaning = None
     if full:
         meaning = "No reading can decide more. Ranked by the reduction of U"

@@ -69,7 +69,7 @@ def _rows(values: Mapping[str, object], group: str = "") -> Iterator[tuple[str, 
 
 def _written(value: object) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_written(each)}" for name, each in value.items())
+        return ", ".join(f"{name} {_written(part)}" for name, part in value.items())
     if isinstance(value, list | tuple):
         return " ".join(map(_written, value))
     if value is None or isinstance(value, bool):
@@ -126,7 +126,7 @@ def application_document(
     offsets = offsets[::-1] if application.undone else offsets
 
     def data() -> dict[str, object]:
-        before, after = (dict(zip(AXES, each, strict=False)) for each in offsets)
+        before, after = (dict(zip(AXES, triple, strict=False)) for triple in offsets)
         return {
             "schema_version": 1,
             "simulated": application.simulated,
@@ -137,7 +137,7 @@ def application_document(
             "before": before,
             "after": after,
             "data_sha256": entry.data_sha256,
-            "corrections": [each._asdict() for each in application.corrections],
+            "corrections": [correction._asdict() for correction in application.corrections],
             "written": entry.written.model_dump() if entry.written else None,
         }
 
@@ -151,11 +151,11 @@ def application_document(
         first = "The controller must hold the last column and have been homed with it."
         if application.controller is not None and entry.written is not None:
             head, rows = ("line", "what", "now", "from now on"), []
-            for each in entry.written.values:
-                now, then = each.before, each.after
+            for value in entry.written.values:
+                now, then = value.before, value.after
                 now, then = (then, now) if application.undone else (now, then)
                 now, then = now or "(no line)", then or "(no line)"
-                rows.append((str(each.line), each.key, now, doc.strong(then)))
+                rows.append((str(value.line), value.key, now, doc.strong(then)))
             notes = (
                 f"Lines of {entry.written.target}; all others stay.",
                 *application.controller.remarks,
@@ -239,7 +239,7 @@ def paper_document(reproduction: "Reproduction") -> doc.Document:
             both = (row.name, "published", row.published), ("", "computed", computed)
             for name, origin, values in both:
                 cells = (
-                    "—" if each is None else plain(each, reproduction.digits) for each in values
+                    "—" if part is None else plain(part, reproduction.digits) for part in values
                 )
                 rows.append((name, origin, *cells))
         verdict = doc.Notice(doc.Tone.BAD, "NOT reproduced.")

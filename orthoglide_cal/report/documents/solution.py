@@ -97,7 +97,7 @@ def _refused(case: Case) -> doc.Page:
 def _screen(case: Case) -> doc.Page:
     """The numbers that decide; where a screen has too few lines, what they mean gives way."""
     answer, release = case.answer, case.answer.release
-    found: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
+    parameters: list[doc.Block] = [parameters_grid(case, brief=True), *open_blocks(case)]
     notes = [f"Note: {case.says(warning)}" for warning in answer.warnings]
     if "gauge_doubt" in release.codes:
         notes = []  # it says the same
@@ -105,10 +105,10 @@ def _screen(case: Case) -> doc.Page:
     largest = [_largest_words(case)] if answer.budget and release.usable and release.needed else []
     last = doc.next_steps(to_do(case, brief=True), case.more("solve"))
     for meant in ([*largest, _meaning(case)], largest, []):
-        own, words = meant[: len(largest)], meant[len(largest) :]
-        blocks = [[*found, *own, *notes], [*numbers, *words]]
+        kept, words = meant[: len(largest)], meant[len(largest) :]
+        blocks = [[*parameters, *kept, *notes], [*numbers, *words]]
         if not answer.deviations:  # one line needs no section
-            blocks = [[*found, *own, *notes, *numbers]]
+            blocks = [[*parameters, *kept, *notes, *numbers]]
         page = doc.Page(
             kind="Solution",
             stamp=case.stamp,
@@ -136,14 +136,14 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
     answer, rows = case.answer, case.answer.deviations
     raw = answer.input.kind == DataKind.READINGS
     if len(rows) > _MOST_DIFFERENCES and not full:
-        rows = tuple(sorted(rows, key=lambda each: -abs(each.measured_mm))[:_LARGEST_DIFFERENCES])
+        rows = tuple(sorted(rows, key=lambda row: -abs(row.measured_mm))[:_LARGEST_DIFFERENCES])
     refused = not answer.release.usable
     if rows and answer.as_found is not None and answer.expected is not None:
-        names = [each.name for each in rows]
+        names = [row.name for row in rows]
         after = "if entered" if refused else "expected after"
-        measured = *(each.measured_mm for each in rows), answer.as_found.rms_mm
-        expected = *(each.expected_mm for each in rows), answer.expected.rms_mm
-        reach = {} if refused and not full else {"± U": tuple(each.expanded_mm for each in rows)}
+        measured = *(row.measured_mm for row in rows), answer.as_found.rms_mm
+        expected = *(row.expected_mm for row in rows), answer.expected.rms_mm
+        reach = {} if refused and not full else {"± U": tuple(row.expanded_mm for row in rows)}
         digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
         yield deviations_grid(names, digits, {"measured": measured, after: expected} | reach)
     if answer.rms is None:
@@ -154,7 +154,7 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
         before, left = (plain(mm, 4) for mm in (answer.rms.before_mm, answer.rms.after_mm))
         yield f"Residuals of the {of_what}: {before} mm r.m.s. before, {left} after."
     if paper is not None:
-        values = " ".join(signed(each.found or 0.0, 2) for each in paper.parameters)
+        values = " ".join(signed(row.found or 0.0, 2) for row in paper.parameters)
         rms = " → ".join(plain(mm, 3) for mm in (answer.rms.before_mm, paper.rms_mm or 0.0))
         yield f"As in the paper (six equations): {values}, {rms} mm r.m.s."
 
@@ -186,7 +186,7 @@ def _page(case: Case) -> doc.Page:
 
 def _correlations(case: Case) -> str:
     """How the parameters depend on each other."""
-    names, matrix = [each.name for each in case.answer.parameters], case.answer.correlation
+    names, matrix = [row.name for row in case.answer.parameters], case.answer.correlation
     pairs = [(i, k) for i in range(len(names)) for k in range(i)]
     text = ", ".join(f"{names[i]}{names[k]} {signed(matrix[i][k], 2)}" for i, k in pairs)
     sigma = case.answer.sigma_rho_mm
@@ -248,28 +248,28 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     """
     answer, words = case.answer, case.words
     every, enter = answer.parameters, answer.release.usable and answer.release.needed
-    digits = [answer.decimals if enter else decimals_for(each.expanded) for each in every]
-    same, unit = common_unit(case.machine), [unit_words(each.unit) for each in every]
+    digits = [answer.decimals if enter else decimals_for(row.expanded) for row in every]
+    same, unit = common_unit(case.machine), [unit_words(row.unit) for row in every]
     alone = answer.alone if brief and not enter else None
 
-    def found(chosen: Sequence[Parameter]) -> list[str]:
-        return [found_words(each, decimals) for each, decimals in zip(chosen, digits, strict=True)]
+    def changes(chosen: Sequence[Parameter]) -> list[str]:
+        return [found_words(row, decimals) for row, decimals in zip(chosen, digits, strict=True)]
 
-    columns: dict[str, Sequence[doc.Blank]] = {"": [each.name for each in every]}
+    columns: dict[str, Sequence[doc.Blank]] = {"": [row.name for row in every]}
     if not (same or brief):
         columns["unit"] = unit
     if alone is None:
-        columns["active"] = [plain(each.active, answer.decimals) for each in every]
+        columns["active"] = [plain(row.active, answer.decimals) for row in every]
         head = "found" if enter or answer.release.settled else "if entered"
-        columns[head if brief else words.found] = found(every)
+        columns[head if brief else words.found] = changes(every)
     else:
-        columns[f"{words.many} alone"] = found(alone.parameters)
-        columns[f"allowing for {' and '.join(answer.named)}"] = found(every)
-    columns["± U"] = [two_figures(each.expanded) for each in every]
+        columns[f"{words.many} alone"] = changes(alone.parameters)
+        columns[f"allowing for {' and '.join(answer.named)}"] = changes(every)
+    columns["± U"] = [two_figures(row.expanded) for row in every]
     if enter:
         write = typed if brief and same else plain
-        new = [write(each.new(answer.decimals), answer.decimals) for each in every]
-        columns["enter"] = [doc.typed(each) for each in new]
+        new = [write(row.new(answer.decimals), answer.decimals) for row in every]
+        columns["enter"] = [doc.typed(text) for text in new]
     if brief:
         columns[" "] = [unit[0], *[""] * (len(unit) - 1)] if same else unit
         return doc.Grid.of(columns, (0, len(columns) - 1))
@@ -326,7 +326,7 @@ def offsets_only(answer: Answer) -> Explanation | None:
     if answer.alone is not None:
         left, parameters = answer.alone.rms_after_mm, answer.alone.parameters
         return Explanation(probability=0.0, rms_mm=left, parameters=parameters)
-    sound = (each for each in answer.explanations if each.sound and each.parameters)
+    sound = (state for state in answer.explanations if state.sound and state.parameters)
     return next(sound, None)
 
 
@@ -334,7 +334,7 @@ def alone_block(case: Case) -> Iterator[doc.Block]:
     """The parameters without the causes that were found, in one line."""
     alone, digits = case.answer.alone, case.answer.decimals
     if alone is not None:
-        values = ", ".join(f"{each.name} {found_words(each, digits)}" for each in alone.parameters)
+        values = ", ".join(f"{row.name} {found_words(row, digits)}" for row in alone.parameters)
         left = f"({plain(alone.rms_after_mm, 4)} mm r.m.s. left)"
         yield f"{case.words.many.capitalize()} alone: {values} {left}."
 
@@ -342,10 +342,10 @@ def alone_block(case: Case) -> Iterator[doc.Block]:
 def open_blocks(case: Case) -> Iterator[doc.Block]:
     """Parameters that these readings do not determine, and sizes taken as stated."""
     names = {parameter.name for parameter in case.answer.parameters}
-    for each in case.answer.undetermined:
-        size = f"{each.within:.2g} {unit_words(each.unit)}"
-        how = f"U = {size}" if each.name in names else f"taken as stated to within {size}"
-        yield f"Not determined: {each.name}, {how}."
+    for unknown in case.answer.undetermined:
+        size = f"{unknown.within:.2g} {unit_words(unknown.unit)}"
+        how = f"U = {size}" if unknown.name in names else f"taken as stated to within {size}"
+        yield f"Not determined: {unknown.name}, {how}."
 
 
 def budget_sections(
@@ -356,12 +356,12 @@ def budget_sections(
         return
     unit = common_unit(machine)
     rows: list[tuple[str, ...]] = []
-    for each in sorted(lines, key=lambda each: -max(each.std)):
-        if not each.minor:
-            name = source_words(each.source, machine, each.possible)[0]
-            rows.append((name, each.type, _size(each), *map(two_figures, each.std)))
+    for line in sorted(lines, key=lambda line: -max(line.std)):
+        if not line.minor:
+            name = source_words(line.source, machine, line.possible)[0]
+            rows.append((name, line.type, _size(line), *map(two_figures, line.std)))
     if any(total.minor):
-        others = sum(each.minor for each in lines)
+        others = sum(line.minor for line in lines)
         rows.append((counted(others, "other"), "", "", *map(two_figures, total.minor)))
     rows.append(("together, u", "", "", *map(two_figures, total.std)))
     u = f"U = k·u, {coverage_words(total.k)}"
@@ -388,9 +388,9 @@ def source_words(source: str, machine: Machine, possible: bool = False) -> tuple
     return name, f"{causes[0].advice} {_STATE}"
 
 
-def _size(each: Contribution) -> str:
+def _size(line: Contribution) -> str:
     """Its size with unit, and whether it is assumed; what has no one size is blank."""
-    if each.size is None:
+    if line.size is None:
         return ""
-    value = f"{short(each.size, decimals_for(each.size))} {unit_words(each.unit)}".rstrip()
-    return f"{value} (assumed)" if each.assumed else value
+    value = f"{short(line.size, decimals_for(line.size))} {unit_words(line.unit)}".rstrip()
+    return f"{value} (assumed)" if line.assumed else value

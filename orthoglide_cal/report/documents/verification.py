@@ -89,7 +89,7 @@ def _page(result: Verification, identity: Identity) -> doc.Page:
         "Verification report",
         result.inputs[1][1].machine,
         identity,
-        [(each, each.validity) for each in (result.before, result.after)],
+        [(side, side.validity) for side in (result.before, result.after)],
         *(applied if result.applied_mm else []),
     )
     compared = "independent changes" if result.differences else "touches afterwards"
@@ -129,8 +129,8 @@ def verification_notice(result: Verification) -> doc.Notice:
         title = f"The touches agree {'better' if better else 'no better'} than before, {came}"
         if result.moved:
             title = "The machine has moved: nothing was entered, and the touches agree worse"
-            told = "Look for a part that was hit or came loose; then calibrate and probe again."
-            lines = (*lines, told)
+            advice = "Look for a part that was hit or came loose; then calibrate and probe again."
+            lines = (*lines, advice)
         tone = doc.Tone.GOOD if result.kept else doc.Tone.WARN
     elif not result.kept:
         tone, title = doc.Tone.BAD, "The correction did not work as predicted"
@@ -291,24 +291,25 @@ def parameters_left(result: Verification) -> doc.Section:
     decimals = _entered(result) if result.remaining_mm else 4
     found, entered = result.first, result.entered
     now = [None if by is None else p.active + by for p, by in zip(found, entered, strict=True)]
+    unit = common_unit(result.inputs[1][1].machine)
     columns: dict[str, list[doc.Blank]] = {
         "": [doc.strong(p.name) for p in found],
-        "unit": [p.unit for p in found],
+        **({} if unit else {"unit": [p.unit for p in found]}),
         "found ± U": [_size(p) for p in found],
         "before": [plain(p.active, decimals) for p in found],
         "entered": ["unknown" if by is None else signed(by, decimals) for by in entered],
         "now": ["unknown" if new is None else doc.strong(plain(new, decimals)) for new in now],
         "left ± U": [_size(p) for p in result.second],
     }
-    caption = "Before, now: active in the controller. Found by the first measurement, left by the"
-    caption += " second."
+    caption = "Before and now: active in the controller. Found: by the first measurement; left: by"
+    caption += " the second."
     other = [name for name, row in result.parameters.items() if row["as_found"] is False]
     note = "What was found was entered."
     if now.count(None) == len(now):
         note = "The files do not record what was entered. A saved printer.cfg does."
     elif other:
         note = f"What was entered differs from what was found here: {', '.join(other)}."
-    return doc.Section("Parameters", doc.Grid.of(columns, caption=caption), note)
+    return doc.Section(f"Parameters{unit}", doc.Grid.of(columns, caption=caption), note)
 
 
 def _size(parameter: Parameter) -> str | None:
@@ -340,12 +341,12 @@ def _differences(result: Verification) -> doc.Grid:
     every = result.differences
     rows = every if len(every) <= _MOST_DIFFERENCES else ()
     sizes = {
-        "before": [*(each.before_mm for each in rows), result.rms_before_mm],
-        "predicted": [*(each.promised_mm for each in rows), result.rms_promised_mm],
-        "± U": [each.promised_expanded_mm for each in rows],
-        "measured": [*(each.after_mm for each in rows), result.rms_after_mm],
+        "before": [*(row.before_mm for row in rows), result.rms_before_mm],
+        "predicted": [*(row.promised_mm for row in rows), result.rms_promised_mm],
+        "± U": [row.promised_expanded_mm for row in rows],
+        "measured": [*(row.after_mm for row in rows), result.rms_after_mm],
     }
-    return deviations_grid([each.difference for each in rows], _digits(result), sizes)
+    return deviations_grid([row.difference for row in rows], _digits(result), sizes)
 
 
 def left_figure(result: Verification) -> doc.Figure:
@@ -354,7 +355,7 @@ def left_figure(result: Verification) -> doc.Figure:
     rows = [(e.difference, e.before_mm, e.promised_mm, e.expanded_mm, e.after_mm) for e in every]
     sizes = (result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm)
     limit = result.decision.limit_mm if result.decision else None
-    outcomes = [each.outcome.capitalize() for each in every if each.outcome]
+    outcomes = [row.outcome.capitalize() for row in every if row.outcome]
     return differences_figure(rows, sizes, result.kind == DataKind.SINGLE, limit, outcomes)
 
 
