@@ -15,12 +15,7 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 def adjust(
     session: Annotated[str, argument("SESSION", "Session or readings that name the cause.")],
     cause: Annotated[
-        Text,
-        option(
-            "ID",
-            "The cause to correct; home_switch: the offsets, by their switches. Default: the first"
-            " that a screw corrects.",
-        ),
+        Text, option("ID", "The cause, or home_switch: offsets. Default: the first with a screw.")
     ] = None,
     resume: Annotated[
         bool, flag("--resume", "Continue an adjustment at its next reading.")

@@ -213,7 +213,8 @@ def controller_file(target: str) -> ControllerFile:
     target = moonraker.server(target) or str(Path(target).resolve())
     text = "\n" + re.sub("\r\n?", "\n", data.decode("latin-1"))  # a byte is a character
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
-        places = _entries(_first_sections(target, text), "=")
+        _check_included(target, text)
+        places = _entries(text, "=")
         sections = {axis: f"JOINT_{joint}" for axis, joint in _joints(target, places).items()}
         wanted = {axis: (section, "HOME_OFFSET") for axis, section in sections.items()}
         more = {f"{axis} {o}": (section, o) for axis, section in sections.items() for o in OPTIONS}
@@ -252,13 +253,9 @@ def controller_file(target: str) -> ControllerFile:
     return ControllerFile(target, data, values, remarks=(included,) * ("\n[include " in text))
 
 
-def _first_sections(target: str, text: str) -> str:
-    """The lines that LinuxCNC reads, the others empty: of sections of one name the first.
-
-    Raises InputError for an included file that has what is looked for, or cannot be read.
-    """
-    lines, seen, again = text.split("\n"), set[str](), False
-    for number, line in enumerate(lines):
+def _check_included(target: str, text: str) -> None:
+    """Raise InputError for an included file that has what is looked for, or cannot be read."""
+    for number, line in enumerate(text.split("\n")):
         if line.startswith("#INCLUDE"):
             path = Path(target).parent / Path(line.removeprefix("#INCLUDE").strip()).expanduser()
             inside = read_bytes(str(path)).decode("latin-1") if path.is_file() else None
@@ -266,12 +263,6 @@ def _first_sections(target: str, text: str) -> str:
                 problem = "LinuxCNC may read a value from this included file."
                 remedy = "Put what stands in that file in the place of this line."
                 raise InputError(problem, remedy, file=target, line=number, value=line.strip())
-        if head := _SECTION.match(line):
-            again = head[1] in seen
-            seen.add(head[1])
-        if again:
-            lines[number] = ""
-    return "\n".join(lines)
 
 
 def _joints(target: str, places: Places) -> dict[str, int]:
@@ -311,11 +302,15 @@ def holds(target: str, sha256: str) -> bool:
 
 
 def _entries(text: str, signs: str) -> Places:
-    """All entries of a text that begins with an empty line; one of the signs is in each."""
-    section, places = "", Places(list)
+    """All entries of a text that begins with an empty line; one of the signs is in each.
+
+    LinuxCNC, whose sign is "=", reads the first section of a name only.
+    """
+    section, seen, places = "", set[str](), Places(list)
     for number, line in enumerate(text.split("\n")):
         if head := _SECTION.match(line):
-            section = head[1]
+            section = "" if signs == "=" and head[1] in seen else head[1]
+            seen.add(head[1])
         elif (entry := _ENTRY.fullmatch(line)) and entry[2] in signs:
             places[section, entry[1]].append((number, entry[3]))
     return places
