@@ -67,7 +67,6 @@ _SAVE = (
 
 # Section and option → line and value of each entry.
 Places = defaultdict[tuple[str, str], list[tuple[int, str]]]
-NOTHING: Mapping[str, Added] = MappingProxyType({})
 
 
 def _from_above(value: WrittenValue) -> tuple[int, bool]:
@@ -121,7 +120,10 @@ class ControllerFile:
         return hashlib.sha256(self.data).hexdigest()
 
     def changed(
-        self, amounts: Mapping[str, float], decimals: int, added: Mapping[str, Added] = NOTHING
+        self,
+        amounts: Mapping[str, float],
+        decimals: int,
+        added: Mapping[str, Added] = MappingProxyType({}),
     ) -> tuple[Written, bytes]:
         """What is replaced, for the record, and the bytes then.
 
@@ -234,19 +236,17 @@ def controller_file(target: str) -> ControllerFile:
     if data.startswith(codecs.BOM_UTF8):
         problem = "The file begins with a byte order mark: Klipper does not read it."
         raise InputError(problem, "Save it as UTF-8 without it.", file=target, line=1)
-    above, header, block = text.partition(_HEADER)
-    for number, line in enumerate(above.split("\n")):
-        if line.startswith("#*#"):
-            problem = "Because of this line above its heading Klipper drops what SAVE_CONFIG wrote."
-            raise InputError(problem, "Delete it.", file=target, line=number, value=line)
+    above, header, _ = text.partition(_HEADER)
     heading = (above + header).count("\n") - 1 if header else len(text)
-    for number, line in enumerate(block.rstrip().split("\n") if header else (), heading + 1):
-        if not re.match(r"#\*#( |$)", line):
-            problem = (
-                "Because of this line below its heading Klipper ignores what SAVE_CONFIG wrote."
-            )
-            remedy = "Move it above the block."
-            raise InputError(problem, remedy, file=target, line=number, value=line)
+    for number, line in enumerate(text.rstrip().split("\n")):
+        vain = "Because of this line {} its heading Klipper {} what SAVE_CONFIG wrote."
+        if number <= above.count("\n") and line.startswith("#*#"):
+            problem, remedy = vain.format("above", "drops"), "Delete it."
+        elif number > heading and not re.match(r"#\*#( |$)", line):
+            problem, remedy = vain.format("below", "ignores"), "Move it above the block."
+        else:
+            continue
+        raise InputError(problem, remedy, file=target, line=number, value=line)
     places = _entries(text.replace("\n#*#", "\n"), ":=")
     values = _values(target, places, _KLIPPER | _PITCHES, heading, _PITCHES)
     included = "The file includes others. A value that is also in one of them is the one in force."
