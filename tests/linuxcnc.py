@@ -249,10 +249,15 @@ class LinuxCnc:
         return run.stdout.strip()
 
     def drive(self, x: float, y: float, z: float) -> None:
+        """Wait until it stands there: on a busy computer a move may begin late."""
         self.tell("set mode mdi", f"set mdi G53 G0 X{x} Y{y} Z{z}")
-        time.sleep(0.1)
-        while not self.rests():
-            pass
+        end = time.monotonic() + 60.0
+        while not (self.stands_at(x, y, z) and self.rests()):
+            assert time.monotonic() < end, f"it does not go to {x} {y} {z}"
+
+    def stands_at(self, *joints: float) -> bool:
+        there = (float(self.hal("getp", f"joint.{n}.pos-cmd")) for n in range(3))
+        return all(abs(a - b) < 1e-4 for a, b in zip(there, joints, strict=True))
 
     def tell(self, *lines: str) -> str:
         """Send lines; the last thing that was answered."""

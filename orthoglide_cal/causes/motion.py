@@ -125,10 +125,9 @@ class HomeSwitch(Cause):
     lasting = True
 
     def adjustment(self, name: str) -> Screw:
-        """The tool follows a carriage; it is read on the bar of the next leg."""
-        index = AXES.index(name)
-        switch = f"the home switch of axis {name.upper()}"
-        return Screw((index + 1) % 3, switch, "the switch", homed=True)
+        """The tool follows a carriage: it is read on the bar of the next leg."""
+        leg, switch = (AXES.index(name) + 1) % 3, f"the home switch of axis {name.upper()}"
+        return Screw(leg, switch, "the switch", homed=True)
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """q += Δρ; theta (..., 3) [mm]."""

@@ -14,9 +14,7 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 def adjust(
     session: str = argument("SESSION", "Session or readings that name the cause.", required=True),
     cause: Text = option(
-        "ID",
-        "The cause to correct; home_switch: the offsets, by their switches. Default: the first"
-        " that a screw corrects.",
+        "ID", "The cause, or home_switch: offsets. Default: the first with a screw."
     ),
     resume: bool = flag("--resume", "Continue an adjustment at its next reading."),
     gauge: Texts = option(

@@ -47,7 +47,7 @@ def apply(
     """Record what was entered in the controller, or enter it (--to)."""
     from orthoglide_cal.files.controller_file import controller_file
     from orthoglide_cal.files.input import machine_of_controller, read_input
-    from orthoglide_cal.files.linuxcnc import is_live, runs_otherwise
+    from orthoglide_cal.files.linuxcnc import is_live, running
     from orthoglide_cal.files.moonraker import restart, server
     from orthoglide_cal.report.case import NOT_NEEDED
     from orthoglide_cal.report.documents.short import application_document
@@ -71,7 +71,8 @@ def apply(
         else:
             entry = _entered(path, machine, known, controller, data, rule_out)
         controller = entry.controller
-        live = bool(controller and controller.adds and not entry.tables and is_live(controller))
+        otherwise = running(controller) if controller and controller.adds else None
+        live = otherwise == "" and not entry.tables
         document = application_document(entry, path, live)
         if not entry.changes:
             if json:
@@ -83,7 +84,7 @@ def apply(
         target = entry.file.document.path
         action = "Take them back" if undo else "Record them"
         question = f"Does the controller hold these values now? {action} in {target}"
-        if controller and controller.adds and (otherwise := runs_otherwise(controller)):
+        if otherwise:
             common.tell(otherwise)
         if controller:
             question = f"Write this to {controller.target}, and record it in {target}"

@@ -103,19 +103,17 @@ class JointTable:
         def stands(at: Floats) -> Floats:
             return np.stack([np.interp(at, table[:, 0], table[:, k]) for k in (1, 2)])
 
-        def adds(at: Floats) -> Floats:
-            return added(at * unit) / unit
-
         # True position at the switch, or where a joint without one is homed.
-        home = old + amount_mm / unit - float(adds(np.array([old]))[way, 0])
+        here = np.array([old])
+        home = old + (amount_mm - float(added(here * unit)[way, 0])) / unit
         if latch == search == 0.0:
-            home -= float(stands(np.array([old]))[way, 0])
+            home -= float(stands(here)[way, 0])
         home = round(home, min(decimals, 6))
         ends = self.limits_mm or (home * unit - _BEYOND_MM, home * unit + _BEYOND_MM)
         # What stands there belongs to the screw, which a new home offset counts otherwise.
         table[:, 0] += home - old
         at = np.unique(np.round([*table[:, 0], *(end / unit for end in ends), home, old], 6))
-        values = stands(at) + adds(at)
+        values = stands(at) + added(at * unit) / unit
         values = np.round(values - values[way, at == home], 8) + 0.0  # no negative zero
         rows = np.column_stack([at, *values]).tolist()
         if len(rows) > _MOST_LINES:
@@ -125,17 +123,13 @@ class JointTable:
         digest = hashlib.sha256(text.encode()).hexdigest()
         section = self.home.key.partition("]")[0] + "]"
         name = f"{section[1:-1].lower()}-{digest[:8]}.comp"
-        wanted = {FILE: name, TYPE: "1", BACKLASH: "0"}
-        if BACKLASH not in self.options:
-            del wanted[BACKLASH]
+        wanted = {FILE: name, TYPE: "1"} | {o: "0" for o in self.options if o == BACKLASH}
         new = [self.home.changed(after=plain(home, decimals))]
         for option, after in wanted.items():
-            line = self.options.get(option)
-            if line is None:
-                # Above the home offset, where a line surely ends.
-                key = f"{section} {option}"
-                new.append(WrittenValue(line=self.home.line, key=key, after=after))
-            elif line.before != after:
+            # A new line stands above the home offset, where a line surely ends.
+            above = WrittenValue(line=self.home.line, key=f"{section} {option}")
+            line = self.options.get(option, above)
+            if line.before != after:
                 new.append(line.changed(after=after))
         path = str(Path(self.target).parent / name)
         return new, WrittenTable(path=path, sha256=digest, text=text)

@@ -67,7 +67,6 @@ _SAVE = (
 
 # Section and option → line and value of each entry.
 Places = defaultdict[tuple[str, str], list[tuple[int, str]]]
-NOTHING: Mapping[str, Added] = MappingProxyType({})
 
 
 def _from_above(value: WrittenValue) -> tuple[int, bool]:
@@ -121,7 +120,10 @@ class ControllerFile:
         return hashlib.sha256(self.data).hexdigest()
 
     def changed(
-        self, amounts: Mapping[str, float], decimals: int, added: Mapping[str, Added] = NOTHING
+        self,
+        amounts: Mapping[str, float],
+        decimals: int,
+        added: Mapping[str, Added] = MappingProxyType({}),
     ) -> tuple[Written, bytes]:
         """What is replaced, for the record, and the bytes then.
 
@@ -213,7 +215,8 @@ def controller_file(target: str) -> ControllerFile:
     target = moonraker.server(target) or str(Path(target).resolve())
     text = "\n" + re.sub("\r\n?", "\n", data.decode("latin-1"))  # a byte is a character
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
-        places = _entries(_first_sections(target, text), "=")
+        _check_included(target, text)
+        places = _entries(text, "=")
         sections = {axis: f"JOINT_{joint}" for axis, joint in _joints(target, places).items()}
         wanted = {axis: (section, "HOME_OFFSET") for axis, section in sections.items()}
         more = {f"{axis} {o}": (section, o) for axis, section in sections.items() for o in OPTIONS}
@@ -233,32 +236,26 @@ def controller_file(target: str) -> ControllerFile:
     if data.startswith(codecs.BOM_UTF8):
         problem = "The file begins with a byte order mark: Klipper does not read it."
         raise InputError(problem, "Save it as UTF-8 without it.", file=target, line=1)
-    above, header, block = text.partition(_HEADER)
-    for number, line in enumerate(above.split("\n")):
-        if line.startswith("#*#"):
-            problem = "Because of this line above its heading Klipper drops what SAVE_CONFIG wrote."
-            raise InputError(problem, "Delete it.", file=target, line=number, value=line)
+    above, header, _ = text.partition(_HEADER)
     heading = (above + header).count("\n") - 1 if header else len(text)
-    for number, line in enumerate(block.rstrip().split("\n") if header else (), heading + 1):
-        if not re.match(r"#\*#( |$)", line):
-            problem = (
-                "Because of this line below its heading Klipper ignores what SAVE_CONFIG wrote."
-            )
-            remedy = "Move it above the block."
-            raise InputError(problem, remedy, file=target, line=number, value=line)
+    for number, line in enumerate(text.rstrip().split("\n")):
+        vain = "Because of this line {} its heading Klipper {} what SAVE_CONFIG wrote."
+        if number <= above.count("\n") and line.startswith("#*#"):
+            problem, remedy = vain.format("above", "drops"), "Delete it."
+        elif number > heading and not re.match(r"#\*#( |$)", line):
+            problem, remedy = vain.format("below", "ignores"), "Move it above the block."
+        else:
+            continue
+        raise InputError(problem, remedy, file=target, line=number, value=line)
     places = _entries(text.replace("\n#*#", "\n"), ":=")
     values = _values(target, places, _KLIPPER | _PITCHES, heading, _PITCHES)
     included = "The file includes others. A value that is also in one of them is the one in force."
     return ControllerFile(target, data, values, remarks=(included,) * ("\n[include " in text))
 
 
-def _first_sections(target: str, text: str) -> str:
-    """The lines that LinuxCNC reads, the others empty: of sections of one name the first.
-
-    Raises InputError for an included file that has what is looked for, or cannot be read.
-    """
-    lines, seen, again = text.split("\n"), set[str](), False
-    for number, line in enumerate(lines):
+def _check_included(target: str, text: str) -> None:
+    """Raise InputError for an included file that has what is looked for, or cannot be read."""
+    for number, line in enumerate(text.split("\n")):
         if line.startswith("#INCLUDE"):
             path = Path(target).parent / Path(line.removeprefix("#INCLUDE").strip()).expanduser()
             inside = read_bytes(str(path)).decode("latin-1") if path.is_file() else None
@@ -266,12 +263,6 @@ def _first_sections(target: str, text: str) -> str:
                 problem = "LinuxCNC may read a value from this included file."
                 remedy = "Put what stands in that file in the place of this line."
                 raise InputError(problem, remedy, file=target, line=number, value=line.strip())
-        if head := _SECTION.match(line):
-            again = head[1] in seen
-            seen.add(head[1])
-        if again:
-            lines[number] = ""
-    return "\n".join(lines)
 
 
 def _joints(target: str, places: Places) -> dict[str, int]:
@@ -311,11 +302,15 @@ def holds(target: str, sha256: str) -> bool:
 
 
 def _entries(text: str, signs: str) -> Places:
-    """All entries of a text that begins with an empty line; one of the signs is in each."""
-    section, places = "", Places(list)
+    """All entries of a text that begins with an empty line; one of the signs is in each.
+
+    LinuxCNC, whose sign is "=", reads the first section of a name only.
+    """
+    section, seen, places = "", set[str](), Places(list)
     for number, line in enumerate(text.split("\n")):
         if head := _SECTION.match(line):
-            section = head[1]
+            section = "" if signs == "=" and head[1] in seen else head[1]
+            seen.add(head[1])
         elif (entry := _ENTRY.fullmatch(line)) and entry[2] in signs:
             places[section, entry[1]].append((number, entry[3]))
     return places

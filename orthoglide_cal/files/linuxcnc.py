@@ -102,12 +102,15 @@ class Standing:
         raise ConnectionError("no answer")
 
 
-def runs_otherwise(ini: ControllerFile) -> str:
-    """Why a LinuxCNC that runs on this computer is not told, in a sentence; "" if none runs, or
-    with this INI and what it holds."""
-    path = running_ini()
-    if path is None or is_live(ini):
+def running(ini: ControllerFile) -> str | None:
+    """None if no LinuxCNC runs on this computer; "" if one has this INI and the offsets it holds.
+
+    Else why that one is not told, in a sentence.
+    """
+    if is_live(ini):
         return ""
+    if (path := running_ini()) is None:
+        return None
     otherwise = "with other home offsets than its INI" if str(path) == ini.target else f"by {path}"
     return f"A LinuxCNC runs on this computer {otherwise}: it is not told, nor changed."
 

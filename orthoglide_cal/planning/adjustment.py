@@ -28,8 +28,6 @@ from orthoglide_cal.model.orthoglide import POSTURES, Orthoglide, PlannedReading
 from orthoglide_cal.model.plan import Numbers
 from orthoglide_cal.model.readings import Contact, other_axes
 
-_HALF_WAY = 0.5  # along the leg
-
 
 class Adjustment(Estimate):
     """How a parameter of a cause is corrected; leg and direction are 0, 1, 2 for x, y, z."""
@@ -143,7 +141,7 @@ def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
 
 def _cells(machine: Orthoglide, leg: int) -> list[PlannedReading]:
     """All that gauges on this leg can read at the named postures, the plunger on the bar."""
-    places = dict.fromkeys((_HALF_WAY, *machine.gauge_places))
+    places = dict.fromkeys((0.5, *machine.gauge_places))
     moves = [machine.displacement_mm(posture) for posture in POSTURES]
     return [
         PlannedReading(leg, direction, moved, Contact.FIXED, gauge_at=at)

@@ -177,8 +177,8 @@ class AdjustingDialogue(Dialogue):
                 self.write(events.Ended(at=self.now(), reason=reason))
             else:
                 k, one = waiting[0]
-                phase = one.next or Phase.LOOSE
-                self._ask_for(self.setting.steps[len(PHASES) * k + PHASES.index(phase)])
+                at = len(PHASES) * k + PHASES.index(one.next or Phase.LOOSE)
+                self._ask_for(self.setting.steps[at])
         return self.state
 
     def _ask_for(self, step: SessionStep) -> None:
