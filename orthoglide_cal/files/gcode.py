@@ -143,7 +143,9 @@ def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile
     matches = [_DATE.search(file.text.split("\n", 1)[0]) for file in both]
     dates = [date[0] for date in matches if date]
     if len(dates) == 2 and dates[1] < dates[0]:
-        stale = Reason.of("stale_map", date=dates[1], settings=names[-1], calibrated=dates[0])
+        stale = Reason.of(
+            "stale_mesh", order={"date": dates[1], "settings": names[-1], "calibrated": dates[0]}
+        )
         remarks.append(stale)
     return replace(read_codes(*files), remarks=tuple(remarks))
 

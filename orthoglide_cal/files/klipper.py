@@ -440,7 +440,7 @@ def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[Re
     stored = settings.options_of(_CALIBRATION).items()
     first = min((line for option, line in stored if _STORED.match(option)), default=0)
     if first > mesh:
-        yield Reason.of("stale_mesh", calibration=first, mesh=mesh)
+        yield Reason.of("stale_mesh", order={"calibration": first, "mesh": mesh})
     unstated = [axis for axis in ("x_offset", "y_offset") if (sensor, axis) not in settings.options]
     if settings.included and unstated:
         yield Reason.of("offset_not_stated", options=unstated, sensor=sensor)

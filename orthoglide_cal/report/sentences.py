@@ -45,6 +45,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "freed": lambda arms: ", ".join(
         f"{arm.name} {arm.value:+.3f} ± {2.0 * arm.std:.2g}" for arm in arms
     ),
+    "stale": lambda order: _STALE["date" in order].format(**order),
     "place": lambda where: f" ({where})" if where else "",
     "moves": lambda rows: ", ".join(
         f"{name} by {two_figures(size)} {unit_words(unit)}" for name, size, unit in rows
@@ -56,6 +57,16 @@ class _Formatter(string.Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         words = _FORMATS.get(format_spec)
         return words(value) if words else str(super().format_field(value, format_spec))
+
+
+# A mesh older than the calibration in force: by lines of one file; by dates.
+_STALE = (
+    "The calibration (line {calibration}) was stored after this mesh was first saved (line {mesh})."
+    " If BED_MESH_CALIBRATE was not run again since then, the mesh is older than the calibration in"
+    " force: the result is wrong.",
+    "The height map ({date}) is older than the calibration in force ({settings}, {calibrated}):"
+    " probe the bed again (G29).",
+)
 
 
 def sentence(reason: Reason, machine: Machine | None = None) -> str:
@@ -469,11 +480,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "map_from_place": "If G30 was sent before G29, the map counts from that place:"
     f" {_ZERO_UNKNOWN}",
     "map_height_unknown": f"The map counts from a height that it does not state: {_ZERO_UNKNOWN}",
-    "stale_mesh": "The calibration (line {calibration}) was stored after this mesh was first saved"
-    " (line {mesh}). If BED_MESH_CALIBRATE was not run again since then, the mesh is older than the"
-    " calibration in force: the result is wrong.",
-    "stale_map": "The height map ({date}) is older than the calibration in force ({settings},"
-    " {calibrated}): probe the bed again (G29).",
+    "stale_mesh": "{order:stale}",
     "unused_data": "The {data} in the same file was not used. {what} {remedy}",
     "marlin_reach": "{name} does not print where it probed. Marlin's usual reach is assumed:"
     " {reach_mm:g} mm from the middle ({margin_mm:g} mm from the edge).",
