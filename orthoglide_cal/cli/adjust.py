@@ -36,8 +36,8 @@ def adjust(
     given = common.read_input(session, machine)
     known = given.model.machine
     if given.keeper and given.keeper.model.machine.entered_from(given.measured.source.sha256):
-        fault = f"The offsets of {session} were entered: that is not the machine any more."
-        raise UnusableResultError(fault, "Measure again, then adjust by the new session.")
+        entered = f"The offsets of {session} were entered: that is not the machine any more."
+        raise UnusableResultError(entered, "Measure again, then adjust by the new session.")
     id, adjustments = choose_adjustments(diagnose(given.measured, given.model), cause)
     if validity(given).simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")
