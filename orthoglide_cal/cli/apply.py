@@ -99,8 +99,8 @@ def apply(
             common.tell(INI_ONLY)
         elif controller and live:
             if not is_live(controller_file(controller.target), anew=True):
-                fault = "The running LinuxCNC does not take the offsets; its INI holds them."
-                raise InputError(fault, "Restart LinuxCNC, then home.")
+                problem = "The running LinuxCNC does not take the offsets; its INI holds them."
+                raise InputError(problem, "Restart LinuxCNC, then home.")
             common.tell("The running LinuxCNC has the offsets, too: homing again is enough.")
         if controller and server(controller.target) and agrees(RESTART):
             restart(controller.target)

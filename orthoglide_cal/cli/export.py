@@ -52,7 +52,7 @@ def export(
     def judge(path: str) -> None:
         given = common.read_input(path, machine, data, rule_out)
         known = given.model.machine
-        owners = [kind for kind, made in MACHINES.items() if format in made.controller_formats]
+        owners = [kind for kind, of in MACHINES.items() if format in of.controller_formats]
         if owners and known.kind not in owners:
             raise UsageError(
                 f"--format {format} is for the controller of kind {owners[0]}; this machine is"

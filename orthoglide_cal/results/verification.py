@@ -245,7 +245,7 @@ def verify(
             common.
         RankDeficientError, NotConvergedError: one of them does not determine the parameters.
     """
-    if _swapped(before, after):
+    if swapped := _swapped(before, after):
         paths = [given.measured.source.path for given in (after, before)]
         remedy = f"Name it first: {command('verify', *paths)}"
         raise UsageError("{} was measured before {}.".format(*paths), remedy)
@@ -287,7 +287,7 @@ def verify(
     apart = rms(np.array([row.after_mm - row.promised_mm for row in rows]))
     both = rms(np.array([np.hypot(row.promised_expanded_mm, row.expanded_mm) for row in rows]))
     return Verification(
-        **_common((before, after), (first, second), applied.tolist()),
+        **_common((before, after), (first, second), applied.tolist(), swapped is None),
         kind=shared.kind,
         compared=len(shared.change),
         kept=response["answer"] is Behaviour.AS_MODELLED and apart <= both,
@@ -405,8 +405,12 @@ def _common(
     inputs: tuple[Input, Input],
     solutions: tuple[Solution, Solution],
     entered: Sequence[float | None],
+    unordered: bool = False,
 ) -> dict[str, Any]:
-    """Fields for any kind of machine: both inputs, and each parameter."""
+    """Fields for any kind of machine: both inputs, and each parameter.
+
+    `unordered`: nothing says which input was measured first.
+    """
     before, after = (
         ComparedInput.of(
             given,
@@ -428,7 +432,7 @@ def _common(
         "machine": solutions[0].model.machine.name,
         "reservations": (
             *compare_reservations(before.validity, after.validity),
-            *([Reason.of("order_as_given")] if _swapped(*inputs) is None else ()),
+            *([Reason.of("order_as_given")] if unordered else ()),
         ),
         "first": first,
         "second": second,
