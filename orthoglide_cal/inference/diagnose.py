@@ -253,7 +253,7 @@ def refuted_later(
     later: Whitened, fit: Fit, alone: Fit, free: int, before: Machine
 ) -> Reason | None:
     """How later data refute the causes of a fit; None if they do not. As of `chance_of_worse`."""
-    nothing = np.zeros(fit.offsets.size)
+    nothing: Floats = np.zeros(fit.offsets.size)
     if chance_of_worse(later, fit, alone, nothing, free, before) >= MISFIT:
         return None
     errors = (predict_later(later, one, nothing, free, before).rms_mm for one in (alone, fit))
@@ -276,8 +276,8 @@ def _refuted_by_date(measured: Measured, found: Decision) -> Reason | None:
         earlier, later = (Whitened.of(measured.subset(part), model) for part in parts)
         at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
         bases = (Hypothesis(at, 0.0, base, hypothesis.scale) for base in (lasting, ()))
-        fits = fit_explanations([*bases])
-        refuted = refuted_later(later, *fits, fit.offsets.size, model.machine)
+        shaped, bare = fit_explanations([*bases])
+        refuted = refuted_later(later, shaped, bare, fit.offsets.size, model.machine)
         if refuted is not None:
             return refuted
     return None
