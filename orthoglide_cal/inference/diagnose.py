@@ -44,7 +44,6 @@ from orthoglide_cal.inference.result import (
     Verdict,
 )
 from orthoglide_cal.model.cause import Cause, Effect, Place
-from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -115,7 +114,7 @@ def diagnose(
             )
             # Whoever adjusted the machine may have removed what acted before.
             if later is not None and found.verdict is Verdict.NAMED and not entered.any():
-                refuted = refuted_later(later, found.carried, nothing, free, model.machine)
+                refuted = _refuted_later(found, later, found.carried, nothing, free)
                 found = replace(found, refuted=refuted)
                 accepted = found.fit
             # Without the cause the errors are in the unit that was written down, too.
@@ -249,16 +248,19 @@ def _decided(measured: Measured, model: Model) -> Decision:
     return replace(found, refuted=Reason.of("refuted_left_out", ids=found.accepted, **sizes))
 
 
-def refuted_later(
-    later: Whitened, fit: Fit, alone: Fit, free: int, before: Machine
+def _refuted_later(
+    found: Decision, later: Whitened, fit: Fit, alone: Fit, free: int
 ) -> Reason | None:
-    """How later data refute the causes of a fit; None if they do not. As of `chance_of_worse`."""
-    nothing: Floats = np.zeros(fit.offsets.size)
+    """How later data refute the named causes, of which a fit is; None if they do not.
+
+    So many parameters, `free`, are others then.
+    """
+    before, nothing = found.belief.at.white.machine, np.zeros(fit.offsets.size)
     if chance_of_worse(later, fit, alone, nothing, free, before) >= MISFIT:
         return None
     errors = (predict_later(later, one, nothing, free, before).rms_mm for one in (alone, fit))
     sizes = dict(zip(("without_mm", "with_mm"), errors, strict=True))
-    return Reason.of("refuted_later", ids=tuple(sorted(fit.ids)), **sizes)
+    return Reason.of("refuted_later", ids=found.accepted, **sizes)
 
 
 def _refuted_by_date(measured: Measured, found: Decision) -> Reason | None:
@@ -277,7 +279,7 @@ def _refuted_by_date(measured: Measured, found: Decision) -> Reason | None:
         at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
         bases = (Hypothesis(at, 0.0, base, hypothesis.scale) for base in (lasting, ()))
         shaped, bare = fit_explanations([*bases])
-        refuted = refuted_later(later, shaped, bare, fit.offsets.size, model.machine)
+        refuted = _refuted_later(found, later, shaped, bare, fit.offsets.size)
         if refuted is not None:
             return refuted
     return None

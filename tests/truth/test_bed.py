@@ -1,4 +1,4 @@
-"""Effects on a bed act in their region and as their names say, and stand out where they are large."""
+"""Effects on a bed act in their region and as their names say, and large ones stand out."""
 
 import numpy as np
 import pytest
