@@ -45,7 +45,6 @@ from orthoglide_cal.inference.result import (
     Verdict,
 )
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place
-from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -117,7 +116,7 @@ def diagnose(
             )
             # Whoever adjusted the machine may have removed what acted before.
             if later is not None and decision.verdict is Verdict.NAMED and not entered.any():
-                refuted = refuted_later(later, decision.carried, nothing, free, model.machine)
+                refuted = _refuted_later(decision, later, decision.carried, nothing, free)
                 decision = replace(decision, refuted=refuted)
                 accepted = decision.fit
             # Without the cause the errors are in the unit that was written down, too.
@@ -251,16 +250,19 @@ def _decided(measured: Measured, model: Model) -> Decision:
     return replace(decision, refuted=Reason.of("refuted_left_out", ids=decision.accepted, **sizes))
 
 
-def refuted_later(
-    later: Whitened, fit: Fit, alone: Fit, free: int, before: Machine
+def _refuted_later(
+    decision: Decision, later: Whitened, fit: Fit, alone: Fit, free: int
 ) -> Reason | None:
-    """How later data refute the causes of a fit; None if they do not. As of `chance_of_worse`."""
-    nothing = np.zeros(fit.offsets.size)
+    """How later data refute the named causes, of which a fit is; None if they do not.
+
+    So many parameters, `free`, are others then.
+    """
+    before, nothing = decision.belief.at.white.machine, np.zeros(fit.offsets.size)
     if chance_of_worse(later, fit, alone, nothing, free, before) >= MISFIT:
         return None
     errors = (predict_later(later, one, nothing, free, before).rms_mm for one in (alone, fit))
     sizes = dict(zip(("without_mm", "with_mm"), errors, strict=True))
-    return Reason.of("refuted_later", ids=tuple(sorted(fit.ids)), **sizes)
+    return Reason.of("refuted_later", ids=decision.accepted, **sizes)
 
 
 def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
@@ -278,8 +280,8 @@ def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
         earlier, later = (Whitened.of(measured.subset(part), model) for part in parts)
         at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
         bases = (Hypothesis(at, 0.0, base, hypothesis.scale) for base in (lasting, ()))
-        fits = fit_explanations([*bases])
-        refuted = refuted_later(later, *fits, fit.offsets.size, model.machine)
+        shaped, bare = fit_explanations([*bases])
+        refuted = _refuted_later(decision, later, shaped, bare, fit.offsets.size)
         if refuted is not None:
             return refuted
     return None

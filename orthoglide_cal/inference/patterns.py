@@ -91,7 +91,7 @@ class Course:
 
         `whole`: of what is part of nothing larger, if its values differ.
         """
-        movers, part = self.plan.movers, _lie_in(self.plan).any(axis=1)
+        movers, part = self.plan.movers, np.any(_lie_in(self.plan), axis=1)
         wide, other = (
             some.reshape(len(self.plan), 1 if parameters is None else len(parameters), 1, -1)
             for some in (values, values if whole is None else whole)
@@ -446,8 +446,8 @@ class Ground:
                 problem = replace(white.problem, plan=plan, matrix=after)
                 data, texture = after @ (contrasts.T @ white.data), white.texture
                 if texture is not None:
-                    fine = after @ (contrasts.T @ texture.columns)
-                    texture = Texture.of(fine, texture.rest, texture.assumed)
+                    shown = after @ (contrasts.T @ texture.columns)
+                    texture = Texture.of(shown, texture.rest, texture.assumed)
                     noise = replace(noise, texture=texture)
                 white = replace(white, problem=problem, data=data, texture=texture)
             else:

@@ -169,7 +169,7 @@ class FoundPattern(Schema):
     """Something in the readings that no listed cause makes: how they deviate, and where."""
 
     how: Literal["repeats", "drifts", "settles", "steps", "scatters", "hysteresis", "temperature"]
-    where: Where = Field(description="leg, direction, posture, as far as they apply")
+    where: Where = Field(description="leg, direction, posture, region of a bed, as they apply")
     from_minutes: float | None = Field(description="when it steps, or begins to settle")
     between: tuple[Where, ...] = Field(
         (), description="the last reading before a step and the first after it, order: rank in time"

@@ -195,6 +195,8 @@ _HOWS: Mapping[str, tuple[str, str, str]] = {
 def where_words(machine: Machine, pattern: FoundPattern) -> str:
     """The gauges, or readings, that deviate."""
     where = pattern.where
+    if "region" in where:
+        return f"the touches at the {where['region']} of the bed"
     if not machine.vocabulary.measure:
         return "the probe"
     if "posture" in where:
@@ -209,7 +211,7 @@ def where_words(machine: Machine, pattern: FoundPattern) -> str:
 def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
     """What deviates, how, and by how much."""
     subject = where_words(machine, pattern)
-    single = len(pattern.where) == 2 or not machine.vocabulary.measure
+    single = len(pattern.where) == (2 if machine.vocabulary.measure else 0)
     verb = _HOWS[pattern.how][0].format(s="s" * single)
     numbers = [f"{with_uncertainty(pattern.size_mm, pattern.expanded_mm).lstrip('+')} mm"]
     numbers += [

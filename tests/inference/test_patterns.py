@@ -6,17 +6,27 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.inference.patterns import HOWS, Course
+from orthoglide_cal.report.case import Case
+from orthoglide_cal.report.documents.diagnosis import headline
 from orthoglide_cal.results import answer_to
 from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.inference.sessions import given
 from tests.printers import UNEVEN, touched
+from tests.truth.bed import distinguish_bed, draw_bed
 from tests.truth.beyond import draw_beyond
 from tests.truth.delta import Layout, places_of
 
 # Clear sessions: 4 σ from every other claim.
 CLEAR = [
     ("settles", "leg", 3), ("repeats", "leg", 3), ("steps", "leg", 1),
+]  # fmt: skip
+
+
+IN_BEDS = [
+    ("steps", "half", 3), *(pytest.param(how, kind, 1, marks=pytest.mark.slow) for how, kind in (
+        ("settles", "quarter"), ("drifts", "ring"), ("scatters", "half")
+    )),
 ]  # fmt: skip
 
 
@@ -64,9 +74,34 @@ def test_a_pattern_is_described(how: str, kind: str, seed: int) -> None:
     assert ("beyond_list" in said["release"]["codes"]) == (how != "repeats")
 
 
+@pytest.mark.parametrize(("how", "kind", "seed"), IN_BEDS)
+def test_a_pattern_of_a_bed_acts_in_its_region(how: str, kind: str, seed: int) -> None:
+    hidden = draw_bed(seed, how, kind)
+    assert distinguish_bed(hidden).clear
+    answer = answer_to(given(hidden.session))
+    best = answer.patterns[0]
+    assert (answer.verdict, best.how, best.where) == ("unexplained", how, hidden.where.names)
+    size = np.ptp(hidden.session.contact)
+    # Four standard deviations: one false failure in 10,000.
+    assert abs(best.size_mm - size) < 2.0 * best.expanded_mm
+    assert f"the touches at the {hidden.where.name} of the bed" in headline(
+        Case(given(hidden.session), answer)
+    )
+
+
 def test_what_a_listed_cause_makes_is_no_pattern() -> None:
     hidden = truth.make_session(3, truth.PROTOTYPE, truth.DIAL, ("axis_gap",))
     assert answer_to(given(hidden)).patterns == ()
+
+
+def test_a_wrong_reading_in_addition_is_said_and_holds_the_release() -> None:
+    """A cause that moves no parameter by more than U does not."""
+    for seed, cause, usable in ((114, "misread", False), (4, "backlash", True)):
+        hidden = draw_beyond(seed, truth.LARGE, truth.MICRON, "drifts", "everything", True)
+        assert hidden.session.causes == (cause,)
+        answer = answer_to(given(hidden.session))
+        assert [note.data["id"] for note in answer.notes if note.code == "acts_too"] == [cause]
+        assert answer.release.usable == usable
 
 
 def test_wrong_readings_do_not_stand_for_a_step_beside_a_cause() -> None:

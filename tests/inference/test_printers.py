@@ -167,6 +167,20 @@ def test_dates_together_share_one_shape_and_have_their_own_parameters() -> None:
     )
 
 
+def test_a_date_refutes_the_shape_of_those_before_it() -> None:
+    """A flat bed, touched at few places, hardly weighs against a name found of all dates."""
+    bent = Truth(bed=quartic(np.random.default_rng(2), 0.06))
+    inputs = [
+        given(probe_bed(V400, truth, (), Layout(places), np.random.default_rng(places)))
+        for truth, places in ((bent, 121), (bent, 61), (Truth(), 19))
+    ]
+    joint = together(inputs)
+    found = diagnose(joint.measured, joint.model)
+    assert (found.verdict, found.causes) == (Verdict.UNEXPLAINED, ())
+    assert found.refuted is not None
+    assert found.refuted.code == "refuted_later"
+
+
 def test_a_place_that_is_off_on_every_date_is_no_misreading() -> None:
     """Seven heights, one of them 0.4 mm off on each of four dates."""
     inputs, one = [], 0.4 * (np.arange(7) == 3)
