@@ -19,6 +19,7 @@ from orthoglide_cal.words import (
     listed,
     percent,
     plain,
+    signed,
     two_figures,
     unit_words,
     with_uncertainty,
@@ -40,6 +41,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "causes": lambda ids: " and ".join(ids) or "this",
     "two": two_figures,
     "p": chance,
+    "changes": lambda values: ", ".join(f"{name} {signed(by, 3)}" for name, by in values.items()),
     "tenths": lambda value: plain(value, 1),
     "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
     "freed": lambda arms: ", ".join(
@@ -370,7 +372,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "gauges_vary": "The gauges differ; the scale error of each set is accounted for.",
     "arms_vary": "The arm lengths in the firmware differ: parameters are compared at the last"
     " ones.",
-    "adjusted": "Recorded adjustment between {before} and {after}: {entered:names} mm.",
+    "adjusted": "Recorded adjustment between {before} and {after}: {entered:changes} mm.",
     "shown_in_all": "{id} shows in all sessions: it is pooled.",
     "shown_in": lambda _, data: f"{data['id']} shows in {listed(data['paths'])}.",
     "one_more_session": "Measure once more: one further session decides between them.",

@@ -46,7 +46,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.results.validity import STEP_K
 from orthoglide_cal.schema import Reason, Schema, Sentence
-from orthoglide_cal.words import listed, signed
+from orthoglide_cal.words import listed
 
 PLAIN = 0.2  # readings that noise leaves so often are not searched for causes
 LOG_LASTING = math.log(0.03)  # log prior of a lasting cause
@@ -484,7 +484,7 @@ def _circumstances(
     for (one, old), (two, new) in pairwise(zip(sessions, machines, strict=True)):
         # What a machine that is homed anew has otherwise is no adjustment of it.
         changes = zip(new.parameter_names, np.subtract(new.active, old.active), strict=True)
-        entered = [f"{name} {signed(by, 3)}" for name, by in changes if abs(by) > 1e-9]
+        entered = {name: float(by) for name, by in changes if abs(by) > 1e-9}
         if entered and not old.differing(new):
             yield Reason.of("adjusted", before=one.path, after=two.path, entered=entered)
     for id in dict.fromkeys(id for session in sessions for id in session.causes):
