@@ -418,7 +418,7 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
         if not cause.in_machine:
             facts.append(("note", "An error of the measurement: no controller corrects it."))
         elif not cause.recommended:
-            facts.append(("note", "Do not make it part of the machine's model."))
+            facts.append(("note", "Accepting it as part of the machine is not recommended."))
         if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
             facts.append(("looks like", ", ".join(cause.aliases)))
     share = percent(answer.causes[0].probability, 1)
