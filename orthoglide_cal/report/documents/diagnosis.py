@@ -169,11 +169,6 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
         yield sizes_grid(lines, 3 if unit else 2)
 
 
-def _with_causes(case: Case) -> str:
-    ids = " and ".join(cause.id for cause in case.answer.causes)
-    return f" with {ids}" if ids else ""
-
-
 def _omitted(case: Case) -> str:
     return "later readings" if case.answer.holdout else "omitted readings"
 
@@ -199,7 +194,9 @@ def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
     if lack is not None:
         left.setdefault("fitted", (lack.left_mm,))
         left[f"{case.words.noise}'s noise{case.words.also} would leave"] = (lack.expected_mm,)
-    head = ["r.m.s., mm", f"{case.words.many} only", *filter(None, [_with_causes(case).strip()])]
+    head = ["r.m.s., mm", f"{case.words.many} only"]
+    if answer.causes:
+        head.append(f"with {' and '.join(cause.id for cause in answer.causes)}")
     if known := _beyond(answer):
         head.append(f"with the {pattern_name(known[0])}")
     rows = [(name, *(plain(mm, 4) for mm in pair), "")[: len(head)] for name, pair in left.items()]
