@@ -384,8 +384,8 @@ def headline(case: Case) -> str:
             text += (
                 f" The readings do not determine {unknown.name}: it may be off by {within} (1 σ)."
             )
-    known = answer.judgement is not None and answer.judgement.code == "residuals_too_large"
-    return f"{'No cause found' if known else 'Consistent'}: {text}"
+    unfit = answer.judgement is not None and answer.judgement.code == "residuals_too_large"
+    return f"{'No cause found' if unfit else 'Consistent'}: {text}"
 
 
 def diagnosis_section(case: Case) -> doc.Section:
