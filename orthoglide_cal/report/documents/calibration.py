@@ -344,5 +344,6 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
         rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.remaining())))
     if answer.method is not None and answer.noise is not None:
         rows += fit_facts(case)
-    notes = (doc.small(case.says(warning)) for warning in answer.warnings)
+    new = (warning for warning in answer.warnings if warning not in answer.notes)
+    notes = (doc.small(case.says(warning)) for warning in new)
     return doc.Section("Traceability", doc.Facts(rows), *notes)

@@ -170,11 +170,6 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
         yield sizes_grid(lines, 3 if unit else 2)
 
 
-def _with_causes(case: Case) -> str:
-    ids = " and ".join(cause.id for cause in case.answer.causes)
-    return f" with {ids}" if ids else ""
-
-
 def _omitted(case: Case) -> str:
     return "later readings" if case.answer.holdout else "omitted readings"
 
@@ -200,7 +195,9 @@ def _rms_grid(case: Case, *, late: bool = False) -> doc.Grid:
     if lack is not None:
         left.setdefault("fitted", (lack.left_mm,))
         left[f"{case.words.noise}'s noise{case.words.also} would leave"] = (lack.expected_mm,)
-    head = ["r.m.s., mm", f"{case.words.many} only", *filter(None, [_with_causes(case).strip()])]
+    head = ["r.m.s., mm", f"{case.words.many} only"]
+    if answer.causes:
+        head.append(f"with {' and '.join(cause.id for cause in answer.causes)}")
     if known := _beyond(answer):
         head.append(f"with the {pattern_name(known[0])}")
     rows = [(name, *(plain(mm, 4) for mm in pair), "")[: len(head)] for name, pair in left.items()]
@@ -388,8 +385,8 @@ def headline(case: Case) -> str:
             text += (
                 f" The readings do not determine {unknown.name}: it may be off by {within} (1 σ)."
             )
-    too_large = answer.judgement is not None and answer.judgement.code == "residuals_too_large"
-    return f"{'No cause found' if too_large else 'Consistent'}: {text}"
+    unfit = answer.judgement is not None and answer.judgement.code == "residuals_too_large"
+    return f"{'No cause found' if unfit else 'Consistent'}: {text}"
 
 
 def diagnosis_section(case: Case) -> doc.Section:
@@ -419,7 +416,7 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
         if not cause.in_machine:
             facts.append(("note", "An error of the measurement: no controller corrects it."))
         elif not cause.recommended:
-            facts.append(("note", "Do not make it part of the machine's model."))
+            facts.append(("note", "Accepting it as part of the machine is not recommended."))
         if cause.aliases and answer.verdict is not Verdict.AMBIGUOUS:
             facts.append(("looks like", ", ".join(cause.aliases)))
     share = percent(answer.causes[0].probability, 1)
