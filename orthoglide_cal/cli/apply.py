@@ -3,6 +3,7 @@
 import sys
 from datetime import datetime
 from functools import partial
+from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -169,6 +170,7 @@ def _entered(
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
     from orthoglide_cal.results.application import check_measured
+    from orthoglide_cal.session.adjusting import JOURNAL
 
     file = None  # what is written to a printer needs none
     if known or to is None or to.adds:
@@ -182,6 +184,9 @@ def _entered(
         judged.check_recorded(remedy)
     given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)
+    for begun in Path(path).parent.glob(f"{escape(Path(path).stem)}.*{JOURNAL}"):
+        problem = f"{path} was adjusted since ({begun.name}): that is not the machine any more."
+        raise UsageError(problem, "Measure again, and apply the new session.")
     corrects = partial(to.corrects, machine=given.model.machine) if to else None
     answer = (case := released(given, machine, corrects=corrects)).answer
     file = file or new_machine_file(given.model, to.target if to else "")
