@@ -2,7 +2,6 @@
 
 import sys
 from datetime import datetime
-from functools import partial
 from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -187,7 +186,7 @@ def _entered(
     for begun in Path(path).parent.glob(f"{escape(Path(path).stem)}.*{JOURNAL}"):
         problem = f"{path} was adjusted since ({begun.name}): that is not the machine any more."
         raise UsageError(problem, "Measure again, and apply the new session.")
-    corrects = partial(to.corrects, machine=given.model.machine) if to else None
+    corrects = (lambda cause: not to.hindrance(cause, given.model.machine)) if to else None
     answer = (case := released(given, machine, corrects=corrects)).answer
     file = file or new_machine_file(given.model, to.target if to else "")
     now = datetime.now().astimezone()
