@@ -133,16 +133,17 @@ def _write(entry: "Application") -> None:
     record, controller = entry.file.document, entry.controller
     new = not Path(record.path).exists()
     writes = [(record.path, record.sha256, entry.then.document.text.encode())]
-    for table in () if entry.undone else entry.tables:
-        # Its name holds its digest: it is new, or what a killed program left.
-        write_text(Path(table.path), table.text, overwrite=True)
     if controller is not None:
         writes.append((controller.target, controller.sha256, entry.data))
-    for target, before, data in reversed(writes) if entry.undone else writes:
+    if entry.undone:
+        writes.reverse()
+    else:  # the name of a table holds its digest: it is new, or what a killed program left
+        writes[:0] = [(table.path, table.sha256, table.text.encode()) for table in entry.tables]
+    for target, before, data in writes:
         try:
             replace_file(target, before, data)
         except OrthocalError:
-            if target != record.path and not entry.undone and holds(target, before):
+            if writes[-1][0] == target != record.path and holds(target, before):
                 if new:
                     Path(record.path).unlink()
                 else:
