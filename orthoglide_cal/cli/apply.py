@@ -2,6 +2,7 @@
 
 import sys
 from datetime import datetime
+from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -124,16 +125,17 @@ def _write(entry: "Application") -> None:
     record, controller = entry.file.document, entry.controller
     new = not Path(record.path).exists()
     writes = [(record.path, record.sha256, entry.then.document.text.encode())]
-    for table in () if entry.undone else entry.tables:
-        # Its name holds its digest: it is new, or what a killed program left.
-        write_text(Path(table.path), table.text, overwrite=True)
     if controller is not None:
         writes.append((controller.target, controller.sha256, entry.data))
-    for target, before, data in reversed(writes) if entry.undone else writes:
+    if entry.undone:
+        writes.reverse()
+    else:  # the name of a table holds its digest: it is new, or what a killed program left
+        writes[:0] = [(table.path, table.sha256, table.text.encode()) for table in entry.tables]
+    for target, before, data in writes:
         try:
             replace_file(target, before, data)
         except OrthocalError:
-            if target != record.path and not entry.undone and holds(target, before):
+            if writes[-1][0] == target != record.path and holds(target, before):
                 if new:
                     Path(record.path).unlink()
                 else:
@@ -161,6 +163,7 @@ def _entered(
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
     from orthoglide_cal.results.application import check_measured
+    from orthoglide_cal.session.adjusting import JOURNAL
 
     file = None  # what is written to a printer needs none
     if known or to is None or to.adds:
@@ -174,8 +177,11 @@ def _entered(
         judged.check_recorded(remedy)
     given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)
+    for begun in Path(path).parent.glob(f"{escape(Path(path).stem)}.*{JOURNAL}"):
+        problem = f"{path} was adjusted since ({begun.name}): that is not the machine any more."
+        raise UsageError(problem, "Measure again, and apply the new session.")
     measured_on = given.model.machine
-    corrects = [id for id, cause in CAUSES.items() if to and to.corrects(cause, measured_on)]
+    corrects = [id for id, cause in CAUSES.items() if to and not to.hindrance(cause, measured_on)]
     answer = (case := released(given, machine, corrects=corrects)).answer
     file = file or new_machine_file(given.model, to.target if to else "")
     now = datetime.now().astimezone()

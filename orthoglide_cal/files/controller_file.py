@@ -17,6 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Literal
 
 import numpy as np
 
@@ -98,22 +99,24 @@ class ControllerFile:
         """Whether a change is added to what stands there; otherwise the value replaces it."""
         return self.format == "linuxcnc"
 
-    def corrects(self, cause: Cause, machine: Machine) -> bool:
-        """Whether it has a place for what takes a cause away.
+    def hindrance(self, cause: Cause, machine: Machine) -> Literal["", "no_place", "no_origin"]:
+        """Why it cannot take a cause away; "" where it has a place for what does.
 
         LinuxCNC's tables have one for what acts by joint; a correction that changes with the
         position needs to know where the isotropic posture is. Klipper has the arms, and
         rotation_distance for what grows with the travel alone.
         """
         if not cause.by_joint:
-            return not self.adds and cause.id in machine.fixed_parameters
+            known = not self.adds and cause.id in machine.fixed_parameters
+            return "" if known else "no_place"
         up, down = cause.correction(np.ones(cause.unknowns), np.arange(3.0), 0.0)
         if not self.adds:
-            return f"pitch_{machine.parameter_names[0]}" in self.settings and bool(
-                np.all(up == down) and np.all(up[0] == 0.0)
-            )
-        known = [table.origin_mm(machine.home_mm) is not None for table in self.tables.values()]
-        return all(known) or bool(np.all((up == up[0]) & (down == down[0])))
+            grows = np.all(up == down) and np.all(up[0] == 0.0)
+            known = f"pitch_{machine.parameter_names[0]}" in self.settings
+            return "" if known and grows else "no_place"
+        even = np.all((up == up[0]) & (down == down[0]))
+        known = all(t.origin_mm(machine.home_mm) is not None for t in self.tables.values())
+        return "" if known or even else "no_origin"
 
     @property
     def sha256(self) -> str:

@@ -184,16 +184,12 @@ def _corrections(
         if not cause.in_machine:
             continue
         name, value, expanded = size.name, size.value, size.expanded
-        left: Literal["", "no_place", "no_origin", "below_u"] = ""
-        if not controller.corrects(cause, machine):
-            left = "no_origin" if cause.by_joint and controller.tables else "no_place"
-        elif abs(value) <= expanded:
-            left = "below_u"
         gain = None
         if cause.by_joint:
             (effect,) = correcting(machine, {cause.id: {name: value}})
             travel = machine.home_mm + np.array([0.0, machine.travel_mm])
             gain = float(np.ptp(cause.correction(-effect.theta, travel, machine.home_mm)))
+        left = controller.hindrance(cause, machine) or ("below_u" if abs(value) <= expanded else "")
         yield Correction(cause.id, name, value, expanded, cause.unit, gain, left)
 
 

@@ -266,11 +266,10 @@ def test_what_was_simulated_reaches_no_machine(form: str) -> None:
     assert len(history()) == 1
 
 
-def measured_at(machine: LinuxCnc, name: str, seed: int) -> float:
+def measured_at(machine: LinuxCnc, name: str, seed: int) -> None:
     """Gauges read by the independent truth where a controller's carriages really stand.
 
-    The machine of `truth.LARGE` with offsets TRUE; at first the controller homed by HOME. Returns
-    the r.m.s. of the readings' noise [mm].
+    The machine of `truth.LARGE` with offsets TRUE; at first the controller homed by HOME.
     """
     rng = np.random.default_rng(seed)
     plan = standard_plan(truth.LARGE, rng, cycles=2)
@@ -283,7 +282,6 @@ def measured_at(machine: LinuxCnc, name: str, seed: int) -> float:
     session = truth.measure(truth.LARGE, truth.MICRON, plan, TRUE, (), rng)
     session = replace(session, disturbance=Disturbance.of(plan, motion=motion))
     truth.write_readings(replace(session, readings=session.gauges_show(plan, rng)[1]), Path(name))
-    return truth.MICRON.sigma
 
 
 @pytest.mark.skipif(missing() is not None, reason=str(missing()))
@@ -291,7 +289,8 @@ def test_a_real_linuxcnc_corrects_lost_motion_and_scale() -> None:
     """Gauges hardly show a scale of 0.3e-3: gauge blocks have, and it was accepted."""
     accepted_scale()
     with LinuxCnc(lost_mm=(0.05, 0.05, 0.0), excess=(3e-4, 3e-4, 0.0)) as machine:
-        noise = measured_at(machine, "before.csv", 1)
+        noise = truth.MICRON.sigma
+        measured_at(machine, "before.csv", 1)
         assert answer("solve", "before.csv")["rms"]["after_mm"] < 1.2 * noise
         assert [one["id"] for one in answer("diagnose", "before.csv")["causes"]] == ["backlash"]
         machine.stop()
