@@ -96,7 +96,7 @@ class Course:
             some.reshape(len(self.plan), 1 if parameters is None else len(parameters), 1, -1)
             for some in (values, values if whole is None else whole)
         )
-        columns = movers.T[:, None, :, None] * np.where(part[:, None], wide, other)
+        columns = np.where(part[:, None], wide, other) * movers.T[:, None, :, None]
         number = np.repeat(np.arange(len(movers)), wide.shape[-1])
         return Made(columns.reshape(*wide.shape[:2], -1), number, parameters)
 

@@ -30,6 +30,16 @@ Data = Mapping[str, Any]
 RESTING = 4.0
 
 
+# A mesh older than the calibration in force: by lines of one file; by dates.
+_STALE = (
+    "The calibration (line {calibration}) was stored after this mesh was first saved (line {mesh})."
+    " If BED_MESH_CALIBRATE was not run again since then, the mesh is older than the calibration in"
+    " force: the result is wrong.",
+    "The height map ({date}) is older than the calibration in force ({settings}, {calibrated}):"
+    " probe the bed again (G29).",
+)
+
+
 # In addition to Python's formats.
 _FORMATS: Mapping[str, Callable[..., str]] = {
     "names": ", ".join,
@@ -59,16 +69,6 @@ class _Formatter(string.Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
         words = _FORMATS.get(format_spec)
         return words(value) if words else str(super().format_field(value, format_spec))
-
-
-# A mesh older than the calibration in force: by lines of one file; by dates.
-_STALE = (
-    "The calibration (line {calibration}) was stored after this mesh was first saved (line {mesh})."
-    " If BED_MESH_CALIBRATE was not run again since then, the mesh is older than the calibration in"
-    " force: the result is wrong.",
-    "The height map ({date}) is older than the calibration in force ({settings}, {calibrated}):"
-    " probe the bed again (G29).",
-)
 
 
 def sentence(reason: Reason, machine: Machine | None = None) -> str:
