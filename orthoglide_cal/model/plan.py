@@ -119,7 +119,9 @@ class Plan(ABC):
     @cached_property
     def steps(self) -> Self:
         """The same readings, whenever they were taken: one plan for all sessions of these steps."""
-        return known_plan(replace(self, hours=np.zeros(len(self))) if self.hours.any() else self)
+        same: Self = replace(self, hours=np.zeros(len(self))) if self.hours.any() else self
+        first: Self = known_plan(same)
+        return first
 
     @property
     def parts(self) -> int:

@@ -315,9 +315,9 @@ def test_the_causes_keep_their_correlations() -> None:
 
 
 def test_one_input_is_solved_and_diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What only details show is computed for them alone."""
+    """The diagnosis holds the solution; for details alone is computed what only they show."""
     made = []
-    for name in ("solve", "diagnose", "workspace_error"):
+    for name in ("fit_parameters", "diagnose", "workspace_error"):
         once = getattr(making, name)
 
         def counted(*given, once=once, name=name, **named):
@@ -326,10 +326,10 @@ def test_one_input_is_solved_and_diagnosed_once(monkeypatch: pytest.MonkeyPatch)
 
         monkeypatch.setattr(making, name, counted)
     plain = answer_to(cases.named_in_machine().given)
-    assert made == ["diagnose", "solve"]
+    assert made == ["diagnose"]
     assert (plain.sensitivity, plain.workspace) == (None, None)
     full = answer_to(cases.named_in_machine().given, details=True)
-    assert made[2:] == ["diagnose", "solve", "workspace_error"]
+    assert made[1:] == ["diagnose", "workspace_error"]
     assert full.sensitivity is not None
     assert list(full.sensitivity) == ["halved", "doubled"]
     unseen = {"sensitivity": None, "workspace": None}
