@@ -94,7 +94,7 @@ def chance_of_residual(sum_of_squares: float, dof: float, sigma_mm: float) -> fl
 
 
 def determined(model: Model, expanded: Floats) -> tuple[bool, ...]:
-    """Which parameters are known well enough to state; their expanded uncertainties are (p,)."""
+    """True of each parameter that is known well enough to state, from U (p,)."""
     return tuple((expanded < np.array(model.machine.max_reportable_u)).tolist())
 
 
@@ -110,10 +110,10 @@ def _free_directions(matrix: Floats, scale: float) -> Floats:
 
 @functools.lru_cache(maxsize=8)
 def require_rank(problem: Problem) -> None:
-    """Do the data determine all three offsets?
+    """Refuse data that do not determine all offsets.
 
     Raises:
-        RankDeficientError: no; it names the offsets and the readings that fix it.
+        RankDeficientError: it names the offsets and the readings that fix it.
     """
     matrix = problem.at_zero[1]
     scale = float(np.abs(matrix).max(initial=0.0)) or 1.0
@@ -124,12 +124,12 @@ def require_rank(problem: Problem) -> None:
 
 
 def require_determined(problem: Problem) -> None:
-    """Do the data determine each parameter better than it is known of any such machine?
+    """Refuse data that tell no more of a parameter than is known of any such machine.
 
-    Asked of the nominal machine with the stated noise: what a search must stand on.
+    On the nominal machine with the stated noise: what a search must stand on.
 
     Raises:
-        RankDeficientError: no; as of `require_rank`.
+        RankDeficientError: as of `require_rank`.
     """
     model, jacobian = problem.model, problem.at_zero[1]
     std = model.machine.instrument.noise_mm * np.sqrt(np.diag(unit_covariance(problem, jacobian)))

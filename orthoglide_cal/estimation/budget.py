@@ -82,7 +82,7 @@ class Budget:
 
     @cached_property
     def covariance_mm2(self) -> Floats:
-        """Of the offsets, from all sources, shape (3, 3)."""
+        """Covariance of the offsets from all sources, shape (3, 3)."""
         return read_only(sum(part.covariance_mm2 for part in self.contributions))
 
     @property

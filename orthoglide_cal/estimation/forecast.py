@@ -98,7 +98,7 @@ class PlanForecast:
         )
 
     def _first_visits(self, rows: Ints, order: Ints) -> np.ndarray:
-        """Where the leg's carriage has not yet moved away from where it began, shape (m,)."""
+        """True while the leg's carriage has not moved away from where it began, shape (m,)."""
         leg, moved = self._plan.leg[rows], self._plan.displacement[rows]
         first = np.zeros(len(rows), dtype=bool)
         for mine in (np.flatnonzero(leg == k) for k in np.unique(leg)):
@@ -114,5 +114,5 @@ def misfit_mm(machine: Orthoglide) -> float:
 
 
 def _same(*keys: Ints) -> np.ndarray:
-    """Where two entries are equal in every key (n,), shape (n, n)."""
+    """True where two entries are equal in every key (n,), shape (n, n)."""
     return np.asarray(np.all([key[:, None] == key for key in keys], axis=0))

@@ -60,7 +60,7 @@ class Solution(ReadOnly):
 
     @property
     def covariance_mm2(self) -> Floats:
-        """Of the offsets, from all sources, shape (3, 3) (eqs. 26–32 for the noise)."""
+        """Covariance of the offsets from all sources, (3, 3) (eqs. 26–32 for the noise)."""
         return self.budget.covariance_mm2
 
     @property
@@ -92,12 +92,11 @@ class Solution(ReadOnly):
         return 0 if self.scatter is None else round(self.scatter.dof)
 
     @property
-    def sigma_repeats_mm(self) -> float | None:
-        """Standard deviation of one reading from repeated readings; None without repeats."""
+    def repeats(self) -> Scatter | None:
+        """Scatter of one reading from repeated readings; None without repeats."""
         if isinstance(self.measured, Differences):
             return None
-        scatter = scatter_of_repeats(self.measured.plan, self.measured.value)
-        return None if scatter is None else scatter.sigma_mm
+        return scatter_of_repeats(self.measured.plan, self.measured.value)
 
     @property
     def lack_of_fit_p(self) -> float | None:
@@ -109,7 +108,7 @@ class Solution(ReadOnly):
 
     @property
     def noise(self) -> Scatter:
-        """Of one reading, as the covariance takes it; stated noise has infinite dof."""
+        """Noise of one reading, as the covariance takes it; stated noise has infinite dof."""
         return Scatter(self.sigma_mm, math.inf if self.scatter is None else self.scatter.dof)
 
     def promised(
@@ -222,7 +221,7 @@ class Solution(ReadOnly):
 
     @property
     def determined(self) -> tuple[bool, ...]:
-        """Which parameters the data determine to within `Machine.max_reportable_u`."""
+        """True of each parameter that is known to within `Machine.max_reportable_u`."""
         return determined(self.model, self.expanded_mm)
 
     @property
@@ -379,7 +378,7 @@ def budget_of_readings(
     scatter: Scatter | None,
     uncertain: Sequence[Influence],
 ) -> Budget:
-    """Of parameters that a linear estimator makes of readings, (p, n): of equally precise ones."""
+    """Budget of parameters that a linear estimator (p, n) makes of readings, precise or not."""
     equal = [
         replace(influence, columns=plan.precision[:, None] * influence.columns)
         for influence in uncertain

@@ -281,7 +281,7 @@ class Placed:
 def _places(
     problem: Problem, extras: tuple[PatternCause | RelabelCause, ...]
 ) -> tuple[Placed, ...]:
-    """Where each extra may act, whatever the data, and W·pattern of all places of a pattern cause.
+    """Places of each extra, whatever the data, and W·pattern of all places of a pattern cause.
 
     Each place with ln of what the density of the data there is multiplied by: its prior share; and
     where the data were put into another unit, the factor of each number beyond the offsets: the
@@ -400,7 +400,7 @@ class Linearised:
         )
 
     def pattern(self, extra: Extra) -> Floats:
-        """What one unit of each parameter of a pattern cause adds to the data, (k, p) [mm]."""
+        """Columns of one unit of each parameter of a pattern cause, (k, p) [mm]."""
         patterns = self.extras[extra.cause.id].patterns
         if patterns is None:
             return np.zeros((len(self.white), 1))
@@ -414,12 +414,12 @@ class Linearised:
 
     @property
     def scales(self) -> Mapping[float, float]:
-        """Of the sizes of a base, as multiples of its tolerances, and the share of each."""
+        """Scales of the sizes of a base, as multiples of its tolerances, and their shares."""
         return self.white.machine.tolerance_scales
 
     @cached_property
     def usual(self) -> Mapping[float, float]:
-        """Those of the scales that are tried together with another fault, with their shares.
+        """Scales that are tried together with another fault, with their shares.
 
         Two causes follow nearly any pattern, if they may be of any size.
         """

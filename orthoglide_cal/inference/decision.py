@@ -136,7 +136,7 @@ class Decision:
         return replaced if self.shape and makers and replaced in self.belief.listed else ids
 
     def _name(self, answer: tuple[Ids, ...]) -> Ids:
-        """Of the sets of an answer the most probable, or one of the record that is nearly so.
+        """The most probable set of an answer, or one of the record that is nearly so.
 
         Whatever spoiled a reading, it is wrong: to look for a knock in vain costs more.
         """
@@ -299,7 +299,7 @@ class Decision:
         return self.unseen if self.verdict is Verdict.CONSISTENT else ()
 
     def hidden(self) -> list[Ids]:
-        """Those of them that are so probable that they widen the offsets' uncertainty.
+        """Unseen causes that are so probable that they widen the offsets' uncertainty.
 
         What no reading shows is uncertain in every explanation already.
         """
@@ -386,7 +386,7 @@ class Decision:
 
     @cached_property
     def beyond_tolerance(self) -> tuple[tuple[str, float], ...]:
-        """Of what is unexplained: causes that would explain it, how many times their size."""
+        """Causes that would explain what is unexplained, how many times their size."""
         if self.verdict is not Verdict.UNEXPLAINED:
             return ()
         at, hypotheses = self.belief.at, self.belief.hypotheses
@@ -403,7 +403,7 @@ class Decision:
 
     @property
     def by_place(self) -> tuple[tuple[float, Fit], ...]:
-        """Where several are left open: the same, each fault at every place where it may be."""
+        """Fits that are left open; of several each fault at every place where it may be."""
         if self.verdict is not Verdict.AMBIGUOUS:
             return self.left_open
         placed = []

@@ -13,7 +13,7 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution, fit_parameters
-from orthoglide_cal.estimation.accuracy import half_width, scatter_of_repeats
+from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
@@ -407,7 +407,7 @@ def _named(
 
 
 def _patterns(decision: Decision, measured: Measured) -> Iterator[FoundPattern]:
-    """What stands beyond the list, those that act together first."""
+    """Patterns beyond the list, those that act together first."""
     if decision.verdict is not Verdict.UNEXPLAINED or decision.refuted is not None:
         return
     best = {pattern.label for pattern in decision.beyond_list[0][1].patterns}
@@ -469,15 +469,13 @@ def _parameters(white: Whitened, effect: Effect) -> tuple[Estimate, ...]:
 
 def _lack_of_fit(decision: Decision, alone: Solution) -> LackOfFit:
     """Judge the parameters alone; a bed's local shape as large as it is found."""
-    white, measured = decision.belief.at.white, alone.measured
+    white = decision.belief.at.white
     noise, dof, size = white.machine.instrument.noise_mm, alone.dof, alone.sigma_residuals_mm or 0.0
     p_value = 1.0 if alone.lack_of_fit_p is None else alone.lack_of_fit_p
     if white.texture is not None:
         dof, p_value = len(white) - alone.offsets_mm.size, decision.chance
         size = math.sqrt(decision.alone.square / dof) if dof else 0.0
-    repeats, chance = None, None
-    if white.raw:
-        repeats = scatter_of_repeats(white.plan, measured.value)
+    repeats, chance = alone.repeats, None
     if repeats is not None and repeats.sigma_mm > 0.0 and dof > repeats.dof:
         lack = max(dof * size**2 - repeats.dof * repeats.sigma_mm**2, 0.0) / (dof - repeats.dof)
         chance = float(fdtrc(dof - repeats.dof, repeats.dof, lack / repeats.sigma_mm**2))

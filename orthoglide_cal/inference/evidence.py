@@ -189,7 +189,7 @@ class Gaussian:
         return np.asarray(self.log_density(residual[:, None])[..., 0])
 
     def overlap(self, columns: Floats | Places, residual: Floats) -> Overlap:
-        """Of columns (..., k, q), or of all places, and one residual (..., k)."""
+        """Products of columns (..., k, q), or of all places, and one residual (..., k)."""
         ours, axes, values = self._columns, self._axes, residual[..., None]
         if isinstance(columns, Places):
             match, inside, along = map(columns.products, (values, ours, axes))

@@ -99,12 +99,12 @@ class Fit(ReadOnly):
 
     @property
     def ids(self) -> Ids:
-        """Of its causes, in the order of its effects."""
+        """Ids of its causes, in the order of its effects."""
         return tuple(effect.cause.id for effect in self.effects)
 
     @property
     def offsets_covariance(self) -> Floats:
-        """Of the offsets alone, shape (3, 3), internal units."""
+        """Covariance of the offsets alone, shape (3, 3), internal units."""
         width = self.offsets.size
         return self.covariance[:width, :width]
 
@@ -219,8 +219,8 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
             densities[search] = densities[search] + placed.log_weight[extra.place]
             continue
         wrong, price = others_wrong(at, extra)
-        seen = [np.hstack((search.seen, wrong))]
-        density = density_of(at, [search.derivatives], [search.base], at.usual, seen)
+        more = np.hstack((search.seen, wrong))
+        density = density_of(at, [search.derivatives], [search.base], at.usual, [more])
         residual = search.linear + search.added
         by_noise = density.by_noise(residual) if extra.others else densities[search][None]
         blocks = pattern_densities(at, placed, density, residual, by_noise)

@@ -51,7 +51,7 @@ Remedy = tuple[Ids, tuple[int, ...]]
 
 
 class Shape(NamedTuple):
-    """What a pattern may add to readings, with its probability.
+    """A shape of a pattern in the readings, with its probability.
 
     Of more noise the columns are the readings that have it.
     """
@@ -90,7 +90,7 @@ class Pattern:
 
     @property
     def label(self) -> str:
-        """How and where, in a word each."""
+        """Name of how and where, in a word each."""
         return " ".join((self.how, *(f"{name} {value}" for name, value in self.where.items())))
 
 
@@ -273,7 +273,7 @@ def _further(at: Linearised, score: Hypothesis, others: tuple[int, ...]) -> Hypo
 
 
 def others_wrong(at: Linearised, extra: Extra) -> tuple[Floats, float]:
-    """Of several wrong readings all but the last: columns (k, p − 1) [mm], ln of their prior.
+    """All but the last of several wrong readings: columns (k, p − 1) [mm], ln of their prior.
 
     Each as large as the larger of `BLUNDER_SCALES`, and at a place of its own.
     """
@@ -317,7 +317,7 @@ def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
 
 
 def _together(at: Linearised, causes: Sequence[object]) -> Iterator[slice]:
-    """Those of some bases that are weighed together: few where there are many readings."""
+    """Slices of bases that are weighed together: few where there are many readings."""
     some = max(AT_ONCE // (32 * len(at.white)), 1)
     return (slice(start, start + some) for start in range(0, len(causes), some))
 

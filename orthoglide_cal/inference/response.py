@@ -70,7 +70,7 @@ class Response(ReadOnly):
         return log_mean(log + log_noise) + math.log(self.share * PRIOR[self.behaviour])
 
     def otherwise(self, applied: Floats) -> list[bool]:
-        """Which axes did something else than what was applied, shape (3,) [mm]."""
+        """True of each axis that did something else than was applied, shape (3,) [mm]."""
         return [*map(bool, (self.moved != applied) | self.free.any(axis=1))]
 
 

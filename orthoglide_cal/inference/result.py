@@ -126,7 +126,7 @@ def nothing_wrong(explanations: Iterable[Explanation]) -> float | None:
 
 
 class LackOfFit(Schema):
-    """Do the parameters alone explain the data?
+    """Test of the parameters alone against the data.
 
     Repeats in sequence share one gauge set-up and understate the real scatter: no verdict rests on
     what is judged by them.
@@ -371,7 +371,7 @@ class Diagnosis(ReadOnly):
 
     @property
     def assumed_sizes(self) -> tuple[AssumedSize, ...]:
-        """Of each cause that was tried at its default: the machine file gives none."""
+        """Size of each cause that was tried at its default: the machine file gives none."""
         machine = self.model.machine
         tried = {id for explanation in self.explanations for id in explanation.ids}
         return tuple(

@@ -114,8 +114,8 @@ def answer_to(
         # Numbers out of all proportion: the solution's own check is all there is.
         diagnosis = None
     try:
-        known = diagnosis.alone if diagnosis and method is None else None
-        solution = known or fit_parameters(measured, model, method)
+        fitted = diagnosis.alone if diagnosis and method is None else None
+        solution = fitted or fit_parameters(measured, model, method)
         solution.require_possible()
     except UnusableResultError as error:
         remedy = (Remedy(sentence=Reason.of("do", what=error.remedy)),) if error.remedy else ()
@@ -209,7 +209,7 @@ def answer_to(
         rms=schema.Residue(before_mm=solution.rms_before_mm, after_mm=left_mm),
         noise=schema.Noise(
             used_mm=chosen.noise.sigma_mm,
-            repeats_mm=solution.sigma_repeats_mm,
+            repeats_mm=solution.repeats.sigma_mm if solution.repeats else None,
             residuals_mm=solution.sigma_residuals_mm,
             stated_mm=model.machine.instrument.noise_mm,
             floor_mm=model.machine.instrument.rounding_mm,

@@ -77,7 +77,7 @@ def test_what_does_not_repeat_has_no_sigma_of_repeats() -> None:
     plan = double_posture(PROTOTYPE, cycles=1, closing=False)
     assert scatter_of_repeats(plan, np.zeros(len(plan))) is None
     for data in (readings(NOMINAL, plan), differences(SIX, NOMINAL)):
-        assert solve(data, NOMINAL).sigma_repeats_mm is None
+        assert solve(data, NOMINAL).repeats is None
 
 
 def test_a_distance_scatters_by_as_much_more_as_it_is_less_precise() -> None:

@@ -315,21 +315,21 @@ def test_the_causes_keep_their_correlations() -> None:
 
 
 def test_one_input_is_solved_and_diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What only details show is computed for them alone."""
-    made = []
-    for name in ("solve", "diagnose", "workspace_error"):
+    """The diagnosis holds the solution; for details alone is computed what only they show."""
+    made, given = [], cases.named_in_machine().given
+    for name in ("fit_parameters", "diagnose", "workspace_error"):
         once = getattr(making, name)
 
-        def counted(*given, once=once, name=name, **named):
+        def counted(*values, once=once, name=name, **named):
             made.append(name)
-            return once(*given, **named)
+            return once(*values, **named)
 
         monkeypatch.setattr(making, name, counted)
-    plain = answer_to(cases.named_in_machine().given)
-    assert made == ["diagnose", "solve"]
+    plain = answer_to(given)
+    assert made == ["diagnose"]
     assert (plain.sensitivity, plain.workspace) == (None, None)
-    full = answer_to(cases.named_in_machine().given, details=True)
-    assert made[2:] == ["diagnose", "solve", "workspace_error"]
+    full = answer_to(given, details=True)
+    assert made[1:] == ["diagnose", "workspace_error"]
     assert full.sensitivity is not None
     assert list(full.sensitivity) == ["halved", "doubled"]
     unseen = {"sensitivity": None, "workspace": None}
