@@ -91,12 +91,12 @@ class Course:
 
         `whole`: of what is part of nothing larger, if its values differ.
         """
-        movers, part = self.plan.movers, np.any(_lie_in(self.plan), axis=1)
-        wide, other = (
-            some.reshape(len(self.plan), 1 if parameters is None else len(parameters), 1, -1)
-            for some in (values, values if whole is None else whole)
-        )
-        columns = np.where(part[:, None], wide, other) * movers.T[:, None, :, None]
+        movers, shapes = self.plan.movers, 1 if parameters is None else len(parameters)
+        wide = values.reshape(len(self.plan), shapes, 1, -1)
+        if whole is not None:
+            part = np.any(_lie_in(self.plan), axis=1)
+            wide = np.where(part[:, None], wide, whole.reshape(wide.shape))
+        columns = movers.T[:, None, :, None] * wide
         number = np.repeat(np.arange(len(movers)), wide.shape[-1])
         return Made(columns.reshape(*wide.shape[:2], -1), number, parameters)
 
@@ -209,7 +209,7 @@ class Tried:
 
 def tried(at: Linearised, course: Course) -> list[Tried]:
     """Every how at every where."""
-    wheres, selected = _wheres(course.plan, course.ordered)
+    wheres, selected, _ = _wheres(course.plan, course.ordered)
     hows = [how for how in HOWS if course.ordered or how in UNORDERED]
     share = math.log(UNLISTED / (len(hows) + 1) / len(wheres))
     every = []
@@ -240,10 +240,12 @@ def _lie_in(plan: Plan) -> Bools:
 
 
 @functools.lru_cache(maxsize=8)
-def _wheres(plan: Plan, ordered: bool) -> tuple[list[Where], Bools]:
-    """Wheres of a plan, and the readings of each, shape (w, n)."""
-    wheres, selected = zip(*plan.wheres(ordered), strict=True)
-    return list(wheres), np.stack(selected)
+def _wheres(plan: Plan, ordered: bool) -> tuple[list[Where], Bools, Bools]:
+    """Wheres of a plan, the readings of each, (w, n), and movers in larger ones that it holds."""
+    wheres, rows = zip(*plan.wheres(ordered), strict=True)
+    selected = np.stack(rows)
+    held = (~selected).astype(np.float64) @ plan.movers.T == 0.0
+    return list(wheres), selected, held @ _lie_in(plan).T
 
 
 @functools.lru_cache(maxsize=32)
@@ -255,7 +257,7 @@ def _made_of_plan(problem: Problem, ordered: bool, fine: bool, how: str) -> tupl
 
 def _made(problem: Problem, course: Course, how: str) -> tuple[Made, Bools]:
     """Columns of a how, and which of them show at each where and at no narrower, (w, v, q)."""
-    made, (wheres, selected) = HOWS[how](course), _wheres(course.plan, course.ordered)
+    made, (wheres, selected, covered) = HOWS[how](course), _wheres(course.plan, course.ordered)
     n, v, q = made.columns.shape
     if not 0 < q <= MOST_COLUMNS:
         return made, np.zeros((len(wheres), v, q), np.bool_)
@@ -264,8 +266,7 @@ def _made(problem: Problem, course: Course, how: str) -> tuple[Made, Bools]:
     # Of each where those columns of which it holds all readings, of the largest movers.
     outside = (~selected).astype(np.float64) @ (flat != 0.0)
     chosen = (shows & (outside == 0.0)).reshape(-1, v, q)
-    held = (~selected).astype(np.float64) @ course.plan.movers.T == 0.0
-    chosen = chosen & ~(held @ _lie_in(course.plan).T)[:, None, made.mover]
+    chosen = chosen & ~covered[:, None, made.mover]
     # What shows the same as a narrower where is no other pattern.
     code = chosen @ (1 << np.arange(q))
     narrower = np.tri(len(code), k=-1, dtype=np.bool_)[..., None]
