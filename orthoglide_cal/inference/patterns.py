@@ -81,7 +81,7 @@ class Course:
 
     def durations(self, least: float, most: float, closer: float = 1.0) -> Floats:
         """Times between shares of the longest set-up, shape (v,) [h]."""
-        count = round(closer * (FINE if self.fine else COARSE))
+        count = round(closer * FINE) if self.fine else COARSE
         return np.geomspace(least, most, count) * (self.since.max(initial=0.0) or 1.0)
 
     def by_mover(
