@@ -245,8 +245,13 @@ class Decision:
 
     @property
     def exceeded(self) -> bool:
-        """True if the accepted causes, or all but one, are likelier with a pattern."""
+        """True if the accepted causes, or all but one, may be likelier with a pattern.
+
+        Several causes, or several wrong readings, follow most patterns: they are always compared.
+        """
         belief, accepted = self.belief, self.accepted
+        if len(accepted) > 1 or len(self.fit.wrong_readings) > 1:
+            return True
         fewer = (tuple(id for id in accepted if id != one) for one in accepted)
         sets = {accepted, *fewer} if accepted else set()
         beside = (weight_of(one) for ids in sets for one in belief.beside(ids))
