@@ -165,15 +165,13 @@ class Solution(ReadOnly):
     def require_possible(self) -> None:
         """Refuse offsets that no machine has.
 
-        No carriage stands half of its travel from where it seems to be: then it could not move.
-
         Raises:
             UnusableResultError: with what to check.
             UnknownSettingsError: nobody knows what they would be added to.
         """
         require_settings(self.measured)
         machine, largest = self.model.machine, float(np.abs(self.offsets_mm).max())
-        if largest > machine.travel_mm / 2.0:
+        if not _possible(self.offsets_mm, self.model):
             require_determined(self.posed.problem)
             raise UnusableResultError(
                 f"The {machine.vocabulary.many} would be as large as {largest:.0f} mm, more than"
@@ -293,7 +291,8 @@ def fit_parameters(
     left = [influence for influence in uncertain if influence.source not in here]
     stated_mm = math.hypot(gauge.noise_mm, math.sqrt(sum(one.rest for one in left)))
     ratios = [(one.source, one.columns / stated_mm) for one in left]
-    if chosen is Method.READINGS:
+    # Offsets that no machine has need no weights to be refused.
+    if chosen is Method.READINGS and _possible(offsets, model):
         posed = posed.weighted(posed.problem.matrix @ np.hstack([ratio for _, ratio in ratios]))
         fit = _search(posed, start=offsets)
         offsets = fit.offsets_mm
@@ -323,6 +322,11 @@ def fit_parameters(
         scatter=scatter,
         stated_mm=stated_mm,
     )
+
+
+def _possible(offsets: Floats, model: Model) -> bool:
+    """True unless a carriage is half of its travel from where it seems to be: it could not move."""
+    return float(np.abs(offsets).max()) <= model.machine.travel_mm / 2.0
 
 
 def require_settings(measured: Measured) -> None:

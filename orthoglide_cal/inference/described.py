@@ -179,11 +179,11 @@ def _heldout(rows: Bools, before: Ground, after: Ground, cells: Ints) -> tuple[f
     """
     blocks = [block[cells[block[:, 0]] >= 0] for block in left_out(before.white, (), cells)]
     blocks = [block for block in blocks if len(block)]
-    if len(np.unique(cells)) < 2 or not blocks:
+    if len(np.unique(cells)) < 2 or not any(rows[block].any() for block in blocks):
         return None
     errors = []
     for ground in (before, after):
         which, error, _ = leave_out(ground.white, ground.fit, blocks)
         chosen = rows[which]
         errors.append(rms((error / ground.white.plan.precision[which])[chosen]))
-    return (errors[0], errors[1]) if np.isfinite(errors[0]) else None
+    return errors[0], errors[1]

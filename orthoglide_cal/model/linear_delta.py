@@ -219,7 +219,7 @@ class ProbePlan(Plan):
     def movers(self) -> Bools:
         """Of the touches those of each region, too: a part of the bed moves as one."""
         regions = [rows for where, rows in self.wheres(True) if where]
-        return np.stack([*super().movers, *regions])
+        return read_only(np.stack([*super().movers, *regions]), np.bool_)
 
     def wheres(self, ordered: bool) -> Iterator[tuple[Where, Bools]]:
         """A quarter of the bed, a half, or a ring, as seen from the front, of one sitting."""

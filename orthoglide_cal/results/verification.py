@@ -286,8 +286,10 @@ def verify(
     response = _respond(shared, first.offsets_mm, applied)
     apart = rms(np.array([row.after_mm - row.promised_mm for row in rows]))
     both = rms(np.array([np.hypot(row.promised_expanded_mm, row.expanded_mm) for row in rows]))
+    # Only an opposite sign can come of the wrong order.
+    unordered = swapped is None and response["answer"] is Behaviour.OPPOSITE
     return Verification(
-        **_common((before, after), (first, second), applied.tolist(), swapped is None),
+        **_common((before, after), (first, second), applied.tolist(), unordered),
         kind=shared.kind,
         compared=len(shared.change),
         kept=response["answer"] is Behaviour.AS_MODELLED and apart <= both,
@@ -409,7 +411,7 @@ def _common(
 ) -> dict[str, Any]:
     """Fields for any kind of machine: both inputs, and each parameter.
 
-    `unordered`: nothing says which input was measured first.
+    `unordered`: they may have been measured in the other order.
     """
     before, after = (
         ComparedInput.of(

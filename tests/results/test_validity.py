@@ -148,6 +148,6 @@ def test_the_shims_make_the_rails_meet() -> None:
         points["xyz".index(shim.rail), along] += float(f"{shim.along[0]}{shim.mm}")
     assert gaps() == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
     page = report_of(case).page()
-    assert page.notice.title == f"The rails miss each other by {max(abs(values)):.2f} mm"
+    assert "axis_gap" in page.notice.title
     assert "Adjusted by" not in page.signatures
     assert "Adjusted by" in report_of(cases.healthy()).page().signatures

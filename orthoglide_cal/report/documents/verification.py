@@ -177,8 +177,7 @@ def verification_steps(
     `brief` is for a screen, which says the answer above and is no report.
     """
     if not result.kept:
-        unordered = any(reason.code == "order_as_given" for reason in result.reservations)
-        if unordered and result.answer is Behaviour.OPPOSITE:
+        if any(reason.code == "order_as_given" for reason in result.reservations):
             typed = command("verify", result.after.path, result.before.path, machine=machine_file)
             yield doc.Instruction(f"If {result.after.path} was measured first", typed)
         if remedy := _remedy(result):
