@@ -245,13 +245,8 @@ class Decision:
 
     @property
     def exceeded(self) -> bool:
-        """True if the accepted causes, or all but one, may be likelier with a pattern.
-
-        Several causes, or several wrong readings, follow most patterns: they are always compared.
-        """
+        """True if the accepted causes, or all but one, are likelier with a pattern."""
         belief, accepted = self.belief, self.accepted
-        if len(accepted) > 1 or len(self.fit.wrong_readings) > 1:
-            return True
         fewer = (tuple(id for id in accepted if id != one) for one in accepted)
         sets = {accepted, *fewer} if accepted else set()
         beside = (weight_of(one) for ids in sets for one in belief.beside(ids))
@@ -549,7 +544,13 @@ def decide_by(linear: Belief) -> Decision:
             break
         decision = Decision(decision.belief.refined(wanted))
     decision = Decision(decision.belief.refined([decision.best]))
+    accepted = decision.accepted
+    beyond = decision.verdict is Verdict.UNEXPLAINED or decision.exceeded
+    # Several causes, or several wrong readings, follow most patterns: a close look compares them.
+    several = len(accepted) > 1 or len(decision.fit.wrong_readings) > 1
     # Few differences follow nearly any pattern.
-    if at.white.raw and (decision.verdict is Verdict.UNEXPLAINED or decision.exceeded):
-        decision = Decision(decision.belief.closely())
+    if at.white.raw and (beyond or several):
+        closer = decision.belief.closely()
+        if beyond or closer.beyond > closer.listed[accepted]:
+            return Decision(closer)
     return decision
