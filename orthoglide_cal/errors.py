@@ -172,11 +172,3 @@ class UnusableResultError(OrthocalError):
 
 class UnknownSettingsError(UnusableResultError):
     """Nobody knows what was in force in the controller when it was measured."""
-
-
-class RankDeficientError(UnusableResultError):
-    """The readings do not determine every unknown."""
-
-
-class NotConvergedError(UnusableResultError):
-    """The iteration did not reach a point that satisfies its own optimality check."""

@@ -12,7 +12,7 @@ from typing import NoReturn
 import numpy as np
 from scipy.special import chdtrc, stdtrit
 
-from orthoglide_cal.errors import RankDeficientError
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
@@ -113,7 +113,7 @@ def require_rank(problem: Problem) -> None:
     """Refuse data that do not determine all offsets.
 
     Raises:
-        RankDeficientError: it names the offsets and the readings that fix it.
+        UnusableResultError: it names the offsets and the readings that fix it.
     """
     matrix = problem.at_zero[1]
     scale = float(np.abs(matrix).max(initial=0.0)) or 1.0
@@ -129,7 +129,7 @@ def require_determined(problem: Problem) -> None:
     On the nominal machine with the stated noise: what a search must stand on.
 
     Raises:
-        RankDeficientError: as of `require_rank`.
+        UnusableResultError: as of `require_rank`.
     """
     model, jacobian = problem.model, problem.at_zero[1]
     std = model.machine.instrument.noise_mm * np.sqrt(np.diag(unit_covariance(problem, jacobian)))
@@ -139,10 +139,10 @@ def require_determined(problem: Problem) -> None:
 
 
 def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
-    """Raises RankDeficientError for the parameters that are `free`, shape (p,)."""
+    """Raises UnusableResultError for the parameters that are `free`, shape (p,)."""
     machine = problem.model.machine
     listed = ", ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
-    raise RankDeficientError(
+    raise UnusableResultError(
         f"These readings do not determine {listed}.",
         machine.vocabulary.fewest or f"Add readings of {_completing(problem, problem.at_zero[1])}.",
     )

@@ -17,7 +17,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from orthoglide_cal.errors import RankDeficientError, UsageError
+from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation.gaussian import shrinking
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
@@ -68,7 +68,7 @@ class Method(StrEnum):
         (JᵀJ)⁻¹Jᵀ (eqs. 10, 16, 17), or one offset after the other (eq. 11).
 
         Raises:
-            RankDeficientError: eq. (11) lacks one of its six differences.
+            UnusableResultError: eq. (11) lacks one of its six differences.
         """
         jacobian = posed.problem.at_zero[1]
         if self is Method.SINGLE_SEQUENTIAL:
@@ -185,7 +185,7 @@ def _sequential(jacobian: Floats, which: Sequence[Difference]) -> Floats:
     needed = DIFFERENCES[DataKind.SINGLE]
     missing = [difference.name for difference in needed if difference not in which]
     if missing:
-        raise RankDeficientError(
+        raise UnusableResultError(
             f"Eq. (11) needs all six differences; {', '.join(missing)} missing.",
             "Measure them, or use --method single.",
         )

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orthoglide_cal.errors import NotConvergedError, UnknownSettingsError, UnusableResultError
+from orthoglide_cal.errors import UnknownSettingsError, UnusableResultError
 from orthoglide_cal.estimation.accuracy import (
     Scatter,
     chance_of_residual,
@@ -263,9 +263,8 @@ def fit_parameters(
 
     Raises:
         UsageError: the method does not exist or cannot use these data.
-        RankDeficientError: the data do not determine the offsets, or so little that no search ends;
-            says what to add.
-        NotConvergedError: no optimum was found; there is no result.
+        UnusableResultError: the data do not determine the offsets, with what to add; or no optimum
+            was found.
     """
     chosen = choose_method(measured, method)
     plain = posed = pose(measured, model, chosen.uses)
@@ -337,12 +336,12 @@ def require_settings(measured: Measured) -> None:
 
 
 def _search(posed: Posed, start: Floats | None = None) -> LeastSquaresFit:
-    """The offsets of one data set by least squares. Raises NotConvergedError."""
+    """The offsets of one data set by least squares. Raises UnusableResultError."""
     fit = fit_offsets(posed.problem, posed.data, start)
     if not fit.converged:
         require_determined(posed.problem)
         many = posed.problem.model.machine.vocabulary.many
-        raise NotConvergedError(
+        raise UnusableResultError(
             f"No {many} fit these data: the search ended where the residuals can still fall"
             f" (a step of {float(fit.remaining):.2g} standard deviations is left after"
             f" {int(fit.iterations)} iterations).",

@@ -79,7 +79,7 @@ class Belief:
         """Weigh every hypothesis by its linear evidence.
 
         Raises:
-            NotConvergedError: no offsets fit these data.
+            UnusableResultError: no offsets fit these data.
         """
         plan = white.plan
         spots = len(np.unique(plan.repeats[plan.touches]))

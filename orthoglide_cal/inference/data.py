@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
-from orthoglide_cal.errors import NotConvergedError
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
@@ -73,7 +73,7 @@ class Whitened(ReadOnly):
         """Whiten what was measured.
 
         Raises:
-            RankDeficientError: the data do not determine the offsets.
+            UnusableResultError: the data do not determine the offsets.
         """
         if isinstance(measured, Readings):
             white = _of_readings(measured.plan, model, measured.timed)
@@ -334,8 +334,7 @@ class Linearised:
         """Enumerate the places and fit the offsets to each version of the data.
 
         Raises:
-            RankDeficientError: they determine the offsets so little that no search ends.
-            NotConvergedError: no offsets fit them as recorded.
+            UnusableResultError: no offsets fit them as recorded, or they hardly determine any.
         """
         machine = white.machine
         places = _places(white.problem, candidates.extras)
@@ -355,7 +354,7 @@ class Linearised:
         if not fit.converged[0]:
             require_determined(white.problem)
             many = white.machine.vocabulary.many
-            raise NotConvergedError(
+            raise UnusableResultError(
                 f"No {many} fit these data: the search does not settle.",
                 "Check the machine file and the readings; validate names every fault.",
             )

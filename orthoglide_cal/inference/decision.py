@@ -506,7 +506,7 @@ def decide(white: Whitened) -> Decision:
     """Weigh every hypothesis about the data, fit those that may change the decision, and decide.
 
     Raises:
-        NotConvergedError: no offsets fit these data.
+        UnusableResultError: no offsets fit these data.
     """
     return decide_by(Belief.about(white))
 

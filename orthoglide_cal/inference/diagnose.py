@@ -76,8 +76,8 @@ def diagnose(
             models say so.
 
     Raises:
-        RankDeficientError: the data do not determine the offsets.
-        UnusableResultError: the numbers of the machine file and the data are too far apart.
+        UnusableResultError: the data do not determine the offsets, or the numbers of the machine
+            file and the data are too far apart.
     """
     with _weighable(model):
         decision = _decided(measured, model)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orthoglide_cal.errors import NotConvergedError
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Problem, fit_offsets, solve
 from orthoglide_cal.estimation.accuracy import rms, sigma_rho, unit_covariance
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
@@ -174,7 +174,7 @@ def monte_carlo(
         std(Δρ) of each replication, r.m.s. over the joints, shape (replications,) [mm].
 
     Raises:
-        NotConvergedError: any of the solves did not reach its optimum.
+        UnusableResultError: any of the solves did not reach its optimum.
     """
     problem = _problem(model, kind)
     plan = problem.plan
@@ -184,7 +184,7 @@ def monte_carlo(
         noise = sigma_mm * rng.standard_normal((runs, len(plan)))
         fit = fit_offsets(problem, (signal + noise) @ problem.matrix.T)
         if not np.all(fit.converged):
-            raise NotConvergedError(
+            raise UnusableResultError(
                 f"{np.sum(~fit.converged)} of {runs} solves did not reach their optimum.",
                 "Use less noise or smaller offsets.",
             )

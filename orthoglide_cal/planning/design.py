@@ -17,7 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from orthoglide_cal.errors import PostureError, RankDeficientError
+from orthoglide_cal.errors import PostureError, UnusableResultError
 from orthoglide_cal.estimation import pose_plan
 from orthoglide_cal.estimation.accuracy import unit_covariance
 from orthoglide_cal.model.machine import Machine, Suspicion
@@ -53,7 +53,7 @@ def design_of(machine: Orthoglide) -> tuple[tuple[float, ...], float]:
     `MARGIN` from both joints; one place of the stand per leg and direction.
 
     Raises:
-        RankDeficientError: no such postures determine the offsets.
+        UnusableResultError: no such postures determine the offsets.
     """
     postures = SHARES @ np.array(machine.joint_limits_mm)
     every = np.array(list(product(range(MOST_VISITS + 1), repeat=len(postures))), dtype=np.intp)
@@ -82,7 +82,7 @@ def design_of(machine: Orthoglide) -> tuple[tuple[float, ...], float]:
             turns = np.concatenate([np.flatnonzero(chosen > turn) for turn in range(MOST_VISITS)])
             best = tuple(postures[turns].tolist()), place
     if best is None:
-        raise RankDeficientError(
+        raise UnusableResultError(
             "No postures within the joint limits let the gauges see the joint offsets.",
             "Check joint_limits_mm and leg_length_mm in the machine file.",
         )

@@ -67,7 +67,7 @@ class SessionForecast(Schema):
         """Forecast what a method finds of a session's readings; `more` as of a subclass.
 
         Raises:
-            RankDeficientError: they will not determine the parameters; says what to add.
+            UnusableResultError: they will not determine the parameters; says what to add.
         """
         plan, machine = session.plan, model.machine
         uncertain = _plausible_influences(model, plan)
@@ -186,7 +186,7 @@ def estimator_for(
 ) -> Floats:
     """Derivatives of the parameters by n readings, (p, n), by a method that they can feed.
 
-    `uncertain` acts on them in addition to noise. Raises RankDeficientError.
+    `uncertain` acts on them in addition to noise. Raises UnusableResultError.
     """
     problem, which = pose_plan(plan, model, method.uses)
     require_rank(problem)

@@ -154,7 +154,7 @@ def measurement_plan(
 
     Raises:
         UsageError: the machine has no such session.
-        RankDeficientError: such readings will not determine the parameters.
+        UnusableResultError: such readings will not determine the parameters.
     """
     machine, stands, compare = model.machine, wanted.stands, tuple[Alternative, ...]()
     if offer := _offered(model, wanted):

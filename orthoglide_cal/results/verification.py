@@ -243,7 +243,7 @@ def verify(
         UsageError: the second was measured first, different machines, nobody says what was applied
             or nothing was, an option that says nothing of such data, or the two have nothing in
             common.
-        RankDeficientError, NotConvergedError: one of them does not determine the parameters.
+        UnusableResultError: one of them does not determine the parameters.
     """
     if swapped := _swapped(before, after):
         paths = [given.measured.source.path for given in (after, before)]

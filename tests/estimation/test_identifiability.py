@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import RankDeficientError
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.model.measured import Measured
 from orthoglide_cal.model.model import Model
@@ -21,15 +21,15 @@ SINGLE_WORDS = re.compile(
 )
 
 
-def refused(data: Measured, model: Model) -> RankDeficientError:
-    with pytest.raises(RankDeficientError) as caught:
+def refused(data: Measured, model: Model) -> UnusableResultError:
+    with pytest.raises(UnusableResultError) as caught:
         solve(data, model)
     assert caught.value.exit_code == 4
     assert not re.search(r"\d\.\d", str(caught.value))
     return caught.value
 
 
-def named(error: RankDeficientError) -> tuple[str, ...]:
+def named(error: UnusableResultError) -> tuple[str, ...]:
     return tuple(axis for axis in AXES if f"Δρ_{axis}" in error.what)
 
 
@@ -93,7 +93,7 @@ def test_raw_readings_and_the_readings_that_complete_them(model: Model) -> None:
         kept[rng.choice(60, 6, replace=False)] = True
         try:
             solve(some(full, kept), model)
-        except RankDeficientError as error:
+        except UnusableResultError as error:
             refusals += 1
             places = DOUBLE_WORDS.findall(error.remedy)
             assert 1 <= len(places) <= 3

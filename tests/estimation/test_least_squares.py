@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import NotConvergedError
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import fit_offsets, solve
 from orthoglide_cal.estimation.accuracy import unit_covariance
 from orthoglide_cal.estimation.least_squares import OPTIMAL
@@ -77,6 +77,6 @@ def test_data_out_of_all_reach_never_look_converged() -> None:
     again = problem.remaining(data, fit.offsets_mm)
     assert np.array_equal(again <= OPTIMAL, fit.converged)
     lost = data[np.flatnonzero(~fit.converged)[0]]
-    with pytest.raises(NotConvergedError, match="No offsets fit these data") as caught:
+    with pytest.raises(UnusableResultError, match="No offsets fit these data") as caught:
         solve(of_values(SIX, lost), NOMINAL)
     assert caught.value.exit_code == 4

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import NotConvergedError
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import sigma_rho, unit_covariance
 from orthoglide_cal.model.measured import DataKind
@@ -73,7 +73,7 @@ def test_monte_carlo_has_the_offsets_it_is_given() -> None:
 
 def test_monte_carlo_never_averages_what_did_not_converge() -> None:
     rng = np.random.default_rng(1)
-    with pytest.raises(NotConvergedError, match="did not reach their optimum"):
+    with pytest.raises(UnusableResultError, match="did not reach their optimum"):
         monte_carlo(NOMINAL, SIX, 0.1, rng, sigma_mm=80.0, replications=1, runs=200)
 
 

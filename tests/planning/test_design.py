@@ -10,7 +10,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import RankDeficientError
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import MARGIN, double_posture, visiting
@@ -96,7 +96,7 @@ def test_every_plunger_stays_on_its_bar(limits: tuple[float, float]) -> None:
 
 
 def test_limits_of_nothing_let_nothing_be_seen() -> None:
-    with pytest.raises(RankDeficientError, match="joint limits"):
+    with pytest.raises(UnusableResultError, match="joint limits"):
         design_of(PROTOTYPE.changed(joint_limits_mm=(0.0, 0.0)))
 
 
