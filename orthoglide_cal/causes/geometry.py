@@ -45,15 +45,10 @@ class AxisGap(Cause):
     def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
         return self.size(machine) / 6.0
 
-    def shim(self, name: str, value: float) -> tuple[str, str]:
-        """Rail x lies g_xy above rail y, along z: rail y rises by that, and so on."""
-        along = next(axis for axis in AXES if axis not in name)
-        return name[1], f"{'-' if value < 0.0 else '+'}{along}"
-
     def adjustment(self, name: str) -> Screw:
-        """The second rail of a pair is moved as a whole."""
-        rail = f"rail {name[1].upper()}"
-        return Screw(AXES.index(name[1]), f"both feet of {rail}", rail)
+        """Rail x lies g_xy above rail y, along z: rail y rises by that, and so on."""
+        rail, along = f"rail {name[1].upper()}", next(axis for axis in AXES if axis not in name)
+        return Screw(AXES.index(name[1]), f"both feet of {rail}", rail, along=along)
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Move the rails apart; theta (..., 3) [mm]."""

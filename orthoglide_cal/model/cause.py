@@ -62,6 +62,7 @@ class Screw(NamedTuple):
     loosen: str  # in words
     move: str  # what is pushed then, in words
     homed: bool = False  # a push shows only after homing
+    along: str = ""  # axis along which a shim as thick as the parameter moves the rail
 
 
 PER_HOUR = "mm/h"  # unit of rates
@@ -163,10 +164,6 @@ class Cause:
         A carriage is displaced by up to `travel_mm`. 0 where a change returns with no posture.
         """
         return 0.0
-
-    def shim(self, name: str, value: float) -> tuple[str, str] | None:
-        """The rail to be moved, and which way, to undo a parameter; None if no shim undoes it."""
-        return None
 
     def adjustment(self, name: str) -> Screw | None:
         """Fastener that corrects a parameter; None if no screw or shim does."""

@@ -129,7 +129,8 @@ def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
         spread = np.array([*(k * (root[there] - root[here])), k * noise, stop])
         cell = cells[here]
         yield Adjustment(
-            name=name, unit=size.unit, value=size.value, std=size.std, **screw._asdict(),
+            name=name, unit=size.unit, value=size.value, std=size.std, leg=screw.leg,
+            loosen=screw.loosen, move=screw.move, homed=screw.homed,
             direction=cell.direction, gauge_at=cell.gauge_at,
             here_mm=cell.displacement, there_mm=cells[there].displacement,
             sensitivity=float(slope[here] * cause.scale),

@@ -456,9 +456,10 @@ def _workspace(estimate: OffsetEstimate, model: Model) -> Workspace | None:
 
 def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
     for id, gap in ((cause.id, parameter) for cause in causes for parameter in cause.parameters):
-        if shim := CAUSES[id].shim(gap.name, gap.value):
-            rail, along = shim
-            yield schema.Shim(rail=rail, along=along, mm=abs(gap.value), expanded_mm=gap.expanded)
+        if (screw := CAUSES[id].adjustment(gap.name)) and screw.along:
+            size = {"mm": abs(gap.value), "expanded_mm": gap.expanded}
+            along = f"{'-' if gap.value < 0.0 else '+'}{screw.along}"
+            yield schema.Shim(rail=AXES[screw.leg], along=along, **size)
 
 
 def _explanations(

@@ -182,7 +182,8 @@ def _causes(case: Case) -> Iterator[doc.Section]:
     undecided = answer.verdict is Verdict.AMBIGUOUS
     advised = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
-        gaps = any(CAUSES[cause.id].shim(size.name, size.value) for size in cause.parameters)
+        screws = map(CAUSES[cause.id].adjustment, CAUSES[cause.id].names)
+        gaps = any(screw and screw.along for screw in screws)
         seen = cause.parameters if gaps else seen_parameters(cause)
         sizes = [size for size in cause.parameters if size in seen]
         places = [place_words(size.name) for size in sizes]
