@@ -27,11 +27,12 @@ from orthoglide_cal.files.rows import (
 )
 from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
+from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import known_plan
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, number_setups
-from orthoglide_cal.schema import Day, Moment, Positive, Reason, Schema, Word, parse_number
+from orthoglide_cal.schema import Moment, Positive, Reason, Schema, parse_number
 
 # The note of a reading that was questioned and kept, with its step.
 QUESTIONED = "kept although questioned (r {}): {}"
@@ -44,14 +45,12 @@ def implausible_c(known: Iterable[float | None]) -> list[float]:
     return [c for c in known if c is not None and not -40.0 <= c <= 60.0][:1]
 
 
-class GaugeIdentity(Schema):
-    """A gauge as given; None where not given."""
+class GaugeIdentity(OwnGauge):
+    """A gauge as a session has it; None where not given."""
 
     model_config = ConfigDict(extra="ignore", populate_by_name=True)
 
-    id: Word  # its label
-    certificate: str | None = None  # of its last calibration
-    due: Day | None = None  # of the next
+    certificate: str | None = None
     resolution_mm: Positive | None = Field(
         default=None,
         validation_alias=AliasChoices("resolution_mm", "resolution"),

@@ -114,10 +114,10 @@ def session_json(session: Session) -> dict[str, object]:
     """A whole session as a JSON object; saved as a .json file it reads back as a session."""
     rows = {key: [row.cells() for row in getattr(session, key)] for key in _ROWS}
     content = session.model_dump(by_alias=True, exclude=set(_ROWS))
-    gauges = (gauge.items() for gauge in content["gauges"])
-    content["gauges"] = [
-        {key: value for key, value in one if key != "due" or value} for one in gauges
-    ]
+    for gauge in content["gauges"]:
+        for name in ("due", "expanded_mm"):
+            if not gauge[name]:
+                del gauge[name]
     return {**dict.fromkeys(("schema_version", "machine")), **content, **rows}
 
 

@@ -116,8 +116,8 @@ class OwnGauge(Schema):
 
     id: Word
     certificate: Word | None = None
-    expanded_mm: Positive | None = None  # U (95 %) that the certificate states
-    due: Day | None = None
+    expanded_mm: Positive | None = Field(None, description="U that its certificate states, 95 %")
+    due: Day | None = Field(None, description="day on which it is to be calibrated again")
 
 
 class Details(Schema):

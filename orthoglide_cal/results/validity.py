@@ -9,6 +9,7 @@ from pydantic import AwareDatetime, Field
 from orthoglide_cal import __version__
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import machine_values
+from orthoglide_cal.files.readings import GaugeIdentity
 from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import CAUTIONS, Source
 from orthoglide_cal.model.model import Model
@@ -17,15 +18,11 @@ from orthoglide_cal.schema import Reason, Schema, Sentence
 STEP_K = 2.0  # a change of temperature beyond this is said next to the verdict
 
 
-class UsedGauge(Schema):
+class UsedGauge(GaugeIdentity):
     """A gauge of a session; what the session does not say of it, the machine file may."""
 
-    id: str
-    certificate: str | None = None
-    expanded_mm: float | None = Field(None, description="U that its certificate states, 95 %")
-    due: str | None = Field(None, description="day on which it is to be calibrated again")
-    overdue: bool = Field(description="that day was past when it was used")
     resolution_mm: float | None = None
+    overdue: bool = Field(description="that day was past when it was used")
 
 
 class Validity(Schema):
@@ -52,19 +49,11 @@ def validity(given: Input) -> Validity:
     owned = {gauge.id: gauge for gauge in reversed(machine.gauges)}
     gauges = []
     for gauge in conditions.gauges:
-        known = owned.get(gauge.id, OwnGauge(id=gauge.id))
-        due = gauge.due or known.due or machine.report.gauge_due
+        known = dict(owned.get(gauge.id, OwnGauge(id=gauge.id)))
+        known |= {name: value for name, value in gauge if value}
+        due = known["due"] = known["due"] or machine.report.gauge_due
         used, last = (day and datetime.fromisoformat(day).date() for day in (measured, due))
-        gauges.append(
-            UsedGauge(
-                id=gauge.id,
-                certificate=gauge.certificate or known.certificate,
-                expanded_mm=known.expanded_mm,
-                due=due,
-                overdue=bool(used and last and used > last),
-                resolution_mm=gauge.resolution_mm,
-            )
-        )
+        gauges.append(UsedGauge(**known, overdue=bool(used and last and used > last)))
     recorded = Validity(
         measured=measured,
         operator=conditions.operator,
