@@ -30,6 +30,7 @@ from orthoglide_cal.files.text import read_bytes, write_text
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine, Written, WrittenTable, WrittenValue
 from orthoglide_cal.model.readings import AXES
+from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import MM_PER_INCH, plain
 
 _SECTION = re.compile(r"\s*\[([^\]]*)\]")
@@ -92,7 +93,7 @@ class ControllerFile:
     tables: Mapping[str, JointTable] = field(default_factory=dict)  # of LinuxCNC, by parameter
     unit_mm: float = 1.0  # length of the unit of its values [mm]
     format: str = "klipper"  # whose the file is, as an export names it
-    remarks: tuple[str, ...] = ()  # what to know before it is written
+    remarks: tuple[Reason, ...] = ()  # what to know before it is written
 
     @property
     def adds(self) -> bool:
@@ -252,8 +253,8 @@ def controller_file(target: str) -> ControllerFile:
         raise InputError(problem, remedy, file=target, line=number, value=line)
     places = _entries(text.replace("\n#*#", "\n"), ":=")
     values = _values(target, places, _KLIPPER | _PITCHES, heading, _PITCHES)
-    included = "The file includes others. A value that is also in one of them is the one in force."
-    return ControllerFile(target, data, values, remarks=(included,) * ("\n[include " in text))
+    remarks = (Reason.of("includes"),) * ("\n[include " in text)
+    return ControllerFile(target, data, values, remarks=remarks)
 
 
 def _check_included(target: str, text: str) -> None:

@@ -382,6 +382,10 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "drifting": "Look for wear or warming up; calibrate again before the drift matters.",
     "scattering": "Check home switches and couplings: calibration cannot be better than homing.",
     "unchanged": "Nothing to do: measure again at the next service, or after a collision.",
+    # Before a controller's file is written.
+    "first_written": "They are written here for the first time, and the change is added: a value"
+    " may hold more than the offset, such as the place of the switch.",
+    "includes": "The file includes others. A value that is also in one of them is in force.",
     # About the data.
     "remark": "{text}",
     "below_resolution": "The residuals are smaller than the {words.noise}'s resolution allows"

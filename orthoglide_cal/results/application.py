@@ -33,11 +33,6 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.results.answer import Answer
 from orthoglide_cal.schema import Reason
 
-_FIRST = (
-    "They are written here for the first time, and the change is added: a value may hold more than"
-    " the offset, such as the place of the switch."
-)
-
 
 class Correction(NamedTuple):
     """A parameter of a cause that acts, and what the controller's file does about it."""
@@ -140,7 +135,7 @@ def apply(
             stands = controller.settings
             expected |= {stands[p.name].key: f"{p.active:.9g}" for p in answer.parameters}
         elif not known:
-            controller = replace(controller, remarks=(_FIRST,))
+            controller = replace(controller, remarks=(Reason.of("first_written"),))
         if differing := controller.differing(expected):
             raise UsageError(
                 f"{controller.target}: {differing} Somebody changed it since.",

@@ -158,8 +158,7 @@ def application_document(
                 rows.append((str(value.line), value.key, now, doc.strong(then)))
             notes = (
                 f"Lines of {entry.written.target}; all others stay.",
-                *application.controller.remarks,
-                *map(sentence, application.remarks),
+                *map(sentence, (*application.controller.remarks, *application.remarks)),
             )
             caption, first = " ".join(notes), machine.vocabulary.restart
             if entry.written.tables and not application.undone:
