@@ -142,14 +142,6 @@ class Cause:
         """True if that size is the default of its kind: the machine file gives none."""
         return self.usual(type(machine)) is not None and self.id not in machine.tolerances
 
-    def beyond_words(self, machine: Machine, times: float) -> str:
-        """How many times the plausible one its size is, and what to look at."""
-        stated = "usual" if self.assumed(machine) else "stated"
-        key = self.number.get(type(machine), f"{self.id} under tolerances")
-        real = "a real slip" if self.stage is Stage.RECORD else "real damage"
-        check = f"look for {real}, or correct {key} in the machine file."
-        return f"{times:.0f} times its {stated} size: {check}"
-
     def possible(self, machine: Machine) -> bool:
         """True if it can happen on this machine and its gauge."""
         return self.size(machine) > 0.0

@@ -472,12 +472,15 @@ def _doubts(case: Case, all: bool = True) -> Iterator[str]:
     for fault, place in places.items():
         title = case.title_of(fault.id) + place
         yield f"These readings cannot show whether {title}. How to check: {fault.check}."
-    for cause in answer.causes:
-        if cause.times_stated is not None:
-            yield f"{cause.id} has {CAUSES[cause.id].beyond_words(machine, cause.times_stated)}"
-    for far in answer.beyond_tolerance:
-        words = CAUSES[far.id].beyond_words(machine, far.times)
-        yield f"{far.id} would explain these readings with {words}"
+    large = [(cause.id, "has", cause.times_stated) for cause in answer.causes if cause.times_stated]
+    would = "would explain these readings with"
+    large += [(far.id, would, far.times) for far in answer.beyond_tolerance]
+    for id, verb, times in large:
+        stated = "usual" if CAUSES[id].assumed(machine) else "stated"
+        key = CAUSES[id].number.get(type(machine), f"{id} under tolerances")
+        real = "a real slip" if CAUSES[id].stage is Stage.RECORD else "real damage"
+        check = f"look for {real}, or correct {key} in the machine file."
+        yield f"{id} {verb} {times:.0f} times its {stated} size: {check}"
 
 
 def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
