@@ -116,8 +116,9 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
         if there and not path.stat().st_mode & stat.S_IWUSR:
             raise PermissionError(errno.EACCES, "it is read-only")
         if there and path.stat().st_nlink > 1:
-            several = "it has several names (hard links), which would no longer be one file"
-            raise PermissionError(errno.EMLINK, several)
+            several = "The file has other names (hard links), which would keep the old content."
+            remedy = f"Remove them; to list them: find FOLDER -samefile {path.name}"
+            raise InputError(several, remedy, file=str(path))
         with temporary.open("xb") as file:
             file.write(text if isinstance(text, bytes) else text.encode())
             file.flush()

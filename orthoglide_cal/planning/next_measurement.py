@@ -177,7 +177,7 @@ def _alone(machine: Orthoglide) -> Iterator[NextMeasurement]:
         how_often = counted(cycles, "cycle")
         task = (
             f"Measure a separate session, {protocol}, {how_often} per leg, reading by reading."
-            " It needs no old data: keep those apart."
+            " It needs no old data."
         )
         typed = sequence_options(*session)
         yield NextMeasurement(what=task, plan=plan, minutes=minutes, session=typed)

@@ -497,7 +497,7 @@ def bed_maps(
     away = _BED / 2 + 12  # of the towers' names from the middle
     size = max(min(0.42 * _BED / len(place_mm) ** 0.5, 10.0), 3.0)
     panels = []
-    for number, (model, left) in enumerate(left_mm.items()):
+    for model, left in left_mm.items():
         microns = 1000.0 * left
         usual = 1.4826 * float(np.median(np.abs(microns - np.median(microns))))
         out = np.abs(microns) > max(_RINGED * usual, 1.0)
@@ -509,8 +509,8 @@ def bed_maps(
             x, y = x0 + scale * x_mm, y0 - scale * y_mm
             dots.append(tag("circle", cx=x, cy=y, r=size, class_=f"heat d{k}"))
             dots += [tag("circle", cx=x, cy=y, r=size + 2.5, class_="ring")] if ringed else []
-        name = f"bed-{number}-{title.replace(' ', '-')}".rstrip("-")
         heading = ", ".join(filter(None, (model, title)))
+        name = f"bed-{heading}".replace(",", "").replace(" ", "-")
         largest = int(np.argmax(np.abs(microns)))
         at = " ".join(f"{axis}{mm:.0f}" for axis, mm in zip("XY", place_mm[largest], strict=True))
         finding = f"Residuals of the touches: at most {signed(float(microns[largest]), 1)} µm,"
@@ -518,10 +518,10 @@ def bed_maps(
         body = [tag("circle", cx=x0, cy=y0, r=scale * bed_mm, class_="bed"), *dots]
         for tower, angle in zip("abc", map(math.radians, towers_deg), strict=True):
             x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
-            body.append(words(x, y + 5, tower, "middle", "axis"))
+            body.append(words(x, y + 5, tower, "middle", "axis halo"))
         body += [
             words(_BESIDE - 40, 14, heading, class_="strong"),
-            words(x0, _OVER + _BED - 4, "front", "middle", "muted"),
+            words(x0, _OVER + _BED - 4, "front", "middle", "muted halo"),
             *_axes(x0 - scale * reach, _OVER, scale * 2.0 * reach, (-reach, reach)),
             *_colours(_BESIDE, _OVER + _BED + 24, limits, "µm", "d"),
         ]
@@ -626,6 +626,7 @@ def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
             x, y = start + 46.0 * way / np.linalg.norm(way)
             parts.append(arrow(start + 9.0 * way, start + 34.0 * way))
             parts.append(words(x, y + 4, f"{plain(shim.mm, 2)} mm", "middle", "halo"))
+            taken += [*np.linspace((x - 24.0, y), (x + 24.0, y), 9)]
     middles: list[Floats] = []
     for first, second in pairs:
         # The common perpendicular: where each rail passes the other.

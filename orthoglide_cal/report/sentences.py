@@ -55,7 +55,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "tenths": lambda value: plain(value, 1),
     "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
     "freed": lambda arms: ", ".join(
-        f"{arm.name} {arm.value:+.3f} ± {2.0 * arm.std:.2g}" for arm in arms
+        f"{arm.name} {with_uncertainty(arm.value, 2.0 * arm.std)}" for arm in arms
     ),
     "stale": lambda order: _STALE["date" in order].format(**order),
     "place": lambda where: f" ({where})" if where else "",
@@ -466,8 +466,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "arms_differ": "Arms: the machine file says {stated:lengths} mm, the firmware {used:lengths}"
     " mm. The result holds with the firmware's; U includes the difference, {apart_mm:.2g} mm. Enter"
     " the measured arms in both (arm_length), calibrate and probe again.",
-    "arms_freed": "The distances free the arms, as Klipper does: {arms:freed} mm (U). Enter them"
-    " with the parameters; export and apply write them.",
+    "arms_freed": "The distances free the arms, as Klipper does: {arms:freed} mm (U). They"
+    " belong to the parameters; export and apply write both.",
     "unequal_arms": "Arms of {lengths_mm[0]:.1f}, {lengths_mm[1]:.1f} and {lengths_mm[2]:.1f} mm"
     " are stored; printers of this kind have equal arms. Their difference, {spread_mm:.1f} mm, is"
     " taken as their tolerance. Measure them from joint centre to joint centre.",

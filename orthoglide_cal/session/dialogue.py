@@ -348,7 +348,7 @@ class Dialogue:
             self.write(events.Undone(at=self.now()))
             taken += 1
         if taken:
-            self.asker.say(f"{_are(taken)} taken back: that gauge sent them.")
+            self.asker.say(f"{_are(taken)} taken back: sent by that gauge.")
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""

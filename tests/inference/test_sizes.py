@@ -88,8 +88,8 @@ def test_sizes_that_were_assumed_are_said(tmp_path: Path) -> None:
         for each in (machine, silent)
     )
     assert "Assumed sizes" not in stated
-    note = "Assumed sizes (not in the machine file): encoder_scale 1 mm/m, misread 0.1 mm, "
-    assert note + "sign_flip." in assumed
+    note = "Assumed sizes (not in the machine file): encoder_scale 1 mm/m, misread 0.1 mm."
+    assert note in assumed
 
 
 def test_only_what_was_tried_was_assumed(tmp_path: Path) -> None:

@@ -169,7 +169,7 @@ def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():
     assert x2 < x0 < x1
     colours = re.findall(r'<circle [^>]*class="heat d(\d)"', panel)
     assert list(map(int, colours)) == pytest.approx([3, 6, 0], abs=1)
-    towers = re.findall(r'<text x="([-\d.]+)" y="([-\d.]+)"[^>]*class="axis">([abc])<', panel)
+    towers = re.findall(r'<text x="([-\d.]+)" y="([-\d.]+)"[^>]*class="axis halo">([abc])<', panel)
     (xa, ya, _), (xb, yb, _), (xc, yc, _) = ((float(x), float(y), t) for x, y, t in towers)
     assert xa < xc < xb
     assert yc < ya == yb

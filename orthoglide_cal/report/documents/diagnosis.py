@@ -488,10 +488,9 @@ def _note_blocks(case: Case) -> tuple[doc.Block, ...]:
     answer = case.answer
     notes = [case.says(note) for note in answer.notes if note not in answer.release.cautions]
     notes += _doubts(case)
-    if assumed := answer.assumed_sizes:
-        # Without its size where the cause has none: it happens or it does not.
-        known = {e.id: f" {e.size:.3g} {unit_words(e.unit)}" if e.unit else "" for e in assumed}
-        text = ", ".join(f"{id}{size}" for id, size in known.items())
+    # A cause without a unit has no size: it happens or it does not.
+    if assumed := [e for e in answer.assumed_sizes if e.unit]:
+        text = ", ".join(f"{e.id} {e.size:.3g} {unit_words(e.unit)}" for e in assumed)
         notes.append(f"Assumed sizes (not in the machine file): {text}.")
     if answer.ruled_out:
         notes.append(f"Ruled out by hand: {', '.join(answer.ruled_out)}.")

@@ -28,6 +28,7 @@ BED_LEGEND = (
 _SIGNS = 30
 _MOST_SERIES = 6  # on a screen, each in half as many postures
 _MOST_DRAWN = 3  # parameters of a cause
+_RINGED = "Ringed: beyond four robust standard deviations."
 _MOST_GAUGES = 2  # of the readings that it spoils
 # What a pattern depends on if not on time: column of the residuals, and name of the axis.
 _OVER = {
@@ -123,16 +124,16 @@ def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
         name, title = _named("residual", "Residuals", when)
         panels = figures.reading_panels(name, title, rows, left, noise_mm=sigma)
         return [*beyond, doc.Figure(None, "", panels, key=key)]
-    bed, places = case.machine.bed, _places(answer)
+    bed, places = _bed(case), _places(answer)
     measured = np.array([row.measured_mm for row in rows])
     blocks: list[doc.Block] = []
     for title, touches in _surfaces(answer).items():
         # Without their mean: the first layer's height is set apart.
         shown = {"before": measured[touches] - measured[touches].mean()}
         shown |= {f"after, {model}": values[touches] for model, values in left.items()}
-        maps = figures.bed_maps(title, places[touches], shown, bed.radius_mm, bed.tower_angles_deg)
+        maps = figures.bed_maps(title, places[touches], shown, *bed)
         sketch = _signs(places[touches], left[list(left)[-1]][touches], sigma)
-        key = "Each map has its own scale. Ringed: beyond four robust standard deviations."
+        key = f"Each map has its own scale. {_RINGED}"
         blocks.append(doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch))
     return [*beyond, *blocks, _distances(answer)]
 
@@ -181,7 +182,18 @@ def cause_figure(case: Case, cause: FoundCause, gaps: bool) -> Iterator[doc.Figu
     key = "Dashed: as it should be. Solid: as it is, enlarged."
     drawn = [size for size in seen_parameters(cause) if set(size.name) <= {*AXES, "_"}]
     panels: Sequence[Html]
-    if gaps:
+    if _on_bed(case.answer):
+        if cause != case.answer.causes[0]:
+            return  # one map shows what all of them do
+        (alone, before), *_ = _left(case).items()
+        places = _places(case.answer)
+        panels = [
+            panel
+            for title, at in _surfaces(case.answer).items()
+            for panel in figures.bed_maps(title, places[at], {alone: before[at]}, *_bed(case))
+        ]
+        key = f"Residuals. {_RINGED}"
+    elif gaps:
         sizes_mm = {size.name: size.value for size in cause.parameters}
         panels = (figures.rails_sketch(sizes_mm, case.answer.shims),)
         key = "The rails where they really are, the gaps enlarged. " + (
@@ -190,8 +202,6 @@ def cause_figure(case: Case, cause: FoundCause, gaps: bool) -> Iterator[doc.Figu
     elif drawn and not cause.where and CAUSES[cause.id].unit != PER_HOUR:
         sizes = {e.name: (e.value, place_words(e.name), size_words(e)) for e in drawn[:_MOST_DRAWN]}
         panels = (figures.parameter_sketch(cause.id, sizes),)
-    elif _on_bed(case.answer):
-        return
     else:
         (alone, before), (both, after) = (left := _left(case)).items()
         change = np.abs(after - before)
@@ -244,6 +254,10 @@ def readings_table(case: Case, when: str) -> doc.Section:
         rows.append((str(row.order), at, short(row.measured_mm, 4), signed(rest_mm, 4)))
     grid = doc.Grid(("no.", "at", "reading, mm", "left, mm"), rows, words=(1,))
     return doc.Section(f"Appendix: readings, {when}".removesuffix(", "), grid)
+
+
+def _bed(case: Case) -> tuple[float, Sequence[float]]:
+    return case.machine.bed.radius_mm, case.machine.bed.tower_angles_deg
 
 
 def _on_bed(answer: Answer) -> bool:
