@@ -178,7 +178,7 @@ def _entered(
     given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)
     for begun in Path(path).parent.glob(f"{escape(Path(path).stem)}.*{JOURNAL}"):
-        problem = f"{path} was adjusted since ({begun.name}): that is not the machine any more."
+        problem = f"It was adjusted since ({begun.name}): that is not the machine any more."
         raise UsageError(problem, "Measure again, and apply the new session.")
     measured_on = given.model.machine
     corrects = [id for id, cause in CAUSES.items() if to and not to.hindrance(cause, measured_on)]

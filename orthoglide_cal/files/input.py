@@ -51,6 +51,11 @@ _KEY = re.compile(
     r"^(machine|readings|finished|started|kind|leg_length_mm):[ \t]*(.*)$", re.MULTILINE
 )
 
+_NO_READINGS = {
+    "a journal of orthocal": re.compile(r'\A\{"crc32":'),
+    "LinuxCNC's INI": re.compile(r"^\[(EMC|KINS|TRAJ|JOINT_\d)\]", re.MULTILINE),
+    "G-code": re.compile(r"\A(?:[ \t]*(?:;.*)?\n)*[GM]\d+\b"),
+}
 # Of a distance by that of a height in DELTA_CALIBRATE, where both are as many.
 _TRUST = 0.5
 _STEPS = 8  # of a search that converges quadratically
@@ -322,8 +327,8 @@ def _is_yaml(document: FileText) -> bool:
     lines = (line for line in document.text.split("\n", 1000) if line.strip())
     first = next((line for line in lines if not line.lstrip().startswith("#")), "")
     # "Recv: …" of a console looks like a key.
-    printed = (klipper.KLIPPY_LOG, klipper.PROBED, *gcode.PRINTED)
-    return bool(_YAML.match(first)) and not any(mark.search(document.text) for mark in printed)
+    others = (klipper.KLIPPY_LOG, klipper.PROBED, *gcode.PRINTED, *_NO_READINGS.values())
+    return bool(_YAML.match(first)) and not any(mark.search(document.text) for mark in others)
 
 
 def _table(document: FileText, model: Model | None, otherwise: Callable[[], Model]) -> Input:
@@ -412,6 +417,9 @@ def _firmware_file(
         what = "The file holds the settings of a printer's firmware, and no readings."
         remedy = "Give what was probed, such as heightmap.csv, and this file by --machine."
         raise InputError(what, remedy, file=document.path)
+    elif kind := next((k for k, mark in _NO_READINGS.items() if mark.search(text)), None):
+        remedy = "Give the readings: a CSV, a session, or a printer's file."
+        raise InputError(f"This is {kind}, not a file of readings.", remedy, file=document.path)
     else:
         return None
     # Those that the user names, else those beside the touches, else the numbers of a machine file,

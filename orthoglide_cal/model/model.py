@@ -71,13 +71,16 @@ class Model:
 
     def accepting(self, effect: Effect) -> "Model":
         """The model with a cause of which readings showed what its controller leaves."""
-        id, known = effect.cause.id, {other.cause.id for other in self.accepted}
-        corrected = self.machine.corrected
-        if id in corrected and id not in known:
-            values = self.machine.own_names(effect.cause.names, corrected[id])
-            theta = effect.theta - effect.cause.correcting(values).theta
-            effect = replace(effect, theta=theta)
-        return self.extended([effect]).correcting(corrected)
+        total = replace(effect, theta=self.total(effect))
+        return self.extended([total]).correcting(self.machine.corrected)
+
+    def total(self, effect: Effect) -> Floats:
+        """Parameters (p,) with what the controller corrects, of which readings show the rest."""
+        cause, corrected = effect.cause, self.machine.corrected
+        if cause.id not in corrected or cause.id in {other.cause.id for other in self.accepted}:
+            return effect.theta
+        values = self.machine.own_names(cause.names, corrected[cause.id])
+        return effect.theta - cause.correcting(values).theta
 
     def remaining(self) -> tuple[Effect, ...]:
         """The accepted causes, less what the controller corrects of them; one effect each."""

@@ -216,11 +216,12 @@ def pattern_words(machine: Machine, pattern: FoundPattern) -> str:
     single = len(pattern.where) == (2 if machine.vocabulary.measure else 0)
     verb = _HOWS[pattern.how][0].format(s="s" * single)
     numbers = [f"{with_uncertainty(pattern.size_mm, pattern.expanded_mm).lstrip('+')} mm"]
-    numbers += [
-        f"{two_figures(abs(size.value))} {size.unit}"
-        for size in pattern.parameters
-        if size.name == "time_constant" or (size.unit == "mm/K" and len(pattern.parameters) == 1)
-    ]
+    largest = {
+        size.unit: two_figures(abs(size.value))
+        for size in sorted(pattern.parameters, key=lambda size: abs(size.value))
+        if size.name == "time_constant" or size.unit == "mm/K"
+    }
+    numbers += [f"{value} {unit}" for unit, value in largest.items()]
     if pattern.how == "steps" and pattern.from_minutes is not None:
         numbers.append(f"at {plain(pattern.from_minutes, 1)} min")
     return f"{subject} {verb} ({', '.join(numbers)})"
@@ -373,6 +374,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "arms_vary": "The arm lengths in the firmware differ: parameters are compared at the last"
     " ones.",
     "adjusted": "Recorded adjustment between {before} and {after}: {entered:changes} mm.",
+    "corrected_otherwise": "The controller corrects {ids:and} otherwise from {after} on.",
     "shown_in_all": "{id} shows in all sessions: it is pooled.",
     "shown_in": lambda _, data: f"{data['id']} shows in {listed(data['paths'])}.",
     "one_more_session": "Measure once more: one further session decides between them.",

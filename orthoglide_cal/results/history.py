@@ -189,13 +189,13 @@ class _DiagnosedSession:
         self, fit: Fit, causes: tuple[Cause, ...]
     ) -> tuple[Floats, Floats, dict[Hashable, Floats]]:
         """The same under one explanation, whose first effects are these causes."""
-        white, active = self.white, self.given.model.machine.active
-        conditions, width = self.given.conditions, len(active)
+        white, model, conditions = self.white, self.given.model, self.given.conditions
+        active, width = model.machine.active, len(model.machine.active)
         # Takes the named parameters, in their units, from the unknowns.
         named = (np.eye(len(cause.names), cause.unknowns) / cause.scale for cause in causes)
         taken = block_diag(np.eye(width), *named)
         count = taken.shape[1]
-        theta = (effect.theta for effect in fit.effects[: len(causes)])
+        theta = (model.total(effect) for effect in fit.effects[: len(causes)])
         values = taken @ np.concatenate([fit.offsets + active, *theta])
         joint = taken @ fit.covariance[:count]
         covariance, estimator = joint[:, :count] @ taken.T, joint @ fit.columns.T / fit.sigma**2
@@ -487,6 +487,9 @@ def _circumstances(
         entered = {name: float(by) for name, by in changes if abs(by) > 1e-9}
         if entered and not old.differing(new):
             yield Reason.of("adjusted", before=one.path, after=two.path, entered=entered)
+        then, now = old.corrected, new.corrected
+        if ids := [id for id in {**then, **now} if then.get(id) != now.get(id)]:
+            yield Reason.of("corrected_otherwise", before=one.path, after=two.path, ids=ids)
     for id in dict.fromkeys(id for session in sessions for id in session.causes):
         shown = [session.path for session in sessions if id in session.causes]
         every = len(shown) == len(sessions)

@@ -313,7 +313,7 @@ class Dialogue:
         if key == "q":
             raise Quit
         if key == "?":
-            self.asker.say("Type a few words; Return alone goes back; q saves and quits.")
+            self.asker.say("Answer in a few words; Return alone goes back; q saves and quits.")
             return self._words(prompt)
         return text
 

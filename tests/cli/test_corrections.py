@@ -113,6 +113,9 @@ def test_corrections_alone_are_verified(large: Path, monkeypatch: pytest.MonkeyP
     assert verified["corrected"]["backlash"]["x"] == pytest.approx(0.09, abs=0.01)
     assert verified["response"]["value"] == pytest.approx(1.0, abs=0.1)
     assert verified["axes"] == {}
+    history = answer("history", "before.csv", "after.csv")
+    assert history["verdict"] == "unchanged", "active + found: what is corrected counts"
+    assert any("corrects backlash otherwise" in note for note in history["notes"])
     shown = words(run("verify", "before.csv", "idle.csv").stdout)
     assert "corrects backlash x +0.0" in shown
     assert "The machine did not respond" in shown

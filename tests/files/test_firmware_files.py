@@ -190,6 +190,9 @@ NOTHING = (
     ("zero.csv", made.height_map(made.UNEVEN, OFF).split("\n", 3)[0] + "\n"
      "xmin,xmax,ymin,ymax,radius,spacing,xnum,ynum\n-10,10,-10,10,20,20,2,2\n 0, 0\n 0, 0\n",
      PLACEHOLDER, "G29"),
+    ("mill.ini", "# mine\n[EMC]\nMACHINE = mill\n", "LinuxCNC's INI, not", "readings"),
+    ("part.gcode", "; sliced\n\nG28 X0\n", "G-code, not", "readings"),
+    ("before.adjust", '{"crc32":"b2dc114b","record":{}}\n', "a journal of orthocal", "readings"),
 )  # fmt: skip
 
 

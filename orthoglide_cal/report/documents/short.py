@@ -202,7 +202,7 @@ def _corrections(application: Application) -> doc.Grid:
         if left == "no_place":
             row = (id, "")  # its sizes are of no use here
         rows.append((*row, "" if gain is None or left else plain(gain, 3), why[left]))
-    caption = "What is known to be wrong, and the error of a carriage that the controller removes."
+    caption = "Size: what is known to be wrong. Gain: carriage error that the controller removes."
     head = ("cause", "size", "gain, mm", "from now on")
     return doc.Grid(head, list(dict.fromkeys(rows)), caption=caption, words=(0, 3))
 
