@@ -159,6 +159,7 @@ def test_any_other_parameter_in_the_controller_leaves_them_free(change: dict[str
     assert any("was recalibrated" in note for note in sentences(found.notes)) is bool(change)
 
 
+@pytest.mark.slow
 def test_the_verdict_does_not_hang_on_sizes(leaning: tuple[Input, Input]) -> None:
     before, _ = leaning
     machine = before.model.machine
