@@ -266,7 +266,7 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
         yield doc.Instruction(f"{words.entering}, then", case.record)
     elif export:
         yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
-    if export and not brief and recorded != "elsewhere":
+    if export and not brief and recorded not in ("done", "elsewhere"):
         yield doc.Instruction("Or print the lines for the controller's file", export)
     if check is not None:
         yield doc.Instruction(check_words(check))
