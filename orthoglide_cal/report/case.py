@@ -229,6 +229,9 @@ def decision_notice(case: Case) -> doc.Notice:
         tone = doc.Tone.OPEN
     if release.usable:
         tone = doc.Tone.WARN if cautions else doc.Tone.GOOD
+    else:
+        worst = (e for e in answer.validity.reservations if e.code in INVALIDATING)
+        reasons = (*reasons, *(e for e in worst if e not in reasons))
     lines += map(case.says, reasons)
     if first := case.invalidating:
         lines = [f"{title}.", *(line for line in lines if line != first)]

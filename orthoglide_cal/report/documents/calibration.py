@@ -18,6 +18,7 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import (
+    INVALIDATING,
     MEANS,
     Case,
     data_words,
@@ -149,7 +150,8 @@ def _notice(case: Case, left: Verification | None) -> doc.Notice:
     wrong = release.sound and answer.parameters and not release.usable
     notice = diagnosis_notice(case) if wrong else decision_notice(case)
     known = [*release.reasons, *release.cautions]
-    return reserved(notice, [case.says(e) for e in answer.validity.reservations if e not in known])
+    papers = (e for e in answer.validity.reservations if e.code not in INVALIDATING)
+    return reserved(notice, [case.says(e) for e in papers if e not in known])
 
 
 def _result(
