@@ -229,6 +229,9 @@ def decision_notice(case: Case) -> doc.Notice:
         tone = doc.Tone.OPEN
     if release.usable:
         tone = doc.Tone.WARN if cautions else doc.Tone.GOOD
+    else:
+        worst = (e for e in answer.validity.reservations if e.code in INVALIDATING)
+        reasons = (*reasons, *(e for e in worst if e not in reasons))
     lines += map(case.says, reasons)
     if first := case.invalidating:
         lines = [f"{title}.", *(line for line in lines if line != first)]
@@ -266,7 +269,7 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
         yield doc.Instruction(f"{words.entering}, then", case.record)
     elif export:
         yield doc.Instruction(f"{words.entering}.", export if recorded == "elsewhere" else None)
-    if export and not brief and recorded != "elsewhere":
+    if export and not brief and recorded not in ("done", "elsewhere"):
         yield doc.Instruction("Or print the lines for the controller's file", export)
     if check is not None:
         yield doc.Instruction(check_words(check))

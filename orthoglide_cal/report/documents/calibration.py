@@ -18,6 +18,7 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
 from orthoglide_cal.report.case import (
+    INVALIDATING,
     MEANS,
     Case,
     data_words,
@@ -121,6 +122,7 @@ def calibration_document(
                 sheet[len(result) : len(result)] = [doc.Section(None, text) for text in moved]
             if named and not released:
                 pages.insert(1, _parameters(case, drawn))
+                pages[:0] = [_rivals(case)] if answer.ambiguous_with else []
         else:
             # There is nothing to pin to the machine, and one sheet of paper says it all.
             sheet = [doc.next_steps(to_do(case)), *frame.sheet, *map(_other, case.others), *pages]
@@ -149,7 +151,8 @@ def _notice(case: Case, left: Verification | None) -> doc.Notice:
     wrong = release.sound and answer.parameters and not release.usable
     notice = diagnosis_notice(case) if wrong else decision_notice(case)
     known = [*release.reasons, *release.cautions]
-    return reserved(notice, [case.says(e) for e in answer.validity.reservations if e not in known])
+    papers = (e for e in answer.validity.reservations if e.code not in INVALIDATING)
+    return reserved(notice, [case.says(e) for e in papers if e not in known])
 
 
 def _result(
@@ -206,10 +209,13 @@ def _causes(case: Case) -> Iterator[doc.Section]:
         title = f"{case.title_of(cause.id)} ({cause.id})"
         title = f"Possible: {title}" if undecided else f"{title[0].upper()}{title[1:]}"
         yield doc.Section(title, *blocks, *cause_figure(case, cause, gaps))
-    if undecided and answer.causes:
-        rivals = [CAUSES[id].words(case.machine) for id in answer.ambiguous_with]
-        lines = (f"{e.title} ({e.id}). How to check: {e.instrument}." for e in rivals)
-        yield doc.Section(None, *(f"Also possible: {line}" for line in lines))
+
+
+def _rivals(case: Case) -> doc.Section:
+    """What the readings cannot distinguish from the likeliest answer."""
+    rivals = [CAUSES[id].words(case.machine) for id in case.answer.ambiguous_with]
+    lines = (f"{e.title} ({e.id}). How to check: {e.instrument}." for e in rivals)
+    return doc.Section("Also possible", *(f"{line[0].upper()}{line[1:]}" for line in lines))
 
 
 def _differences(
