@@ -339,10 +339,11 @@ def adjusted_since(given: Input) -> tuple[tuple[float, ...] | None, Corrections]
         if following and following.data.sha256 == source.sha256:
             diagnosis = diagnose(given.measured, given.model)
             id, adjustments = choose_adjustments(diagnosis, following.what)
-            removed[id] = {
+            done = {
                 one.name: one.value
                 for k, one in enumerate(adjustments)
                 if Adjusted.of(state, one, len(PHASES) * k).status == "adjusted"
             }
+            removed |= {id: done} if done else {}
     moved = removed.pop(HOME_SWITCH.id, {})
     return tuple(moved.get(axis, 0.0) for axis in AXES) if moved else None, removed
