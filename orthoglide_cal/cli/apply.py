@@ -2,7 +2,6 @@
 
 import sys
 from datetime import datetime
-from glob import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -163,7 +162,7 @@ def _entered(
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
     from orthoglide_cal.results.application import check_measured
-    from orthoglide_cal.session.adjusting import JOURNAL
+    from orthoglide_cal.session.adjusting import journals_beside
 
     file = None  # what is written to a printer needs none
     if known or to is None or to.adds:
@@ -177,7 +176,7 @@ def _entered(
         judged.check_recorded(remedy)
     given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)
-    for begun in Path(path).parent.glob(f"{escape(Path(path).stem)}.*{JOURNAL}"):
+    for begun in journals_beside(path):
         problem = f"It was adjusted since ({begun.name}): that is not the machine any more."
         raise UsageError(problem, "Measure again, and apply the new session.")
     measured_on = given.model.machine

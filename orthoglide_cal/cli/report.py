@@ -33,6 +33,7 @@ def report(
     from orthoglide_cal.report.documents.calibration import calibration_document
     from orthoglide_cal.results import answer_to, identify
     from orthoglide_cal.results.verification import verify
+    from orthoglide_cal.session.adjusting import adjusted_since
 
     if after is None and applied is not None:
         raise UsageError("--applied goes with --after.", "Name the later readings.")
@@ -53,7 +54,8 @@ def report(
                 )
             with common.working(f"{path}, {after}"):
                 left = Case(later, answer_to(later, details=True), machine)
-                verification = verify(given, later, applied, limit).changed(
+                moved, adjusted = adjusted_since(given)
+                verification = verify(given, later, applied or moved, limit, adjusted).changed(
                     workspace=left.answer.workspace
                 )
         inputs, options = (verification.inputs, verification.options) if verification else ((), ())

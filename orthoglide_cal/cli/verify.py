@@ -24,11 +24,13 @@ def verify(
     from orthoglide_cal.report.documents.verification import verification_document
     from orthoglide_cal.results import identify
     from orthoglide_cal.results.verification import verify as verified
+    from orthoglide_cal.session.adjusting import adjusted_since
 
     def judge(path: str) -> int:
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
         with common.working(f"{path}, {after}"):
-            result = verified(*inputs, applied, limit)
+            moved, adjusted = adjusted_since(inputs[0])
+            result = verified(*inputs, applied or moved, limit, adjusted)
         page = verification_document(result, identify(result.inputs, *result.options))
         common.deliver(
             page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite

@@ -22,6 +22,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -230,6 +231,7 @@ def verify(
     after: Input,
     applied_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
+    adjusted: Corrections = MappingProxyType({}),
 ) -> Verification:
     """Compare the predicted effect of a correction with the measured one.
 
@@ -238,6 +240,7 @@ def verify(
         applied_mm: what was added to the controller's offsets between the two (x, y, z) [mm];
             None takes what the inputs say, or the machine file that records it.
         limit_mm: largest deviation allowed in any difference; None for no decision.
+        adjusted: what a screw removed between the two; offsets are part of `applied_mm`.
 
     Raises:
         UsageError: the second was measured first, different machines, nobody says what was applied
@@ -262,8 +265,10 @@ def verify(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
             "Give the machine that both are to be judged by: --machine FILE",
         )
+    if adjusted and applied_mm is None:
+        applied_mm = (0.0, 0.0, 0.0)
     model, (applied, held) = before.model, _entered(before, after, applied_mm)
-    corrected = _more(model.machine.corrected, held)
+    corrected = {**_more(model.machine.corrected, held), **adjusted}
     applied = np.where(np.abs(applied) < SMALLEST_MM, 0.0, applied)
     if not applied.any() and not corrected:
         raise UsageError(
@@ -272,7 +277,7 @@ def verify(
         )
     added = correcting(model.machine, corrected)
     first, right = _solved(before, model)
-    second, _ = _solved(after, model.correcting(held))
+    second, _ = _solved(after, model.correcting({**held, **adjusted}))
     shared = shared_contrasts(before.measured, after.measured, model)
     if added:
         without = _without(added, after.measured, model, first.offsets_mm - applied)
@@ -299,7 +304,7 @@ def verify(
         rms_promised_mm=rms(np.array([row.promised_mm for row in rows])),
         rms_after_mm=as_left.rms_mm,
         as_left=as_left,
-        remains=remainder(promise, model),
+        remains=None if adjusted else remainder(promise, model),
         applied_mm=_by_axis(applied),
         corrected=corrected,
         differences=rows,

@@ -7,17 +7,21 @@ again. Where one stands follows from what was read, whatever interrupted it.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from glob import escape
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, computed_field
 
+from orthoglide_cal.causes import HOME_SWITCH
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.text import read_document
+from orthoglide_cal.inference import diagnose
+from orthoglide_cal.model.machine import Corrections
 from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from orthoglide_cal.model.readings import AXES, Contact
-from orthoglide_cal.planning.adjustment import Adjustment
+from orthoglide_cal.planning.adjustment import Adjustment, choose_adjustments
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.results.answer import InputFile, MachineName
 from orthoglide_cal.schema import Schema
@@ -26,7 +30,7 @@ from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import State
 from orthoglide_cal.session.gauges import Token
-from orthoglide_cal.session.journal import Journal
+from orthoglide_cal.session.journal import Journal, decode
 from orthoglide_cal.session.opening import (
     SIMULATED,
     TYPED,
@@ -319,3 +323,27 @@ def open_adjustments(
     except BaseException:
         journal.close()
         raise
+
+
+def journals_beside(path: str) -> list[Path]:
+    """The journals of what was adjusted by a session."""
+    return sorted(Path(path).parent.glob(f"{escape(Path(path).stem)}.*{JOURNAL}"))
+
+
+def adjusted_since(given: Input) -> tuple[tuple[float, ...] | None, Corrections]:
+    """What was adjusted after it was measured: by home switches (x, y, z) [mm], and of causes."""
+    source, removed = given.measured.source, dict[str, dict[str, float]]()
+    for path in journals_beside(source.path):
+        state = events.replay(decode(path.read_bytes(), path).events)
+        following = state.planned and state.planned.following
+        if following and following.data.sha256 == source.sha256:
+            diagnosis = diagnose(given.measured, given.model)
+            id, adjustments = choose_adjustments(diagnosis, following.what)
+            done = {
+                one.name: one.value
+                for k, one in enumerate(adjustments)
+                if Adjusted.of(state, one, len(PHASES) * k).status == "adjusted"
+            }
+            removed |= {id: done} if done else {}
+    moved = removed.pop(HOME_SWITCH.id, {})
+    return tuple(moved.get(axis, 0.0) for axis in AXES) if moved else None, removed

@@ -19,7 +19,7 @@ from orthoglide_cal.planning.adjustment import choose_adjustments
 from orthoglide_cal.session.adjusting import PHASES, Adjusted, Phase
 from orthoglide_cal.session.events import State, Taken, advance, replay
 from tests import truth
-from tests.cli.program import refused
+from tests.cli.program import answer, refused
 from tests.inference.sessions import known
 from tests.truth.adjusting import LooseMachine
 from tests.truth.forward import PARTS
@@ -157,6 +157,10 @@ def test_an_interrupted_adjustment_ends_like_any_other(folder: Path) -> None:
     assert (one["status"], one["readings_mm"]) == ("adjusted", read)
     assert one["target_mm"] == pytest.approx(0.31 + one["adjustment"]["change_mm"])
     assert piped(folder, (), "--resume") == (0, whole), "it has ended: it is only shown again"
+    verified = answer("verify", "before.csv", "before.csv")
+    removed = {one["adjustment"]["name"]: one["adjustment"]["value"]}
+    assert verified["corrected"] == {"axis_squareness": removed}
+    assert abs(verified["response"]["value"]) < 1e-6, "as if nothing had moved"
     (folder / "before.axis_squareness.adjust").unlink()
     assert piped(folder, ANSWERS[:5]) == (130, "")
     assert piped(folder, ("y", *ANSWERS[5:]), "--resume") == (0, whole)

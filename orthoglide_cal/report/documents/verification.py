@@ -202,13 +202,15 @@ def verification_steps(
 
 
 def _corrected(result: Verification) -> str:
-    """What the controller corrects since the first measurement, in one sentence."""
+    """What is corrected since the first measurement, by a screw or the controller."""
+    verbs = {True: "Adjusted:", False: "The controller now corrects"}
     causes = [
-        f"{id} {', '.join(f'{name} {signed(by, 3)}' for name, by in values.items())}"
-        f" {unit_words(CAUSES[id].unit)}"
+        f"{verbs[CAUSES[id].adjustable]} {id}"
+        f" {', '.join(f'{name} {signed(by, 3)}' for name, by in values.items())}"
+        f" {unit_words(CAUSES[id].unit)}."
         for id, values in result.corrected.items()
     ]
-    return f"The controller now corrects {'; '.join(causes)}." if causes else ""
+    return " ".join(causes)
 
 
 def _answer(result: Verification) -> str:
