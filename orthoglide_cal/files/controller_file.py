@@ -270,8 +270,11 @@ def _check_included(target: str, text: str) -> None:
 
 
 def _joints(target: str, places: Places) -> dict[str, int]:
-    """The joint of each axis. Raises InputError for axes of none, or of several."""
+    """The joint of each axis. Raises InputError for axes of none, or of several, and for a delta."""
     for number, value in places["KINS", "KINEMATICS"]:
+        if "deltakins" in value.lower():
+            problem, remedy = "This LinuxCNC drives a delta.", "Name the INI of this machine."
+            raise InputError(problem, remedy, file=target, line=number, value=value)
         if kins := _COORDINATES.search(value):
             letters = kins[1].lower()
             if any(letters.count(axis) != 1 for axis in AXES):

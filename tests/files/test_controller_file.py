@@ -149,11 +149,17 @@ def test_axes_are_written_to_their_joints(
     assert tuple(settings[axis].line for axis in "xyz") == lines
 
 
-@pytest.mark.parametrize("letters", ["XYYZ", "XZ", "XYA"])
-def test_axes_without_a_joint_of_their_own_are_refused(tmp_path: Path, letters: str) -> None:
+@pytest.mark.parametrize(
+    ("kinematics", "problem"),
+    [(f"trivkins coordinates={letters}", "each of X, Y and Z one joint")
+     for letters in ("XYYZ", "XZ", "XYA")] + [("lineardeltakins", "drives a delta")],
+)  # fmt: skip
+def test_axes_without_a_joint_of_their_own_are_refused(
+    tmp_path: Path, kinematics: str, problem: str
+) -> None:
     path = tmp_path / "mill.ini"
-    path.write_text(f"{INI}[KINS]\nKINEMATICS = trivkins coordinates={letters}\n", "utf-8")
-    with pytest.raises(InputError, match=r"line 20.*each of X, Y and Z one joint"):
+    path.write_text(f"{INI}[KINS]\nKINEMATICS = {kinematics}\n", "utf-8")
+    with pytest.raises(InputError, match=rf"line 20.*{problem}"):
         controller_file(str(path))
 
 
