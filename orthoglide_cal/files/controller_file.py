@@ -270,7 +270,7 @@ def _check_included(target: str, text: str) -> None:
 
 
 def _joints(target: str, places: Places) -> dict[str, int]:
-    """The joint of each axis. Raises InputError for axes of none, or of several, and for a delta."""
+    """The joint of each axis. Raises InputError for axes of none or of several, and of a delta."""
     for number, value in places["KINS", "KINEMATICS"]:
         if "deltakins" in value.lower():
             problem, remedy = "This LinuxCNC drives a delta.", "Name the INI of this machine."
