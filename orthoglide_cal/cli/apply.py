@@ -10,7 +10,13 @@ import typer
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
 from orthoglide_cal.cli.export import released
-from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command
+from orthoglide_cal.errors import (
+    InputError,
+    OrthocalError,
+    UnusableResultError,
+    UsageError,
+    command,
+)
 
 if TYPE_CHECKING:
     from orthoglide_cal.files.controller_file import ControllerFile
@@ -178,7 +184,7 @@ def _entered(
     check_measured(given, None if to else file)
     for begun in journals_beside(path):
         problem = f"It was adjusted since ({begun.name}): that is not the machine any more."
-        raise UsageError(problem, "Measure again, and apply the new session.")
+        raise UnusableResultError(problem, "Measure again, and apply the new session.")
     measured_on = given.model.machine
     corrects = [id for id, cause in CAUSES.items() if to and not to.hindrance(cause, measured_on)]
     answer = (case := released(given, machine, corrects=corrects)).answer

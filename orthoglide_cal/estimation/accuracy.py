@@ -5,7 +5,6 @@ and, where the rank is missing, which offsets stay free and which reading to add
 """
 
 import functools
-import math
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -15,13 +14,13 @@ from scipy.special import chdtrc, stdtrit
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.least_squares import Problem
+from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.readings import Posture
 
-CONFIDENCE = 0.95
 # Singular values below this fraction of the sensitivity of a good plan count as zero.
 NEGLIGIBLE = 1e-6
 
@@ -85,7 +84,7 @@ def scatter_of_repeats(plan: Plan, values: Floats) -> Scatter | None:
 
 def half_width(dof: float, confidence: float = CONFIDENCE) -> float:
     """Student-t factor of a two-sided interval; the normal one for infinite dof."""
-    return float(stdtrit(min(dof, 1e9), 0.5 + confidence / 2.0))
+    return float(stdtrit(dof, 0.5 + confidence / 2.0))
 
 
 def chance_of_residual(sum_of_squares: float, dof: float, sigma_mm: float) -> float:
@@ -133,7 +132,7 @@ def require_determined(problem: Problem) -> None:
     """
     model, jacobian = problem.model, problem.at_zero[1]
     std = model.machine.instrument.noise_mm * np.sqrt(np.diag(unit_covariance(problem, jacobian)))
-    free = ~np.array(determined(model, half_width(math.inf) * std))
+    free = ~np.array(determined(model, NORMAL_K * std))
     if free.any():
         _refuse(problem, free)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError
-from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
+from orthoglide_cal.estimation.accuracy import chance_of_residual
 from orthoglide_cal.estimation.losses import (
     DISMISSED,
     FALSE_RELEASE,
@@ -39,7 +39,7 @@ from orthoglide_cal.inference.fit import LARGEST, Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import PASSING, fits_of, weight_of
 from orthoglide_cal.inference.result import Verdict
-from orthoglide_cal.model.cause import Stage
+from orthoglide_cal.model.cause import NORMAL_K, Stage
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
 
@@ -478,7 +478,7 @@ class Decision:
         alone = self.belief.patterns[", ".join(one.label for one in unlisted)]
         if alone is hypothesis:
             return True
-        u = half_width(np.inf) * np.sqrt(np.diag(self.offsets[1]))
+        u = NORMAL_K * np.sqrt(np.diag(self.offsets[1]))
         offsets = [
             np.sum([share * fit.offsets for share, fit in self._fits(one)], axis=0)
             for one in (hypothesis, alone)

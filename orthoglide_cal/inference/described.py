@@ -5,13 +5,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from orthoglide_cal.estimation.accuracy import half_width, rms
+from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.fit import leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern
 from orthoglide_cal.inference.patterns import Ground, fits_of
 from orthoglide_cal.inference.result import FoundPattern
-from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.model.cause import NORMAL_K, Estimate
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, Where, without_zeros
 
@@ -73,7 +73,7 @@ def described(
         from_minutes=start,
         between=between,
         size_mm=abs(size),
-        expanded_mm=half_width(np.inf) * std,
+        expanded_mm=NORMAL_K * std,
         parameters=parameters,
         probability=probability,
         accepted=accepted,
@@ -105,12 +105,12 @@ def _effect(pattern: Pattern, fits: _Fits, rows: Bools) -> tuple[Floats, Floats]
         spreads = ((one @ spread) * one for one, (_, spread) in zip(columns, known, strict=True))
         variances = np.array([spread.sum(axis=1) for spread in spreads])
     mean = shares @ values
-    return mean, half_width(np.inf) * np.sqrt(shares @ ((values - mean) ** 2 + variances))
+    return mean, NORMAL_K * np.sqrt(shares @ ((values - mean) ** 2 + variances))
 
 
 def _between(measured: Readings, rows: Bools, minutes: float, std: float) -> Iterator[Where]:
     """The last of some readings before a moment, and the first after it, as far as it is known."""
-    plan, reach = measured.plan, half_width(np.inf) * std
+    plan, reach = measured.plan, NORMAL_K * std
     ranks = np.flatnonzero(rows[plan.in_time])
     times = MINUTES * plan.hours[plan.in_time[ranks]] + 1e-6
     for rank in (*ranks[times < minutes - reach][-1:], *ranks[times >= minutes + reach][:1]):

@@ -13,7 +13,6 @@ from scipy.special import fdtrc
 from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution, fit_parameters
-from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
@@ -44,7 +43,7 @@ from orthoglide_cal.inference.result import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.model.cause import Cause, Effect, Estimate, Place
+from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Estimate, Place
 from orthoglide_cal.model.measured import Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -139,7 +138,7 @@ def diagnose(
                 other = decide_by(decision.belief.scaled(factor))
                 changes[name] = Otherwise(verdict=other.verdict, ids=other.accepted)
         offsets, covariance = decision.offsets
-        unshown = _unshown(decision, offsets, half_width(np.inf) * np.sqrt(np.diag(covariance)))
+        unshown = _unshown(decision, offsets, NORMAL_K * np.sqrt(np.diag(covariance)))
         matter = {fault.id for fault in unshown if fault.matters}
         patterns, wrong = tuple(_patterns(decision, measured)), accepted.wrong_readings
         explained = alone.predicted_mm
@@ -315,7 +314,7 @@ def _explanations(decision: Decision) -> tuple[Explanation, ...]:
             ids=ids,
             probability=probability,
             rms_mm=decision.belief.at.white.rms(fit.left) if ids else None,
-            parameters=Parameter.all_of(model, fit.offsets, std, half_width(np.inf)),
+            parameters=Parameter.all_of(model, fit.offsets, std, NORMAL_K),
         )
 
     tried = [explanation(ids, value) for ids, value in decision.belief.listed.items()]

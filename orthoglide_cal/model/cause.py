@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from statistics import NormalDist
 from types import MappingProxyType
 from typing import Annotated, NamedTuple, Self
 
@@ -37,8 +38,8 @@ Place = tuple[int, ...]
 EVERYWHERE: Place = ()
 
 
-# U/u of a normal distribution at 95 %, as `estimation.accuracy.half_width` has it.
-NORMAL_K = 1.959963986912325
+CONFIDENCE = 0.95  # of every expanded uncertainty
+NORMAL_K = NormalDist().inv_cdf(0.5 + CONFIDENCE / 2.0)  # U/u of a normal distribution
 
 
 class Estimate(Schema):

@@ -18,10 +18,9 @@ from pydantic import Field
 
 from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
-from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.inference import Diagnosis, Verdict
 from orthoglide_cal.inference.prediction import expect
-from orthoglide_cal.model.cause import Cause, Effect, Estimate, Stage
+from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Estimate, Stage
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.model import differentiate, simulate
 from orthoglide_cal.model.orthoglide import POSTURES, Orthoglide, PlannedReading, plan_of
@@ -101,7 +100,7 @@ def choose_adjustments(diagnosis: Diagnosis, id: str | None) -> tuple[str, tuple
 
 def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
     """Each with the gauge whose reading changes most, and the check at the posture most unlike."""
-    cause, k, fit = effect.cause, half_width(np.inf), diagnosis.left_open[0][1]
+    cause, k, fit = effect.cause, NORMAL_K, diagnosis.left_open[0][1]
     machine, noise = diagnosis.model.orthoglide, np.sqrt(2.0) * fit.sigma  # of a difference
     now = diagnosis.model.extended(e for e in diagnosis.effects if e.cause.lasting)
     for parameter in np.argsort(-np.abs(effect.theta)).tolist():

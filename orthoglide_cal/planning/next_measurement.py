@@ -26,7 +26,6 @@ from operator import ne
 
 import numpy as np
 
-from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.estimation.budget import fixed_influences, influences
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN, loss_after
@@ -35,6 +34,7 @@ from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.inference.decision import keep_ratio
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.prediction import chance_of_one_answer, expect, predict
+from orthoglide_cal.model.cause import NORMAL_K
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import (
@@ -298,7 +298,7 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     within = sum(share * fit.offsets_covariance for share, fit in diagnosis.left_open) / total
     between = np.diag(diagnosis.covariance_mm2 - within)
     taken = 0.0 if first is None else _fixed(model, first, fits[0])
-    now = half_width(np.inf) * np.sqrt((np.diag(diagnosis.covariance_mm2) + taken).max())
+    now = NORMAL_K * np.sqrt((np.diag(diagnosis.covariance_mm2) + taken).max())
     ranking = []
     for number, option in enumerate(choice):
         chance = chances[number] if decides else 0.0
@@ -308,7 +308,7 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
         variance = shares @ np.diagonal(spreads, axis1=1, axis2=2) + (1.0 - chance) * between
         whole = option.plan if first is None else joined(first, option.plan)
         variance = np.maximum(variance + _fixed(model, whole, fits[0]), 0.0)
-        expanded = half_width(np.inf) * np.sqrt(variance)
+        expanded = NORMAL_K * np.sqrt(variance)
         pair = _pair(open_pairs, apart[number], ids)
         lacking = () if pair is None else _lacking(*(ids[k] for k in pair))
         measurement = option.changed(

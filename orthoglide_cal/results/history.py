@@ -40,7 +40,7 @@ from orthoglide_cal.inference.decision import decide, state
 from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
-from orthoglide_cal.model.cause import Cause, Estimate
+from orthoglide_cal.model.cause import NORMAL_K, Cause, Estimate
 from orthoglide_cal.model.machine import Bed, Machine, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -51,7 +51,7 @@ from orthoglide_cal.words import listed
 PLAIN = 0.2  # readings that noise leaves so often are not searched for causes
 LOG_LASTING = math.log(0.03)  # log prior of a lasting cause
 LASTS = 0.7  # share of the variance of a bed's local shape that lasts for weeks
-U95, ONE_SIDED = half_width(math.inf), half_width(math.inf, 0.9)
+ONE_SIDED = half_width(math.inf, 0.9)
 
 Sizes = tuple[Estimate, ...]
 _Shape = tuple[Floats, Floats, Bed]  # touched places (n, 2), what is left (n,)
@@ -379,7 +379,7 @@ def compare(
             path=session.given.measured.source.path,
             started=moments[k].isoformat() if dated else conditions.started,
             parameters=sized(session.values, total),
-            own_expanded=tuple((U95 * np.sqrt(session.covariance.diagonal())).tolist()),
+            own_expanded=tuple((NORMAL_K * np.sqrt(session.covariance.diagonal())).tolist()),
             fitted=tuple(fit.state(k)[0].tolist()),
             causes=standing[k],
             temperature_c=conditions.mean_temperature_c,
@@ -417,7 +417,7 @@ def compare(
         scatter=scatter,
         pooled=now,
         further={
-            n: tuple((U95 * np.sqrt(np.diagonal(fit.state(-1, more=n)[1]))).tolist())
+            n: tuple((NORMAL_K * np.sqrt(np.diagonal(fit.state(-1, more=n)[1]))).tolist())
             for n in (1, 2, 5)
         },
         prediction=sized(*fit.state(-1, float(np.median(np.diff(times))), measured=True)),

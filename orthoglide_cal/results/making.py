@@ -31,10 +31,8 @@ from orthoglide_cal.estimation import (
     stays,
 )
 from orthoglide_cal.estimation.accuracy import (
-    CONFIDENCE,
     Scatter,
     chance_of_residual,
-    half_width,
     rms,
 )
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
@@ -56,7 +54,7 @@ from orthoglide_cal.inference import (
     nothing_wrong,
 )
 from orthoglide_cal.inference.result import WORTH_SAYING
-from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -68,8 +66,6 @@ from orthoglide_cal.results.validity import validity
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import entered_decimals
 
-# U of a cause by its standard uncertainty.
-REACH = half_width(math.inf)
 # Beyond this Student's t is the normal distribution to two decimals.
 NORMAL_DOF = 500.0
 # What the answer takes from a diagnosis as it is.
@@ -305,13 +301,13 @@ def _within_noise(model: Model, estimate: OffsetEstimate, known: Budget) -> bool
     """
     for effect in model.remaining():
         # It is to be entered, too.
-        if effect.cause.compensable and np.any(np.abs(effect.theta) > REACH * effect.std):
+        if effect.cause.compensable and np.any(np.abs(effect.theta) > NORMAL_K * effect.std):
             return False
     if np.any(np.abs(estimate.offsets_mm) > estimate.budget.expanded_mm):
         return False
     budget, change = known.without(model.machine.fixed_parameters), estimate.offsets_mm
     apart = float(change @ np.linalg.solve(budget.covariance_mm2, change))
-    widened = budget.k / half_width(np.inf)
+    widened = budget.k / NORMAL_K
     return chance_of_residual(apart, len(change), widened) >= 1.0 - CONFIDENCE
 
 
@@ -600,7 +596,7 @@ def _named(solution: Solution, diagnosis: Diagnosis, corrects: Collection[str]) 
         return Release(reasons=tuple(reasons), remedies=tuple(remedies))
     shift = np.abs(solution.offsets_mm - diagnosis.offsets_mm)
     size = {"change": float(shift.max()), "unit": units[int(np.argmax(shift))]}
-    if np.all(shift <= half_width(np.inf) * diagnosis.std_mm):
+    if np.all(shift <= NORMAL_K * diagnosis.std_mm):
         return Release(cautions=(Reason.of("within_u", ids=ids, **size),))
     if all(id in corrects for id in ids):
         return Release(cautions=(Reason.of("corrected", ids=ids, **size),))

@@ -40,7 +40,7 @@ from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
-from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.cause import NORMAL_K, Effect
 from orthoglide_cal.model.machine import Corrections
 from orthoglide_cal.model.measured import DataKind, Measured, Readings, Source
 from orthoglide_cal.model.model import Model, simulate
@@ -334,7 +334,7 @@ def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
         largest_mm=abs(largest.after_mm),
         largest_difference=largest.difference,
         expanded_mm=largest.expanded_mm,
-        coverage_factor=half_width(np.inf),
+        coverage_factor=NORMAL_K,
         passable=all(row.expanded_mm <= limit_mm for row in rows),
     )
 
@@ -369,8 +369,8 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
     (noise2, u_promised), (_, u_earlier), (_, u_after) = (
         _mean_square(solution, heights[k]) for solution, k in ((first, 1), (first, 0), (second, 2))
     )
-    reach = half_width(np.inf) * math.hypot(u_promised, u_after)
-    worse = afterwards**2 - earlier**2 > half_width(np.inf) * math.hypot(u_earlier, u_after)
+    reach = NORMAL_K * math.hypot(u_promised, u_after)
+    worse = afterwards**2 - earlier**2 > NORMAL_K * math.hypot(u_earlier, u_after)
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
     most = promised**2 + 2.0 * len(old) * noise2 / was + reach
@@ -394,8 +394,10 @@ def _of_touches(before: Input, after: Input, applied: object, limit: object) -> 
 
 
 def _mean_square(solution: Solution, left: Floats) -> tuple[float, float]:
-    """Mean square that noise and local shape leave of touches, and the standard uncertainty of that
-    of what is `left` (n,), both as stated [mm²]."""
+    """Mean square of touches that noise and local shape leave, as stated [mm²], and its u.
+
+    `left` (n,) is what the parameters leave of them [mm].
+    """
     plan, machine = solution.posed.problem.plan, solution.model.machine
     shape = machine.local_shape(plan)
     columns = shape.columns[plan.touches] if shape else np.zeros((len(left), 0))
@@ -474,7 +476,7 @@ def _differences(
         )
     gauge = later.problem.model.machine.instrument
     noise = gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
-    pairs = zip(later.data.tolist(), (half_width(np.inf) * noise).tolist(), strict=True)
+    pairs = zip(later.data.tolist(), (NORMAL_K * noise).tolist(), strict=True)
     measured = dict(zip([difference.name for difference in later.which], pairs, strict=True))
     return tuple(
         ComparedDifference(

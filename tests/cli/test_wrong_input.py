@@ -22,7 +22,7 @@ PROTOTYPE = (shipped_folder() / "orthoglide_prototype.yaml").read_text(encoding=
 
 def test_apply_says_nothing_is_entered_before_it_asks(tmp_path: Path) -> None:
     Path("machine.yaml").write_text(PROTOTYPE, encoding="utf-8")
-    assert "Nothing is recorded." in refused(4, "apply", SIX, "--yes")
+    assert "Do not use these offsets." in refused(4, "apply", SIX, "--yes")
     before = Path("machine.yaml").read_bytes()
     for options, answers in (((DOUBLE,), "n"), ((DOUBLE,), "y"), (("--undo",), "n")):
         with Terminal(tmp_path, *options, command=("apply",), agreed=False) as terminal:

@@ -77,7 +77,7 @@ def test_estimates_are_in_the_units_of_the_files() -> None:
     for estimate, value, std in zip(effect.estimates, values, stds, strict=True):
         assert estimate.unit == "mrad"
         assert (estimate.value, estimate.std) == pytest.approx((value, std), rel=1e-12)
-        assert estimate.expanded == half_width(math.inf) * estimate.std
+        assert estimate.expanded == pytest.approx(half_width(math.inf) * estimate.std, rel=1e-12)
 
 
 def test_a_width_is_not_negative_and_first_positions_are_not_told() -> None:

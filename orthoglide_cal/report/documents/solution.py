@@ -122,11 +122,14 @@ def _screen(case: Case) -> doc.Page:
 
 def _meaning(case: Case) -> str:
     """The names and letters of a screen, each in words."""
-    answer, check = case.answer, case.answer.check
-    words = [comparison_words(check is not None and check.ends)[1]] if answer.deviations else []
-    if answer.budget and not (answer.release.usable and answer.release.needed):
+    answer, check, release = case.answer, case.answer.check, case.answer.release
+    enter = release.usable and release.needed
+    words = []
+    if answer.deviations and not release.settled:
+        words.append(comparison_words(check is not None and check.ends)[1])
+    if answer.budget and not enter:
         words.append("U: expanded uncertainty, 95 %.")
-    if answer.judgement and answer.judgement.code == "residuals_agree" and answer.release.usable:
+    if answer.judgement and answer.judgement.code == "residuals_agree" and enter:
         words.append("p: probability that noise alone leaves more.")
     return " ".join(words)
 
