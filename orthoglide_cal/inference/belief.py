@@ -103,7 +103,7 @@ class Belief:
 
     def beside(self, ids: Ids) -> list[Hypothesis]:
         """Every pattern in addition to a set of causes, not looked at closely."""
-        every = tried(self.at, course_of(self.at, self.fit(()), fine=False))
+        every = tried(self.at, course_of(self.fit(()), fine=False))
         return combined(self.hypotheses[ids], self.fit(ids), every)
 
     def closely(self) -> Belief:
@@ -114,7 +114,7 @@ class Belief:
         fitted alone would stand where the pattern acts.
         """
         at, nothing = self.at, self.fit(())
-        every = tried(at, course_of(at, nothing, fine=True))
+        every = tried(at, course_of(nothing, fine=True))
         patterns = {one.label: one for one in combined(self.hypotheses[()], nothing, every)}
         ordered = sorted(patterns.values(), key=weight_of)
         likely = {one.patterns[0].how: one for one in ordered} | {

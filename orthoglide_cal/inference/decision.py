@@ -456,7 +456,7 @@ class Decision:
 
     def _fits(self, hypothesis: Hypothesis) -> list[tuple[float, Fit]]:
         fits = fits_of(hypothesis, self.belief.fit(hypothesis.ids))
-        return [(share, ground.fit) for share, ground, _ in fits]
+        return [(share, fit) for share, fit, _ in fits]
 
     @property
     def enterable(self) -> float:

@@ -7,9 +7,9 @@ import numpy as np
 
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.inference.belief import Belief
-from orthoglide_cal.inference.fit import leave_out, left_out
+from orthoglide_cal.inference.fit import Fit, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern
-from orthoglide_cal.inference.patterns import Ground, fits_of
+from orthoglide_cal.inference.patterns import extended, fits_of, usual
 from orthoglide_cal.inference.result import FoundPattern
 from orthoglide_cal.model.cause import NORMAL_K, Estimate
 from orthoglide_cal.model.measured import Measured, Readings
@@ -19,7 +19,7 @@ MINUTES = 60.0  # in an hour
 # Pattern → name of the parameter of its shapes.
 _SHAPE_NAMES = {"drifts": "period", "settles": "time_constant", "steps": "moment"}
 
-_Fits = Sequence[tuple[float, Ground, slice]]
+_Fits = Sequence[tuple[float, Fit, slice]]
 
 
 def described(
@@ -28,9 +28,9 @@ def described(
     """The last pattern of a hypothesis in numbers; None where no readings of one gauge differ."""
     base = belief.fit(hypothesis.ids)
     pattern, white = hypothesis.patterns[-1], hypothesis.at.white
-    fits, before = fits_of(hypothesis, base), Ground.of(hypothesis.at, base)
+    fits, before = fits_of(hypothesis, base), usual(base)
     for other in hypothesis.patterns[:-1]:
-        before, _ = before.extended(other)
+        before, _ = extended(before, other)
     after = fits[0][1]
     wheres = white.plan.wheres(white.raw)
     rows = next(rows for where, rows in wheres if where == pattern.where)
@@ -79,7 +79,7 @@ def described(
         accepted=accepted,
         rms_before_mm=white.rms(belief.fit(()).left),
         # More noise takes nothing away.
-        rms_after_mm=white.rms(left.fit.left) if left.white is white else None,
+        rms_after_mm=white.rms(left.left) if left.white is white else None,
         heldout_before_mm=heldout and heldout[0],
         heldout_after_mm=heldout and heldout[1],
         heldout_ratio=heldout and heldout[1] / heldout[0],
@@ -100,7 +100,7 @@ def _effect(pattern: Pattern, fits: _Fits, rows: Bools) -> tuple[Floats, Floats]
         plan, columns = fits[0][1].at.white.plan, [shape.columns for shape in pattern.shapes]
         if pattern.how == "repeats":  # of a gauge the zero hides their mean
             columns = [without_zeros(plan, one.T).T for one in columns]
-        known = [ground.amplitudes(own) for _, ground, own in fits]
+        known = [(fit.moved[own], fit.covariance[own, own]) for _, fit, own in fits]
         values = np.array([one @ mean for one, (mean, _) in zip(columns, known, strict=True)])
         spreads = ((one @ spread) * one for one, (_, spread) in zip(columns, known, strict=True))
         variances = np.array([spread.sum(axis=1) for spread in spreads])
@@ -146,7 +146,7 @@ def _gauges(
         )
         return
     plan, columns = fits[0][1].at.white.plan, [shape.columns for shape in pattern.shapes]
-    known = [ground.amplitudes(own) for _, ground, own in fits]
+    known = [(fit.moved[own], fit.covariance[own, own]) for _, fit, own in fits]
     effect = columns[0] @ known[0][0]
     for gauge in dict.fromkeys(plan.shared[rows].tolist()):
         own = np.flatnonzero(plan.shared == gauge)
@@ -171,7 +171,7 @@ def _mean_and_std(
     return mean, math.sqrt(float(shares @ ((values - mean) ** 2 + variances)))
 
 
-def _heldout(rows: Bools, before: Ground, after: Ground, cells: Ints) -> tuple[float, float] | None:
+def _heldout(rows: Bools, before: Fit, after: Fit, cells: Ints) -> tuple[float, float] | None:
     """Errors of predicting some readings, one of the cells (n,) left out at a time, r.m.s. [mm].
 
     Those of a cell below 0 stay. Without and with the pattern; None where no reading has another
@@ -182,8 +182,8 @@ def _heldout(rows: Bools, before: Ground, after: Ground, cells: Ints) -> tuple[f
     if len(np.unique(cells)) < 2 or not any(rows[block].any() for block in blocks):
         return None
     errors = []
-    for ground in (before, after):
-        which, error, _ = leave_out(ground.white, ground.fit, blocks)
+    for fit in (before, after):
+        which, error, _ = leave_out(fit.white, fit, blocks)
         chosen = rows[which]
-        errors.append(rms((error / ground.white.plan.precision[which])[chosen]))
+        errors.append(rms((error / fit.white.plan.precision[which])[chosen]))
     return errors[0], errors[1]

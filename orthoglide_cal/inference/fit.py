@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -33,6 +34,7 @@ from orthoglide_cal.estimation.least_squares import fit_offsets
 from orthoglide_cal.estimation.losses import MISSED_CHANGE, UNLISTED, WRONG_STORY, surprising
 from orthoglide_cal.inference.candidates import Ids, ids_of
 from orthoglide_cal.inference.data import Linearised, Whitened
+from orthoglide_cal.inference.evidence import NoiseGrid
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
     LOG_ALL,
@@ -47,7 +49,7 @@ from orthoglide_cal.inference.hypothesis import (
 )
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Influence, Instrument, Machine, Origin
-from orthoglide_cal.model.plan import Contrasts, Floats, Ints, ReadOnly
+from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, ReadOnly
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
 HALF_NORMAL = math.sqrt(2.0 / math.pi), math.sqrt(1.0 - 2.0 / math.pi)
@@ -73,6 +75,10 @@ class Fit(ReadOnly):
     uncertain of the data in addition to noise.
     """
 
+    at: Linearised  # the linear model that it began with
+    # The data that it is of, and their noise; both are others where some readings have more noise.
+    white: Whitened
+    noise: NoiseGrid
     # As of `Hypothesis`; how much likelier the data make it than the prior does that widths are
     # positive is part of it.
     log_evidence: float
@@ -131,6 +137,73 @@ class Fit(ReadOnly):
     def unknowns(self) -> float:
         """Degrees of freedom that a fit with priors takes up: trace of its hat matrix."""
         return float(np.trace(self.covariance @ self.columns.T @ self.columns)) / self.sigma**2
+
+    @property
+    def given(self) -> int:
+        """Number of the unknowns that come before those of what is uncertain of the data."""
+        widths = (influence.columns.shape[1] for influence in self.uncertain)
+        return int(len(self.sizes) - sum(widths))
+
+    @cached_property
+    def is_local(self) -> Bools:
+        """Which unknowns are a local shape, shape (q,)."""
+        widths = [influence.columns.shape[1] for influence in self.uncertain]
+        local = np.repeat([influence.local for influence in self.uncertain], widths)
+        return np.append(np.zeros(self.given), local).astype(np.bool_)
+
+    @property
+    def rest(self) -> float:
+        """Variance of a reading by what of a local shape is too fine to be described [mm²]."""
+        return self.scale_factor**2 * sum(influence.rest for influence in self.uncertain)
+
+    @property
+    def stated(self) -> float:
+        """Standard deviation of a reading as stated, that included [mm]."""
+        return math.hypot(self.noise.stated, math.sqrt(self.rest))
+
+    @cached_property
+    def unexpected(self) -> Floats:
+        """Data minus what is expected of them before there are any, shape (k,) [mm]."""
+        return np.asarray(self.linear - self.columns @ self.centre)
+
+    @cached_property
+    def moved(self) -> Floats:
+        """The unknowns, from where they were expected, shape (q,)."""
+        return condition(self.columns, self.unexpected, self.sizes, self.stated)[0]
+
+    @cached_property
+    def scaled(self) -> Floats:
+        """Columns of unknowns of unit size, without a local shape: part of the noise, (k, r)."""
+        return np.asarray((self.columns * self.sizes)[:, ~self.is_local])
+
+    def log_density(self, noise: NoiseGrid) -> Floats:
+        """ln p of the data at each σ, with its weight, shape (g,)."""
+        density = noise.density(self.scaled, np.ones((1, self.scaled.shape[1])))
+        return np.asarray(density.by_noise(self.unexpected)[0])
+
+    @cached_property
+    def by_noise(self) -> Floats:
+        """The same of its own noise."""
+        return self.log_density(self.noise)
+
+    def whitened(self, values: Floats) -> Floats:
+        """Values (k,) or (k, q) in units of all that is uncertain, at the stated noise."""
+        axes, factors = self._axes
+        values = self._textured(values)
+        return np.asarray(values - axes @ ((1.0 - factors) * (axes.T @ values).T).T)
+
+    @cached_property
+    def _axes(self) -> tuple[Floats, Floats]:
+        return shrinking(self._textured(self.scaled))
+
+    def _textured(self, values: Floats) -> Floats:
+        sigma, texture = self.noise.stated, self.white.texture
+        if texture is None:
+            return np.asarray(values / sigma)
+        general, factors = texture.whitened(sigma)
+        along = texture.axes.T @ values
+        values = values - texture.axes @ ((1.0 - factors) * along.T).T
+        return np.asarray(general * values / sigma)
 
     def budget(self, gauge: Instrument) -> Budget:
         """The uncertainty of its offsets by source; what its causes leave open comes last."""
@@ -417,6 +490,9 @@ class _Search:
         square = float(residual @ residual + stretched @ stretched)
         square *= (at.noise.stated / self.stated) ** 2
         return Fit(
+            at=score.at,
+            white=score.at.white,
+            noise=score.at.noise,
             log_evidence=log_evidence + bounds,
             log_likelihood=bounds - 0.5 * square / at.noise.stated**2,
             square=square,
@@ -468,12 +544,11 @@ def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, 
     # S⁻¹ = (I − A Aᵀ)/σ²
     axes, factors = shrinking(fit.columns * (fit.sizes / fit.sigma))
     axes = axes * np.sqrt(1.0 - factors**2)
-    linear = fit.linear - fit.columns @ fit.centre
     # What each printed difference adds to the whitened data, or each reading; of these
     # Wᵀ W = P (I − Z̃ Z̃ᵀ) P, with P how precise they are.
     entries = white.matrix if white.root is None else np.asarray(np.linalg.inv(white.root))
     weight = white.weight
-    weighted = (entries.T @ (linear - axes @ (axes.T @ linear))) / weight
+    weighted = (entries.T @ (fit.unexpected - axes @ (axes.T @ fit.unexpected))) / weight
     taken = (entries.T @ axes) / weight[:, None]
     if isinstance(entries, Contrasts):
         taken = np.hstack((entries.zeros, taken))
@@ -638,8 +713,7 @@ def known_then(
         *(fit.slots[fit.effects.index(effect)] for effect in effects),
     ]
     columns, fresh = [jacobians], [jacobians[:, :0]]
-    start = len(fit.sizes) - sum(influence.columns.shape[1] for influence in fit.uncertain)
-    ends = start + np.cumsum([0, *(influence.columns.shape[1] for influence in fit.uncertain)])
+    ends = fit.given + np.cumsum([0, *(influence.columns.shape[1] for influence in fit.uncertain)])
     spans = dict(
         zip((influence.source for influence in fit.uncertain), pairwise(ends.tolist()), strict=True)
     )

@@ -25,10 +25,10 @@ from scipy.special import erf
 
 from orthoglide_cal.causes import PatternCause
 from orthoglide_cal.estimation import Problem
-from orthoglide_cal.estimation.gaussian import condition, log_sum, shrinking
+from orthoglide_cal.estimation.gaussian import condition, log_sum
 from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
-from orthoglide_cal.inference.evidence import NoiseGrid, Texture
+from orthoglide_cal.inference.evidence import Texture
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
@@ -287,252 +287,163 @@ def _is_listed(at: Linearised, shown: Floats) -> Bools:
     return np.asarray(made | np.any(match > ALIKE**2 * (broad**2).sum(axis=0), axis=1))
 
 
-@dataclass(frozen=True, eq=False)
-class Ground:
-    """What acts before a pattern is added: a fit of listed causes, and patterns found already."""
+def usual(fit: Fit) -> Fit:
+    """The fit with causes of usual size: fitted alone, one may follow what a pattern does."""
+    at, sizes, centre = fit.at, fit.sizes.copy(), fit.centre.copy()
+    for effect, slot in zip(fit.effects, fit.slots, strict=True):
+        if effect.cause in at.candidates.broad:
+            # Of what is positive the first numbers are narrower, and not about zero.
+            ratio = at.sizes((effect.cause,))[-1] / sizes[slot][-1]
+            sizes[slot] *= ratio
+            centre[slot] *= ratio
+    if np.array_equal(sizes, fit.sizes):
+        return fit
+    anew = replace(fit, sizes=sizes, centre=centre)
+    log = float(log_sum(anew.by_noise)) + math.log(at.scales[min(at.scales)])
+    offsets = fit.offsets + (anew.moved - fit.moved)[: fit.offsets.size]
+    return replace(anew, log_evidence=log, offsets=offsets)
 
-    at: Linearised
-    fit: Fit
-    white: Whitened  # of the data that the fit is of
-    noise: NoiseGrid
 
-    @classmethod
-    def of(cls, at: Linearised, fit: Fit) -> Ground:
-        """With a cause of usual size: fitted alone, it may be as large as what a pattern does."""
-        ground = cls(at, fit, at.white, at.noise)
-        sizes, centre = fit.sizes.copy(), fit.centre.copy()
-        for effect, slot in zip(fit.effects, fit.slots, strict=True):
-            if effect.cause in at.candidates.broad:
-                # Of what is positive the first numbers are narrower, and not about zero.
-                ratio = at.sizes((effect.cause,))[-1] / sizes[slot][-1]
-                sizes[slot] *= ratio
-                centre[slot] *= ratio
-        if np.array_equal(sizes, fit.sizes):
-            return ground
-        usual = replace(ground, fit=replace(fit, sizes=sizes, centre=centre))
-        log = float(log_sum(usual.by_noise)) + math.log(at.scales[min(at.scales)])
-        offsets = fit.offsets + (usual._solved - ground._solved)[: fit.offsets.size]
-        return replace(usual, fit=replace(usual.fit, log_evidence=log, offsets=offsets))
+def _least_by_noise(fit: Fit) -> Floats:
+    """ln p at each σ as `_gains` has it, with S by σ², where that is less, shape (g,).
 
-    @cached_property
-    def _local(self) -> Bools:
-        """Which unknowns are a local shape, (q,): part of the noise here."""
-        widths = [influence.columns.shape[1] for influence in self.fit.uncertain]
-        local = np.repeat([influence.local for influence in self.fit.uncertain], widths)
-        return np.append(np.zeros(len(self.fit.sizes) - len(local)), local).astype(np.bool_)
+    Below the stated σ a bad fit is far less likely with it: what a pattern gains there is real.
+    """
+    ratio2 = (fit.noise.sigma / fit.noise.stated) ** 2
+    left, stated = fit.whitened(fit.unexpected), int(np.argmax(fit.noise.log_weight))
+    log = fit.noise.log_weight - 0.5 * (left @ left / ratio2 + left.size * np.log(ratio2))
+    return np.asarray(np.minimum(fit.by_noise, log - log[stated] + fit.by_noise[stated]))
 
-    @cached_property
-    def _columns(self) -> Floats:
-        return (self.fit.columns * self.fit.sizes)[:, ~self._local]
 
-    @cached_property
-    def _residual(self) -> Floats:
-        return np.asarray(self.fit.linear - self.fit.columns @ self.fit.centre)
+def _gains(fit: Fit, one: Tried) -> Floats:
+    """Gain of ln p at each where by each shape at each size and σ, (w, v, s, g)."""
+    (n, v, q), sizes = one.made.columns.shape, one.sizes
+    own = fit.whitened(fit.white.matrix @ one.made.columns.reshape(n, -1)).reshape(-1, v, q)
+    own = own.swapaxes(0, 1)
+    turned = own.swapaxes(-1, -2)
+    power, match = turned @ own, turned @ fit.whitened(fit.unexpected)
+    which = np.flatnonzero(one.chosen.any(axis=2))
+    chosen = one.chosen.reshape(-1, q)[which]
+    power = power[which % v] * chosen[:, :, None] * chosen[:, None]
+    power, axes = np.linalg.eigh(power)
+    match = (axes.swapaxes(-1, -2) @ (match[which % v] * chosen)[..., None])[..., 0]
+    noise2 = ((fit.noise.sigma / fit.noise.stated) ** 2)[:, None]
+    power, match2 = power[:, None, None], match[:, None, None] ** 2
+    size2 = ((sizes * fit.noise.stated) ** 2)[:, None, None] / noise2
+    widened = 1.0 + np.maximum(power, 0.0) * size2
+    log = match2 * size2 / (noise2 * widened) - np.log(widened)
+    gains = np.full((one.chosen.shape[0] * v, len(sizes), len(noise2)), ABSENT)
+    gains[which] = 0.5 * log.sum(axis=-1)
+    return gains.reshape(-1, v, *gains.shape[1:])
 
-    def log_density(self, noise: NoiseGrid) -> Floats:
-        """ln p of the data at each σ, with its weight, shape (g,)."""
-        columns = self._columns
-        density = noise.density(columns, np.ones((1, columns.shape[1])))
-        return np.asarray(density.by_noise(self._residual)[0])
 
-    @cached_property
-    def by_noise(self) -> Floats:
-        """The same of noise as stated."""
-        return self.log_density(self.noise)
-
-    @cached_property
-    def _least_by_noise(self) -> Floats:
-        """The same as `gains` has it, with S by σ², where that is less.
-
-        Below the stated σ a bad fit is far less likely with it: what a pattern gains there is real.
-        """
-        ratio2 = (self.noise.sigma / self.noise.stated) ** 2
-        left, stated = self.whitened(self._residual), int(np.argmax(self.noise.log_weight))
-        log = self.noise.log_weight - 0.5 * (left @ left / ratio2 + left.size * np.log(ratio2))
-        return np.asarray(np.minimum(self.by_noise, log - log[stated] + self.by_noise[stated]))
-
-    @cached_property
-    def _axes(self) -> tuple[Floats, Floats]:
-        return shrinking(self._textured(self._columns))
-
-    def _textured(self, values: Floats) -> Floats:
-        sigma, texture = self.noise.stated, self.white.texture
-        if texture is None:
-            return np.asarray(values / sigma)
-        general, factors = texture.whitened(sigma)
-        along = texture.axes.T @ values
-        values = values - texture.axes @ ((1.0 - factors) * along.T).T
-        return np.asarray(general * values / sigma)
-
-    def whitened(self, values: Floats) -> Floats:
-        """Values (k,) or (k, q) in units of what acts without a pattern, at the stated noise."""
-        axes, factors = self._axes
-        values = self._textured(values)
-        return np.asarray(values - axes @ ((1.0 - factors) * (axes.T @ values).T).T)
-
-    def gains(self, one: Tried) -> Floats:
-        """Gain of ln p at each where by each shape at each size and σ, (w, v, s, g)."""
-        (n, v, q), sizes = one.made.columns.shape, one.sizes
-        own = self.whitened(self.white.matrix @ one.made.columns.reshape(n, -1)).reshape(-1, v, q)
-        own = own.swapaxes(0, 1)
-        turned = own.swapaxes(-1, -2)
-        power, match = turned @ own, turned @ self.whitened(self._residual)
-        which = np.flatnonzero(one.chosen.any(axis=2))
-        chosen = one.chosen.reshape(-1, q)[which]
-        power = power[which % v] * chosen[:, :, None] * chosen[:, None]
-        power, axes = np.linalg.eigh(power)
-        match = (axes.swapaxes(-1, -2) @ (match[which % v] * chosen)[..., None])[..., 0]
-        noise2 = ((self.noise.sigma / self.noise.stated) ** 2)[:, None]
-        power, match2 = power[:, None, None], match[:, None, None] ** 2
-        size2 = ((sizes * self.noise.stated) ** 2)[:, None, None] / noise2
-        widened = 1.0 + np.maximum(power, 0.0) * size2
-        log = match2 * size2 / (noise2 * widened) - np.log(widened)
-        gains = np.full((one.chosen.shape[0] * v, len(sizes), len(noise2)), ABSENT)
-        gains[which] = 0.5 * log.sum(axis=-1)
-        return gains.reshape(-1, v, *gains.shape[1:])
-
-    def gains_of_noise(self, one: Tried) -> Floats:
-        """The same of readings with more noise, (w, 1, s, g)."""
-        factors = one.sizes
-        rows = one.made.columns[:, 0] @ one.chosen[:, 0].T > 0.0
-        everywhere = rows.all(axis=0)
-        gains = np.full((rows.shape[1], len(factors), len(self.noise.sigma)), ABSENT)
-        wider = (replace(self.noise, sigma=math.hypot(1.0, f) * self.noise.sigma) for f in factors)
-        gains[everywhere] = [self.log_density(noise) - self.by_noise for noise in wider]
-        contrasts, some = self.white.matrix, rows[:, ~everywhere].astype(np.float64)
-        if not isinstance(contrasts, Contrasts):
-            return gains[:, None]
-        shape = () if self.white.texture is None else (self.white.texture.columns,)
-        values = contrasts.T @ np.column_stack((*shape, self._columns, self._residual))
-        values = np.hstack((contrasts.zeros, values / self.noise.stated))
-        zeros, end = contrasts.zeros.shape[1], values.shape[1] - 1
-        whole = values.T @ values
-        whole[np.arange(zeros, end), np.arange(zeros, end)] += 1.0
-        own = values.T @ (some.T[:, :, None] * values)
-        share = (factors**2 / (1.0 + factors**2))[:, None, None]
-        square = np.concatenate(
-            (whole[None], (whole - share * own[:, None]).reshape(-1, *whole.shape))
-        )
-        inner, cross = square[:, :end, :end], square[:, :end, end:]
-        log_det = np.linalg.slogdet(inner)[1]
-        left = square[:, end, end] - (cross * np.linalg.solve(inner, cross)).sum(axis=(1, 2))
-        log_det[1:] += np.outer(some.sum(axis=0), np.log1p(factors**2)).reshape(-1)
-        noise2 = (self.noise.sigma / self.noise.stated) ** 2
-        gain = (left[0] - left[1:])[:, None] / noise2 + (log_det[0] - log_det[1:])[:, None]
-        gains[~everywhere] = 0.5 * gain.reshape(-1, len(factors), len(noise2))
+def _gains_of_noise(fit: Fit, one: Tried) -> Floats:
+    """The same of readings with more noise, (w, 1, s, g)."""
+    factors = one.sizes
+    rows = one.made.columns[:, 0] @ one.chosen[:, 0].T > 0.0
+    everywhere = rows.all(axis=0)
+    gains = np.full((rows.shape[1], len(factors), len(fit.noise.sigma)), ABSENT)
+    wider = (replace(fit.noise, sigma=math.hypot(1.0, f) * fit.noise.sigma) for f in factors)
+    gains[everywhere] = [fit.log_density(noise) - fit.by_noise for noise in wider]
+    contrasts, some = fit.white.matrix, rows[:, ~everywhere].astype(np.float64)
+    if not isinstance(contrasts, Contrasts):
         return gains[:, None]
+    shape = () if fit.white.texture is None else (fit.white.texture.columns,)
+    values = contrasts.T @ np.column_stack((*shape, fit.scaled, fit.unexpected))
+    values = np.hstack((contrasts.zeros, values / fit.noise.stated))
+    zeros, end = contrasts.zeros.shape[1], values.shape[1] - 1
+    whole = values.T @ values
+    whole[np.arange(zeros, end), np.arange(zeros, end)] += 1.0
+    own = values.T @ (some.T[:, :, None] * values)
+    share = (factors**2 / (1.0 + factors**2))[:, None, None]
+    square = np.concatenate((whole[None], (whole - share * own[:, None]).reshape(-1, *whole.shape)))
+    inner, cross = square[:, :end, :end], square[:, :end, end:]
+    log_det = np.linalg.slogdet(inner)[1]
+    left = square[:, end, end] - (cross * np.linalg.solve(inner, cross)).sum(axis=(1, 2))
+    log_det[1:] += np.outer(some.sum(axis=0), np.log1p(factors**2)).reshape(-1)
+    noise2 = (fit.noise.sigma / fit.noise.stated) ** 2
+    gain = (left[0] - left[1:])[:, None] / noise2 + (log_det[0] - log_det[1:])[:, None]
+    gains[~everywhere] = 0.5 * gain.reshape(-1, len(factors), len(noise2))
+    return gains[:, None]
 
-    def extended(self, pattern: Pattern, number: int = 0) -> tuple[Ground, slice]:
-        """With one of a pattern's likeliest shapes; and which of the unknowns are its own."""
-        fit, white, noise = self.fit, self.white, self.noise
-        shape = pattern.shapes[number]
-        columns, linear, sizes = fit.columns, self._residual, fit.sizes
-        own = slice(self._start, self._start)
-        if pattern.how == "scatters":
-            weight = 1.0 / np.hypot(1.0, shape.size / noise.stated * shape.columns[:, 0])
-            if np.ptp(weight):
-                contrasts = white.matrix
-                assert isinstance(contrasts, Contrasts)
-                zeros, _ = np.linalg.qr(weight[:, None] * contrasts.zeros)
-                after = Contrasts(zeros, contrasts.precision * weight)
-                columns, linear = (after @ (contrasts.T @ each) for each in (columns, linear))
-                fit = replace(
-                    fit,
-                    uncertain=tuple(
-                        replace(one, columns=after @ (contrasts.T @ one.columns))
-                        for one in fit.uncertain
-                    ),
-                )
-                plan = replace(white.plan, precision=after.precision)
-                problem = replace(white.problem, plan=plan, matrix=after)
-                data, texture = after @ (contrasts.T @ white.data), white.texture
-                if texture is not None:
-                    shown = after @ (contrasts.T @ texture.columns)
-                    texture = Texture.of(shown, texture.rest, texture.assumed)
-                    noise = replace(noise, texture=texture)
-                white = replace(white, problem=problem, data=data, texture=texture)
-            else:
-                noise = replace(noise, sigma=noise.sigma / weight[0])
+
+def extended(fit: Fit, pattern: Pattern, number: int = 0) -> tuple[Fit, slice]:
+    """The fit with one of a pattern's likeliest shapes; and which unknowns are that pattern's."""
+    white, noise, uncertain = fit.white, fit.noise, fit.uncertain
+    shape, start = pattern.shapes[number], fit.given
+    columns, unexpected, sizes, centre = fit.columns, fit.unexpected, fit.sizes, fit.centre
+    end = start
+    if pattern.how == "scatters":
+        weight = 1.0 / np.hypot(1.0, shape.size / noise.stated * shape.columns[:, 0])
+        if np.ptp(weight):
+            contrasts = white.matrix
+            assert isinstance(contrasts, Contrasts)
+            zeros, _ = np.linalg.qr(weight[:, None] * contrasts.zeros)
+            after = Contrasts(zeros, contrasts.precision * weight)
+
+            def weighed(values: Floats) -> Floats:
+                return np.asarray(after @ (contrasts.T @ values))
+
+            columns, unexpected = weighed(columns), weighed(unexpected)
+            uncertain = tuple(replace(one, columns=weighed(one.columns)) for one in uncertain)
+            plan, texture = replace(white.plan, precision=after.precision), white.texture
+            problem = replace(white.problem, plan=plan, matrix=after)
+            if texture is not None:
+                texture = Texture.of(weighed(texture.columns), texture.rest, texture.assumed)
+                noise = replace(noise, texture=texture)
+            white = replace(white, problem=problem, data=weighed(white.data), texture=texture)
         else:
-            more = white.matrix @ shape.columns
-            own = slice(self._start, self._start + more.shape[1])
-            columns = np.insert(columns, [self._start], more, axis=1)
-            sizes = np.insert(sizes, self._start, np.full(more.shape[1], shape.size))
-        before = self._solved[: fit.offsets.size]
-        centre = np.insert(fit.centre, self._start, np.zeros(own.stop - own.start))
-        draft = replace(
-            fit, columns=columns, linear=linear + columns @ centre, sizes=sizes, centre=centre
-        )
-        ground = Ground(self.at, draft, white, noise)
-        solved = ground._solved
-        sigma = float(np.sqrt(ground._noise2))
-        _, covariance = condition(columns, linear, sizes, sigma)
-        residual = linear - columns @ solved
-        local = ground._local
-        stretched = ground._stated * (solved / sizes)[ground._start :]
-        kept = replace(
-            draft,
-            offsets=fit.offsets + solved[: fit.offsets.size] - before,
-            covariance=covariance,
-            residual=residual,
-            local=columns[:, local] @ solved[local],
-            sigma=sigma,
-            square=float(residual @ residual + stretched @ stretched),
-        )
-        return replace(ground, fit=kept), own
+            noise = replace(noise, sigma=noise.sigma / weight[0])
+    else:
+        more = white.matrix @ shape.columns
+        end = start + more.shape[1]
+        columns = np.insert(columns, [start], more, axis=1)
+        sizes = np.insert(sizes, start, np.full(end - start, shape.size))
+        centre = np.insert(centre, start, np.zeros(end - start))
+    draft = replace(
+        fit, white=white, noise=noise, uncertain=uncertain, columns=columns,
+        linear=unexpected + columns @ centre, sizes=sizes, centre=centre,
+    )  # fmt: skip
+    log = draft.by_noise - log_sum(draft.by_noise)
+    sigma = float(np.sqrt(np.exp(log) @ noise.sigma**2 + draft.rest))
+    width = fit.offsets.size
+    residual, local = unexpected - columns @ draft.moved, draft.is_local
+    stretched = draft.stated * (draft.moved / sizes)[start:]
+    kept = replace(
+        draft,
+        offsets=fit.offsets + draft.moved[:width] - fit.moved[:width],
+        covariance=condition(columns, unexpected, sizes, sigma)[1],
+        residual=residual,
+        local=columns[:, local] @ draft.moved[local],
+        sigma=sigma,
+        square=float(residual @ residual + stretched @ stretched),
+    )
+    return kept, slice(start, end)
 
-    def amplitudes(self, own: slice) -> tuple[Floats, Floats]:
-        """Some of the unknowns, (q,), and their covariance, (q, q)."""
-        return self._solved[own], self.fit.covariance[own, own]
 
-    @property
-    def _start(self) -> int:
-        """Where the unknowns of a pattern begin: before what is uncertain of the data."""
-        widths = (influence.columns.shape[1] for influence in self.fit.uncertain)
-        return int(len(self.fit.sizes) - sum(widths))
-
-    @property
-    def _rest(self) -> float:
-        return self.fit.scale_factor**2 * sum(one.rest for one in self.fit.uncertain)
-
-    @property
-    def _stated(self) -> float:
-        return math.hypot(self.noise.stated, math.sqrt(self._rest))
-
-    @property
-    def _noise2(self) -> float:
-        """Variance of one reading [mm²]."""
-        log = self.by_noise - log_sum(self.by_noise)
-        return float(np.exp(log) @ self.noise.sigma**2) + self._rest
-
-    @cached_property
-    def _solved(self) -> Floats:
-        """The unknowns, from their centre."""
-        return condition(self.fit.columns, self._residual, self.fit.sizes, self._stated)[0]
-
-    def scores(self, every: Sequence[Tried]) -> list[Hypothesis]:
-        """Every pattern in addition to all this; log evidence and prior without those of this."""
-        scored = []
-        noise = self._least_by_noise - log_sum(self.by_noise)
-        for one in every:
-            sizes = one.sizes
-            gains = self.gains_of_noise(one) if one.how == "scatters" else self.gains(one)
-            by_shape = log_sum(gains + noise, 3)
-            # Shapes that do not show at a where are none.
-            number = np.log(len(sizes) * np.count_nonzero(one.chosen.any(axis=2), axis=1))
-            gained = log_sum(by_shape, (1, 2)) - number
-            for k, where in enumerate(one.wheres):
-                gain, log_shape = gained[k], by_shape[k]
-                if gain > 0.0:  # else whatever makes it is not there
-                    log_shape = log_shape + one.log_share(k)[:, None]
-                    gain = log_sum(log_shape) - number[k]
-                pattern = Pattern(
-                    one.how, where, one.log_prior, one.made.columns, one.chosen[k],
-                    one.made.parameters, sizes * self.noise.stated, log_shape,
-                )  # fmt: skip
-                log = self.fit.log_evidence + float(gain)
-                scored.append(Hypothesis(self.at, log, patterns=(pattern,)))
-        return scored
+def scores_of(fit: Fit, every: Sequence[Tried]) -> list[Hypothesis]:
+    """Every pattern in addition to a fit; log evidence and prior without those of its causes."""
+    scored = []
+    noise = _least_by_noise(fit) - log_sum(fit.by_noise)
+    for one in every:
+        sizes = one.sizes
+        gains = _gains_of_noise(fit, one) if one.how == "scatters" else _gains(fit, one)
+        by_shape = log_sum(gains + noise, 3)
+        # Shapes that do not show at a where are none.
+        number = np.log(len(sizes) * np.count_nonzero(one.chosen.any(axis=2), axis=1))
+        gained = log_sum(by_shape, (1, 2)) - number
+        for k, where in enumerate(one.wheres):
+            gain, log_shape = gained[k], by_shape[k]
+            if gain > 0.0:  # else whatever makes it is not there
+                log_shape = log_shape + one.log_share(k)[:, None]
+                gain = log_sum(log_shape) - number[k]
+            pattern = Pattern(
+                one.how, where, one.log_prior, one.made.columns, one.chosen[k],
+                one.made.parameters, sizes * fit.noise.stated, log_shape,
+            )  # fmt: skip
+            log = fit.log_evidence + float(gain)
+            scored.append(Hypothesis(fit.at, log, patterns=(pattern,)))
+    return scored
 
 
 def placed_causes(at: Linearised) -> list[Tried]:
@@ -556,36 +467,37 @@ def placed_causes(at: Linearised) -> list[Tried]:
     return every
 
 
-def course_of(at: Linearised, fit: Fit, *, fine: bool) -> Course:
+def course_of(fit: Fit, *, fine: bool) -> Course:
     """What readings may follow; plungers that lag are followed in rounds if looked at closely.
 
     `fit` is of the offsets alone.
     """
+    at = fit.at
     predicted = at.versions[0] - at.residuals[0]
     course = Course.of(at.white, predicted, fine)
     for _ in range(ROUNDS * (fine and bool(course.turned.any()))):
         lagging = [one for one in tried(at, course) if one.how == "hysteresis"]
-        scores = Ground.of(at, fit).scores(lagging)
+        scores = scores_of(fit, lagging)
         if not scores:
             break
-        ground, _ = Ground.of(at, fit).extended(scores[-1].patterns[0])
-        moved = at.jacobian @ (ground.fit.offsets - at.offsets[0])
+        after, _ = extended(fit, scores[-1].patterns[0])
+        moved = at.jacobian @ (after.offsets - at.offsets[0])
         course = Course.of(at.white, predicted + moved, fine)
     return course
 
 
-def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Ground, slice]]:
+def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Fit, slice]]:
     """Fits with a hypothesis' patterns, at each likely shape of the last of them.
 
     Of each its share, and which unknowns are that pattern's.
     """
-    ground = Ground.of(hypothesis.at, fit)
+    fit = usual(fit)
     *before, last = hypothesis.patterns
     for pattern in before:
-        ground, _ = ground.extended(pattern)
+        fit, _ = extended(fit, pattern)
     total = sum(shape.share for shape in last.shapes)
     return [
-        (shape.share / total, *ground.extended(last, number))
+        (shape.share / total, *extended(fit, last, number))
         for number, shape in enumerate(last.shapes)
     ]
 
@@ -597,11 +509,11 @@ def weight_of(hypothesis: Hypothesis) -> float:
 
 def combined(hypothesis: Hypothesis, fit: Fit, every: Sequence[Tried]) -> list[Hypothesis]:
     """A hypothesis, of whose listed causes `fit` is, with every pattern in addition."""
-    ground, patterns = Ground.of(hypothesis.at, fit), hypothesis.patterns
+    before, patterns = usual(fit), hypothesis.patterns
     if not hypothesis.label:
-        return ground.scores(every)
+        return scores_of(before, every)
     for pattern in patterns:
-        ground, _ = ground.extended(pattern)
+        before, _ = extended(before, pattern)
     gained = (hypothesis.log_evidence if patterns else fit.log_evidence) - fit.log_evidence
     known = {pattern.label for pattern in patterns}
     return [
@@ -610,6 +522,6 @@ def combined(hypothesis: Hypothesis, fit: Fit, every: Sequence[Tried]) -> list[H
             log_evidence=scored.log_evidence + gained,
             patterns=(*patterns, *scored.patterns),
         )
-        for scored in ground.scores(every)
+        for scored in scores_of(before, every)
         if known.isdisjoint(one.label for one in scored.patterns)
     ]
