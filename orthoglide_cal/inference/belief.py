@@ -23,6 +23,7 @@ from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
 from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
 from orthoglide_cal.inference.patterns import (
+    Tried,
     combined,
     course_of,
     placed_causes,
@@ -73,6 +74,8 @@ class Belief:
     fits: Mapping[Ids, Fit] = field(default_factory=dict)  # those that the probabilities rest on
     # Fits of other hypotheses, made when first asked for; they change no probability.
     _further: dict[Ids, Fit] = field(default_factory=dict)
+    # Every pattern at every where, looked at closely or not; no tolerance changes them.
+    _tried: dict[bool, list[Tried]] = field(default_factory=dict)
 
     @classmethod
     def about(cls, white: Whitened) -> Belief:
@@ -91,7 +94,7 @@ class Belief:
     def scaled(self, factor: float) -> Belief:
         """The same data and patterns with the plausible sizes of all causes multiplied."""
         at = replace(self.at, white=self.at.white.scaled(factor))
-        return Belief(at, score_all(at), self.patterns)
+        return Belief(at, score_all(at), self.patterns, _tried=self._tried)
 
     def refined(self, sets: Iterable[Ids]) -> Belief:
         """The belief with the nonlinear fits of some more sets of causes, made together."""
@@ -103,8 +106,12 @@ class Belief:
 
     def beside(self, ids: Ids) -> list[Hypothesis]:
         """Every pattern in addition to a set of causes, not looked at closely."""
-        every = tried(self.at, course_of(self.fit(()), fine=False))
-        return combined(self.hypotheses[ids], self.fit(ids), every)
+        return combined(self.hypotheses[ids], self.fit(ids), self._every(fine=False))
+
+    def _every(self, *, fine: bool) -> list[Tried]:
+        if fine not in self._tried:
+            self._tried[fine] = tried(self.at, course_of(self.fit(()), fine=fine))
+        return self._tried[fine]
 
     def closely(self) -> Belief:
         """The belief with patterns looked at closely, also in addition to each other.
@@ -113,8 +120,7 @@ class Belief:
         pattern; the likely ones and the best of each kind with causes that have a place, which
         fitted alone would stand where the pattern acts.
         """
-        at, nothing = self.at, self.fit(())
-        every = tried(at, course_of(nothing, fine=True))
+        at, nothing, every = self.at, self.fit(()), self._every(fine=True)
         patterns = {one.label: one for one in combined(self.hypotheses[()], nothing, every)}
         ordered = sorted(patterns.values(), key=weight_of)
         likely = {one.patterns[0].how: one for one in ordered} | {

@@ -24,7 +24,6 @@ import numpy as np
 from scipy.special import erf
 
 from orthoglide_cal.causes import PatternCause
-from orthoglide_cal.estimation import Problem
 from orthoglide_cal.estimation.gaussian import condition, log_sum
 from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
@@ -35,7 +34,17 @@ from orthoglide_cal.inference.hypothesis import (
     Hypothesis,
     Pattern,
 )
-from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, Plan, Where
+from orthoglide_cal.model.plan import (
+    AT_ONCE,
+    Bools,
+    Contrasts,
+    Floats,
+    Ints,
+    Plan,
+    Reduction,
+    Where,
+    zero_free,
+)
 
 # Sizes at which a pattern is tried, and those of more noise, in standard deviations of a reading.
 SIZES = np.array((5.0, 30.0))
@@ -194,6 +203,21 @@ class Tried:
     # Numbers of wheres → `log_share`, worked out when first asked for.
     _log_share: dict[int, Floats] = field(default_factory=dict)
 
+    @cached_property
+    def by_width(self) -> list[tuple[Ints, Ints, Bools]]:
+        """Wheres of as many columns together, since most have few.
+
+        Their numbers, (m,), their columns, (m, c), and which of them each shape has, (m, v, c).
+        """
+        columns = np.asarray(self.chosen.any(axis=1))
+        width, groups = columns.sum(axis=1), []
+        for count in np.unique(width).tolist():
+            where = np.flatnonzero(width == count)
+            number = np.nonzero(columns[where])[1].reshape(-1, count)
+            shown = np.take_along_axis(self.chosen[where], number[:, None], 2)
+            groups.append((where, number, shown))
+        return groups
+
     def log_share(self, number: int) -> Floats:
         """ln weight of each shape at a where, (v,): less if a listed cause makes it at a gauge."""
         if number not in self._log_share:
@@ -214,10 +238,10 @@ def tried(at: Linearised, course: Course) -> list[Tried]:
     share = math.log(UNLISTED / (len(hows) + 1) / len(wheres))
     every = []
     for how in hows:
-        if how in MEASURED:
-            made, chosen = _made(at.white.problem, course, how)
+        if how in MEASURED or not course.ordered:
+            made, chosen = _made(at.white.matrix, course, how)
         else:
-            made, chosen = _made_of_plan(at.white.problem, course.ordered, course.fine, how)
+            made, chosen = _made_of_plan(course.plan, course.fine, how)
         every.append((how, made, chosen, SIZES))
     # More noise is no column: the readings that have it.
     several, columns = selected.sum(axis=1) > 2, selected.T[:, None].astype(np.float64)
@@ -249,20 +273,21 @@ def _wheres(plan: Plan, ordered: bool) -> tuple[list[Where], Bools, Bools]:
 
 
 @functools.lru_cache(maxsize=32)
-def _made_of_plan(problem: Problem, ordered: bool, fine: bool, how: str) -> tuple[Made, Bools]:
-    """`_made` of what follows the plan alone."""
-    nothing = np.zeros(len(problem.plan))
-    return _made(problem, Course(problem.plan, ordered, nothing, nothing, fine), how)
+def _made_of_plan(plan: Plan, fine: bool, how: str) -> tuple[Made, Bools]:
+    """`_made` of readings in time, of what follows their plan alone."""
+    nothing = np.zeros(len(plan))
+    return _made(zero_free(plan), Course(plan, True, nothing, nothing, fine), how)
 
 
-def _made(problem: Problem, course: Course, how: str) -> tuple[Made, Bools]:
+def _made(matrix: Reduction, course: Course, how: str) -> tuple[Made, Bools]:
     """Columns of a how, and which of them show at each where and at no narrower, (w, v, q)."""
     made, (wheres, selected, covered) = HOWS[how](course), _wheres(course.plan, course.ordered)
     n, v, q = made.columns.shape
     if not 0 < q <= MOST_COLUMNS:
         return made, np.zeros((len(wheres), v, q), np.bool_)
     flat = made.columns.reshape(n, -1)
-    shows = ((problem.matrix @ flat) ** 2).sum(axis=0) * SIZES[-1] ** 2 > 1.0
+    square = [((matrix @ made.columns[:, k]) ** 2).sum(axis=0) for k in range(v)]
+    shows = np.concatenate(square) * SIZES[-1] ** 2 > 1.0
     # Of each where those columns of which it holds all readings, of the largest movers.
     outside = (~selected).astype(np.float64) @ (flat != 0.0)
     chosen = (shows & (outside == 0.0)).reshape(-1, v, q)
@@ -318,23 +343,25 @@ def _least_by_noise(fit: Fit) -> Floats:
 def _gains(fit: Fit, one: Tried) -> Floats:
     """Gain of ln p at each where by each shape at each size and σ, (w, v, s, g)."""
     (n, v, q), sizes = one.made.columns.shape, one.sizes
-    own = fit.whitened(fit.white.matrix @ one.made.columns.reshape(n, -1)).reshape(-1, v, q)
-    own = own.swapaxes(0, 1)
-    turned = own.swapaxes(-1, -2)
-    power, match = turned @ own, turned @ fit.whitened(fit.unexpected)
-    which = np.flatnonzero(one.chosen.any(axis=2))
-    chosen = one.chosen.reshape(-1, q)[which]
-    power = power[which % v] * chosen[:, :, None] * chosen[:, None]
-    power, axes = np.linalg.eigh(power)
-    match = (axes.swapaxes(-1, -2) @ (match[which % v] * chosen)[..., None])[..., 0]
+    power, match, left = np.empty((v, q, q)), np.empty((v, q)), fit.whitened(fit.unexpected)
+    together = max(AT_ONCE // (n * q), 1)
+    for some in (slice(start, start + together) for start in range(0, v, together)):
+        columns = fit.white.matrix @ one.made.columns[:, some].reshape(n, -1)
+        own = fit.whitened(columns).reshape(len(left), -1, q).swapaxes(0, 1)
+        turned = own.swapaxes(-1, -2)
+        power[some], match[some] = turned @ own, turned @ left
     noise2 = ((fit.noise.sigma / fit.noise.stated) ** 2)[:, None]
-    power, match2 = power[:, None, None], match[:, None, None] ** 2
     size2 = ((sizes * fit.noise.stated) ** 2)[:, None, None] / noise2
-    widened = 1.0 + np.maximum(power, 0.0) * size2
-    log = match2 * size2 / (noise2 * widened) - np.log(widened)
-    gains = np.full((one.chosen.shape[0] * v, len(sizes), len(noise2)), ABSENT)
-    gains[which] = 0.5 * log.sum(axis=-1)
-    return gains.reshape(-1, v, *gains.shape[1:])
+    gains = np.full((*one.chosen.shape[:2], len(sizes), len(noise2)), ABSENT)
+    for where, number, shown in one.by_width:
+        inner = power[:, number[:, :, None], number[:, None]].swapaxes(0, 1)
+        inner, axes = np.linalg.eigh(inner * (shown[..., None] & shown[..., None, :]))
+        along = axes.swapaxes(-1, -2) @ (match[:, number].swapaxes(0, 1) * shown)[..., None]
+        widened = 1.0 + np.maximum(inner, 0.0)[:, :, None, None] * size2
+        log = along[:, :, None, None, :, 0] ** 2 * size2 / (noise2 * widened) - np.log(widened)
+        shows = np.asarray(shown.any(axis=2))
+        gains[where] = np.where(shows[..., None, None], 0.5 * log.sum(axis=-1), ABSENT)
+    return gains
 
 
 def _gains_of_noise(fit: Fit, one: Tried) -> Floats:
@@ -358,8 +385,9 @@ def _gains_of_noise(fit: Fit, one: Tried) -> Floats:
     share = (factors**2 / (1.0 + factors**2))[:, None, None]
     square = np.concatenate((whole[None], (whole - share * own[:, None]).reshape(-1, *whole.shape)))
     inner, cross = square[:, :end, :end], square[:, :end, end:]
-    log_det = np.linalg.slogdet(inner)[1]
-    left = square[:, end, end] - (cross * np.linalg.solve(inner, cross)).sum(axis=(1, 2))
+    root = np.linalg.cholesky(inner)
+    log_det = 2.0 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+    left = square[:, end, end] - (np.linalg.solve(root, cross) ** 2).sum(axis=(1, 2))
     log_det[1:] += np.outer(some.sum(axis=0), np.log1p(factors**2)).reshape(-1)
     noise2 = (fit.noise.sigma / fit.noise.stated) ** 2
     gain = (left[0] - left[1:])[:, None] / noise2 + (log_det[0] - log_det[1:])[:, None]

@@ -316,7 +316,10 @@ class Contrasts(ReadOnly):
         values = self.precision[:, None] * values
         v, t = self._reflected
         width = v.shape[1]
-        return self._weighed(values[..., width:, :] - v[width:] @ (t.T @ (v.T @ values)))
+        inner = t.T @ (v.T @ values)
+        values = values[..., width:, :]
+        values -= v[width:] @ inner
+        return self._weighed(values)
 
     def _spread(self, values: Floats) -> Floats:
         values = self._weighed(values)
