@@ -104,6 +104,13 @@ class NoiseGrid(ReadOnly):
         """The likeliest of them: what the gauge's maker states [mm]."""
         return float(self.sigma[np.argmax(self.log_weight)])
 
+    def wider(self, factors: Floats) -> NoiseGrid:
+        """The same of noise that is larger by each factor (f,), one after the other, (f·g,)."""
+        sigma = np.outer(factors, self.sigma).reshape(-1)
+        times = len(factors)
+        scale = None if self.scale_factor is None else np.tile(self.scale_factor, times)
+        return NoiseGrid(sigma, np.tile(self.log_weight, times), self.texture, scale)
+
     def density(self, columns: Floats, sizes: Floats, log_share: Floats | float = 0.0) -> Gaussian:
         """Density of residuals under the same columns (..., k, r) at several sizes.
 

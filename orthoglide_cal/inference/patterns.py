@@ -370,8 +370,8 @@ def _gains_of_noise(fit: Fit, one: Tried) -> Floats:
     rows = one.made.columns[:, 0] @ one.chosen[:, 0].T > 0.0
     everywhere = rows.all(axis=0)
     gains = np.full((rows.shape[1], len(factors), len(fit.noise.sigma)), ABSENT)
-    wider = (replace(fit.noise, sigma=math.hypot(1.0, f) * fit.noise.sigma) for f in factors)
-    gains[everywhere] = [fit.log_density(noise) - fit.by_noise for noise in wider]
+    wider = fit.noise.wider(np.sqrt(1.0 + factors**2))
+    gains[everywhere] = fit.log_density(wider).reshape(len(factors), -1) - fit.by_noise
     contrasts, some = fit.white.matrix, rows[:, ~everywhere].astype(np.float64)
     if not isinstance(contrasts, Contrasts):
         return gains[:, None]
