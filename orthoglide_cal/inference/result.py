@@ -21,7 +21,7 @@ from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, Where
-from orthoglide_cal.schema import Minutes, Reason, Schema
+from orthoglide_cal.schema import Minutes, Reason, Schema, Sentence
 
 # Probability from which it is told that nothing may be wrong at all.
 WORTH_SAYING = 0.005
@@ -39,7 +39,7 @@ class Verdict(StrEnum):
 class NextMeasurement(Schema):
     """A measurement that could be taken next; what it is worth once it is ranked."""
 
-    what: str  # to do, in words
+    what: Sentence  # to do
     minutes: Minutes  # that it takes
     # The new readings alone; part, set-ups, order and hours as in the joined data.
     plan: Plan = Field(exclude=True)

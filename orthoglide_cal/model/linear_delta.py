@@ -64,7 +64,7 @@ from orthoglide_cal.model.plan import (
     joined,
     read_only,
 )
-from orthoglide_cal.schema import Number, ask
+from orthoglide_cal.schema import Number, Reason, ask
 
 TOWERS = ("a", "b", "c")
 FEW = 13  # places, to be touched once more on blocks
@@ -615,7 +615,7 @@ class LinearDelta(Machine):
         source = Source("simulate", "", simulated=True)
         return Readings(touched, value, lines, timed=True, source=source)
 
-    def further(self, plan: ProbePlan) -> Iterator[tuple[str, ProbePlan, float]]:
+    def further(self, plan: ProbePlan) -> Iterator[tuple[Reason, ProbePlan, float]]:
         """Blocks under the probe, for each height.
 
         On a flat bed a frame that is out of square and a bed that is bent read the same; higher up
@@ -626,9 +626,7 @@ class LinearDelta(Machine):
         for height in BLOCKS_MM:
             up = np.array([0.0, 0.0, height])
             yield (
-                f"Touch {len(some)} places all over the bed again with a block of known height,"
-                f" {height:g} mm, under the probe. (Or turn the plate by a third and probe again:"
-                " what turns with it is its own shape.)",
+                Reason.of("touch_raised", places=len(some), height_mm=height),
                 replace(
                     some,
                     place=some.place + up,

@@ -492,8 +492,8 @@ class Machine(Schema):
     def check_same(self, later: Machine) -> None:
         """Raises UsageError for a machine that calibration cannot make of this one."""
 
-    def further(self, plan: AnyPlan) -> Iterator[tuple[str, Plan, float]]:
-        """Further measurements besides its protocols: each in words, its plan, its minutes."""
+    def further(self, plan: AnyPlan) -> Iterator[tuple[Reason, Plan, float]]:
+        """Further measurements besides its protocols: what to do, its plan, its minutes."""
         return iter(())
 
     def layouts(self) -> tuple[Layout, ...]:

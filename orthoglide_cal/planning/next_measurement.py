@@ -57,7 +57,7 @@ from orthoglide_cal.planning.steps import (
     steps_of,
     timed_plan,
 )
-from orthoglide_cal.words import counted
+from orthoglide_cal.schema import Reason
 
 # Long enough for what creeps to show.
 WAIT_MIN = 15.0
@@ -67,7 +67,7 @@ HALF_WAY = 0.5  # along the leg
 # A gauge place nearer to another than this share of the leg teaches nothing new.
 ANOTHER_PLACE = 0.08
 LEGS = (0, 1, 2)
-TIMES = ((1, "one cycle"), (5, "five cycles"))
+TIMES = (1, 5)  # cycles of what is read in addition
 ALONE = (1, 2, 3, 5)  # cycles of a session of its own
 # So many explanations are looked at, the likeliest.
 MOST = 8
@@ -94,19 +94,19 @@ def _later(first: Plan, plan: PlanT) -> PlanT:
     )
 
 
-def _walks(machine: Orthoglide, gauge_at: float) -> tuple[tuple[str, tuple[float, ...]], ...]:
+def _walks(machine: Orthoglide, gauge_at: float) -> tuple[tuple[Reason, tuple[float, ...]], ...]:
     """Ways to the joint limits, or as far as the plunger stays on the bar.
 
-    Each in words, and one cycle of displacements [mm], of which the first closes the last.
+    Each with one cycle of displacements [mm], of which the first closes the last.
     """
     low, high = machine.reach_mm(gauge_at)
     least, most = (machine.posture_at(at) or f"{at:+.4g} mm" for at in (low, high))
+    ends = {"least": least, "most": most}
     return (
-        (f"iso, {most}, {least} and iso", (0.0, high, low)),
-        (f"iso, {least}, {most} and iso, each reached from the other side", (0.0, low, high)),
+        (Reason.of("walk_down", **ends), (0.0, high, low)),
+        (Reason.of("walk_up", **ends), (0.0, low, high)),
         (
-            f"up to {most} and down to {least}, half-way ({high / 2:g}, {low / 2:g} mm) both going"
-            " and coming back",
+            Reason.of("walk_half_way", **ends, half_mm=(high / 2, low / 2)),
             (0.0, high / 2, high, high / 2, 0.0, low / 2, low, low / 2),
         ),
     )
@@ -123,7 +123,7 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[NextMeasurement
     rows = [*ends.values()]
 
     def option(
-        task: str, stops: Sequence[float], wait_min: float = 0.0, short_mm: Floats | float = 0.0
+        task: Reason, stops: Sequence[float], wait_min: float = 0.0, short_mm: Floats | float = 0.0
     ) -> NextMeasurement:
         """Further postures, in the same set-ups, each carriage commanded short by `short_mm`."""
         index = np.array(rows * len(stops))
@@ -144,25 +144,25 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[NextMeasurement
     # Of two stands the one that is farther from half-way bounds the travel.
     farthest = max(first.gauge_at[rows].tolist(), key=lambda at: abs(at - HALF_WAY))
     walks = _walks(machine, farthest)
-    still = f"Without touching the stands at leg {AXES[leg]}"
     last = float(first.displacement[first.in_time[-1]])
-    again = f"read its last posture ({machine.posture_at(last) or f'{last:g} mm'}) again"
+    again = {"leg": AXES[leg], "posture": machine.posture_at(last) or f"{last:g} mm"}
     there = replace(first.subset(np.array(rows)), displacement=np.full(len(rows), last))
     warning = machine.bar_warning(there)
     if warning is None or not warning.size:
-        yield option(f"{still}, {again}.", [last])
-        yield option(f"{still}, {again} after a quarter of an hour.", [last], wait_min=WAIT_MIN)
-    for times, how_often in TIMES:
-        for words, stops in walks:
-            yield option(f"{still}, read {how_often}: {words}.", (*stops * times, 0.0))
-    words, stops = walks[0]
+        yield option(Reason.of("read_again", **again), [last])
+        yield option(Reason.of("read_later", **again), [last], wait_min=WAIT_MIN)
+    for cycles in TIMES:
+        for walk, stops in walks:
+            task = Reason.of("read_on", leg=AXES[leg], cycles=cycles, walk=walk)
+            yield option(task, (*stops * cycles, 0.0))
+    walk, stops = walks[0]
     low, high = machine.joint_limits_mm
     for axis in other_axes(leg):
         moved = machine.joints_at(leg, np.array(stops))[:, axis] - machine.home_mm
-        for step, way in ((STEP_MM, "short"), (-STEP_MM, "too far")):
+        for step in (STEP_MM, -STEP_MM):
             if low <= (moved - step).min() and (moved - step).max() <= high:
-                move = f"carriage {AXES[axis]} {STEP_MM:g} mm {way}, as the screen shows: {words}"
-                task = f"{still}, drive as before but with {move}."
+                by = {"carriage": AXES[axis], "short_mm": step}
+                task = Reason.of("read_short", leg=AXES[leg], walk=walk, **by)
                 yield option(task, (*stops, 0.0), short_mm=step * np.eye(3)[axis])
                 break
 
@@ -174,11 +174,7 @@ def _alone(machine: Orthoglide) -> Iterator[NextMeasurement]:
     for cycles in ALONE:
         session = (protocol, cycles, Order.PAPER, 2)
         plan, minutes = timed_plan(sequence(machine, *session), MINUTES_PER_SETUP)
-        how_often = counted(cycles, "cycle")
-        task = (
-            f"Measure a separate session, {protocol}, {how_often} per leg, reading by reading."
-            " It needs no old data."
-        )
+        task = Reason.of("session_alone", protocol=protocol, cycles=cycles)
         typed = sequence_options(*session)
         yield NextMeasurement(what=task, plan=plan, minutes=minutes, session=typed)
 
@@ -188,30 +184,27 @@ def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[NextMeasure
     walks = _walks(machine, HALF_WAY)
     usual = walks[0][1]
     fixed = first.gauge_at[first.contact == Contact.FIXED]
-    half_way = ", with the gauges half-way" if np.any(np.not_equal(fixed, HALF_WAY)) else ""
-    checked = "labels and + sides checked"
-    turn = "half round its own axis"
-    for times, how_often in TIMES:
+    half_way = bool(np.any(np.not_equal(fixed, HALF_WAY)))
+    for cycles in TIMES:
+        how = {"cycles": cycles, "half_way": half_way}
         for leg in LEGS:
-            stand = f"et the stands up again at leg {AXES[leg]}{half_way}"
-            for words, stops in walks:
-                task = f"S{stand}, {checked}, and read {how_often}: {words}."
-                yield _session(first, machine, (leg,), task, stops * times)
-            task = f"Turn the bar of leg {AXES[leg]} {turn}, s{stand} and read {how_often}."
-            yield _session(first, machine, (leg,), task, usual * times, turned=True)
-        repeat = f"epeat the session, {how_often} per leg"
-        for words, stops in walks:
-            task = f"R{repeat}{half_way}: {words}; stands set up again, {checked}."
-            yield _session(first, machine, LEGS, task, stops * times)
-        task = f"Turn every bar {turn}, and r{repeat}{half_way}."
-        yield _session(first, machine, LEGS, task, usual * times, turned=True)
+            there = {"leg": AXES[leg], **how}
+            for walk, stops in walks:
+                task = Reason.of("stand_again", **there, walk=walk)
+                yield _session(first, machine, (leg,), task, stops * cycles)
+            task = Reason.of("turn_bar", **there)
+            yield _session(first, machine, (leg,), task, usual * cycles, turned=True)
+        for walk, stops in walks:
+            task = Reason.of("repeat", **how, walk=walk)
+            yield _session(first, machine, LEGS, task, stops * cycles)
+        task = Reason.of("turn_bars", **how)
+        yield _session(first, machine, LEGS, task, usual * cycles, turned=True)
         for at in machine.gauge_places:
             if np.any(np.abs(fixed - at) <= ANOTHER_PLACE):
                 continue
-            from_joint = at * machine.leg_length_mm
-            task = f"R{repeat}, with the gauges {from_joint:.0f} mm from the carriage joint."
-            yield _session(first, machine, LEGS, task, usual * times, gauge_at=at)
-    task = f"Repeat the session, one cycle per leg, with the legs in the order z, y, x{half_way}."
+            task = Reason.of("repeat_at", cycles=cycles, gauge_mm=at * machine.leg_length_mm)
+            yield _session(first, machine, LEGS, task, usual * cycles, gauge_at=at)
+    task = Reason.of("repeat_reversed", half_way=half_way)
     yield _session(first, machine, LEGS[::-1], task, usual)
 
 
@@ -219,7 +212,7 @@ def _session(
     first: GaugePlan,
     machine: Orthoglide,
     legs: Sequence[int],
-    task: str,
+    task: Reason,
     stops: tuple[float, ...],
     gauge_at: float = HALF_WAY,
     turned: bool = False,

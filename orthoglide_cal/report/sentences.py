@@ -40,6 +40,8 @@ _STALE = (
 )
 
 
+_STILL = "Without touching the stands at leg {leg}, "
+
 # In addition to Python's formats.
 _FORMATS: Mapping[str, Callable[..., str]] = {
     "names": ", ".join,
@@ -58,6 +60,9 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
         f"{arm.name} {with_uncertainty(arm.value, 2.0 * arm.std)}" for arm in arms
     ),
     "stale": lambda order: _STALE["date" in order].format(**order),
+    "cycles": lambda count: {1: "one cycle", 5: "five cycles"}.get(count, f"{count} cycles"),
+    "half_way": lambda other: ", with the gauges half-way" * other,
+    "short": lambda by: f"{abs(by):g} mm {'short' if by > 0.0 else 'too far'}",
     "place": lambda where: f" ({where})" if where else "",
     "moves": lambda rows: ", ".join(
         f"{name} by {two_figures(size)} {unit_words(unit)}" for name, size, unit in rows
@@ -67,7 +72,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
 
 class _Formatter(string.Formatter):
     def format_field(self, value: Any, format_spec: str) -> str:
-        words = _FORMATS.get(format_spec)
+        words = sentence if isinstance(value, Reason) else _FORMATS.get(format_spec)
         return words(value) if words else str(super().format_field(value, format_spec))
 
 
@@ -426,6 +431,33 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "probe_both": "Calibrate and probe a mesh one after the other, with nothing changed in between;"
     " then compare again.",
     "check_gauge": lambda _, data: _doubt(data["doubt"], 1),
+    # What to measure next.
+    "walk_down": "iso, {most}, {least} and iso",
+    "walk_up": "iso, {least}, {most} and iso, each reached from the other side",
+    "walk_half_way": "up to {most} and down to {least}, half-way ({half_mm:lengths} mm) both going"
+    " and coming back",
+    "read_again": _STILL + "read its last posture ({posture}) again.",
+    "read_later": _STILL + "read its last posture ({posture}) again after a quarter of an hour.",
+    "read_on": _STILL + "read {cycles:cycles}: {walk}.",
+    "read_short": _STILL + "drive as before but with carriage {carriage} {short_mm:short}, as the"
+    " screen shows: {walk}.",
+    "session_alone": "Measure a separate session, {protocol}, {cycles:cycles} per leg, reading by"
+    " reading. It needs no old data.",
+    "stand_again": "Set the stands up again at leg {leg}{half_way:half_way}, labels and + sides"
+    " checked, and read {cycles:cycles}: {walk}.",
+    "turn_bar": "Turn the bar of leg {leg} half round its own axis, set the stands up again at leg"
+    " {leg}{half_way:half_way} and read {cycles:cycles}.",
+    "repeat": "Repeat the session, {cycles:cycles} per leg{half_way:half_way}: {walk};"
+    " stands set up again, labels and + sides checked.",
+    "turn_bars": "Turn every bar half round its own axis, and repeat the session, {cycles:cycles}"
+    " per leg{half_way:half_way}.",
+    "repeat_at": "Repeat the session, {cycles:cycles} per leg, with the gauges {gauge_mm:.0f} mm"
+    " from the carriage joint.",
+    "repeat_reversed": "Repeat the session, one cycle per leg, with the legs in the order z, y,"
+    " x{half_way:half_way}.",
+    "touch_raised": "Touch {places} places all over the bed again with a block of known height,"
+    " {height_mm:g} mm, under the probe. (Or turn the plate by a third and probe again: what turns"
+    " with it is its own shape.)",
     # Of a file, as it was read.
     **{code: " ".join(texts) for code, texts in _DOUBTS.items()},
     "gauge_repeatability_mm": _DIAL.format(

@@ -571,8 +571,9 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
         "unlisted": any(explanation.pattern for explanation in explanations),
     }
     reasons = [Reason.of("undecided", **data)]
-    tasks = [following.what] if following else [cause.remedy for cause in diagnosis.causes]
-    advice = [Reason.of("do", what=task) for task in tasks]
+    advice = [Reason.of("do", what=cause.remedy) for cause in diagnosis.causes]
+    if following:
+        advice = [following.what]
     if diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0:
         reasons.append(Reason.of("few_readings"))
         advice = []

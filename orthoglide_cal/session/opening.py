@@ -239,7 +239,7 @@ def planned_next(
         fault = "That measurement needs the two gauges where they are."
         raise UsageError(fault, "Use two gauges, or take another recommendation: --choice 2")
     following = events.Following(
-        data=first.data, what=option.what, minutes=option.minutes,
+        data=first.data, what=request.says(option.what), minutes=option.minutes,
         continues=option.continues, entered=(x, y, z),
     )  # fmt: skip
     plan = replace(plan, entered=(plan.entered + change).round(9))

@@ -15,6 +15,7 @@ from orthoglide_cal.inference.decision import decide
 from orthoglide_cal.inference.fit import predict_later
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.planning import best_next
+from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import answer_to
 from tests.inference.sessions import given, ids
 from tests.printer_files import OFF, printer_cfg
@@ -81,7 +82,7 @@ def test_one_flat_mesh_leaves_leaning_towers_and_a_bent_bed_open(held_out: Diagn
     assert found.ambiguous_with == ("bed_shape",)
     following = best_next(found)
     assert following is not None
-    assert "block of known height" in following.what
+    assert "block of known height" in sentence(following.what)
     assert following.between == (("tower_lean",), ("bed_shape",))
     assert any("direction" in note and "is not" in note for note in sentences(found.notes))
 

@@ -18,6 +18,7 @@ from orthoglide_cal.model.plan import Floats, joined
 from orthoglide_cal.model.readings import GaugePlan, Posture
 from orthoglide_cal.planning import best_next, rank_measurements
 from orthoglide_cal.planning.next_measurement import _pair, options, predictions
+from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import answer_to
 from tests import truth
 from tests.bench.ambiguous import continued
@@ -41,7 +42,9 @@ LIMITS = double_posture(MACHINE, postures=ENDS, closing=False)
 
 def chosen(found: Diagnosis, *words: str) -> NextMeasurement:
     """The best option whose instruction holds these words."""
-    return next(each for each in rank_measurements(found) if all(w in each.what for w in words))
+    return next(
+        each for each in rank_measurements(found) if all(w in sentence(each.what) for w in words)
+    )
 
 
 def measured(plan: GaugePlan, cause: str, seed: int = 3) -> Readings:

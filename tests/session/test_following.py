@@ -15,6 +15,7 @@ from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.design import GIVES_UP
+from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.session import opening
 from orthoglide_cal.session.events import Planned, Taken
 from orthoglide_cal.session.opening import Request, open_session, planned_next
@@ -33,7 +34,7 @@ def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_pat
     best = rank_measurements(diagnose(given.measured, given.model))[0]
     shown = finished(tmp_path, "b.yaml", "--then", str(first), "--yes")
     words = " ".join(shown.split())
-    assert f"Next, about {best.minutes:.0f} min: {best.what}" in words
+    assert f"Next, about {best.minutes:.0f} min: {sentence(best.what)}" in words
     assert f"about {best.minutes:.0f} min. ? is help." in words
     assert "The 24 earlier readings are in the same file." in shown
     assert first.read_bytes() == before

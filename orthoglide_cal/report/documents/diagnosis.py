@@ -437,8 +437,8 @@ def _next_step(case: Case) -> doc.Instruction:
     answer, following = case.answer, case.answer.next_measurement
     if following is not None and following.between:
         first, second = between_words(following)
-        text = f"{following.what} About {following.minutes:.0f} min; it distinguishes {first}"
-        text += f" from {second} ({following.separation_sigma:.1f} σ)."
+        text = f"{case.says(following.what)} About {following.minutes:.0f} min; it distinguishes"
+        text += f" {first} from {second} ({following.separation_sigma:.1f} σ)."
         return doc.Instruction(text, case.further(following.session))
     if not answer.ambiguous_with:
         again = f"Repeat the session with {case.words.further}: a real fault returns unchanged."

@@ -37,6 +37,7 @@ from orthoglide_cal.report.documents.solution import (
     source_words,
 )
 from orthoglide_cal.report.figures import separation_lines
+from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (
     counted,
@@ -76,7 +77,7 @@ def plan_document(
     going_on = begun if plan.next else None
     stamp = going_on.stamp if going_on else None
     absent = None if plan.next else {"next"}
-    data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent)
+    data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent, context=sentence)
     if going_on is not None and going_on.answer.release.usable:
         # Nothing is advised that does not lower U.
         now = math.inf if plan.now_mm is None else round(plan.now_mm, decimals_for(plan.now_mm))
@@ -143,10 +144,10 @@ def _to_do(
         yield doc.Instruction("See what to enter", begun.typed("solve"))
         for best in plan.next[:1]:
             further = begun.further(best.session)
-            yield doc.Instruction(f"Or, to reduce U: {best.what}", further)
+            yield doc.Instruction(f"Or, to reduce U: {sentence(best.what)}", further)
     elif plan.next and begun:
         best = plan.next[0]
-        yield doc.Instruction(best.what, begun.further(best.session))
+        yield doc.Instruction(sentence(best.what), begun.further(best.session))
     elif plan.bar_warning is not None and plan.bar_warning.size > 0.0 and plan.design is not None:
         typed = _command(plan.design, plan, machine_file, begun)
         yield doc.Instruction("Measure what the plungers can follow", typed)
@@ -463,7 +464,7 @@ def _next_grid(
         sure = (percent(option.chance), f"{option.separation_sigma:.1f}") if telling else ()
         number, minutes = str(plan.next.index(option) + 1), f"{option.minutes:.0f}"
         u = two_figures(max(option.expanded_mm.values()))
-        rows.append((number, minutes, *sure, u, option.what))
+        rows.append((number, minutes, *sure, u, sentence(option.what)))
     meaning = None
     if full:
         meaning = "No reading can decide more. Ranked by the reduction of U"
