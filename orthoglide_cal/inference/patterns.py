@@ -79,23 +79,20 @@ class Course:
         kelvin = np.zeros(len(plan)) if white.kelvin is None else white.kelvin
         return cls(plan, white.raw, turned, kelvin, fine)
 
-    def durations(self, least: float, most: float, closer: float = 1.0) -> Floats:
-        """Times between shares of the longest set-up, shape (v,) [h]."""
-        count = round(closer * FINE) if self.fine else COARSE
-        return np.geomspace(least, most, count) * (self.since.max(initial=0.0) or 1.0)
+    @property
+    def longest(self) -> float:
+        """How long the longest set-up takes, or 1 [h]."""
+        return float(self.since.max(initial=0.0)) or 1.0
 
-    def by_mover(
-        self, values: Floats, parameters: Floats | None = None, whole: Floats | None = None
-    ) -> Made:
-        """Values (n,), or (n, v, b), in columns of their own for each of what moves as one.
+    @property
+    def shapes(self) -> int:
+        """So many time constants are tried, or periods down to half the longest set-up."""
+        return FINE if self.fine else COARSE
 
-        `whole`: of what is part of nothing larger, if its values differ.
-        """
+    def by_mover(self, values: Floats, parameters: Floats | None = None) -> Made:
+        """Values (n,), or (n, v, b), in columns of their own for each of what moves as one."""
         movers, shapes = self.plan.movers, 1 if parameters is None else len(parameters)
         wide = values.reshape(len(self.plan), shapes, 1, -1)
-        if whole is not None:
-            part = np.any(_lie_in(self.plan), axis=1)
-            wide = np.where(part[:, None], wide, whole.reshape(wide.shape))
         columns = movers.T[:, None, :, None] * wide
         number = np.repeat(np.arange(len(movers)), wide.shape[-1])
         return Made(columns.reshape(*wide.shape[:2], -1), number, parameters)
@@ -127,20 +124,17 @@ def _drifts(course: Course) -> Made:
     """Smooth in time: a sine of each gauge, of a period that they share."""
     least = SMOOTH / np.bincount(course.plan.shared, minlength=1).max()
     least = float(np.clip(least, *SHORTEST))
-    # The more periods there are, the closer they must be to each other.
-    periods = course.durations(least, LONGEST, SHORTEST[1] / least)
+    # Neighbours differ by the same part of a turn over the longest set-up.
+    turns = np.linspace(1.0 / LONGEST, 1.0 / least, round(course.shapes * SHORTEST[1] / least))
+    periods = course.longest / turns
     turn = 2.0 * np.pi * course.since[:, None] / periods
     terms = np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(course.since)
-    # Of a probe a steady drift is a cause's own.
-    touch, flat = course.plan.touches[:, None], terms.reshape(len(turn), -1)
-    steady = touch * np.stack((np.ones(len(touch)), course.since), axis=1)
-    unsteady = flat - steady @ np.linalg.lstsq(steady, flat)[0]
-    return course.by_mover(terms, periods, unsteady)
+    return course.by_mover(terms, periods)
 
 
 def _settles(course: Course) -> Made:
     """From each set-up on, to rest."""
-    constants = course.durations(*SETTLING)
+    constants = course.longest * np.geomspace(*SETTLING, course.shapes)
     fallen = np.exp(-course.since[:, None] / constants)
     return course.by_mover(np.any(course.since) * fallen, constants)
 
@@ -597,6 +591,8 @@ def weight_of(hypothesis: Hypothesis) -> float:
 
 def combined(hypothesis: Hypothesis, fit: Fit, every: Sequence[Tried]) -> list[Hypothesis]:
     """A hypothesis, of whose listed causes `fit` is, with every pattern in addition."""
+    if math.isinf(fit.log_evidence):  # no explanation, whatever acts besides
+        return []
     ground, patterns = Ground.of(hypothesis.at, fit), hypothesis.patterns
     if not hypothesis.label:
         return ground.scores(every)
