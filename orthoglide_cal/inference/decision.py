@@ -253,8 +253,9 @@ class Decision:
         if len(accepted) != 1 or len(self.fit.wrong_readings) > 1:
             return bool(accepted)
         patterns = (*belief.patterns.values(), *belief.beside(accepted))
-        odds = math.log((WRONG_NAME + FALSE_RELEASE) / OPEN_ANSWER)
-        return max(map(weight_of, patterns)) + odds > belief.log_weight[accepted]
+        likeliest = max(map(weight_of, patterns)) - belief.log_weight[accepted]
+        listed = OPEN_ANSWER * belief.something / belief.listed[accepted]
+        return likeliest > math.log(listed / (WRONG_NAME + FALSE_RELEASE))
 
     @cached_property
     def accepted(self) -> Ids:
