@@ -227,19 +227,14 @@ def tried(at: Linearised, course: Course) -> list[Tried]:
 
 
 @functools.lru_cache(maxsize=8)
-def _lie_in(plan: Plan) -> Bools:
-    """Which movers are part of which others, shape (g, g)."""
-    outside = plan.movers.astype(np.float64) @ ~plan.movers.T
-    return np.asarray((outside == 0.0) & (outside.T > 0.0))
-
-
-@functools.lru_cache(maxsize=8)
 def _wheres(plan: Plan, ordered: bool) -> tuple[list[Where], Bools, Bools]:
     """Wheres of a plan, the readings of each, (w, n), and movers in larger ones that it holds."""
     wheres, rows = zip(*plan.wheres(ordered), strict=True)
     selected = np.stack(rows)
     held = (~selected).astype(np.float64) @ plan.movers.T == 0.0
-    return list(wheres), selected, held @ _lie_in(plan).T
+    outside = plan.movers.astype(np.float64) @ ~plan.movers.T
+    inside = (outside == 0.0) & (outside.T > 0.0)  # which movers are part of which others
+    return list(wheres), selected, held @ inside.T
 
 
 @functools.lru_cache(maxsize=32)

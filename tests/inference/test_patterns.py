@@ -76,7 +76,7 @@ def test_a_pattern_is_described(how: str, kind: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize(("how", "kind", "seed"), IN_BEDS)
-def test_a_pattern_of_a_bed_acts_in_its_region_or_everywhere(how: str, kind: str, seed: int) -> None:
+def test_a_pattern_of_a_bed_acts_in_its_region(how: str, kind: str, seed: int) -> None:
     hidden = draw_bed(seed, how, kind)
     assert distinguish_bed(hidden).clear
     answer = answer_to(given(hidden.session))
