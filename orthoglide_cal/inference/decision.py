@@ -245,12 +245,17 @@ class Decision:
 
     @property
     def exceeded(self) -> bool:
-        """True if the accepted causes, or all but one, are likelier with a pattern."""
+        """True if a pattern, alone or beside the accepted causes, may make them a wrong name.
+
+        Several causes, or several wrong readings, follow most patterns.
+        """
         belief, accepted = self.belief, self.accepted
-        fewer = (tuple(id for id in accepted if id != one) for one in accepted)
-        sets = {accepted, *fewer} if accepted else set()
-        beside = (weight_of(one) for ids in sets for one in belief.beside(ids))
-        return max(beside, default=-math.inf) > belief.log_weight[accepted]
+        if len(accepted) != 1 or len(self.fit.wrong_readings) > 1:
+            return bool(accepted)
+        patterns = (*belief.patterns.values(), *belief.beside(accepted))
+        likeliest = max(map(weight_of, patterns)) - belief.log_weight[accepted]
+        listed = OPEN_ANSWER * belief.something / belief.listed[accepted]
+        return likeliest > math.log(listed / (WRONG_NAME + FALSE_RELEASE))
 
     @cached_property
     def accepted(self) -> Ids:
@@ -544,12 +549,9 @@ def decide_by(linear: Belief) -> Decision:
             break
         decision = Decision(decision.belief.refined(wanted))
     decision = Decision(decision.belief.refined([decision.best]))
-    accepted = decision.accepted
-    beyond = decision.verdict is Verdict.UNEXPLAINED or decision.exceeded
-    # Several causes, or several wrong readings, follow most patterns: a close look compares them.
-    several = len(accepted) > 1 or len(decision.fit.wrong_readings) > 1
+    accepted, beyond = decision.accepted, decision.verdict is Verdict.UNEXPLAINED
     # Few differences follow nearly any pattern.
-    if at.white.raw and (beyond or several):
+    if at.white.raw and (beyond or decision.exceeded):
         closer = decision.belief.closely()
         if beyond or closer.beyond > closer.listed[accepted]:
             return Decision(closer)

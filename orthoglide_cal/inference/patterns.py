@@ -88,23 +88,20 @@ class Course:
         kelvin = np.zeros(len(plan)) if white.kelvin is None else white.kelvin
         return cls(plan, white.raw, turned, kelvin, fine)
 
-    def durations(self, least: float, most: float, closer: float = 1.0) -> Floats:
-        """Times between shares of the longest set-up, shape (v,) [h]."""
-        count = round(closer * FINE) if self.fine else COARSE
-        return np.geomspace(least, most, count) * (self.since.max(initial=0.0) or 1.0)
+    @property
+    def longest(self) -> float:
+        """How long the longest set-up takes, or 1 [h]."""
+        return float(self.since.max(initial=0.0)) or 1.0
 
-    def by_mover(
-        self, values: Floats, parameters: Floats | None = None, whole: Floats | None = None
-    ) -> Made:
-        """Values (n,), or (n, v, b), in columns of their own for each of what moves as one.
+    @property
+    def shapes(self) -> int:
+        """So many time constants are tried, or periods down to half the longest set-up."""
+        return FINE if self.fine else COARSE
 
-        `whole`: of what is part of nothing larger, if its values differ.
-        """
+    def by_mover(self, values: Floats, parameters: Floats | None = None) -> Made:
+        """Values (n,), or (n, v, b), in columns of their own for each of what moves as one."""
         movers, shapes = self.plan.movers, 1 if parameters is None else len(parameters)
         wide = values.reshape(len(self.plan), shapes, 1, -1)
-        if whole is not None:
-            part = np.any(_lie_in(self.plan), axis=1)
-            wide = np.where(part[:, None], wide, whole.reshape(wide.shape))
         columns = movers.T[:, None, :, None] * wide
         number = np.repeat(np.arange(len(movers)), wide.shape[-1])
         return Made(columns.reshape(*wide.shape[:2], -1), number, parameters)
@@ -136,20 +133,17 @@ def _drifts(course: Course) -> Made:
     """Smooth in time: a sine of each gauge, of a period that they share."""
     least = SMOOTH / np.bincount(course.plan.shared, minlength=1).max()
     least = float(np.clip(least, *SHORTEST))
-    # The more periods there are, the closer they must be to each other.
-    periods = course.durations(least, LONGEST, SHORTEST[1] / least)
+    # Neighbours differ by the same part of a turn over the longest set-up.
+    turns = np.linspace(1.0 / LONGEST, 1.0 / least, round(course.shapes * SHORTEST[1] / least))
+    periods = course.longest / turns
     turn = 2.0 * np.pi * course.since[:, None] / periods
     terms = np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(course.since)
-    # Of a probe a steady drift is a cause's own.
-    touch, flat = course.plan.touches[:, None], terms.reshape(len(turn), -1)
-    steady = touch * np.stack((np.ones(len(touch)), course.since), axis=1)
-    unsteady = flat - steady @ np.linalg.lstsq(steady, flat)[0]
-    return course.by_mover(terms, periods, unsteady)
+    return course.by_mover(terms, periods)
 
 
 def _settles(course: Course) -> Made:
     """From each set-up on, to rest."""
-    constants = course.durations(*SETTLING)
+    constants = course.longest * np.geomspace(*SETTLING, course.shapes)
     fallen = np.exp(-course.since[:, None] / constants)
     return course.by_mover(np.any(course.since) * fallen, constants)
 
@@ -257,19 +251,14 @@ def tried(at: Linearised, course: Course) -> list[Tried]:
 
 
 @functools.lru_cache(maxsize=8)
-def _lie_in(plan: Plan) -> Bools:
-    """Which movers are part of which others, shape (g, g)."""
-    outside = plan.movers.astype(np.float64) @ ~plan.movers.T
-    return np.asarray((outside == 0.0) & (outside.T > 0.0))
-
-
-@functools.lru_cache(maxsize=8)
 def _wheres(plan: Plan, ordered: bool) -> tuple[list[Where], Bools, Bools]:
     """Wheres of a plan, the readings of each, (w, n), and movers in larger ones that it holds."""
     wheres, rows = zip(*plan.wheres(ordered), strict=True)
     selected = np.stack(rows)
     held = (~selected).astype(np.float64) @ plan.movers.T == 0.0
-    return list(wheres), selected, held @ _lie_in(plan).T
+    outside = plan.movers.astype(np.float64) @ ~plan.movers.T
+    inside = (outside == 0.0) & (outside.T > 0.0)  # which movers are part of which others
+    return list(wheres), selected, held @ inside.T
 
 
 @functools.lru_cache(maxsize=32)
@@ -537,6 +526,8 @@ def weight_of(hypothesis: Hypothesis) -> float:
 
 def combined(hypothesis: Hypothesis, fit: Fit, every: Sequence[Tried]) -> list[Hypothesis]:
     """A hypothesis, of whose listed causes `fit` is, with every pattern in addition."""
+    if math.isinf(fit.log_evidence):  # no explanation, whatever acts besides
+        return []
     before, patterns = usual(fit), hypothesis.patterns
     if not hypothesis.label:
         return scores_of(before, every)

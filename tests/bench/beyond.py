@@ -51,6 +51,12 @@ class Described:
         return (self.pattern["how"], place) in [(how, where.names) for how, where in self.far.same]
 
     @property
+    def misnamed(self) -> bool:
+        """Whether a cause is named that does not act; one that acts besides may be."""
+        acting = {*self.hidden.session.causes}
+        return self.answer.verdict == "named" and not {*self.answer.ids} <= acting
+
+    @property
     def held_out(self) -> float | None:
         """Error of left-out cycles with the pattern over that without it."""
         before, after = (self.pattern.get(f"heldout_{when}_mm") for when in ("before", "after"))
@@ -180,6 +186,8 @@ def failures_beyond(described: Sequence[Described]) -> list[str]:
     ):
         if np.mean(right) < demanded:
             out.append(f"{label}: {_share(right)} of {len(right)}, demanded {demanded:.0%}")
+    if wrong := sum(item.misnamed for item in asked):
+        out.append(f"named although it does not act: {wrong} of {len(asked)}, demanded 0")
     inside = [one for item in asked for one in item.inside]
     low, high = band(len(asked), 0.93, 0.97)
     if not low <= np.mean(inside) <= high:

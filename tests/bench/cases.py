@@ -37,6 +37,8 @@ LAYOUTS = (
     Layout(41), Layout(121), Layout(25, THREE), Layout(7), Layout(13, THREE), Layout(41, THREE),
     Layout(25, cycles=3), Layout(400),
 )  # fmt: skip
+SHAPED = 9
+"""Places from which anything may be said of a bed's shape: three for each of its square terms."""
 MANY = 25
 """Places from which an effect outside the list can be told from two causes."""
 NOISES = (0.005, 0.013, 0.030)
@@ -130,7 +132,9 @@ def draw_printers(counts: Counts, seed: int) -> Iterator[Case]:
 
     def drawn(number: int, n: int, hidden: tuple[str, ...]) -> DeltaSession:
         # Every cause meets other settings first.
-        machine, layout = settings[(7 * number + n) % len(settings)]
+        least = SHAPED if "bed_shape" in hidden else 0
+        able = [setting for setting in settings if setting[1].places >= least]
+        machine, layout = able[(7 * number + n) % len(able)]
         bumps = machine.texture, GRAIN
         return make_delta_session(base + n, machine, hidden, layout, bumps)
 

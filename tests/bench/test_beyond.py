@@ -1,5 +1,6 @@
 """What is demanded of an answer to an effect beyond the list, and that the bench of these runs."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -74,6 +75,11 @@ def test_an_answer_without_a_description_is_wrong() -> None:
         assert described.held_out is None
         assert not described.released
     assert failed.inside == failed.wider == []
+    causes = [{"id": "stand_shift"}]
+    named = replace(silent, answer=Answer({"verdict": "named", "causes": causes}))
+    assert named.misnamed
+    assert not silent.misnamed
+    assert any("does not act: 1 of 2" in text for text in failures_beyond([silent, named]))
 
 
 def test_the_bench_of_effects_beyond_the_list_runs(capsys: pytest.CaptureFixture[str]) -> None:

@@ -121,14 +121,18 @@ def test_leaving_out_what_is_wrong_reverses_no_sure_answer(seeds: range) -> None
         found = diagnose(readings, model)
         if found.verdict is not Verdict.NAMED:
             continue
-        rest = set(ids(found)) - {"misread"}
+        told = set(found.wrong_readings)
+        # One that is wrong by a whole turn is a slip.
+        slips = {effect.place[0] for effect in found.effects if effect.cause.id == "gauge_slip"}
+        faults = {"misread", "gauge_slip"} if slips and slips <= wrong else {"misread"}
+        told |= slips & wrong
+        rest = set(ids(found)) - faults
         assert rest <= {cause}, seed
-        told = {
-            row for effect in found.effects if effect.cause.id == "misread" for row in effect.place
-        }
         named, exact = named + 1, exact + (told == wrong)
         sure = sum(
-            one.probability for one in found.explanations if {"misread", *rest} <= set(one.ids)
+            one.probability
+            for one in found.explanations
+            if rest <= set(one.ids) and faults & set(one.ids)
         )
         if not told or max(sure, found.causes[0].probability) < LIMIT:
             continue

@@ -188,6 +188,8 @@ def draw_beyond(
     warm = thermometer(plan, rng) if recorded else np.zeros(plan.count)
     seen = Seen(plan, movements(plan, twin.gauges_show(plan, rng)[0]), warm)
     later = where.rows(plan) & (plan.minutes > plan.minutes[plan.stand] + 2.0 * pace)
+    # What one reading of each gauge knows is no step, but wrong readings.
+    later &= plan.minutes <= np.sort(plan.minutes[where.rows(plan)])[-4]
     shape = {
         "drifts": pace * rng.uniform(6.0, 20.0), "settles": rng.uniform(0.5, 3.0),
         "steps": rng.choice(plan.minutes[later]),
@@ -310,10 +312,13 @@ def _effects(
 
 
 def _listed(at: Gaussian, record: Floats, near: Neighbourhood) -> float:
-    """Least cost of nothing or one listed cause in addition; of its places each is as likely."""
+    """Least cost of nothing or one listed cause in addition; of its places each is as likely.
+
+    All of its parameters act, or, of bars, any one.
+    """
     nothing = float(at.costs(record, np.zeros((1, len(record), 0)))[0])
     costs = [at.costs(record, family[None])[0] for family in near.families.values()]
-    for places in near.places.values():
+    for places in (*near.places.values(), near.families["bar_skew"]):
         moved = at.costs(record, places.T[:, :, None])
         costs.append(moved.min() + 2.0 * np.log(moved.size))
     return min(nothing, float(min(costs)) + RARE)
@@ -346,6 +351,8 @@ def distinguish(hidden: Beyond) -> Distinction:
     pairs = [alone.with_columns(family) for family in near.families.values()]
     listed = [_listed(alone, values, near) for values in (record, *others)]
     listed += [RARE + _listed(at, values, near) for at in pairs for values in (record, *others)]
+    if session.effects:
+        listed.append(RARE + _listed(true, truly, near))
     costs = {("", Where()): min(listed)}
     for how, where, _, added in _effects(alone, record, hidden):
         costs[how, where] = _listed(alone.with_columns(added), record, near)
