@@ -59,7 +59,9 @@ def test_the_default_for_raw_readings_is_least_squares_with_zeros(
     offsets, covariance = explicit(session, model)
     assert solution.method is Method.READINGS
     assert solution.offsets_mm == pytest.approx(offsets, abs=1e-9)
-    assert solution.covariance_mm2 == pytest.approx(solution.sigma_mm**2 * covariance, rel=1e-7)
+    assert solution.budget.covariance_mm2 == pytest.approx(
+        solution.noise.sigma_mm**2 * covariance, rel=1e-7
+    )
     assert solution.dof == len(session) - session.plan.setups - 3
 
 
@@ -115,8 +117,8 @@ def test_with_a_known_cause_it_is_least_squares_with_zeros(cause: Cause, subject
     offsets, covariance = explicit(session, model)
     solution = solve(session, model)
     assert solution.offsets_mm == pytest.approx(offsets, abs=1e-8)
-    assert solution.covariance_mm2 == pytest.approx(
-        solution.sigma_mm**2 * covariance, rel=1e-6, abs=1e-12
+    assert solution.budget.covariance_mm2 == pytest.approx(
+        solution.noise.sigma_mm**2 * covariance, rel=1e-6, abs=1e-12
     )
     assert np.abs(solve(session, subject.model).offsets_mm - offsets).max() > 1e-4
 
