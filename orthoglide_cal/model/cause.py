@@ -67,8 +67,6 @@ class Screw(NamedTuple):
 
 
 PER_HOUR = "mm/h"  # unit of rates
-# What of a cause may be worded otherwise at another kind of machine.
-_WORDED = {"title", "instrument", "advice", "no_setting"}
 
 
 class Cause:
@@ -110,12 +108,6 @@ class Cause:
     number: Mapping[type[Machine], str] = MappingProxyType({})
     # Kind of machine → title, instrument, advice and no_setting where they are others there.
     elsewhere: Mapping[type[Machine], Mapping[str, str]] = MappingProxyType({})
-
-    def __init_subclass__(cls) -> None:
-        """Raises TypeError if `elsewhere` words anything else: nobody would ever read it."""
-        super().__init_subclass__()
-        if unknown := {key for worded in cls.elsewhere.values() for key in worded} - _WORDED:
-            raise TypeError(f"{cls.__name__}.elsewhere cannot word {', '.join(sorted(unknown))}.")
 
     def words(self, machine: Machine) -> Self:
         """A copy of the cause, worded as people at this kind of machine call it.
