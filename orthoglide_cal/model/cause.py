@@ -239,10 +239,14 @@ class Cause:
         covariance[np.ix_(rows, rows)] = np.outer(stds, stds) * correlation
         return Effect(self, theta, covariance=covariance * self.scale**2)
 
-    def correcting(self, values: Mapping[str, float]) -> Effect:
-        """Effect of a controller that corrects parameters of these values by name, in the unit."""
+    def correcting(self, machine: Machine, values: Mapping[str, float]) -> Effect:
+        """Effect of a controller that corrects parameters of these values, in the unit.
+
+        By the names that they have on this machine.
+        """
         theta = np.zeros(self.unknowns)
-        theta[[self.names.index(name) for name in values]] = [-v for v in values.values()]
+        named = machine.named(self.names).values()
+        theta[: len(self.names)] = [0.0 - values.get(name, 0.0) for name in named]
         return Effect(self, theta * self.scale, corrects=True)
 
     def transferred(self, theta: Floats, before: Machine, after: Machine) -> Floats:
