@@ -60,13 +60,6 @@ class Contribution(Schema):
         root = root_of(covariance)
         return cls.of(source, root @ root.T, None, "", possible=possible)
 
-    def __eq__(self, other: object) -> bool:
-        """As they are printed: arrays have no truth of their own."""
-        return isinstance(other, Contribution) and self.model_dump() == other.model_dump()
-
-    def __hash__(self) -> int:
-        return hash(self.model_dump_json())
-
     @computed_field(description="what it adds to each parameter's std")
     @property
     def std(self) -> tuple[float, ...]:

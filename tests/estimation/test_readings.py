@@ -8,7 +8,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Method, solve, usable_methods
+from orthoglide_cal.estimation import Method, solve
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Measured, Readings
@@ -140,13 +140,12 @@ DOUBLE, SINGLE_POSTURE = (
     ids=["six", "twelve", "single", "readings", "single-posture readings"],
 )
 def test_which_methods_data_can_feed(data: Measured, usable: tuple[str, ...]) -> None:
-    assert usable_methods(data) == usable
     assert solve(data, NOMINAL).method is Method(data.kind)
     for name in usable:
         assert solve(data, NOMINAL, name).method == name
     for name in set(Method) - set(usable):
         with pytest.raises(UsageError, match=f"Method {name} cannot use") as caught:
             solve(data, NOMINAL, name)
-        assert usable[0] in caught.value.remedy
+        assert f"one of {', '.join(usable)}." in caught.value.remedy
     with pytest.raises(UsageError, match="no method 'best'"):
         solve(data, NOMINAL, "best")
