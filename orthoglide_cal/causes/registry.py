@@ -20,7 +20,4 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(dict(sorted(_FOUND.items())))
 
 def correcting(machine: Machine, corrected: Corrections) -> tuple[Effect, ...]:
     """Effects by which the controller of a machine corrects this of its causes."""
-    return tuple(
-        CAUSES[id].correcting(machine.own_names(CAUSES[id].names, values))
-        for id, values in corrected.items()
-    )
+    return tuple(CAUSES[id].correcting(machine, values) for id, values in corrected.items())

@@ -19,7 +19,7 @@ from orthoglide_cal import __version__
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.adjust import adjust
 from orthoglide_cal.cli.apply import apply
-from orthoglide_cal.cli.common import PlainCommand, flag, leave_closed, switch_colour_off
+from orthoglide_cal.cli.common import PlainCommand, flag, leave_closed
 from orthoglide_cal.cli.diagnose import diagnose
 from orthoglide_cal.cli.export import export
 from orthoglide_cal.cli.guide import guide
@@ -108,7 +108,7 @@ def _orthocal(
     no_colour: bool = flag("--no-color", "No colours; NO_COLOR does the same."),
 ) -> None:
     if no_colour:
-        switch_colour_off()
+        os.environ["NO_COLOR"] = "1"
     if version:
         print(f"orthocal {__version__}")
         raise typer.Exit

@@ -75,14 +75,9 @@ class PlainCommand(TyperCommand):
 
     def invoke(self, ctx: Any) -> Any:
         if ctx.params.pop(NO_COLOUR):
-            switch_colour_off()
+            os.environ["NO_COLOR"] = "1"  # for rich and every child process
         ctx.find_root().obj = ctx.params
         return super().invoke(ctx)
-
-
-def switch_colour_off() -> None:
-    """The environment is where rich and every child process look for it."""
-    os.environ["NO_COLOR"] = "1"
 
 
 def option(

@@ -65,7 +65,6 @@ def simulate(
     """
     import numpy as np
 
-    from orthoglide_cal.causes import correcting
     from orthoglide_cal.files.probe_readings import probe_points_csv
     from orthoglide_cal.files.readings import readings_csv
     from orthoglide_cal.files.session_file import session_json, session_of_readings, session_text
@@ -88,9 +87,8 @@ def simulate(
     true = np.zeros(len(nominal.parameter_names))
     true[:3], true[3:] = offsets or 0.0, radius_angles or 0.0
     effects = [_effect_named(text, plan, nominal, rng) for text in cause or ()]
-    acting = {effect.cause.id for effect in effects} - {e.cause.id for e in known.accepted}
-    corrected = {id: by for id, by in nominal.corrected.items() if id in acting}
-    wrong = known.extended([*effects, *correcting(nominal, corrected)])
+    # What the controller corrects of a cause acts on a hidden one, too.
+    wrong = known.extended(effects).correcting(nominal.corrected)
     made = synthetic_session(wrong, plan, true, rng, gauge)
     record = None
     if on_bed:

@@ -1,6 +1,6 @@
 """Estimation of the joint offsets: one problem, one least squares, covariance, the promise."""
 
 from orthoglide_cal.estimation.least_squares import LeastSquaresFit, Problem, fit_offsets
-from orthoglide_cal.estimation.methods import Method, Posed, pose, pose_plan, usable_methods
+from orthoglide_cal.estimation.methods import Method, Posed, pose, pose_plan
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise, stays
 from orthoglide_cal.estimation.solution import Solution, fit_parameters, solve

@@ -14,10 +14,11 @@ from scipy.special import chdtrc, stdtrit
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.least_squares import Problem
+from orthoglide_cal.estimation.methods import pose_plan
 from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K
-from orthoglide_cal.model.measured import DIFFERENCES, DataKind
+from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import ideal_plan, reduction
+from orthoglide_cal.model.orthoglide import ideal_plan
 from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.readings import Posture
 
@@ -151,10 +152,9 @@ def _completing(problem: Problem, matrix: Floats) -> str:
     """The fewest differences that complete the rank, in words."""
     kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
     machine = problem.model.orthoglide
-    plan = ideal_plan(kind, machine)
-    reduced = reduction(kind, DIFFERENCES[kind], machine, plan)
-    sensitivity = Problem(Model(machine), plan, reduced).at_zero[1]
-    rows = dict(zip(DIFFERENCES[kind], sensitivity, strict=True))
+    ideal, which = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
+    sensitivity = ideal.at_zero[1]
+    rows = dict(zip(which, sensitivity, strict=True))
     scale = np.abs(sensitivity).max()
     chosen = []
     while missing := len(_free_directions(matrix, scale)):

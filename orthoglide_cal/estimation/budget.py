@@ -11,7 +11,7 @@ import math
 from collections.abc import Container, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, computed_field
@@ -47,20 +47,18 @@ class Contribution(Schema):
     minor: bool = Field(False, description="too small for a line of its own on a page")
 
     @classmethod
+    def of(
+        cls, source: str, covariance: Floats, size: float | None, unit: str, **more: Any
+    ) -> Self:
+        """Covariance (p, p) of a source, of type B unless `more` says otherwise."""
+        fields: dict[str, Any] = {"type": "B", "size": size, "unit": unit, **more}
+        return cls(source=source, covariance_mm2=read_only(covariance), **fields)
+
+    @classmethod
     def beyond(cls, source: str, covariance: Floats, possible: bool = False) -> Self:
         """Remainder of a covariance (p, p) besides other sources; never negative."""
         root = root_of(covariance)
-        left = read_only(root @ root.T)
-        return cls(
-            source=source, type="B", size=None, unit="", covariance_mm2=left, possible=possible
-        )
-
-    def __eq__(self, other: object) -> bool:
-        """As they are printed: arrays have no truth of their own."""
-        return isinstance(other, Contribution) and self.model_dump() == other.model_dump()
-
-    def __hash__(self) -> int:
-        return hash(self.model_dump_json())
+        return cls.of(source, root @ root.T, None, "", possible=possible)
 
     @computed_field(description="what it adds to each parameter's std")
     @property
@@ -124,45 +122,23 @@ def budget_of(
         scatter: of one reading, as found; None takes what is stated of the gauge.
         uncertain: what acts on the readings in addition to noise.
     """
-    evaluation: Evaluation
     unit = estimator @ estimator.T
     rounding2 = gauge.rounding_mm**2
-    if scatter is None:
-        evaluation, noise2, dof = "B", gauge.repeatability_mm**2, math.inf
-    else:
-        evaluation, noise2, dof = "A", max(scatter.sigma_mm**2 - rounding2, 0.0), math.inf
+    evaluation, noise2, dof = "B", gauge.repeatability_mm**2, math.inf
+    if scatter is not None:
+        evaluation, noise2 = "A", max(scatter.sigma_mm**2 - rounding2, 0.0)
         if noise2 > 0.0:
             # The scatter holds the rounding, too; what is left of it is known no better.
             dof = scatter.dof * (noise2 / scatter.sigma_mm**2) ** 2
+    size = math.sqrt(noise2)
     parts = [
-        Contribution(
-            source=Origin.NOISE,
-            type=evaluation,
-            size=math.sqrt(noise2),
-            unit="mm",
-            covariance_mm2=read_only(noise2 * unit),
-            dof=dof,
-        ),
-        Contribution(
-            source=Origin.RESOLUTION,
-            type="B",
-            size=gauge.rounding_mm,
-            unit="mm",
-            covariance_mm2=read_only(rounding2 * unit),
-        ),
+        Contribution.of(Origin.NOISE, noise2 * unit, size, "mm", type=evaluation, dof=dof),
+        Contribution.of(Origin.RESOLUTION, rounding2 * unit, gauge.rounding_mm, "mm"),
     ]
-    for influence in uncertain:
-        moved = estimator @ influence.columns
-        parts.append(
-            Contribution(
-                source=influence.source,
-                type="B",
-                size=influence.size,
-                unit=influence.unit,
-                assumed=influence.assumed,
-                covariance_mm2=read_only(moved @ moved.T),
-            )
-        )
+    for one in uncertain:
+        moved, assumed = estimator @ one.columns, one.assumed
+        share = Contribution.of(one.source, moved @ moved.T, one.size, one.unit, assumed=assumed)
+        parts.append(share)
     return Budget(tuple(parts))
 
 
@@ -181,12 +157,8 @@ def warmth(mean_c: float | None, length_mm: float) -> tuple[Contribution, ...]:
         return ()
     kelvin = abs(mean_c - REFERENCE_C)
     std = EXPANSION_PER_K * length_mm * kelvin / math.sqrt(3.0)
-    covariance = read_only(np.full((len(AXES), len(AXES)), std**2))
-    return (
-        Contribution(
-            source=Origin.TEMPERATURE, type="B", size=kelvin, unit="K", covariance_mm2=covariance
-        ),
-    )
+    covariance = np.full((len(AXES), len(AXES)), std**2)
+    return (Contribution.of(Origin.TEMPERATURE, covariance, kelvin, "K"),)
 
 
 # What readings hold besides noise that nobody knows exactly, and hardly any reading shows: sets of

@@ -12,6 +12,7 @@ likelihood that the readings give it.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,8 +30,6 @@ ZERO_MM = 50.0
 UNKNOWN_MM = 5.0
 # Sizes of the misfit that are carried along, in units of `misfit_mm`.
 _SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])
-# The parts of a plan that say what is read, not when and with which zero.
-PLACE = ("leg", "direction", "displacement", "contact", "gauge_at", "part", "turned", "entered")
 
 
 class PlanForecast:
@@ -87,8 +86,7 @@ class PlanForecast:
         base = self._base[rows]
         if not self._model.repeats:
             # Time plays a part in a known effect: what is expected depends on when it is read.
-            parts = {name: getattr(plan, name)[rows] for name in PLACE}
-            plan = GaugePlan(**parts, setup=setup, order=order, hours=hours)
+            plan = replace(plan.subset(rows), setup=setup, order=order, hours=hours)
             base = simulate(self._model, self._zero, plan)
         size2, count = self._misfits[:, None, None] ** 2, len(self._misfits)
         return Mixture(

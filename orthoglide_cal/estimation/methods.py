@@ -86,18 +86,13 @@ def choose_method(measured: Measured, name: str | None) -> Method:
         return Method(measured.kind)
     if name not in list(Method):
         raise UsageError(f"There is no method {name!r}.", f"Choose one of {', '.join(Method)}.")
-    usable = usable_methods(measured)
+    usable = [method for method in Method if method.uses in measured.kinds]
     if name not in usable:
         raise UsageError(
             f"Method {name} cannot use {DESCRIPTIONS[measured.kind]}.",
             f"Choose one of {', '.join(usable)}.",
         )
     return Method(name)
-
-
-def usable_methods(measured: Measured) -> tuple[Method, ...]:
-    """The methods that these data can feed."""
-    return tuple(method for method in Method if method.uses in measured.kinds)
 
 
 def table_kind(measured: Measured) -> DataKind:

@@ -32,7 +32,7 @@ from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Influence, Instrument
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, read_only
+from orthoglide_cal.model.plan import Floats, Plan, read_only
 from orthoglide_cal.schema import Reason
 
 # Below this chance the residuals are called larger than the gauge's noise.
@@ -42,26 +42,15 @@ UNUSUAL = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Solution(ReadOnly):
-    """Joint offsets identified from one file."""
+class Solution(OffsetEstimate):
+    """Joint offsets Δρ identified from one file; true joint position = indicated + Δρ."""
 
     measured: Measured
     method: Method
-    posed: Posed  # the problem that was solved, with its model and what it compares with it
-    offsets_mm: Floats  # Δρ, shape (3,); true joint position = indicated + Δρ
+    posed: Posed  # the problem that was solved, with what it compares with its model
     residuals_mm: Floats  # what the solver left of the data it compared, shape (k,)
-    budget: Budget  # where the offsets' uncertainty comes from
     scatter: Scatter | None  # of one reading, from the residuals; None without degrees of freedom
     stated_mm: float  # of one reading, as stated, with what of a local shape is too fine to show
-
-    @property
-    def model(self) -> Model:
-        return self.posed.problem.model
-
-    @property
-    def covariance_mm2(self) -> Floats:
-        """Covariance of the offsets from all sources, (3, 3) (eqs. 26–32 for the noise)."""
-        return self.budget.covariance_mm2
 
     @property
     def std_mm(self) -> Floats:
@@ -72,14 +61,6 @@ class Solution(ReadOnly):
     def expanded_mm(self) -> Floats:
         """U of the offsets, shape (3,) [mm]."""
         return self.budget.expanded_mm
-
-    @property
-    def sigma_mm(self) -> float:
-        """Standard deviation of one reading that the uncertainty rests on [mm]."""
-        gauge = self.model.machine.instrument
-        if self.scatter is None:
-            return self.stated_mm
-        return max(self.scatter.sigma_mm, gauge.rounding_mm)
 
     @property
     def sigma_residuals_mm(self) -> float | None:
@@ -106,11 +87,6 @@ class Solution(ReadOnly):
         sum_of_squares = self.scatter.dof * self.scatter.sigma_mm**2
         return chance_of_residual(sum_of_squares, self.scatter.dof, self.stated_mm)
 
-    @property
-    def noise(self) -> Scatter:
-        """Noise of one reading, as the covariance takes it; stated noise has infinite dof."""
-        return Scatter(self.sigma_mm, math.inf if self.scatter is None else self.scatter.dof)
-
     def promised(
         self,
         entered: Floats | None = None,
@@ -121,9 +97,8 @@ class Solution(ReadOnly):
 
         `right` and `corrected` as in `promise`.
         """
-        known = OffsetEstimate(self.model, self.offsets_mm, self.budget, self.noise)
         change = self.offsets_mm if entered is None else entered
-        return promise(self.measured, known, change, right, corrected)
+        return promise(self.measured, self, change, right, corrected)
 
     @cached_property
     def _fit(self) -> tuple[float, Floats]:
@@ -305,12 +280,12 @@ def fit_parameters(
     # What was fitted to these very readings took its part of their noise away.
     known = len(offsets) + sum(here.values())
     scatter = _scatter(measured, plain, readings, jacobian, ratio, known)
+    noise = Scatter(stated_mm, math.inf)
+    if scatter is not None:
+        noise = Scatter(max(scatter.sigma_mm, gauge.rounding_mm), scatter.dof)
     return Solution(
-        measured=measured,
-        method=chosen,
-        posed=posed,
+        model=model,
         offsets_mm=offsets,
-        residuals_mm=residuals,
         budget=budget_of_readings(
             estimator @ posed.problem.matrix,
             plan,
@@ -318,6 +293,11 @@ def fit_parameters(
             scatter,
             (*uncertain, *fixed_influences(model, offsets, plan)),
         ),
+        noise=noise,
+        measured=measured,
+        method=chosen,
+        posed=posed,
+        residuals_mm=residuals,
         scatter=scatter,
         stated_mm=stated_mm,
     )

@@ -29,7 +29,7 @@ from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
-from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.orthoglide import Orthoglide, PlannedReading, plan_of
 from orthoglide_cal.model.plan import known_plan
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, number_setups
 from orthoglide_cal.schema import Moment, Positive, Reason, Schema, parse_number
@@ -161,25 +161,23 @@ def readings_of(
     first = rows[0]  # what is numbered or timed in one row is so in all
     in_time, minutes, timed = times_of(rows)
     order = np.argsort(in_time)
-    contact = np.array([Contact[(row.end or "fixed").upper()] for row in rows], dtype=np.intp)
     named = {posture.value: machine.displacement_mm(posture) for posture in Posture}
-    touched = np.array([0.5 if row.gauge_at is None else row.gauge_at for row in rows])
     gauge = tuple(row.gauge or "" for row in rows)
-    plan = GaugePlan(
-        leg=np.array([AXES.index(row.leg) for row in rows]),
-        direction=np.array([AXES.index(row.direction) for row in rows]),
-        displacement=np.array(
-            [named[p] if p in named else float(p) for p in (row.posture for row in rows)]
-        ),
-        contact=contact,
-        gauge_at=np.where(contact == Contact.FIXED, touched, contact == Contact.TOOL),
-        setup=np.zeros_like(contact),
-        order=order,
-        hours=np.where(timed, minutes, order * _MINUTES_PER_READING) / 60.0,
-        part=np.array([(row.part or 1) - 1 for row in rows]),
-        turned=np.array([row.bar is not None for row in rows]),
-        entered=np.array([row.entered or (0.0,) * len(AXES) for row in rows]),
-    )
+    planned = [
+        PlannedReading(
+            leg=AXES.index(row.leg),
+            direction=AXES.index(row.direction),
+            displacement=named[row.posture] if row.posture in named else float(row.posture),
+            contact=Contact[(row.end or "fixed").upper()],
+            gauge_at=0.5 if row.gauge_at is None else row.gauge_at,
+            part=(row.part or 1) - 1,
+            turned=row.bar is not None,
+            entered=row.entered or (0.0, 0.0, 0.0),
+        )
+        for row in rows
+    ]
+    hours = np.where(timed, minutes, order * _MINUTES_PER_READING) / 60.0
+    plan = replace(plan_of(planned), order=order, hours=hours)
     ordered = timed or first.seq is not None
     setup = number_setups(plan.places, gauge, in_time.tolist(), ordered=ordered)
     plan = replace(plan, setup=setup)

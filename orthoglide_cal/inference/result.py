@@ -320,7 +320,7 @@ class Diagnosis(ReadOnly):
         Each explanation, besides the offsets alone, by the probability that the data leave it: how
         far it would move the offsets, and how much less sure of them it is.
         """
-        least, fits = solution.covariance_mm2, self.left_open
+        least, fits = solution.budget.covariance_mm2, self.left_open
         if self.verdict is Verdict.UNEXPLAINED:
             return (Contribution.beyond(Origin.EXPLANATIONS, self.covariance_mm2 - least),)
         consistent = self.verdict is Verdict.CONSISTENT

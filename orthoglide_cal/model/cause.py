@@ -67,8 +67,6 @@ class Screw(NamedTuple):
 
 
 PER_HOUR = "mm/h"  # unit of rates
-# What of a cause may be worded otherwise at another kind of machine.
-_WORDED = {"title", "instrument", "advice", "no_setting"}
 
 
 class Cause:
@@ -110,12 +108,6 @@ class Cause:
     number: Mapping[type[Machine], str] = MappingProxyType({})
     # Kind of machine → title, instrument, advice and no_setting where they are others there.
     elsewhere: Mapping[type[Machine], Mapping[str, str]] = MappingProxyType({})
-
-    def __init_subclass__(cls) -> None:
-        """Raises TypeError if `elsewhere` words anything else: nobody would ever read it."""
-        super().__init_subclass__()
-        if unknown := {key for worded in cls.elsewhere.values() for key in worded} - _WORDED:
-            raise TypeError(f"{cls.__name__}.elsewhere cannot word {', '.join(sorted(unknown))}.")
 
     def words(self, machine: Machine) -> Self:
         """A copy of the cause, worded as people at this kind of machine call it.
@@ -247,10 +239,14 @@ class Cause:
         covariance[np.ix_(rows, rows)] = np.outer(stds, stds) * correlation
         return Effect(self, theta, covariance=covariance * self.scale**2)
 
-    def correcting(self, values: Mapping[str, float]) -> Effect:
-        """Effect of a controller that corrects parameters of these values by name, in the unit."""
+    def correcting(self, machine: Machine, values: Mapping[str, float]) -> Effect:
+        """Effect of a controller that corrects parameters of these values, in the unit.
+
+        By the names that they have on this machine.
+        """
         theta = np.zeros(self.unknowns)
-        theta[[self.names.index(name) for name in values]] = [-v for v in values.values()]
+        named = machine.named(self.names).values()
+        theta[: len(self.names)] = [0.0 - values.get(name, 0.0) for name in named]
         return Effect(self, theta * self.scale, corrects=True)
 
     def transferred(self, theta: Floats, before: Machine, after: Machine) -> Floats:

@@ -65,22 +65,6 @@ class Geometry(ReadOnly):
             raise PostureError(what, "Choose a point inside the workspace.")
         return np.asarray(along + np.sqrt(root2))
 
-    def tool_derivative(self, joints: Numbers, tool: Numbers) -> Numbers:
-        """Jacobian ∂p/∂q of the general machine (eq. 5 inverted), shape (..., 3, 3).
-
-        At true joint positions q and the tool p at these, shapes (..., 3) [mm]. Raises
-        PostureError: the three legs lie in one plane.
-        """
-        matrix = tool_derivative(
-            components(self.carriages(joints), 2),
-            components(self.directions, 2),
-            components(tool, 1),
-        )
-        if not np.all(np.isfinite(matrix)):
-            what = "The three legs lie in one plane: the machine is singular at this posture."
-            raise PostureError(what, "Choose a posture inside the workspace.")
-        return behind_batch(matrix, 2)
-
 
 @dataclass(frozen=True, eq=False)
 class Command(ReadOnly):
@@ -161,6 +145,24 @@ class Points(NamedTuple):
         centres = points + components(joints.swapaxes(-1, -2), 2, batch)[:, None] * directions
         return cls(directions, centres, trilaterate(centres, lengths, strict))
 
+    @property
+    def tool_derivative(self) -> Numbers:
+        """Jacobian ∂p/∂q (eq. 5 inverted), shape (3, 3, m, ...); NaN where it is singular.
+
+        From the differentiated sphere equations (p − b_i)·(dp − u_i dq_i) = 0.
+        """
+        legs = self.tool - self.centres
+        columns = [_cross(legs[k - 2], legs[k - 1]) for k in range(3)]
+        volume = _dot(legs[0], columns[0])
+        size2 = _dot(columns[0], columns[0]) * _dot(legs[0], legs[0])
+        flat = np.abs(volume) <= SINGULAR * np.sqrt(np.abs(size2))
+        inverse = 1.0 / np.where(flat, np.nan, volume)
+        matrix = np.empty((3, *columns[0].shape), columns[0].dtype)
+        for k in range(3):
+            along = _dot(legs[k], self.directions[k])
+            np.multiply(columns[k], along * inverse, out=matrix[:, k, ...])
+        return matrix
+
 
 def components(values: Numbers, axes: int, batch: int | None = None) -> Numbers:
     """Move the last `axes` axes to the front, with axes of length 1 up to `batch` behind them."""
@@ -228,20 +230,3 @@ def trilaterate(centres: Numbers, lengths: Numbers, strict: bool = True) -> Numb
         )
     height = np.sqrt(np.where(apart, np.nan, height2) / area2)
     return np.asarray(first + in_plane - height * normal)
-
-
-def tool_derivative(centres: Numbers, directions: Numbers, tool: Numbers) -> Numbers:
-    """∂p/∂q, shape (3, 3, ...); NaN where the machine is singular.
-
-    From the differentiated sphere equations (p − b_i)·(dp − u_i dq_i) = 0.
-    """
-    legs = tool - centres
-    columns = [_cross(legs[k - 2], legs[k - 1]) for k in range(3)]
-    volume = _dot(legs[0], columns[0])
-    size2 = _dot(columns[0], columns[0]) * _dot(legs[0], legs[0])
-    flat = np.abs(volume) <= SINGULAR * np.sqrt(np.abs(size2))
-    inverse = 1.0 / np.where(flat, np.nan, volume)
-    matrix = np.empty((3, *columns[0].shape), columns[0].dtype)
-    for k in range(3):
-        np.multiply(columns[k], _dot(legs[k], directions[k]) * inverse, out=matrix[:, k, ...])
-    return matrix

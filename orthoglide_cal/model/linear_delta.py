@@ -621,20 +621,13 @@ class LinearDelta(Machine):
         On a flat bed a frame that is out of square and a bed that is bent read the same; higher up
         only the effect of the frame changes.
         """
-        touches = np.flatnonzero(~plan.distance)
-        some = plan.subset(touches[_spread(plan.place[touches, :2], FEW)])
+        touches = np.flatnonzero(plan.touches)
+        some = touches[_spread(plan.place[touches, :2], FEW)]
         for height in BLOCKS_MM:
-            up = np.array([0.0, 0.0, height])
+            raised = plan.place[some] + [0.0, 0.0, height]
             yield (
                 Reason.of("touch_raised", places=len(some), height_mm=height),
-                replace(
-                    some,
-                    place=some.place + up,
-                    other=some.other + up,
-                    surface=some.surface + height,
-                    order=np.arange(len(some)),
-                    hours=np.linspace(0.0, (len(some) - 1) * MINUTES_PER_TOUCH / 60.0, len(some)),
-                ),
+                touching(raised, plan.surface[some] + height, np.arange(len(some))),
                 len(some) * (MINUTES_PER_TOUCH + MINUTES_PER_BLOCK),
             )
 

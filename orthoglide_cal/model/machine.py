@@ -362,12 +362,6 @@ class Machine(Schema):
         rails = dict(zip(AXES, cls.parameter_names, strict=False))
         return {name: rails.get(name, name) for name in names}
 
-    @classmethod
-    def own_names(cls, names: Sequence[str], values: Mapping[str, float]) -> dict[str, float]:
-        """Values by the names on this kind of machine → by those of the cause."""
-        called = cls.named(names)
-        return {name: values[called[name]] for name in names if called[name] in values}
-
     def entered_from(self, sha256: str) -> Entered | None:
         """Entry from the measurement with this digest; None without one."""
         return next((entry for entry in self.history if entry.data_sha256 == sha256), None)

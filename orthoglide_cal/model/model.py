@@ -62,7 +62,7 @@ class Model:
         accepted = tuple(effect for effect in self.accepted if not effect.corrects)
         known = {effect.cause.id: effect.cause for effect in accepted}
         opposite = tuple(
-            cause.correcting(self.machine.own_names(cause.names, corrected[id]))
+            cause.correcting(self.machine, corrected[id])
             for id, cause in known.items()
             if id in corrected
         )
@@ -79,8 +79,7 @@ class Model:
         cause, corrected = effect.cause, self.machine.corrected
         if cause.id not in corrected or cause.id in {other.cause.id for other in self.accepted}:
             return effect.theta
-        values = self.machine.own_names(cause.names, corrected[cause.id])
-        return effect.theta - cause.correcting(values).theta
+        return effect.theta - cause.correcting(self.machine, corrected[cause.id]).theta
 
     def remaining(self) -> tuple[Effect, ...]:
         """The accepted causes, less what the controller corrects of them; one effect each."""

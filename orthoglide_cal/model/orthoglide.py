@@ -25,7 +25,6 @@ from orthoglide_cal.model.kinematics import (
     Points,
     RealMachine,
     behind_batch,
-    tool_derivative,
 )
 from orthoglide_cal.model.machine import (
     Influence,
@@ -447,7 +446,7 @@ def _touched(points: Points, plan: GaugePlan, moments: _Moments, derivative: boo
     heights, where = behind_batch(side + fraction * across, 1), behind_batch(fraction, 1)
     if not derivative:
         return heights, where, None
-    tool_by_joint = tool_derivative(points.centres, points.directions, points.tool)
+    tool_by_joint = points.tool_derivative
     turn = fixed * across / span
     jacobian = tool_by_joint[direction, :, moment]
     jacobian *= fraction[:, None]

@@ -290,11 +290,6 @@ class Contrasts(ReadOnly):
         return len(self.zeros) - int(self.zeros.shape[1])
 
     @property
-    def shape(self) -> tuple[int, int]:
-        readings, data = len(self.precision), len(self)
-        return (readings, data) if self.turned else (data, readings)
-
-    @property
     def T(self) -> "Contrasts":
         turned = copy(self)
         vars(turned).update(turned=not self.turned, _reflected=self._reflected)  # worked out once

@@ -15,8 +15,8 @@ import numpy as np
 from pydantic import Field
 from pydantic.json_schema import SkipJsonSchema
 
-from orthoglide_cal.errors import UsageError
-from orthoglide_cal.model.kinematics import Command
+from orthoglide_cal.errors import PostureError, UsageError
+from orthoglide_cal.model.kinematics import Command, Points, behind_batch
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, ReadOnly, read_only
 from orthoglide_cal.schema import Schema
@@ -71,20 +71,17 @@ def _standing(model: Model, indicated: Floats, offsets: Floats) -> Floats:
     return np.asarray(model.real.joints(command, offsets))
 
 
-def _reached(model: Model, indicated: Floats, offsets: Floats) -> tuple[Floats, Floats]:
-    """Joints and tool, each (n, 3) [mm], where the carriages are sent to `indicated` (n, 3)."""
-    joints = _standing(model, indicated, offsets)
-    return joints, model.real.geometry.tool_for(joints)
-
-
 # A plan asks for it once for each of its sessions.
 @functools.lru_cache(maxsize=4)
 def _corrected(model: Model) -> tuple[Floats, Floats]:
     """With all offsets entered: how far the tool is off (n,) [mm], and its derivative (n, 3, 3)."""
     _, points, indicated = _grid(model, SAMPLES)
-    joints, tool = _reached(model, indicated, np.zeros(3))
-    left = np.linalg.norm(tool - points, axis=-1)
-    return left, model.real.geometry.tool_derivative(joints, tool)
+    reached = Points.of(model.real.geometry, _standing(model, indicated, np.zeros(3)), strict=True)
+    jacobian = behind_batch(reached.tool_derivative, 2)
+    if not np.isfinite(jacobian).all():
+        what = "The three legs lie in one plane: the machine is singular at a posture."
+        raise PostureError(what, "Choose a smaller workspace.")
+    return np.linalg.norm(behind_batch(reached.tool, 1) - points, axis=-1), jacobian
 
 
 def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Floats]:
@@ -109,7 +106,8 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
     Raises PostureError: a corner of the cube that the machine cannot reach.
     """
     axis, points, indicated = _grid(model, SAMPLES)
-    before = np.linalg.norm(_reached(model, indicated, offsets)[1] - points, axis=-1)
+    tool = model.real.geometry.tool_for(_standing(model, indicated, offsets))
+    before = np.linalg.norm(tool - points, axis=-1)
     left, after = error_after(model, covariance, k)
     shape = (SAMPLES,) * 3
     levels = [0, SAMPLES // 2, SAMPLES - 1]

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import Problem, fit_offsets, solve
+from orthoglide_cal.estimation import Problem, fit_offsets, pose_plan, solve
 from orthoglide_cal.estimation.accuracy import rms, sigma_rho, unit_covariance
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
-from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan, plan_of, reduction
-from orthoglide_cal.model.plan import Floats, zero_free
+from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan, plan_of
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Contact, Posture, other_axes
 
 # Tables 4 and 5, r.m.s. last [mm]: initial settings, after mechanical tuning, after calibration.
@@ -193,8 +193,8 @@ def monte_carlo(
 
 
 def _problem(model: Model, kind: DataKind) -> Problem:
-    plan = ideal_plan(kind, model.orthoglide)
-    return Problem(model, plan, reduction(kind, DIFFERENCES[kind], model.orthoglide, plan))
+    read = DataKind.TWELVE if kind is DataKind.READINGS else kind
+    return pose_plan(ideal_plan(read, model.orthoglide), model, kind)[0]
 
 
 def table_3(model: Model, rng: np.random.Generator) -> Reproduction:
@@ -266,11 +266,7 @@ def accuracy_factor(model: Model, kind: DataKind) -> float:
         kind: six (eq. 29) or twelve differences (eq. 32), or readings: the Cramér–Rao bound of the
             same isotropic, Max and Min readings.
     """
-    if kind is DataKind.READINGS:
-        plan = ideal_plan(DataKind.TWELVE, model.orthoglide)
-        problem = Problem(model, plan, zero_free(plan))
-    else:
-        problem = _problem(model, kind)
+    problem = _problem(model, kind)
     return sigma_rho(unit_covariance(problem, problem.at_zero[1]))
 
 

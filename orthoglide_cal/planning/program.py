@@ -116,7 +116,7 @@ def posture_program(
         if visit[0].setup != stands:
             set_up = _way(machine, leg, here, 0.0)
             here, stands = 0.0, visit[0].setup
-        leg, there = visit[0].leg, visit[0].displacement_mm
+        leg, there = visit[0].leg, visit[0].cell.displacement
         *way, posture = _way(machine, leg, here, there)
         for joints in (*set_up, *way, posture):
             moved = joints - machine.home_mm
@@ -156,7 +156,7 @@ def program_csv(program: PostureProgram) -> str:
                 first.setup,
                 AXES[first.leg],
                 first.posture,
-                short(first.displacement_mm, _DECIMALS),
+                short(first.cell.displacement, _DECIMALS),
                 first.cycle,
                 " ".join(str(step.number) for step in block.steps),
                 _gauges(block),

@@ -66,11 +66,6 @@ class SessionStep:
         """The axis along which the gauge measures."""
         return self.cell.direction
 
-    @property
-    def displacement_mm(self) -> float:
-        """Of the leg's carriage from the isotropic posture."""
-        return self.cell.displacement
-
     @cached_property
     def series(self) -> Series:
         """Leg and direction."""
@@ -85,11 +80,6 @@ class SessionStep:
     def visit(self) -> tuple[object, ...]:
         """Readings of one visit are taken without moving the machine or a stand in between."""
         return self.setup, self.leg, self.posture, self.cycle, self.cell.entered
-
-    @property
-    def end(self) -> str | None:
-        """The end of the leg that is touched; None for a gauge fixed in space."""
-        return self.cell.contact.end
 
 
 def sequence(
@@ -168,7 +158,7 @@ def steps_of(
 
 def planned_readings(plan: GaugePlan) -> list[PlannedReading]:
     """The readings of a plan, at no time at all."""
-    names = ("leg", "direction", "displacement", "contact", "gauge_at", "part", "turned", "entered")
+    names = [name for name in PlannedReading._fields if name != "minutes"]
     rows = zip(*(getattr(plan, name).tolist() for name in names), strict=True)
     return [
         PlannedReading(leg, direction, moved, Contact(contact), 0.0, at, part, turned, (x, y, z))
@@ -244,7 +234,7 @@ def timed_plan(steps: Sequence[SessionStep], begin_min: float = 0.0) -> tuple[Ga
 
 def step_name(step: SessionStep) -> str:
     """The step in a few words, e.g. "leg X, MAX, cycle 2, gauge Z"."""
-    end = f", {step.end} end" if step.end else ""
+    end = f", {step.cell.contact.end} end" if step.cell.contact.end else ""
     return (
         f"leg {AXES[step.leg].upper()}, {posture_name(step)}, cycle {step.cycle},"
         f" gauge {AXES[step.direction].upper()}{end}"
@@ -254,4 +244,4 @@ def step_name(step: SessionStep) -> str:
 def posture_name(step: SessionStep) -> str:
     """The posture as it is spoken of: "MAX", "+30 mm"."""
     named = isinstance(step.posture, Posture)
-    return step.posture.upper() if named else f"{step.displacement_mm:+g} mm"
+    return step.posture.upper() if named else f"{step.cell.displacement:+g} mm"

@@ -421,7 +421,7 @@ def _check(
     moved = [machine.displacement_mm(end) for end in ends]
     tools = [tuple(value if axis == series.leg else 0.0 for axis in range(3)) for value in moved]
     joints = [tuple(machine.joints_at(series.leg, value).tolist()) for value in moved]
-    sigma = max(solution.sigma_mm, machine.gauge.noise_mm)
+    sigma = max(solution.noise.sigma_mm, machine.gauge.noise_mm)
     return schema.CheckReading(
         what=row.name,
         leg=AXES[series.leg],

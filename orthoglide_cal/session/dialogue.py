@@ -229,7 +229,8 @@ class Dialogue:
             self._wait_for(step)
         self._shown = step.visit
         asker.pushed = False
-        end = f" at the {step.end.upper()} end" if step.end else ""
+        touched = step.cell.contact.end
+        end = f" at the {touched.upper()} end" if touched else ""
         hint = f" ({asker.gauge.hint})" if asker.gauge else ""
         gauge = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{self.unit}]{hint} > "
         answer = asker.ask(f"{place}\n{gauge}", step, self.state.takes(step.number))

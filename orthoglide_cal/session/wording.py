@@ -102,7 +102,7 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
             words = [f"0. Turn the bar of leg {leg} back, as it was at first."]
         half = "half-way: " if planned.gauge_at == 0.5 else ""
         place = f"{planned.gauge_at * setting.machine.leg_length_mm:.0f} mm from the carriage"
-        moved = [step.displacement_mm for step in here]
+        moved = [step.cell.displacement for step in here]
         # A gauge on the + side reads more when the leg is pushed towards +.
         places = ", ".join(f"{name} on the +{name} side" for name in names)
         words += [
@@ -122,7 +122,7 @@ def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
     repeats = Counter(other.cell for other in setting.steps if other.setup == step.setup)
     here = repeats[step.cell]
     moved = [number for cell, number in repeats.items() if cell.displacement != 0.0]
-    closes = step.displacement_mm == 0.0 and here == max(moved, default=here) + 1
+    closes = step.cell.displacement == 0.0 and here == max(moved, default=here) + 1
     when = f"cycle {step.cycle} of {here - closes}"
     if closes and step.cycle == here:
         when = "closing"
@@ -140,7 +140,7 @@ def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
 def point(step: SessionStep, setting: Setting) -> tuple[Floats, Floats]:
     """Point to drive to: joints and tool, shape (3,) each [mm]."""
     machine = setting.model.orthoglide
-    joints = machine.joints_at(step.leg, step.displacement_mm) - setting.short_mm(step)
+    joints = machine.joints_at(step.leg, step.cell.displacement) - setting.short_mm(step)
     return joints, machine.nominal_rails.tool_for(joints)
 
 

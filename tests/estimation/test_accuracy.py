@@ -61,7 +61,7 @@ def test_no_spare_difference_means_no_sigma() -> None:
     solution = solve(three, NOMINAL)
     assert solution.sigma_residuals_mm is None
     assert solution.dof == 0
-    assert solution.sigma_mm == PROTOTYPE.gauge.noise_mm
+    assert solution.noise.sigma_mm == PROTOTYPE.gauge.noise_mm
     assert solution.lack_of_fit_p is None
     assert not solution.suspicious
     assert "no spare readings" in sentences([solution.judgement])[0]
@@ -119,7 +119,7 @@ def test_sigma_of_raw_readings_is_from_all_of_them_whatever_the_method(method: s
     sums = float(left @ left)
     assert solution.dof == 60 - 6 - 3
     assert solution.sigma_residuals_mm == pytest.approx(np.sqrt(sums / 51), rel=1e-9)
-    assert solution.sigma_mm == solution.sigma_residuals_mm
+    assert solution.noise.sigma_mm == solution.sigma_residuals_mm
     stated = LARGE.gauge.noise_mm
     assert solution.lack_of_fit_p == pytest.approx(stats.chi2.sf(sums / stated**2, 51), rel=1e-9)
     assert solution.warnings == ()
@@ -131,5 +131,5 @@ def test_the_gauges_resolution_is_the_floor() -> None:
     solution = solve(session, NOMINAL)
     assert solution.sigma_residuals_mm is not None
     assert solution.sigma_residuals_mm < 1e-9
-    assert solution.sigma_mm == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-14)
+    assert solution.noise.sigma_mm == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-14)
     assert any("resolution" in warning for warning in sentences(solution.warnings))

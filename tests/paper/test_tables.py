@@ -33,7 +33,7 @@ READINGS, SIX, TWELVE = DataKind.READINGS, DataKind.SIX, DataKind.TWELVE
 def test_what_the_experiments_leave(number: int, expected: float) -> None:
     """sqrt(SSR/(6 − 3)) is 1.0 and 0.28 mm; one reading's σ is smaller by √2 (errata, sec. 4.2)."""
     solution = solve(experiment(number), sure(NOMINAL))
-    assert solution.sigma_mm * np.sqrt(2.0) == pytest.approx(expected, abs=0.01)
+    assert solution.noise.sigma_mm * np.sqrt(2.0) == pytest.approx(expected, abs=0.01)
     assert solution.dof == 3
 
 

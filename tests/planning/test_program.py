@@ -44,7 +44,7 @@ def test_every_block_stops_at_its_posture(
     assert [wait.block for wait in done.readings] == [10 * k + 10 for k in range(len(visits))]
     assert [step.block for step in visits] == [wait.block for wait in done.readings]
     for wait, step in zip(done.readings, visits, strict=True):
-        wanted = joints_at(length, step.leg, step.displacement_mm)
+        wanted = joints_at(length, step.leg, step.cell.displacement)
         np.testing.assert_allclose(wait.at, wanted, rtol=0.0, atol=MICROMETRE)
         assert wait.seconds is None
     # The gauges are put up at the isotropic posture.

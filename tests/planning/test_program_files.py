@@ -50,7 +50,7 @@ def test_the_template_chooses_axes_values_and_pause(
     at = np.array([wait.at for wait in done.readings])
     visits = visits_of(steps)
     length = PROTOTYPE.leg_length_mm
-    joints = np.array([joints_at(length, step.leg, step.displacement_mm) for step in visits])
+    joints = np.array([joints_at(length, step.leg, step.cell.displacement) for step in visits])
     wanted = {
         "joints": joints,
         "displacements": joints - length,
@@ -115,10 +115,10 @@ def test_the_csv_has_the_rows_of_the_program(tmp_path: Path) -> None:
     for row, step in zip(rows, visits, strict=True):
         joints = [float(row[f"joint_{axis}_mm"]) for axis in "xyz"]
         tool = [float(row[f"tool_{axis}_mm"]) for axis in "xyz"]
-        wanted = joints_at(PROTOTYPE.leg_length_mm, step.leg, step.displacement_mm)
+        wanted = joints_at(PROTOTYPE.leg_length_mm, step.leg, step.cell.displacement)
         np.testing.assert_allclose(joints, wanted, rtol=0.0, atol=MICROMETRE)
         np.testing.assert_allclose(
-            tool, step.displacement_mm * np.eye(3)[step.leg], rtol=0.0, atol=MICROMETRE
+            tool, step.cell.displacement * np.eye(3)[step.leg], rtol=0.0, atol=MICROMETRE
         )
         approach = [float(row[f"approach_joint_{axis}_mm"]) for axis in "xyz"]
         side = [1.0 if axis in row["from_above"].split() else -1.0 for axis in "xyz"]

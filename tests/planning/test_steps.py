@@ -49,7 +49,7 @@ def test_the_single_posture_session_touches_both_ends_of_two_legs() -> None:
     steps = usual(SINGLE, 2, stands=1)
     assert len(steps) == 2 * (2 * 3 * 2 + 2)
     assert {(s.leg, s.direction) for s in steps} == {(0, 2), (1, 2)}
-    assert [s.end for s in steps[:4]] == ["joint", "tool", "joint", "tool"]
+    assert [s.cell.contact.end for s in steps[:4]] == ["joint", "tool", "joint", "tool"]
     assert [s.posture for s in steps[12:14]] == ["iso", "iso"]  # the closing posture
     assert {s.stand for s in steps} == {0}
 

@@ -333,7 +333,7 @@ def test_one_input_is_solved_and_diagnosed_once(monkeypatch: pytest.MonkeyPatch)
     assert full.sensitivity is not None
     assert list(full.sensitivity) == ["halved", "doubled"]
     unseen = {"sensitivity": None, "workspace": None}
-    assert full.model_copy(update=unseen) == plain
+    assert full.model_copy(update=unseen).model_dump() == plain.model_dump()
 
 
 def test_as_found_and_expected() -> None:

@@ -109,8 +109,8 @@ def test_a_promise_leaves_room_for_another_pace_where_time_plays_a_part() -> Non
         for each in (model, model.extended([drift]))
     )
     wider = [
-        drifting[leg] / solve(measured, model.extended([drift])).sigma_mm
-        - still[leg] / solve(measured, model).sigma_mm
+        drifting[leg] / solve(measured, model.extended([drift])).noise.sigma_mm
+        - still[leg] / solve(measured, model).noise.sigma_mm
         for leg in range(3)
     ]
     assert wider[2] > wider[0]
