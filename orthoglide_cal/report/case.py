@@ -301,7 +301,7 @@ def check_words(check: CheckReading) -> str:
 
 def position_words(tool_mm: Sequence[float], decimals: int) -> str:
     """ "X60 Y0 Z0": a tool position as it is typed."""
-    pairs = zip(AXES, tool_mm, strict=True)
+    pairs = zip(AXES, tool_mm, strict=False)
     return " ".join(f"{axis.upper()}{short(value, decimals)}" for axis, value in pairs)
 
 
