@@ -450,7 +450,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "untimed": "Times were not given, or are all the same; {minutes:g} minutes per reading were"
     " assumed.",
     "equal_minutes": "All minutes are the same: they were not used.",
-    "repeated_line": "Line {line} repeats line {first} word for word; both were used.",
+    "repeated_line": "Line {line} repeats line {first} word for word. Such lines: {count}; all were"
+    " used.",
     "missing_differences": "Of the {kind} differences these are missing: {names:names}.",
     "taken_as_twelve": "These names were taken as max and min relative to the isotropic posture; a"
     " single-posture file also has dz_x0 or dz_y0.",
