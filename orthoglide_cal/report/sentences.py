@@ -133,7 +133,7 @@ def _recalibrated(_: Machine, data: Data) -> str:
     replaced = f" (other {', '.join(data['changed'])} in force)" if data["changed"] else ""
     return (
         f"The machine was recalibrated before the held-out readings{replaced}. Its parameters are"
-        " fitted to them, with and without the extension. The extension is carried over unchanged."
+        " fitted to them, with and without the causes, which are carried over unchanged."
     )
 
 
@@ -161,7 +161,7 @@ _HOWS: Mapping[str, tuple[str, str, str]] = {
     "drifts": (
         "drift{s} smoothly in time",
         "drift",
-        "Let machine and what holds {where} come to rest: clamp it, close doors, warm up. Then"
+        "Let the machine and {where} come to rest: tighten clamps, close doors, warm up. Then"
         " measure there again.",
     ),
     "settles": (
@@ -320,8 +320,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "offsets_wrong": _offsets_wrong,
     "unexplained": "No listed cause of usual size explains these data: {left_mm:.3f} mm r.m.s."
     " remains; the {words.noise}'s noise{words.also} would leave {expected_mm:.3f} mm.",
-    "refuted_left_out": "{ids:with} fits, but does not predict: readings left out differ by"
-    " {error_mm:µm} r.m.s., where it states {stated_mm:µm}.",
+    "refuted_left_out": "{ids:with} fits, but does not predict readings left out: they differ by"
+    " {error_mm:µm} r.m.s. instead of {stated_mm:µm}.",
     "refuted_later": "{ids:with} fits, but later readings refute it: they differ by {with_mm:µm}"
     " r.m.s. from what it predicts, without it by {without_mm:µm}.",
     "other_data_contradict": "The {data} in the same file contradicts these values beyond U:"
@@ -358,7 +358,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "of_session": _of_session,
     "other_gauges": "Other gauges were used: {before:names} before, {after:names} after.",
     "guard_band": "Pass if |deviation| + U is within the limit for every difference; fail if"
-    " |deviation| - U is beyond it for any; otherwise undecided (guard band U on both sides, as in"
+    " |deviation| − U is beyond it for any; otherwise undecided (guard band U on both sides, as in"
     " ISO 14253-1).",
     "order_as_given": "The order of the files is taken as given: no date or entry shows it.",
     "temperatures_differ": "The temperature differed: {before_c:tenths} °C before, {after_c:tenths}"
@@ -374,8 +374,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "arms_vary": "The arm lengths in the firmware differ: parameters are compared at the last"
     " ones.",
     "adjusted": "Recorded adjustment between {before} and {after}: {entered:changes} mm.",
-    "corrected_otherwise": "The controller corrects {ids:and} otherwise from {after} on.",
-    "shown_in_all": "{id} shows in all sessions: it is pooled.",
+    "corrected_otherwise": "From {after} on, the controller corrects {ids:and} differently.",
+    "shown_in_all": "{id} shows in all sessions: one size is found from all of them.",
     "shown_in": lambda _, data: f"{data['id']} shows in {listed(data['paths'])}.",
     "one_more_session": "Measure once more: one further session decides between them.",
     "home_repeatedly": "Home three times and measure one cycle after each: that decides between"
@@ -385,9 +385,9 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "scattering": "Check home switches and couplings: calibration cannot be better than homing.",
     "unchanged": "Nothing to do: measure again at the next service, or after a collision.",
     # Before a controller's file is written.
-    "first_written": "They are written here for the first time, and the change is added: a value"
-    " may hold more than the offset, such as the place of the switch.",
-    "includes": "The file includes others. A value that is also in one of them is in force.",
+    "first_written": "Offsets are written here for the first time. The change is added to each"
+    " value, which may hold more than the offset, such as the place of the switch.",
+    "includes": "The file includes others. Where one of them holds the same value, that counts.",
     # About the data.
     "remark": "{text}",
     "below_resolution": "The residuals are smaller than the {words.noise}'s resolution allows"
@@ -441,7 +441,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "implausible_temperature": "A workshop of {celsius:g} °C? Temperatures are in °C, from -40 to"
     " 60.",
     "unknown_names": "{kind} are not known and were not used: {names:listed}. {hints}",
-    "no_identified": "It does not say `identified:`. Was it cut off? If not, add the line"
+    "no_identified": "The line `identified:` is missing. Was the file cut off? If not, add"
     " `identified: []`.",
     "other_machine": "The session was measured on {recorded!r}, which differs from the machine"
     " given, {given!r}, in: {keys:names}. The machine given was used.",
@@ -469,8 +469,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "arms_differ": "Arms: the machine file says {stated:lengths} mm, the firmware {used:lengths}"
     " mm. The result holds with the firmware's; U includes the difference, {apart_mm:.2g} mm. Enter"
     " the measured arms in both (arm_length), calibrate and probe again.",
-    "arms_freed": "The distances free the arms, as Klipper does: {arms:freed} mm (U). They"
-    " belong to the parameters; export and apply write both.",
+    "arms_freed": "The distances also determine the arms, as in Klipper: {arms:freed} mm (U)."
+    " export and apply write them, too.",
     "unequal_arms": "Arms of {lengths_mm[0]:.1f}, {lengths_mm[1]:.1f} and {lengths_mm[2]:.1f} mm"
     " are stored; printers of this kind have equal arms. Their difference, {spread_mm:.1f} mm, is"
     " taken as their tolerance. Measure them from joint centre to joint centre.",
