@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 from orthoglide_cal.words import listed
 
-_INDEX = re.compile(r"\[[0-9]+\]")
+_INDEX, _NUMBER = re.compile(r"\[[0-9]+\]"), re.compile(r"[0-9]+")
 # Kinds of faults that one screen has room for: a fault takes up to three lines.
 _MOST_KINDS = 6
 
@@ -145,11 +145,11 @@ class InvalidFileError(InputError):
 def fault_kinds(faults: Sequence[Any]) -> tuple[list[tuple[Any, str]], list[str]]:
     """The first fault of each kind with how many there are; then, how many are left out.
 
-    A fault has what, remedy and column.
+    A fault has what, remedy and column; those of one kind differ in numbers only.
     """
-    kinds: dict[tuple[str, str], list[Any]] = {}
+    kinds: dict[str, list[Any]] = {}
     for fault in faults:
-        kinds.setdefault((fault.what, fault.remedy), []).append(fault)
+        kinds.setdefault(_NUMBER.sub("", f"{fault.what} {fault.remedy}"), []).append(fault)
     shown = []
     for first, *more in list(kinds.values())[:_MOST_KINDS]:
         places = dict.fromkeys(_INDEX.sub("[]", fault.column or "") for fault in (first, *more))

@@ -165,8 +165,8 @@ class TowerLean(Cause):
         " and shim or loosen and re-tighten the corners. No firmware has a setting for it."
     )
     no_screw = (
-        "A height on the bed shows far more of where a pushed tower pivots than of its lean: no"
-        " reading tells when it is straight."
+        "Heights on the bed depend on where a pushed tower pivots far more than on its lean: no"
+        " reading shows when it is straight."
     )
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:

@@ -250,8 +250,10 @@ def read_input(
     ruled_out = tuple(sorted(set(rule_out or ())))
 
     def completed(one: Input) -> Input:
-        """With where it is recorded, and what was looked for and is not there."""
+        """With where it is recorded, what its owner wrote, and what was ruled out."""
         model = replace(one.model, ruled_out=ruled_out) if ruled_out else one.model
+        if keeper:
+            model = replace(model, machine=model.machine.with_papers(keeper.model.machine))
         return replace(one, keeper=keeper, model=model)
 
     return replace(completed(given), others=tuple(map(completed, given.others)))

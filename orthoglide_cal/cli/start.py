@@ -1,6 +1,7 @@
 """`orthocal` alone: what lies in this folder, and what to type next."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,15 +18,16 @@ if TYPE_CHECKING:
 
 def start() -> None:
     """Show the machine, the sessions and the next command; nothing is changed."""
-    from orthoglide_cal.files.input import machine_in_folder, printers_in, read_input, sessions_in
+    from orthoglide_cal.files.input import machine_in_folder, printers_in, sessions_in
     from orthoglide_cal.report import document as doc
     from orthoglide_cal.results import unwritten
     from orthoglide_cal.session.opening import is_practice, unfinished
     from orthoglide_cal.words import SIMULATED
 
     here = Path()
-    file = to = None
-    sessions, waiting, printers = sessions_in(here), unfinished(here), printers_in(here)
+    file = machine = to = None
+    sessions, waiting = sessions_in(here, tables=True), unfinished(here)
+    printers, measured = printers_in(here), [*sessions]
     try:
         known = "none in this folder"
         if path := machine_in_folder(here):
@@ -34,6 +36,11 @@ def start() -> None:
             known = f"{path}: {machine.name}, {machine.geometry_words}"
     except OrthocalError as error:
         known = str(error)
+    practising = machine.practice if machine else not sessions
+    while measured and not practising and _simulated(measured[-1]):
+        measured.pop()  # no part of the round
+    sessions = measured if machine else measured or sessions
+    simulated = bool(sessions) and _simulated(sessions[-1])
     practices = [path for path in waiting if is_practice(path)]
     names = ", ".join(f"{path.name}{' (practice)' * (path in practices)}" for path in waiting)
     facts = [("Machine file", known), *([("Unfinished", names)] if names else [])]
@@ -41,16 +48,14 @@ def start() -> None:
         facts.append(("Printer", ", ".join(map(str, printers))))
     if sessions:
         others = f", and {len(sessions) - 1} before it" if len(sessions) > 1 else ""
-        facts.append(("Last session", f"{sessions[-1]}{others}"))
+        facts.append(("Last measured", f"{sessions[-1]}{others}"))
     title = "calibration of an Orthoglide with a dial indicator"
     if printers and not sessions:
         title = "calibration of a linear delta by its own probe"
-    simulated = False
+    if simulated or practising:
+        practices = []  # the practice is the round
+    real = [path for path in waiting if path not in practices]
     try:
-        simulated = bool(sessions) and read_input(str(sessions[-1])).measured.source.simulated
-        if simulated or not sessions:
-            practices = []  # the practice is the round
-        real = [path for path in waiting if path not in practices]
         blocks = list(_next(file, to, sessions, real, printers))
     except OrthocalError as error:
         blocks = [doc.Instruction(str(error), command("validate", str(sessions[-1])))]
@@ -140,6 +145,15 @@ def _next(
         yield decision_notice(case)
         yield Instruction("See the numbers", case.typed("solve"))
         yield from to_do(case, brief=True)
+
+
+def _simulated(path: Path) -> bool:
+    """Whether a session is one of a simulated machine; not where it cannot be read."""
+    from orthoglide_cal.files.input import read_input
+
+    with suppress(OrthocalError):
+        return read_input(str(path)).measured.source.simulated
+    return False
 
 
 def _reported(*sessions: str) -> bool:

@@ -60,6 +60,10 @@ _NO_READINGS = {
 _TRUST = 0.5
 _STEPS = 8  # of a search that converges quadratically
 _NEGLIGIBLE = 1e-9  # singular values below this share of the largest are zero
+# The header of a table of gauge readings, or of differences.
+_GAUGED = re.compile(
+    r"^(?!#)(?=.*\b(?:leg|difference)\b).*\b(?:reading_mm|reading_in|value_mm)\b", re.M | re.I
+)
 _DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECASE)
 
 
@@ -240,11 +244,11 @@ def together(inputs: Sequence[Input]) -> Input:
     return replace(last, measured=measured, others=())
 
 
-def sessions_in(folder: Path) -> list[Path]:
+def sessions_in(folder: Path, tables: bool = False) -> list[Path]:
     """Session files, recognised by their content, in the order of time.
 
-    That is when one was finished, else started, else when the file changed. Raises InputError if
-    there is no such folder.
+    That is when one was finished, else started, else when the file changed. With `tables` also
+    those of readings of gauges, or differences. Raises InputError if there is no such folder.
     """
     if not folder.is_dir():
         raise InputError("There is no such folder.", "Check the path.", file=str(folder))
@@ -257,6 +261,9 @@ def sessions_in(folder: Path) -> list[Path]:
                     written = keys.get(key, "").strip().strip("'\"")
                     moment = datetime.fromisoformat(written).timestamp()
             sessions.append((moment, path))
+    for path in folder.glob("*.csv") if tables else ():
+        if path.is_file() and _GAUGED.search(_text_of(path)):
+            sessions.append((path.stat().st_mtime, path))
     return [path for _, path in sorted(sessions)]
 
 

@@ -138,18 +138,24 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
     if key := os.environ.get(KEY):
         request.add_unredirected_header("X-Api-Key", key)
 
+    reason = ""  # of a refusal; it is a part of the answer
+
     def exchange() -> bytes:
-        # A printer is in the same network: no proxy knows it.
-        with build_opener(ProxyHandler({})).open(request, timeout=_TIMEOUT_S) as answer:
-            data: bytes = answer.read(_LARGEST + 1)
-            if len(data) < min(int(answer.headers.get("Content-Length", 0)), _LARGEST):
-                raise HTTPException("the answer was cut off")
-            return data
+        nonlocal reason
+        try:
+            # A printer is in the same network: no proxy knows it.
+            with build_opener(ProxyHandler({})).open(request, timeout=_TIMEOUT_S) as answer:
+                data: bytes = answer.read(_LARGEST + 1)
+                if len(data) < min(int(answer.headers.get("Content-Length", 0)), _LARGEST):
+                    raise HTTPException("the answer was cut off")
+                return data
+        except HTTPError as error:
+            reason = _message(error)
+            raise
 
     try:
         data = in_time(exchange, WHOLE_S)
     except HTTPError as error:
-        reason = _message(error)
         problem, remedy = f"The server answers {error.code} {error.reason}.", "Check the address."
         if reason and error.code in (403, 503):
             problem = f"The server refuses it ({error.code}): {reason}"
@@ -161,7 +167,7 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
             problem, remedy = "The server has no printer.cfg.", "Check that Klipper runs there."
         raise InputError(problem, remedy, file=address) from error
     except (OSError, HTTPException, ValueError) as error:
-        reason = system_words(getattr(error, "reason", None) or error) or "cut off"
+        reason = visible(system_words(getattr(error, "reason", None) or error)).strip() or "cut off"
         reason = "no answer in time" if "timed out" in reason else reason
         remedy = "Check the address, the port, and that the printer is switched on."
         raise InputError(f"The server cannot be read: {reason}.", remedy, file=address) from error

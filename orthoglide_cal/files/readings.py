@@ -311,12 +311,15 @@ def _remarks(
         yield Reason.of("untimed", minutes=_MINUTES_PER_READING)
     if readings.timed or "cycle" in rows[0]:
         # Cycle or minutes should tell repeats apart.
-        lines: dict[frozenset[tuple[str, str]], int] = {}
+        lines: dict[frozenset[tuple[str, str]], list[int]] = {}
         for line, cells in zip(readings.line.tolist(), rows, strict=True):
             content = frozenset(item for item in cells.items() if item[0] != "seq")
-            if content in lines:
-                yield Reason.of("repeated_line", line=line, first=lines[content])
-            lines.setdefault(content, line)
+            lines.setdefault(content, []).append(line)
+        repeated = [same for same in lines.values() if len(same) > 1]
+        if repeated:
+            first, line, *_ = repeated[0]
+            count = sum(map(len, repeated)) - len(repeated)
+            yield Reason.of("repeated_line", line=line, first=first, count=count)
 
 
 # --- differences of readings, as the paper prints them --------------------------------------------

@@ -315,6 +315,7 @@ def _explanations(decision: Decision) -> tuple[Explanation, ...]:
             probability=probability,
             rms_mm=decision.belief.at.white.rms(fit.left) if ids else None,
             parameters=Parameter.all_of(model, fit.offsets, std, NORMAL_K),
+            sizes={effect.cause.id: model.called(effect) for effect in fit.effects},
         )
 
     tried = [explanation(ids, value) for ids, value in decision.belief.listed.items()]

@@ -110,6 +110,7 @@ class Explanation(Schema):
     )
     rms_mm: float | None = Field(None, description="what it leaves; null: not fitted")
     parameters: tuple[Parameter, ...] = ()
+    sizes: dict[str, tuple[Estimate, ...]] = Field({}, description="parameters of its causes")
 
     @property
     def sound(self) -> bool:

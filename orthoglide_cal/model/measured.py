@@ -152,7 +152,7 @@ class Differences(ReadOnly):
 
 Measured = Readings | Differences
 # Codes of remarks that are cautions, and no notes.
-CAUTIONS = ("stale_mesh", "unused_data")
+CAUTIONS = ("stale_mesh", "unused_data", "beyond_range")
 # Those on where entering the result lets the nozzle go.
 NOZZLE = ("nozzle_raised", "nozzle_lowered")
 

@@ -161,11 +161,13 @@ class Case:
 
     def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
         """Steps instead of entering the parameters; with `verb` only those with that command."""
-        remedies = self.answer.release.remedies
+        remedies, following = self.answer.release.remedies, self.answer.next_measurement
         steps = (
             (self.says(remedy.sentence), self.remedied(remedy), remedy.verb) for remedy in remedies
         )
         for text, typed, run in dict.fromkeys(steps):  # two reasons may have one remedy
+            if following and text == following.what:
+                typed = self.further(following.session)
             if verb in (None, run):
                 yield doc.Instruction(text, typed)
 
@@ -251,7 +253,7 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
         yield from case.remedies("measure" if brief and causes else None)
     if brief and causes:
         decided = verdict is Verdict.NAMED
-        see = "See the cause and its remedy" if decided else "See the causes, and what decides"
+        see = "See the cause and its remedy" if decided else "See the causes, and how to decide"
         yield doc.Instruction(see, case.typed("diagnose"))
 
 
@@ -301,7 +303,7 @@ def check_words(check: CheckReading) -> str:
 
 def position_words(tool_mm: Sequence[float], decimals: int) -> str:
     """ "X60 Y0 Z0": a tool position as it is typed."""
-    pairs = zip(AXES, tool_mm, strict=True)
+    pairs = zip(AXES, tool_mm, strict=False)
     return " ".join(f"{axis.upper()}{short(value, decimals)}" for axis, value in pairs)
 
 

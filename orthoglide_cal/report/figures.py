@@ -196,7 +196,7 @@ def deviation_rows(
     heads = {_WIDE - 108.0: "found", _WIDE - 2.0: "expected ± U"}
     if measured:
         heads = {194.0: "found", 252.0: "expected", _WIDE - 2.0: "as left ± U"}
-    left, high_row = (60.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
+    left, high_row = (70.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
     across = Scale.around([*first, *expected, *ends, -0.02, 0.02], left, min(heads) - 46.0)
     top, bottom = _TOP - 4.0, _TOP + high_row * len(rows)
     places, kinds, texts = zip(*across.ticks(4), strict=True)

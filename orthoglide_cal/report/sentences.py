@@ -138,7 +138,7 @@ def _recalibrated(_: Machine, data: Data) -> str:
     replaced = f" (other {', '.join(data['changed'])} in force)" if data["changed"] else ""
     return (
         f"The machine was recalibrated before the held-out readings{replaced}. Its parameters are"
-        " fitted to them, with and without the extension. The extension is carried over unchanged."
+        " fitted to them, with and without the causes, which are carried over unchanged."
     )
 
 
@@ -166,7 +166,7 @@ _HOWS: Mapping[str, tuple[str, str, str]] = {
     "drifts": (
         "drift{s} smoothly in time",
         "drift",
-        "Let machine and what holds {where} come to rest: clamp it, close doors, warm up. Then"
+        "Let the machine and {where} come to rest: tighten clamps, close doors, warm up. Then"
         " measure there again.",
     ),
     "settles": (
@@ -325,8 +325,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "offsets_wrong": _offsets_wrong,
     "unexplained": "No listed cause of usual size explains these data: {left_mm:.3f} mm r.m.s."
     " remains; the {words.noise}'s noise{words.also} would leave {expected_mm:.3f} mm.",
-    "refuted_left_out": "{ids:with} fits, but does not predict: readings left out differ by"
-    " {error_mm:µm} r.m.s., where it states {stated_mm:µm}.",
+    "refuted_left_out": "{ids:with} fits, but does not predict readings left out: they differ by"
+    " {error_mm:µm} r.m.s. instead of {stated_mm:µm}.",
     "refuted_later": "{ids:with} fits, but later readings refute it: they differ by {with_mm:µm}"
     " r.m.s. from what it predicts, without it by {without_mm:µm}.",
     "other_data_contradict": "The {data} in the same file contradicts these values beyond U:"
@@ -363,7 +363,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "of_session": _of_session,
     "other_gauges": "Other gauges were used: {before:names} before, {after:names} after.",
     "guard_band": "Pass if |deviation| + U is within the limit for every difference; fail if"
-    " |deviation| - U is beyond it for any; otherwise undecided (guard band U on both sides, as in"
+    " |deviation| − U is beyond it for any; otherwise undecided (guard band U on both sides, as in"
     " ISO 14253-1).",
     "order_as_given": "The order of the files is taken as given: no date or entry shows it.",
     "temperatures_differ": "The temperature differed: {before_c:tenths} °C before, {after_c:tenths}"
@@ -379,8 +379,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "arms_vary": "The arm lengths in the firmware differ: parameters are compared at the last"
     " ones.",
     "adjusted": "Recorded adjustment between {before} and {after}: {entered:changes} mm.",
-    "corrected_otherwise": "The controller corrects {ids:and} otherwise from {after} on.",
-    "shown_in_all": "{id} shows in all sessions: it is pooled.",
+    "corrected_otherwise": "From {after} on, the controller corrects {ids:and} differently.",
+    "shown_in_all": "{id} shows in all sessions: one size is found from all of them.",
     "shown_in": lambda _, data: f"{data['id']} shows in {listed(data['paths'])}.",
     "one_more_session": "Measure once more: one further session decides between them.",
     "home_repeatedly": "Home three times and measure one cycle after each: that decides between"
@@ -390,9 +390,9 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "scattering": "Check home switches and couplings: calibration cannot be better than homing.",
     "unchanged": "Nothing to do: measure again at the next service, or after a collision.",
     # Before a controller's file is written.
-    "first_written": "They are written here for the first time, and the change is added: a value"
-    " may hold more than the offset, such as the place of the switch.",
-    "includes": "The file includes others. A value that is also in one of them is in force.",
+    "first_written": "Offsets are written here for the first time. The change is added to each"
+    " value, which may hold more than the offset, such as the place of the switch.",
+    "includes": "The file includes others. Where one of them holds the same value, that counts.",
     # About the data.
     "remark": "{text}",
     "below_resolution": "The residuals are smaller than the {words.noise}'s resolution allows"
@@ -441,8 +441,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "read_on": _STILL + "read {cycles:cycles}: {walk}.",
     "read_short": _STILL + "drive as before but with carriage {carriage} {short_mm:short}, as the"
     " screen shows: {walk}.",
-    "session_alone": "Measure a separate session, {protocol}, {cycles:cycles} per leg, reading by"
-    " reading. It needs no old data.",
+    "session_alone": "Measure a separate session, {protocol}, {cycles:cycles} per leg; write down"
+    " every reading. It needs no old data.",
     "stand_again": "Set the stands up again at leg {leg}{half_way:half_way}, labels and + sides"
     " checked, and read {cycles:cycles}: {walk}.",
     "turn_bar": "Turn the bar of leg {leg} half round its own axis, set the stands up again at leg"
@@ -473,7 +473,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "implausible_temperature": "A workshop of {celsius:g} °C? Temperatures are in °C, from -40 to"
     " 60.",
     "unknown_names": "{kind} are not known and were not used: {names:listed}. {hints}",
-    "no_identified": "It does not say `identified:`. Was it cut off? If not, add the line"
+    "no_identified": "The line `identified:` is missing. Was the file cut off? If not, add"
     " `identified: []`.",
     "other_machine": "The session was measured on {recorded!r}, which differs from the machine"
     " given, {given!r}, in: {keys:names}. The machine given was used.",
@@ -482,7 +482,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "untimed": "Times were not given, or are all the same; {minutes:g} minutes per reading were"
     " assumed.",
     "equal_minutes": "All minutes are the same: they were not used.",
-    "repeated_line": "Line {line} repeats line {first} word for word; both were used.",
+    "repeated_line": "Line {line} repeats line {first} word for word. Such lines: {count}; all were"
+    " used.",
     "missing_differences": "Of the {kind} differences these are missing: {names:names}.",
     "taken_as_twelve": "These names were taken as max and min relative to the isotropic posture; a"
     " single-posture file also has dz_x0 or dz_y0.",
@@ -500,8 +501,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "arms_differ": "Arms: the machine file says {stated:lengths} mm, the firmware {used:lengths}"
     " mm. The result holds with the firmware's; U includes the difference, {apart_mm:.2g} mm. Enter"
     " the measured arms in both (arm_length), calibrate and probe again.",
-    "arms_freed": "The distances free the arms, as Klipper does: {arms:freed} mm (U). They"
-    " belong to the parameters; export and apply write both.",
+    "arms_freed": "The distances also determine the arms, as in Klipper: {arms:freed} mm (U)."
+    " export and apply write them, too.",
     "unequal_arms": "Arms of {lengths_mm[0]:.1f}, {lengths_mm[1]:.1f} and {lengths_mm[2]:.1f} mm"
     " are stored; printers of this kind have equal arms. Their difference, {spread_mm:.1f} mm, is"
     " taken as their tolerance. Measure them from joint centre to joint centre.",

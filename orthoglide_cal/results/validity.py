@@ -50,6 +50,8 @@ def validity(given: Input) -> Validity:
     gauges = []
     for gauge in conditions.gauges:
         known = dict(owned.get(gauge.id, OwnGauge(id=gauge.id)))
+        if gauge.certificate and known["certificate"] not in (None, gauge.certificate):
+            known = dict(OwnGauge(id=gauge.id))  # that is of another time
         known |= {name: value for name, value in gauge if value}
         due = known["due"] = known["due"] or machine.report.gauge_due
         used, last = (day and datetime.fromisoformat(day).date() for day in (measured, due))

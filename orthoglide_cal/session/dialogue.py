@@ -359,7 +359,7 @@ class Dialogue:
         readings = ReadingsSoFar(advance(self.state, taken), self.setting)
         question = check(readings, token.unit or self.unit)
         if stood.away_mm > NEAR_MM:
-            far = f"The machine stands {stood.away_mm:.2f} mm from where this is read: drive there?"
+            far = f"The machine stands {stood.away_mm:.2f} mm from this posture: drive there first?"
             question = Question(Doubt.PLACE, far)
         if question is None:
             self.write(taken)

@@ -200,7 +200,7 @@ def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
         if text in ("n", "no", "q"):
             raise UsageError(
                 "Nothing was begun.",
-                "Make its own file, orthocal machine new, or name it with --machine.",
+                "Name the file of your machine, --machine FILE, or make one: orthocal machine new",
             )
         try:
             parts = text.replace(";", " ").split()

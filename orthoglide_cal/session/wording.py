@@ -80,7 +80,7 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
         path = visible(following.data.path)
         words = [
             "Do not touch the stands: they must be where they were for the last reading",
-            f"of {path}. If one was touched since: q, and another measurement.",
+            f"of {path}. If one was touched since: q, and measure anew.",
         ]
     elif begun:
         words = [

@@ -162,6 +162,9 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
         assert session_file(None, Path(), resume=False) == Path("session.yaml")
         assert second == "orthocal measure practice.yaml --resume"
         assert third == "orthocal measure practice.yaml --discard"
+        Path("one.yaml").unlink()
+        Path("one.csv").write_text("leg,posture,direction,reading_mm\nx,iso,y,0.1\n")
+        assert re.search("orthocal .*", done().partition("Next")[2])[0].endswith(" one.csv")
         assert "asks before" in refused(2, *third.split()[1:])
         assert run(*third.split()[1:], "--yes").stderr == "Given up; kept as practice.discarded.\n"
         assert len(decode(Path("practice.discarded").read_bytes(), "j").events) == 2

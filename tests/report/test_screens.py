@@ -218,4 +218,4 @@ def test_on_one_height_a_shape_is_not_called_a_cause() -> None:
     assert case.answer.baselines is not None
     better = case.answer.baselines.changed(quartic_mm=0.001)
     said = both_screens(Case(case.given, case.answer.changed(baselines=better)))
-    assert "1. Make a bed mesh: a quartic surface predicts to 1.0 µm" in said
+    assert "1. Make a bed mesh: a quartic surface predicts within 1.0 µm" in said

@@ -179,7 +179,7 @@ def test_a_check_that_fails_ends_with_4(folder: Path) -> None:
     ("options", "code", "what"),
     [
         (("before.csv", "--cause", "backlash"), 2, "No screw or shim corrects 'backlash'"),
-        (("before.csv", "--cause", "tower_lean"), 2, "far more of where a pushed tower pivots"),
+        (("before.csv", "--cause", "tower_lean"), 2, "where a pushed tower pivots far more"),
         (("before.csv", "--cause", "home_switch"), 4, "axis_squareness"),
         (("before.csv", "--cause", "axis_gap"), 4, "does not name axis_gap"),
         (("before.csv", "--resume"), 2, "There is no unfinished session"),

@@ -29,7 +29,7 @@ def _page(answer: AdjustmentAnswer, again: str) -> doc.Page:
     caption = "Readings of the gauge, mm; the check is the difference between two postures."
     notice = doc.Notice(doc.Tone.INFO, f"Adjusted: {answer.cause}")
     if answer.failed:
-        failure = "A check failed: something moved in another way than it was meant to"
+        failure = "A check failed: something did not move as intended"
         notice = doc.Notice(doc.Tone.BAD, failure)
     steps = (
         doc.Instruction("Measure again in the same way.", again),

@@ -13,6 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
+from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import NOZZLE
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
@@ -33,7 +34,9 @@ from orthoglide_cal.report.case import (
 from orthoglide_cal.report.documents.diagnosis import diagnosis_notice, diagnosis_section
 from orthoglide_cal.report.documents.pictures import (
     cause_figure,
+    cause_sketch,
     differences_figure,
+    moves_rails,
     place_words,
     readings_table,
     residual_blocks,
@@ -115,6 +118,9 @@ def calibration_document(
                 pages.append(readings_table(measured, when))
         if answer.parameters:
             drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
+            rivals = [*_rivals(case)]
+            if len(named) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
+                named.append(rivals.pop(0))
             result = _result(case, left, named, drawn)
             sheet = [*result, *frame.sheet, *map(_other, case.others)]
             moved = [case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE]
@@ -122,7 +128,7 @@ def calibration_document(
                 sheet[len(result) : len(result)] = [doc.Section(None, text) for text in moved]
             if named and not released:
                 pages.insert(1, _parameters(case, drawn))
-                pages[:0] = [_rivals(case)] if answer.ambiguous_with else []
+                pages[:0] = rivals
         else:
             # There is nothing to pin to the machine, and one sheet of paper says it all.
             sheet = [doc.next_steps(to_do(case)), *frame.sheet, *map(_other, case.others), *pages]
@@ -185,37 +191,54 @@ def _causes(case: Case) -> Iterator[doc.Section]:
     undecided = answer.verdict is Verdict.AMBIGUOUS
     advised = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
-        screws = map(CAUSES[cause.id].adjustment, CAUSES[cause.id].names)
-        gaps = any(screw and screw.along for screw in screws)
-        seen = cause.parameters if gaps else seen_parameters(cause)
-        sizes = [size for size in cause.parameters if size in seen]
-        places = [place_words(size.name) for size in sizes]
-        if cause.where and len(sizes) < 2:
-            places = [cause.where]
-        columns: dict[str, Sequence[doc.Blank]] = {"": [doc.strong(place) for place in places]}
-        if sizes:
-            columns["size ± U (95 %)"] = [size_words(size) for size in sizes]
-        if gaps and answer.shims:
-            columns["shim"] = [
-                f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in answer.shims
-            ]
-        caption = "xy: how far rail x lies above rail y, along z; and so on. " if gaps else ""
-        if len(sizes) < len(cause.parameters):
-            caption += "All others: smaller." if undecided else "All others: within U."
-        grid = doc.Grid.of(columns, range(len(columns)), caption)
-        blocks: list[doc.Block] = [grid if sizes else doc.strong(f"At {cause.where}.")]
+        blocks: list[doc.Block] = [_cause_grid(case, cause.id, cause.parameters, cause.where)]
         if cause.remedy.rstrip(".") not in advised:
             blocks.append(f"If so: {cause.remedy}" if undecided else cause.remedy)
         title = f"{case.title_of(cause.id)} ({cause.id})"
         title = f"Possible: {title}" if undecided else f"{title[0].upper()}{title[1:]}"
-        yield doc.Section(title, *blocks, *cause_figure(case, cause, gaps))
+        yield doc.Section(title, *blocks, *cause_figure(case, cause))
 
 
-def _rivals(case: Case) -> doc.Section:
-    """What the readings cannot distinguish from the likeliest answer."""
-    rivals = [CAUSES[id].words(case.machine) for id in case.answer.ambiguous_with]
-    lines = (f"{e.title} ({e.id}). How to check: {e.instrument}." for e in rivals)
-    return doc.Section("Also possible", *(f"{line[0].upper()}{line[1:]}" for line in lines))
+def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str = "") -> doc.Block:
+    """Where a cause is, and how large with U."""
+    gaps, shims = moves_rails(id), case.answer.shims
+    sizes = [*parameters] if gaps else seen_parameters(parameters)
+    sizes = [size for size in parameters if size in sizes]
+    if not sizes:
+        return doc.strong(f"At {where}.")
+    places = [place_words(size.name) for size in sizes]
+    if where and len(sizes) < 2:
+        places = [where]
+    columns: dict[str, Sequence[doc.Blank]] = {"": [doc.strong(place) for place in places]}
+    columns["size ± U (95 %)"] = [size_words(size) for size in sizes]
+    if gaps and shims:
+        columns["shim"] = [
+            f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims
+        ]
+    caption = "xy: how far rail x lies above rail y, along z; and so on. " if gaps else ""
+    if len(sizes) < len(parameters):
+        undecided = case.answer.verdict is Verdict.AMBIGUOUS
+        caption += "All others: smaller." if undecided else "All others: within U."
+    return doc.Grid.of(columns, range(len(columns)), caption)
+
+
+def _rivals(case: Case) -> Iterator[doc.Section]:
+    """What the readings cannot distinguish from the likeliest answer; its likeliest rival drawn."""
+    answer, checks = case.answer, {}
+    for id in answer.ambiguous_with:
+        words = CAUSES[id].words(case.machine)
+        title = f"{words.title} ({id})"
+        checks[id] = title, f"How to check: {words.instrument}."
+    rivals = [state.sizes for state in answer.explanations if {*state.sizes} & {*checks}]
+    for id, sizes in rivals[0].items() if rivals else ():
+        if id in checks and (sketch := cause_sketch(case, id, sizes)):
+            title, check = checks.pop(id)
+            check += f" If so: {CAUSES[id].words(case.machine).advice.format(where='')}"
+            yield doc.Section(f"Or: {title}", _cause_grid(case, id, sizes), check, sketch)
+    lines = (
+        " ".join((f"{title[0].upper()}{title[1:]}.", check)) for title, check in checks.values()
+    )
+    yield doc.Section("Also possible", *lines)
 
 
 def _differences(

@@ -210,10 +210,10 @@ def _baselines(case: Case) -> Iterator[doc.Block]:
     if baselines is None:
         return
     named = {
-        f"{case.words.many} alone": baselines.parameters_mm,
-        "extension": baselines.extension_mm,
-        "a quartic surface instead": baselines.quartic_mm,
-        "the earlier map instead": baselines.earlier_map_mm,
+        f"{case.words.many} only": baselines.parameters_mm,
+        "with the causes": baselines.extension_mm,
+        "a quartic surface": baselines.quartic_mm,
+        "the earlier map": baselines.earlier_map_mm,
     }
     errors = [f"{name} {plain(1e3 * mm, 1)}" for name, mm in named.items() if mm is not None]
     yield f"Errors of predicting {_omitted(case)}, µm r.m.s.: {', '.join(errors)}."
@@ -225,7 +225,9 @@ def _baseline_step(baselines: Baselines) -> doc.Instruction:
     if baselines.better == "quartic":
         instead, mm = "Make a bed mesh: a quartic surface", baselines.quartic_mm
     sizes = [f"{plain(1e3 * size, 1)} µm" for size in (mm or 0.0, baselines.extension_mm)]
-    return doc.Instruction(f"{instead} predicts to {sizes[0]}, what was found to {sizes[1]}.")
+    return doc.Instruction(
+        f"{instead} predicts within {sizes[0]} r.m.s., the causes found within {sizes[1]}."
+    )
 
 
 def _open(answer: Answer) -> list[Explanation]:
@@ -428,7 +430,7 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
         names = {size.name for cause in answer.causes for size in cause.parameters}
         facts.append(("±", "U, 95 %" + "; y_x: along y on leg x" * ("y_x" in names)))
     if answer.causes[0].heldout_after_mm >= answer.causes[0].heldout_before_mm:
-        facts.append(("note", "It does not predict better: not recommended as an extension."))
+        facts.append(("note", "It predicts no better: accepting it is not recommended."))
     yield doc.Facts(facts)
 
 

@@ -12,7 +12,7 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.case import Case, comparison_words
+from orthoglide_cal.report.case import Case, comparison_words, position_words
 from orthoglide_cal.report.escape import Html
 from orthoglide_cal.report.sentences import pattern_name, pattern_words
 from orthoglide_cal.results.answer import Answer, Residual
@@ -173,14 +173,33 @@ def _column(rows: Sequence[Residual], name: str) -> Floats:
     return np.array([getattr(row, name) for row in rows], np.float64)
 
 
-def cause_figure(case: Case, cause: FoundCause, gaps: bool) -> Iterator[doc.Figure]:
-    """A cause as a drawing: the readings that it spoils, or how the machine differs by it.
+def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure | None:
+    """How the machine differs by a cause of such sizes; None where no drawing shows it."""
+    gaps = {size.name: size.value for size in sizes}
+    drawn = [size for size in seen_parameters(sizes) if set(size.name) <= {*AXES, "_"}]
+    shims = case.answer.shims
+    if moves_rails(id):
+        key = "The rails where they really are, the gaps enlarged. "
+        key += "Arrows: move the mount there." * bool(shims)
+        panel = figures.rails_sketch(gaps, shims)
+    elif drawn and CAUSES[id].unit != PER_HOUR and not _on_bed(case.answer):
+        key = "Dashed: as it should be. Solid: as it is, enlarged."
+        rows = {e.name: (e.value, place_words(e.name), size_words(e)) for e in drawn[:_MOST_DRAWN]}
+        panel = figures.parameter_sketch(id, rows)
+    else:
+        return None
+    return doc.Figure(None, "", (panel,), columns=0, key=key)
 
-    `gaps`: its parameters are gaps between rails.
-    """
+
+def moves_rails(id: str) -> bool:
+    """True if the parameters of a cause are gaps between rails."""
+    screws = map(CAUSES[id].adjustment, CAUSES[id].names)
+    return any(screw and screw.along for screw in screws)
+
+
+def cause_figure(case: Case, cause: FoundCause) -> Iterator[doc.Figure]:
+    """A cause as a drawing: how the machine differs by it, or the readings that it spoils."""
     rows = case.answer.residuals
-    key = "Dashed: as it should be. Solid: as it is, enlarged."
-    drawn = [size for size in seen_parameters(cause) if set(size.name) <= {*AXES, "_"}]
     panels: Sequence[Html]
     if _on_bed(case.answer):
         if cause != case.answer.causes[0]:
@@ -193,15 +212,9 @@ def cause_figure(case: Case, cause: FoundCause, gaps: bool) -> Iterator[doc.Figu
             for panel in figures.bed_maps(title, places[at], {alone: before[at]}, *_bed(case))
         ]
         key = f"Residuals. {_RINGED}"
-    elif gaps:
-        sizes_mm = {size.name: size.value for size in cause.parameters}
-        panels = (figures.rails_sketch(sizes_mm, case.answer.shims),)
-        key = "The rails where they really are, the gaps enlarged. " + (
-            " Arrows: move the mount there." if case.answer.shims else ""
-        )
-    elif drawn and not cause.where and CAUSES[cause.id].unit != PER_HOUR:
-        sizes = {e.name: (e.value, place_words(e.name), size_words(e)) for e in drawn[:_MOST_DRAWN]}
-        panels = (figures.parameter_sketch(cause.id, sizes),)
+    elif not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
+        yield sketch
+        return
     else:
         (alone, before), (both, after) = (left := _left(case)).items()
         change = np.abs(after - before)
@@ -225,9 +238,9 @@ def cause_figure(case: Case, cause: FoundCause, gaps: bool) -> Iterator[doc.Figu
     yield doc.Figure(None, "", panels, columns=0, key=key)
 
 
-def seen_parameters(cause: FoundCause) -> list[Estimate]:
-    """Its parameters beyond U, or the largest if none is; the largest first."""
-    largest = sorted(cause.parameters, key=lambda size: -abs(size.value))
+def seen_parameters(sizes: Sequence[Estimate]) -> list[Estimate]:
+    """Parameters of a cause beyond U, or the largest if none is; the largest first."""
+    largest = sorted(sizes, key=lambda size: -abs(size.value))
     return [size for size in largest if abs(size.value) > size.expanded] or largest[:_MOST_DRAWN]
 
 
@@ -245,14 +258,24 @@ def size_words(size: Estimate) -> str:
 
 def readings_table(case: Case, when: str) -> doc.Section:
     """Every reading as it was written down, and what the model leaves of it, named by `when`."""
-    left, rows = [*_left(case).values()][-1], []
-    for row, rest_mm in zip(case.answer.residuals, left.tolist(), strict=True):
-        touched = f"X{short(row.x_mm or 0.0, 1)} Y{short(row.y_mm or 0.0, 1)}"
-        end = f", {row.end}" if row.end else ""
-        reading = f"{figures.series_of(row).words}, {row.posture}{end}, cycle {row.cycle}"
-        at = reading if row.leg else "distance" if row.distance else touched
-        rows.append((str(row.order), at, short(row.measured_mm, 4), signed(rest_mm, 4)))
-    grid = doc.Grid(("no.", "at", "reading, mm", "left, mm"), rows, words=(1,))
+    rows, left = case.answer.residuals, [*_left(case).values()][-1]
+    if _on_bed(case.answer):
+        at = "at"
+        touches = [position_words((e.x_mm or 0.0, e.y_mm or 0.0), 1) for e in rows]
+        places = ["distance" if e.distance else xy for e, xy in zip(rows, touches, strict=True)]
+    elif case.answer.input.kind == DataKind.READINGS:
+        keys = "leg", "direction", "posture", "end", "cycle"
+        names = [key for key in keys if any(getattr(row, key) for row in rows)]
+        at, places = ", ".join(names), [", ".join(str(getattr(e, n)) for n in names) for e in rows]
+    else:
+        at, places = "difference", [row.posture or "" for row in rows]
+    columns = {
+        "no.": [str(row.order) for row in rows],
+        at: places,
+        "measured, mm": [short(row.measured_mm, 4) for row in rows],
+        "left, mm": [signed(mm, 4) for mm in left.tolist()],
+    }
+    grid = doc.Grid.of(columns, words=(1,))
     return doc.Section(f"Appendix: readings, {when}".removesuffix(", "), grid)
 
 

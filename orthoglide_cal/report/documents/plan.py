@@ -29,7 +29,7 @@ from orthoglide_cal.planning.plan import (
 from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import Case
+from orthoglide_cal.report.case import Case, decision_notice
 from orthoglide_cal.report.documents.diagnosis import between_words
 from orthoglide_cal.report.documents.solution import (
     budget_sections,
@@ -38,7 +38,6 @@ from orthoglide_cal.report.documents.solution import (
 )
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (
     counted,
     decimals_for,
@@ -78,7 +77,7 @@ def plan_document(
     stamp = going_on.stamp if going_on else None
     absent = None if plan.next else {"next"}
     data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent, context=sentence)
-    if going_on is not None and going_on.answer.release.usable:
+    if going_on is not None and not plan.next[0].between:
         # Nothing is advised that does not lower U.
         now = math.inf if plan.now_mm is None else round(plan.now_mm, decimals_for(plan.now_mm))
         worst = ((option, max(option.expanded_mm.values())) for option in plan.next)
@@ -86,7 +85,7 @@ def plan_document(
 
     def screen() -> doc.Page:
         if going_on is not None:
-            notice = _next_notice(plan, going_on.answer)
+            notice = _next_notice(plan, going_on)
             sections = [doc.Section("Or", _next_grid(plan, plan.next[1:_BRIEF_NEXT]))]
         else:
             notice = _notice(plan)
@@ -113,7 +112,7 @@ def plan_document(
             sections.append(doc.Section("A separate session would give", facts, notice))
             given = going_on.answer.input
             data = f"{file_words(visible(given.path))}, {given.readings}"
-            facts, notice = doc.Facts([("Readings", data)]), _next_notice(plan, going_on.answer)
+            facts, notice = doc.Facts([("Readings", data)]), _next_notice(plan, going_on)
         title = "Ways to measure, compared" if plan.gauges is None else "How many cycles"
         sections.append(doc.Section(title, _sessions_grid(plan)))
         sections.append(doc.Section(None, *_limits(plan), *_left_open(plan)))
@@ -148,6 +147,8 @@ def _to_do(
     elif plan.next and begun:
         best = plan.next[0]
         yield doc.Instruction(sentence(best.what), begun.further(best.session))
+    elif begun and begun.answer.release.remedies:
+        yield from begun.remedies()
     elif plan.bar_warning is not None and plan.bar_warning.size > 0.0 and plan.design is not None:
         typed = _command(plan.design, plan, machine_file, begun)
         yield doc.Instruction("Measure what the plungers can follow", typed)
@@ -386,8 +387,8 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
     gives = f"± {two_figures(max(best.expanded_mm.values()))} mm"
     text: tuple[doc.Line, ...] = (
         f"Only the postures {postures}, the gauges at {percent(best.gauge_at or 0.0)} of"
-        f" the leg from the carriage: {percent(best.share_of_readings or 0.0)} of the"
-        " readings of the double-posture protocol leave the same noise.",
+        f" the leg from the carriage. {percent(best.share_of_readings or 0.0)} of the"
+        " readings of the double-posture protocol then give the same U from noise.",
         (f"{best.readings} readings in {minutes} give {gives}: ", doc.typed(typed)),
         f"The plunger stays {percent(best.margin or 0.0)} of the leg away from both joints at"
         f" every posture. What is given up: {GIVES_UP}.",
@@ -413,8 +414,11 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     return doc.Section("Which causes can be distinguished", *blocks)
 
 
-def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
+def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     """The best measurement in addition to the data that there are, and its gain."""
+    release = begun.answer.release
+    if not (plan.next or release.usable):
+        return decision_notice(begun)
     if not plan.next:
         none = (
             f"Nothing is undecided, and no further {plan.model.machine.vocabulary.noise} readings"
@@ -442,7 +446,7 @@ def _next_notice(plan: MeasurementPlan, begun: Answer) -> doc.Notice:
         title = f"Next: {minutes} give one answer (probability {percent(best.chance)})"
         settled = f"It distinguishes {first} from {second} ({best.separation_sigma:.1f} σ)."
         return doc.Notice(doc.Tone.INFO, title, (settled, worth, *target))
-    if begun.release.usable:
+    if release.usable:
         may = f"Nothing is undecided, and the {plan.model.machine.vocabulary.many} may be entered."
         better = f"To reduce U: {minutes}. {worth}"
         return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (may, better, *target))

@@ -191,14 +191,19 @@ def verification_steps(
             "The offsets are right, but a deviation is beyond the limit: find its cause",
             command("diagnose", result.after.path, machine=machine_file),
         )
-    elif brief and result.differences:
-        options = f"--after {command('', result.after.path).split(maxsplit=1)[1]}"
-        if result.decision is not None:
-            options += f" --limit {result.decision.limit_mm:g}"
-        write = command("report", result.before.path, machine=machine_file, options=options)
-        yield doc.Instruction("Write the report, and keep it with the machine", write)
     else:
-        yield doc.Instruction("Nothing more: keep this report with the machine.")
+        undecided = result.decision is not None and result.decision.outcome is Outcome.UNDECIDED
+        if undecided:
+            again = command("measure", machine=machine_file, options="--cycles 10")
+            yield doc.Instruction("To decide by the limit, lower U: measure more cycles", again)
+        if brief and result.differences:
+            options = f"--after {command('', result.after.path).split(maxsplit=1)[1]}"
+            if result.decision is not None:
+                options += f" --limit {result.decision.limit_mm:g}"
+            write = command("report", result.before.path, machine=machine_file, options=options)
+            yield doc.Instruction("Write the report, and keep it with the machine", write)
+        elif not undecided:
+            yield doc.Instruction("Nothing more: keep this report with the machine.")
 
 
 def _corrected(result: Verification) -> str:
