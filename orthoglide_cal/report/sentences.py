@@ -374,6 +374,11 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "arms_vary": "The arm lengths in the firmware differ: parameters are compared at the last"
     " ones.",
     "adjusted": "Recorded adjustment between {before} and {after}: {entered:changes} mm.",
+    "pushed": lambda _, data: (
+        f"Adjusted between {data['before']} and {data['after']}: "
+        + ", ".join(f"{name} {signed(by, 3)} {unit_words(unit)}" for name, by, unit in data["rows"])
+        + ". Sessions before it are shown less that."
+    ),
     "corrected_otherwise": "The controller corrects {ids:and} otherwise from {after} on.",
     "shown_in_all": "{id} shows in all sessions: it is pooled.",
     "shown_in": lambda _, data: f"{data['id']} shows in {listed(data['paths'])}.",

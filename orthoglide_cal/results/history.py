@@ -12,13 +12,14 @@ from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import chain, compress, pairwise, zip_longest
 from pathlib import PurePath
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 from pydantic import Field, field_serializer
 from scipy.linalg import block_diag
 
-from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
@@ -44,6 +45,7 @@ from orthoglide_cal.model.cause import NORMAL_K, Cause, Estimate
 from orthoglide_cal.model.machine import Bed, Machine, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.validity import STEP_K
 from orthoglide_cal.schema import Reason, Schema, Sentence
 from orthoglide_cal.words import listed
@@ -62,7 +64,9 @@ class DatedSession(Schema):
 
     path: str
     started: str | None
-    parameters: Sizes = Field(description="active + found, and of lasting causes")
+    parameters: Sizes = Field(
+        description="active + found, and of lasting causes, less what was adjusted since then"
+    )
     own_expanded: tuple[float, ...] = Field(description="U of what does not cancel between them")
     fitted: tuple[float, ...] = Field(description="by the explanation that is named")
     causes: Ids = Field((), description="lasting causes that it shows")
@@ -305,7 +309,10 @@ def moment_of(given: Input, stated: str | None = None) -> datetime | None:
 
 
 def compare(
-    inputs: Sequence[Input], dates: Sequence[str] = (), limit_mm: float | None = None
+    inputs: Sequence[Input],
+    dates: Sequence[str] = (),
+    limit_mm: float | None = None,
+    adjusted: Mapping[str, Removed] = MappingProxyType({}),
 ) -> History:
     """Compare the sessions of a machine.
 
@@ -313,6 +320,7 @@ def compare(
         inputs: two or more sessions of it; simulated ones count only where no other is there.
         dates: of them, in the order given; () for what they say themselves.
         limit_mm: largest change that is allowed of a length; None for no limit.
+        adjusted: digest of a session → what was adjusted after it.
 
     Raises:
         UsageError: not one machine, or dates that do not fit.
@@ -362,6 +370,7 @@ def compare(
         groups.append(range(len(named), len(named) + len(cause.names)))
         names = machine.named(cause.names).values()
         named += [(f"{cause.id} {name}", cause.unit) for name in names]
+    notes += _put_right(diagnosed, adjusted, [name for name, _ in named])
     sized = partial(_sized, named)
     data = DatedValues(
         np.array([session.values for session in diagnosed]),
@@ -467,6 +476,28 @@ def _one_machine(models: Sequence[Model]) -> list[Reason]:
         model.machine.check_same(last.machine)
     other -= {"offsets_mm", "history", "gauges", "report"}
     return [Reason.of("judged_by_last", names=sorted(other))] if other else []
+
+
+def _put_right(
+    sessions: Sequence[_DiagnosedSession], adjusted: Mapping[str, Removed], names: Sequence[str]
+) -> Iterator[Reason]:
+    """Take what was adjusted off the sessions before it: they then tell of the machine as it is."""
+    for number, session in enumerate(sessions[:-1]):
+        source = session.given.measured.source
+        sizes = {
+            (name if id == HOME_SWITCH.id else f"{id} {name}"): size
+            for id, values in adjusted.get(source.sha256, {}).items()
+            for name, size in values.items()
+        }
+        for name in sizes.keys() & set(names):
+            here = np.array([other == name for other in names], dtype=float)
+            for earlier in sessions[: number + 1]:
+                earlier.values = earlier.values - sizes[name].value * here
+                earlier.common[source.sha256, name] = sizes[name].std * here[:, None]
+        if sizes:
+            after = sessions[number + 1].given.measured.source.path
+            rows = [(name, -size.value, size.unit) for name, size in sizes.items()]
+            yield Reason.of("pushed", before=source.path, after=after, rows=rows)
 
 
 def _circumstances(

@@ -29,7 +29,7 @@ import numpy as np
 from pydantic import Field, computed_field
 from scipy.linalg import block_diag
 
-from orthoglide_cal.causes import correcting
+from orthoglide_cal.causes import CAUSES, HOME_SWITCH, correcting
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
@@ -47,6 +47,7 @@ from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats, ReadOnly, joined
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Workspace
+from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import InputFile, Spread
 from orthoglide_cal.results.history import moment_of
 from orthoglide_cal.results.making import remainder, spread
@@ -231,7 +232,7 @@ def verify(
     after: Input,
     applied_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
-    adjusted: Corrections = MappingProxyType({}),
+    adjusted: Removed = MappingProxyType({}),
 ) -> Verification:
     """Compare the predicted effect of a correction with the measured one.
 
@@ -240,7 +241,7 @@ def verify(
         applied_mm: what was added to the controller's offsets between the two (x, y, z) [mm];
             None takes what the inputs say, or the machine file that records it.
         limit_mm: largest deviation allowed in any difference; None for no decision.
-        adjusted: what a screw removed between the two; offsets are part of `applied_mm`.
+        adjusted: what screws removed between the two, in addition.
 
     Raises:
         UsageError: the second was measured first, different machines, nobody says what was applied
@@ -265,10 +266,17 @@ def verify(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
             "Give the machine that both are to be judged by: --machine FILE",
         )
+    moved = {axis: size.value for axis, size in adjusted.get(HOME_SWITCH.id, {}).items()}
+    screws = {
+        id: {name: size.value for name, size in sizes.items()}
+        for id, sizes in adjusted.items()
+        if id in CAUSES
+    }
     if adjusted and applied_mm is None:
         applied_mm = (0.0, 0.0, 0.0)
-    model, (applied, held) = before.model, _entered(before, after, applied_mm)
-    corrected = {**_more(model.machine.corrected, held), **adjusted}
+    model, (entered, held) = before.model, _entered(before, after, applied_mm)
+    corrected = {**_more(model.machine.corrected, held), **screws}
+    applied = entered + [moved.get(axis, 0.0) for axis in AXES]
     applied = np.where(np.abs(applied) < SMALLEST_MM, 0.0, applied)
     if not applied.any() and not corrected:
         raise UsageError(
@@ -277,7 +285,7 @@ def verify(
         )
     added = correcting(model.machine, corrected)
     first, right = _solved(before, model)
-    second, _ = _solved(after, model.correcting({**held, **adjusted}))
+    second, _ = _solved(after, model.correcting({**held, **screws}))
     shared = shared_contrasts(before.measured, after.measured, model)
     if added:
         without = _without(added, after.measured, model, first.offsets_mm - applied)
