@@ -163,7 +163,8 @@ def application_document(
             caption, first = " ".join(notes), machine.vocabulary.restart
             if entry.written.tables and not application.undone:
                 names = ", ".join(Path(table.path).name for table in entry.written.tables)
-                caption += f" New files beside it: {names}."
+                held = any(value.key.endswith("BACKLASH") for value in entry.written.values)
+                caption += f" New files beside it: {names}{', with what BACKLASH held' * held}."
             if application.controller.adds and not live:
                 first = f"Restart LinuxCNC: it reads its INI only then. {first}"
         again = doc.Instruction("Probe it again in the same way.")
