@@ -5,6 +5,7 @@ import json
 import re
 import signal
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import count, cycle
 from pathlib import Path
@@ -26,7 +27,9 @@ from tests import truth
 from tests.cli.program import answer, refused
 from tests.inference.sessions import given, known
 from tests.truth.adjusting import LooseMachine
+from tests.truth.delta import V400, Layout, Truth, places_of, touches
 from tests.truth.forward import PARTS
+from tests.truth.plan import Floats
 
 from .terminal import Terminal, run_program
 from .virtual import AT, opened
@@ -126,6 +129,32 @@ def test_what_was_adjusted_is_the_whole_change(cause: str) -> None:
     assert found.verdict is Trend.UNCHANGED
     assert [note.code for note in found.notes][1] == "pushed"
     assert compare((before, after)).verdict is Trend.CHANGED
+
+
+def test_touches_lead_neither_to_a_straight_tower_nor_to_a_level_plate() -> None:
+    """What is not the calibration's own parameters in a push at a tower's top, about its foot, and
+    in a turn of a plate's screws: why neither is adjusted by touches."""
+    x, y = places_of(Layout(), V400.bed).T
+    nothing = np.zeros(len(x))
+
+    def changed(by: float = 1.0, **parts: Sequence[object]) -> Floats:
+        moved = replace(Truth(), **{name: np.array(part) * by for name, part in parts.items()})
+        sides = (touches(V400, at, x, y, nothing, nothing) for at in (moved, Truth()))
+        return (next(sides) - next(sides)) / by
+
+    unit = np.eye(3)
+    own = [changed(0.01, endstops=k) for k in unit] + [changed(0.01, angles=k) for k in unit[:2]]
+    own = np.transpose([*own, changed(0.01, radius=1.0)])
+
+    def shown(change: Floats) -> tuple[float, float]:
+        left = change - own @ np.linalg.lstsq(own, change)[0]
+        return float(np.sqrt(np.mean(change**2))), float(np.sqrt(np.mean(left**2)))
+
+    lean, apart = shown(changed(leans=[[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]))
+    assert lean > 0.04
+    assert apart < min(0.1 * lean, 0.3 * V400.noise)
+    assert 1.96 * V400.noise / (apart * np.sqrt(len(x))) > 0.6, "mrad, at the very best"
+    assert shown(x / V400.bed)[1] < 0.03
 
 
 SESSION = truth.make_session(5, truth.PROTOTYPE, truth.DIAL, ("axis_squareness",))
