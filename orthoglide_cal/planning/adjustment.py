@@ -9,7 +9,7 @@ of the model's readings h, with k for 95 %. Afterwards the difference between tw
 which the gauge's zero has no part, shows whether the part moved as it was meant to.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -28,8 +28,8 @@ from orthoglide_cal.model.orthoglide import POSTURES, Orthoglide, PlannedReading
 from orthoglide_cal.model.plan import Floats, Numbers
 from orthoglide_cal.model.readings import Contact, other_axes
 
-# What was adjusted: id of a cause, or home_switch for joint offsets → parameter → what was removed.
-Removed = Mapping[str, Mapping[str, Estimate]]
+# What screws took away: id of a cause, or home_switch for joint offsets, and by how much.
+Removed = Sequence[tuple[str, Estimate]]
 
 
 class Adjustment(Estimate):

@@ -51,6 +51,9 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "causes": lambda ids: " and ".join(ids) or "this",
     "two": two_figures,
     "p": chance,
+    "sizes": lambda rows: ", ".join(
+        f"{name} {signed(size, 3)} {unit_words(unit)}" for name, size, unit in rows
+    ),
     "changes": lambda values: ", ".join(f"{name} {signed(by, 3)}" for name, by in values.items()),
     "tenths": lambda value: plain(value, 1),
     "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
@@ -374,11 +377,8 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "arms_vary": "The arm lengths in the firmware differ: parameters are compared at the last"
     " ones.",
     "adjusted": "Recorded adjustment between {before} and {after}: {entered:changes} mm.",
-    "pushed": lambda _, data: (
-        f"Adjusted between {data['before']} and {data['after']}: "
-        + ", ".join(f"{name} {signed(by, 3)} {unit_words(unit)}" for name, by, unit in data["rows"])
-        + ". Sessions before it are shown less that."
-    ),
+    "pushed": "Adjusted between {before} and {after}: {rows:sizes} removed. Sessions before it are"
+    " shown less that.",
     "corrected_otherwise": "The controller corrects {ids:and} otherwise from {after} on.",
     "shown_in_all": "{id} shows in all sessions: it is pooled.",
     "shown_in": lambda _, data: f"{data['id']} shows in {listed(data['paths'])}.",

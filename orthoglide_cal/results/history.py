@@ -482,22 +482,18 @@ def _put_right(
     sessions: Sequence[_DiagnosedSession], adjusted: Mapping[str, Removed], names: Sequence[str]
 ) -> Iterator[Reason]:
     """Take what was adjusted off the sessions before it: they then tell of the machine as it is."""
-    for number, session in enumerate(sessions[:-1]):
-        source = session.given.measured.source
-        sizes = {
-            (name if id == HOME_SWITCH.id else f"{id} {name}"): size
-            for id, values in adjusted.get(source.sha256, {}).items()
-            for name, size in values.items()
-        }
-        for name in sizes.keys() & set(names):
+    for before, after in pairwise(sessions):
+        source, rows = before.given.measured.source, []
+        for id, size in adjusted.get(source.sha256, ()):
+            name = size.name if id == HOME_SWITCH.id else f"{id} {size.name}"
+            rows.append((name, size.value, size.unit))
             here = np.array([other == name for other in names], dtype=float)
-            for earlier in sessions[: number + 1]:
-                earlier.values = earlier.values - sizes[name].value * here
-                earlier.common[source.sha256, name] = sizes[name].std * here[:, None]
-        if sizes:
-            after = sessions[number + 1].given.measured.source.path
-            rows = [(name, -size.value, size.unit) for name, size in sizes.items()]
-            yield Reason.of("pushed", before=source.path, after=after, rows=rows)
+            for earlier in sessions[: sessions.index(after)]:
+                earlier.values = earlier.values - size.value * here
+                earlier.common[source.sha256, id, size.name] = size.std * here[:, None]
+        if rows:
+            other = after.given.measured.source.path
+            yield Reason.of("pushed", before=source.path, after=other, rows=rows)
 
 
 def _circumstances(

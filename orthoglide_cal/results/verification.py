@@ -22,14 +22,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, computed_field
 from scipy.linalg import block_diag
 
-from orthoglide_cal.causes import CAUSES, HOME_SWITCH, correcting
+from orthoglide_cal.causes import HOME_SWITCH, correcting
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
@@ -232,7 +231,7 @@ def verify(
     after: Input,
     applied_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
-    adjusted: Removed = MappingProxyType({}),
+    adjusted: Removed = (),
 ) -> Verification:
     """Compare the predicted effect of a correction with the measured one.
 
@@ -266,17 +265,15 @@ def verify(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
             "Give the machine that both are to be judged by: --machine FILE",
         )
-    moved = {axis: size.value for axis, size in adjusted.get(HOME_SWITCH.id, {}).items()}
-    screws = {
-        id: {name: size.value for name, size in sizes.items()}
-        for id, sizes in adjusted.items()
-        if id in CAUSES
-    }
+    moved, screws = dict.fromkeys(AXES, 0.0), dict[str, dict[str, float]]()
+    for id, size in adjusted:
+        sizes = moved if id == HOME_SWITCH.id else screws.setdefault(id, {})
+        sizes[size.name] = sizes.get(size.name, 0.0) + size.value
     if adjusted and applied_mm is None:
         applied_mm = (0.0, 0.0, 0.0)
     model, (entered, held) = before.model, _entered(before, after, applied_mm)
     corrected = {**_more(model.machine.corrected, held), **screws}
-    applied = entered + [moved.get(axis, 0.0) for axis in AXES]
+    applied = np.add(entered, [*moved.values()])
     applied = np.where(np.abs(applied) < SMALLEST_MM, 0.0, applied)
     if not applied.any() and not corrected:
         raise UsageError(

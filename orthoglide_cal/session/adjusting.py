@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from glob import escape
-from math import hypot, sqrt
+from math import sqrt
 from pathlib import Path
 from typing import Literal
 
@@ -117,10 +117,10 @@ class Adjusted(Schema):
         off = self.check_mm - self.adjustment.check_mm
         return "adjusted" if abs(off) <= self.adjustment.check_expanded_mm else "check failed"
 
-    def removed(self, id: str) -> Iterator[tuple[str, Estimate]]:
+    def removed(self, id: str) -> Removed:
         """What it took from the parameter of this cause, and from the joint offsets."""
         if self.status != "adjusted":
-            return
+            return ()
         plan, read = self.adjustment, self.readings_mm
         share = (read[Phase.TIGHT] - read[Phase.LOOSE]) / plan.change_mm
         # Of the gauge alone: how well the parameter is known is not how far it was pushed.
@@ -129,9 +129,10 @@ class Adjusted(Schema):
         sizes = [(id, plan.name, plan.unit, plan.value)] if id in CAUSES else []
         moved = plan.moved_mm._asdict().items()
         sizes += [(HOME_SWITCH.id, axis, "mm", -by) for axis, by in moved if by]
-        for cause, name, unit, value in sizes:
-            std = abs(value * unsure)
-            yield cause, Estimate(name=name, unit=unit, value=value * share, std=std)
+        return [
+            (cause, Estimate(name=name, unit=unit, value=value * share, std=abs(value * unsure)))
+            for cause, name, unit, value in sizes
+        ]
 
     @property
     def now_mm(self) -> float:
@@ -368,15 +369,9 @@ def check_not_adjusted(source: Source) -> None:
 
 def adjusted_since(given: Input) -> Removed:
     """What was adjusted after it was measured, by as much as the gauge moved."""
-    removed = dict[str, dict[str, Estimate]]()
+    removed: list[tuple[str, Estimate]] = []
     for _, state, cause in _begun(given.measured.source):
         id, adjustments = choose_adjustments(diagnose(given.measured, given.model), cause)
         for number, adjustment in enumerate(adjustments):
-            one = Adjusted.of(state, adjustment, len(PHASES) * number)
-            for part, size in one.removed(id):
-                sizes = removed.setdefault(part, {})
-                if known := sizes.get(size.name):
-                    std = hypot(known.std, size.std)
-                    size = size.changed(value=known.value + size.value, std=std)
-                sizes[size.name] = size
+            removed += Adjusted.of(state, adjustment, len(PHASES) * number).removed(id)
     return removed

@@ -17,7 +17,6 @@ from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.inference import diagnose
 from orthoglide_cal.inference.trends import Trend
-from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.planning.adjustment import choose_adjustments
 from orthoglide_cal.results.history import compare
 from orthoglide_cal.results.verification import verify
@@ -118,9 +117,7 @@ def test_what_was_adjusted_is_the_whole_change(cause: str) -> None:
     read = {Phase.LOOSE: loose.dial(here())}
     loose.push(slot, here, 0.9 * plan.change_mm)  # more than U off: what counts is how far it went
     read |= {Phase.TIGHT: loose.dial(here()), Phase.HERE: 0.0, Phase.THERE: plan.check_mm}
-    removed: dict[str, dict[str, Estimate]] = {}
-    for part, size in Adjusted(adjustment=plan, readings_mm=read, left=False).removed(id):
-        removed.setdefault(part, {})[size.name] = size
+    removed = Adjusted(adjustment=plan, readings_mm=read, left=False).removed(id)
     after = given(loose.measured_again())
     found = verify(before, after, adjusted=removed)
     assert found.kept
