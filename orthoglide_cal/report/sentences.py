@@ -54,7 +54,6 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "sizes": lambda rows: ", ".join(
         f"{name} {signed(size, 3)} {unit_words(unit)}" for name, size, unit in rows
     ),
-    "changes": lambda values: ", ".join(f"{name} {signed(by, 3)}" for name, by in values.items()),
     "tenths": lambda value: plain(value, 1),
     "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
     "freed": lambda arms: ", ".join(
@@ -376,9 +375,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "gauges_vary": "The gauges differ; the scale error of each set is accounted for.",
     "arms_vary": "The arm lengths in the firmware differ: parameters are compared at the last"
     " ones.",
-    "adjusted": "Recorded adjustment between {before} and {after}: {entered:changes} mm.",
-    "pushed": "Adjusted between {before} and {after}: {rows:sizes} removed. Sessions before it are"
-    " shown less that.",
+    "adjusted": "Recorded adjustment between {before} and {after}: {sizes:sizes}.",
     "corrected_otherwise": "The controller corrects {ids:and} otherwise from {after} on.",
     "shown_in_all": "{id} shows in all sessions: it is pooled.",
     "shown_in": lambda _, data: f"{data['id']} shows in {listed(data['paths'])}.",

@@ -482,18 +482,18 @@ def _put_right(
     sessions: Sequence[_DiagnosedSession], adjusted: Mapping[str, Removed], names: Sequence[str]
 ) -> Iterator[Reason]:
     """Take what was adjusted off the sessions before it: they then tell of the machine as it is."""
-    for before, after in pairwise(sessions):
-        source, rows = before.given.measured.source, []
-        for id, size in adjusted.get(source.sha256, ()):
+    for count, (before, after) in enumerate(pairwise(sessions), start=1):
+        old, new = (session.given.measured.source for session in (before, after))
+        sizes = []
+        for id, size in adjusted.get(old.sha256, ()):
             name = size.name if id == HOME_SWITCH.id else f"{id} {size.name}"
-            rows.append((name, size.value, size.unit))
+            sizes.append((name, size.value, size.unit))
             here = np.array([other == name for other in names], dtype=float)
-            for earlier in sessions[: sessions.index(after)]:
+            for earlier in sessions[:count]:
                 earlier.values = earlier.values - size.value * here
-                earlier.common[source.sha256, id, size.name] = size.std * here[:, None]
-        if rows:
-            other = after.given.measured.source.path
-            yield Reason.of("pushed", before=source.path, after=other, rows=rows)
+                earlier.common[old.sha256, id, name] = size.std * here[:, None]
+        if sizes:
+            yield Reason.of("adjusted", before=old.path, after=new.path, sizes=sizes)
 
 
 def _circumstances(
@@ -511,9 +511,9 @@ def _circumstances(
     for (one, old), (two, new) in pairwise(zip(sessions, machines, strict=True)):
         # What a machine that is homed anew has otherwise is no adjustment of it.
         changes = zip(new.parameter_names, np.subtract(new.active, old.active), strict=True)
-        entered = {name: float(by) for name, by in changes if abs(by) > 1e-9}
-        if entered and not old.differing(new):
-            yield Reason.of("adjusted", before=one.path, after=two.path, entered=entered)
+        sizes = [(name, float(by), "mm") for name, by in changes if abs(by) > 1e-9]
+        if sizes and not old.differing(new):
+            yield Reason.of("adjusted", before=one.path, after=two.path, sizes=sizes)
         then, now = old.corrected, new.corrected
         if ids := [id for id in {**then, **now} if then.get(id) != now.get(id)]:
             yield Reason.of("corrected_otherwise", before=one.path, after=two.path, ids=ids)

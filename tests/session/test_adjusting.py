@@ -124,7 +124,7 @@ def test_what_was_adjusted_is_the_whole_change(cause: str) -> None:
     assert not found.other_change.found
     found = compare((before, after), adjusted={before.measured.source.sha256: removed})
     assert found.verdict is Trend.UNCHANGED
-    assert [note.code for note in found.notes][1] == "pushed"
+    assert "adjusted" in [note.code for note in found.notes]
     assert compare((before, after)).verdict is Trend.CHANGED
 
 
