@@ -4,7 +4,8 @@ Each parameter has five steps in the journal, one for each phase; what is pushed
 again. Where one stands follows from what was read, whatever interrupted it.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from glob import escape
@@ -317,23 +318,15 @@ def open_adjustments(
         )
     if gauge := serial_gauge(source):
         gauge.open()  # a missing gauge leaves no file behind
-    cells = [
-        PlannedReading(one.leg, one.direction, at, Contact.FIXED, gauge_at=one.gauge_at)
-        for one in adjustments
-        for at in (*[one.here_mm] * PHASES.index(Phase.THERE), one.there_mm)
-    ]
     following = events.Following(
         data=first.data, what=cause, minutes=0.0, continues=False, entered=NOTHING_ENTERED
     )
-    request, plan = Request(source=source or (TYPED,), stands=1), plan_of(cells)
+    request, plan = Request(source=source or (TYPED,), stands=1), plan_of(_cells(adjustments))
     records = first_records(request, first.model, first, plan, following, clock())
     journal = Journal.resume(target) if resume else Journal.create(target, *records)
     try:
         state = events.replay(journal.events)
-        then = state.planned
-        if then is None or (list(then.readings), then.following) != (cells, following):
-            problem = "This is the journal of another adjustment, or of other readings."
-            raise InputError(problem, "Measure again, then adjust.", file=str(target))
+        _check_same(state, following, adjustments, target)
         if gauge is None and (gauge := serial_gauge(state.source)):
             gauge.open()
         asker.gauge = gauge
@@ -344,34 +337,63 @@ def open_adjustments(
         raise
 
 
-def _begun(source: Source) -> Iterator[tuple[Path, State, str]]:
-    """The journals of what was adjusted by these data, as far as they come, and the cause."""
+def _cells(adjustments: Sequence[Adjustment]) -> list[PlannedReading]:
+    """What is read, in order: all phases of each."""
+    return [
+        PlannedReading(one.leg, one.direction, at, Contact.FIXED, gauge_at=one.gauge_at)
+        for one in adjustments
+        for at in (*[one.here_mm] * PHASES.index(Phase.THERE), one.there_mm)
+    ]
+
+
+def _check_same(
+    state: State,
+    following: events.Following,
+    adjustments: Sequence[Adjustment],
+    journal: Path,
+) -> None:
+    """Raise InputError for a journal of other adjustments."""
+    then = state.planned
+    if then is None or (list(then.readings), then.following) != (_cells(adjustments), following):
+        problem = "This is the journal of another adjustment, or of other readings."
+        remedy = "Judge them by the machine of that time (--machine FILE), or measure again."
+        raise InputError(problem, remedy, file=str(journal))
+
+
+def _begun(source: Source) -> Iterator[tuple[Path, State, events.Following]]:
+    """The journals of what was adjusted by these data, as far as they come."""
     beside = Path(source.path)
     for path in sorted(beside.parent.glob(f"{escape(beside.stem)}.*{JOURNAL}")):
         state = events.replay(decode(path.read_bytes(), path).events)
         following = state.planned and state.planned.following
         if following and following.data.sha256 == source.sha256:
-            yield path, state, following.what
+            yield path, state, following
 
 
 def check_not_adjusted(source: Source) -> None:
     """Raise UnusableResultError if a screw was turned since, or may be loose."""
-    for journal, state, cause in _begun(source):
+    for journal, state, following in _begun(source):
         problem = f"It was adjusted since ({journal.name}): that is not the machine any more."
         remedy = "Measure again, and apply the new session."
         if state.ended is None:
             problem = f"An adjustment was begun ({journal.name}): something may be loose."
-            finish = command("adjust", source.path, options=f"--cause {cause} --resume")
+            finish = command("adjust", source.path, options=f"--cause {following.what} --resume")
             remedy = f"Finish it: {finish}; then measure again. Or delete that file, if nothing was"
             remedy += " loosened."
         raise UnusableResultError(problem, remedy)
 
 
 def adjusted_since(given: Input) -> Removed:
-    """What was adjusted after it was measured, by as much as the gauge moved."""
+    """What was adjusted after it was measured, by as much as the gauge moved.
+
+    Raises InputError: what is judged now is not what was adjusted then.
+    """
     removed: list[tuple[str, Estimate]] = []
-    for _, state, cause in _begun(given.measured.source):
-        id, adjustments = choose_adjustments(diagnose(given.measured, given.model), cause)
+    for journal, state, following in _begun(given.measured.source):
+        id, adjustments = following.what, tuple[Adjustment, ...]()
+        with suppress(UnusableResultError):
+            adjustments = choose_adjustments(diagnose(given.measured, given.model), id)[1]
+        _check_same(state, following, adjustments, journal)
         for number, adjustment in enumerate(adjustments):
             removed += Adjusted.of(state, adjustment, len(PHASES) * number).removed(id)
     return removed

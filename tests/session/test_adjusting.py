@@ -119,12 +119,12 @@ def test_what_was_adjusted_is_the_whole_change(cause: str) -> None:
     read |= {Phase.TIGHT: loose.dial(here()), Phase.HERE: 0.0, Phase.THERE: plan.check_mm}
     removed = Adjusted(adjustment=plan, readings_mm=read, left=False).removed(id)
     after = given(loose.measured_again())
-    found = verify(before, after, adjusted=removed)
-    assert found.kept
-    assert not found.other_change.found
-    found = compare((before, after), adjusted={before.measured.source.sha256: removed})
-    assert found.verdict is Trend.UNCHANGED
-    assert "adjusted" in [note.code for note in found.notes]
+    verified = verify(before, after, adjusted=removed)
+    assert verified.kept
+    assert not verified.other_change.found
+    history = compare((before, after), adjusted={before.measured.source.sha256: removed})
+    assert history.verdict is Trend.UNCHANGED
+    assert "adjusted" in [note.code for note in history.notes]
     assert compare((before, after)).verdict is Trend.CHANGED
 
 
@@ -140,11 +140,11 @@ def test_touches_lead_neither_to_a_straight_tower_nor_to_a_level_plate() -> None
         return (next(sides) - next(sides)) / by
 
     unit = np.eye(3)
-    own = [changed(0.01, endstops=k) for k in unit] + [changed(0.01, angles=k) for k in unit[:2]]
-    own = np.transpose([*own, changed(0.01, radius=1.0)])
+    known = [changed(0.01, endstops=k) for k in unit] + [changed(0.01, angles=k) for k in unit[:2]]
+    known = np.transpose([*known, changed(0.01, radius=1.0)])
 
     def shown(change: Floats) -> tuple[float, float]:
-        left = change - own @ np.linalg.lstsq(own, change)[0]
+        left = change - known @ np.linalg.lstsq(known, change)[0]
         return float(np.sqrt(np.mean(change**2))), float(np.sqrt(np.mean(left**2)))
 
     lean, apart = shown(changed(leans=[[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]))
@@ -219,6 +219,10 @@ def test_an_interrupted_adjustment_ends_like_any_other(folder: Path) -> None:
     plan, moved = one["adjustment"], read["tight"] - read["loose"]
     assert (name, removed) == (plan["name"], pytest.approx(moved / plan["sensitivity"] * -1, 1e-3))
     assert abs(verified["response"]["value"]) < 1e-6, "as if nothing had moved"
+    machine = (folder / "machine.yaml").read_text().replace("squareness: 1.0", "squareness: 0")
+    (folder / "other").write_text(machine)
+    error = refused(3, "history", "before.csv", "before.csv", "--machine", "other")
+    assert "journal of another adjustment" in error
     (folder / "before.axis_squareness.adjust").unlink()
     assert piped(folder, ANSWERS[:5]) == (130, "")
     error = refused(4, "apply", "before.csv", "--yes")
