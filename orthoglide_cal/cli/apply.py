@@ -10,13 +10,7 @@ import typer
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
 from orthoglide_cal.cli.export import released
-from orthoglide_cal.errors import (
-    InputError,
-    OrthocalError,
-    UnusableResultError,
-    UsageError,
-    command,
-)
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command
 
 if TYPE_CHECKING:
     from orthoglide_cal.files.controller_file import ControllerFile
@@ -168,7 +162,7 @@ def _entered(
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
     from orthoglide_cal.results.application import check_measured
-    from orthoglide_cal.session.adjusting import journals_beside
+    from orthoglide_cal.session.adjusting import check_not_adjusted
 
     file = None  # what is written to a printer needs none
     if known or to is None or to.adds:
@@ -182,9 +176,7 @@ def _entered(
         judged.check_recorded(remedy)
     given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)
-    for begun in journals_beside(path):
-        problem = f"It was adjusted since ({begun.name}): that is not the machine any more."
-        raise UnusableResultError(problem, "Measure again, and apply the new session.")
+    check_not_adjusted(given.measured.source)
     measured_on = given.model.machine
     corrects = [id for id, cause in CAUSES.items() if to and not to.hindrance(cause, measured_on)]
     answer = (case := released(given, machine, corrects=corrects)).answer

@@ -24,6 +24,7 @@ def history(
     from orthoglide_cal.files.input import printers_in, sessions_in
     from orthoglide_cal.report.documents.history import history_document
     from orthoglide_cal.results.history import compare
+    from orthoglide_cal.session.adjusting import adjusted_since
     from orthoglide_cal.words import counted
 
     def judge(_: str) -> None:
@@ -33,7 +34,8 @@ def history(
             paths += within + sorted(printers_in(path))
         inputs = [common.read_input(str(path), machine, data) for path in paths]
         with common.working(counted(len(paths), "file")):
-            comparison = compare(inputs, dates.split(",") if dates else (), limit)
+            adjusted = {one.measured.source.sha256: adjusted_since(one) for one in inputs}
+            comparison = compare(inputs, dates.split(",") if dates else (), limit, adjusted)
         page = history_document(comparison, machine)
         common.deliver(
             page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite

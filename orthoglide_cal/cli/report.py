@@ -54,10 +54,8 @@ def report(
                 )
             with common.working(f"{path}, {after}"):
                 left = Case(later, answer_to(later, details=True), machine)
-                moved, adjusted = adjusted_since(given)
-                verification = verify(given, later, applied or moved, limit, adjusted).changed(
-                    workspace=left.answer.workspace
-                )
+                compared = verify(given, later, applied, limit, adjusted_since(given))
+                verification = compared.changed(workspace=left.answer.workspace)
         inputs, options = (verification.inputs, verification.options) if verification else ((), ())
         options = options or (() if limit is None else (limit,))
         judged = [(one.source, one.given.model) for one in (case, *case.others)]

@@ -29,8 +29,7 @@ def verify(
     def judge(path: str) -> int:
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
         with common.working(f"{path}, {after}"):
-            moved, adjusted = adjusted_since(inputs[0])
-            result = verified(*inputs, applied or moved, limit, adjusted)
+            result = verified(*inputs, applied, limit, adjusted_since(inputs[0]))
         page = verification_document(result, identify(result.inputs, *result.options))
         common.deliver(
             page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite

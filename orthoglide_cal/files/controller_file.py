@@ -318,8 +318,10 @@ def _entries(text: str, signs: str) -> Places:
         if head := _SECTION.match(line):
             section = "" if signs == "=" and head[1] in seen else head[1]
             seen.add(head[1])
-        elif (entry := _ENTRY.fullmatch(line)) and entry[2] in signs:
-            places[section, entry[1]].append((number, entry[3]))
+        elif entry := _ENTRY.fullmatch(line):
+            # Behind another sign LinuxCNC reads nothing, nor in the lines that follow.
+            value = entry[3] if entry[2] in signs else entry[2] + entry[3]
+            places[section, entry[1]].append((number, value))
     return places
 
 

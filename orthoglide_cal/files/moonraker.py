@@ -70,10 +70,11 @@ def upload(address: str, data: bytes) -> None:
     body = head.encode() + data + f"\r\n--{mark}--\r\n".encode()
     try:
         _request(address, "/server/files/upload", body, f"multipart/form-data; boundary={mark}")
-    except InputError:
+    except InputError as error:
         # A server that is slow may have stored it all the same.
         if _request(address, _CONFIG) != data:
-            raise
+            problem = f"{error.what} So far it holds the old printer.cfg."
+            raise InputError(problem, error.remedy, file=address) from error
     if printer_cfg(address) != data:
         problem = "The server holds another printer.cfg than the one just sent."
         raise InputError(problem, "Look at the file there before anything is homed.", file=address)
@@ -158,7 +159,7 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
     except HTTPError as error:
         problem, remedy = f"The server answers {error.code} {error.reason}.", "Check the address."
         if reason and error.code in (403, 503):
-            problem = f"The server refuses it ({error.code}): {reason}"
+            problem = f"The server refuses it ({error.code}): {reason.removesuffix('.')}."
             remedy = "Look at the server and at Klipper's log."
         elif error.code in (401, 403):
             problem = f"The server wants a key ({error.code})."

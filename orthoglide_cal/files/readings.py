@@ -83,36 +83,28 @@ class Conditions(Circumstances):
         matches = (_QUESTIONED.match(note) for _, note in self.notes)
         return tuple((match[1], match[2]) for match in matches if match)
 
-    def _stated_c(self, end: int, *names: str) -> float | None:
-        """Temperature that the environment states, else that of the thermometer at one end."""
-        for name in names:
-            with suppress(InputError):
-                return parse_number(dict(self.environment).get(name, ""))
-        return self.temperature_c[end] if self.temperature_c else None
-
     @property
-    def temperature_start_c(self) -> float | None:
-        """As the environment states it, else of the thermometer; None if neither."""
-        return self._stated_c(0, "temperature_start_c", "temperature_c")
+    def temperature_ends_c(self) -> tuple[float | None, float | None]:
+        """At the start and the end, as the environment states them, else of the thermometer."""
 
-    @property
-    def temperature_end_c(self) -> float | None:
-        """As the environment states it, else of the thermometer; None if neither."""
-        return self._stated_c(-1, "temperature_end_c")
+        def stated(end: int, *names: str) -> float | None:
+            for name in names:
+                with suppress(InputError):
+                    return parse_number(dict(self.environment).get(name, ""))
+            return self.temperature_c[end] if self.temperature_c else None
+
+        return stated(0, "temperature_start_c", "temperature_c"), stated(-1, "temperature_end_c")
 
     @property
     def temperatures_c(self) -> tuple[float, ...]:
         """Every temperature that is known; empty if none is."""
-        ends = (self.temperature_start_c, self.temperature_end_c)
-        return (*self.temperature_c, *(end for end in ends if end is not None))
+        return (*self.temperature_c, *(end for end in self.temperature_ends_c if end is not None))
 
     @property
     def mean_temperature_c(self) -> float | None:
         """Middle of the thermometer's range, else mean of what is stated; None if neither."""
         known = self.temperature_c or self.temperatures_c
-        if not known:
-            return None
-        return (min(known) + max(known)) / 2.0
+        return (min(known) + max(known)) / 2.0 if known else None
 
 
 def readings_from_table(table: Table, machine: Orthoglide) -> Readings:

@@ -53,7 +53,9 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "causes": lambda ids: " and ".join(ids) or "this",
     "two": two_figures,
     "p": chance,
-    "changes": lambda values: ", ".join(f"{name} {signed(by, 3)}" for name, by in values.items()),
+    "sizes": lambda rows: ", ".join(
+        f"{name} {signed(size, 3)} {unit_words(unit)}" for name, size, unit in rows
+    ),
     "tenths": lambda value: plain(value, 1),
     "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
     "freed": lambda arms: ", ".join(
@@ -378,7 +380,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "gauges_vary": "The gauges differ; the scale error of each set is accounted for.",
     "arms_vary": "The arm lengths in the firmware differ: parameters are compared at the last"
     " ones.",
-    "adjusted": "Recorded adjustment between {before} and {after}: {entered:changes} mm.",
+    "adjusted": "Recorded adjustment between {before} and {after}: {sizes:sizes}.",
     "corrected_otherwise": "From {after} on, the controller corrects {ids:and} differently.",
     "shown_in_all": "{id} shows in all sessions: one size is found from all of them.",
     "shown_in": lambda _, data: f"{data['id']} shows in {listed(data['paths'])}.",

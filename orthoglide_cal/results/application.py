@@ -16,7 +16,6 @@ from orthoglide_cal.files.comp_table import Added
 from orthoglide_cal.files.controller_file import ControllerFile, holds
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import StoredMachine, differing, with_history
-from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.machine import (
     Corrections,
@@ -26,7 +25,6 @@ from orthoglide_cal.model.machine import (
     Written,
     WrittenTable,
 )
-from orthoglide_cal.model.measured import NOZZLE
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
@@ -54,12 +52,10 @@ class Application:
     entry: Entered  # what is recorded, or taken back
     undone: bool  # whether it is taken back
     then: StoredMachine  # the machine file as it will be
-    conditions: Conditions | None = None  # of the measurement; None where it is taken back
+    given: Input | None = None  # the measurement; None where it is taken back
     controller: ControllerFile | None = None  # as it is; None where it is not written
     data: bytes = b""  # of the controller's file, as they will be
     corrections: tuple[Correction, ...] = ()
-    simulated: bool = False  # the measurement; recorded to practise
-    remarks: tuple[Reason, ...] = ()  # on the nozzle of a printer
 
     @property
     def tables(self) -> tuple[WrittenTable, ...]:
@@ -150,9 +146,7 @@ def apply(
     if corrected := [correction for correction in made if CAUSES[correction.id].by_joint]:
         entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
     then = with_history(file, entry.after, entry.corrected, *file.model.machine.history, entry)
-    remarks = tuple(r for r in given.measured.remarks if r.code in NOZZLE) if controller else ()
-    applied = Application(file, entry, False, then, given.conditions, controller, data, corrections)
-    return replace(applied, simulated=source.simulated, remarks=remarks)
+    return Application(file, entry, False, then, given, controller, data, corrections)
 
 
 def check_measured(given: Input, file: StoredMachine | None = None) -> None:

@@ -12,13 +12,14 @@ from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import chain, compress, pairwise, zip_longest
 from pathlib import PurePath
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 from pydantic import Field, field_serializer
 from scipy.linalg import block_diag
 
-from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
@@ -44,6 +45,7 @@ from orthoglide_cal.model.cause import NORMAL_K, Cause, Estimate
 from orthoglide_cal.model.machine import Bed, Machine, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.validity import STEP_K
 from orthoglide_cal.schema import Reason, Schema, Sentence
 from orthoglide_cal.words import listed
@@ -62,7 +64,9 @@ class DatedSession(Schema):
 
     path: str
     started: str | None
-    parameters: Sizes = Field(description="active + found, and of lasting causes")
+    parameters: Sizes = Field(
+        description="active + found, and of lasting causes, less what was adjusted since then"
+    )
     own_expanded: tuple[float, ...] = Field(description="U of what does not cancel between them")
     fitted: tuple[float, ...] = Field(description="by the explanation that is named")
     causes: Ids = Field((), description="lasting causes that it shows")
@@ -305,7 +309,10 @@ def moment_of(given: Input, stated: str | None = None) -> datetime | None:
 
 
 def compare(
-    inputs: Sequence[Input], dates: Sequence[str] = (), limit_mm: float | None = None
+    inputs: Sequence[Input],
+    dates: Sequence[str] = (),
+    limit_mm: float | None = None,
+    adjusted: Mapping[str, Removed] = MappingProxyType({}),
 ) -> History:
     """Compare the sessions of a machine.
 
@@ -313,6 +320,7 @@ def compare(
         inputs: two or more sessions of it; simulated ones count only where no other is there.
         dates: of them, in the order given; () for what they say themselves.
         limit_mm: largest change that is allowed of a length; None for no limit.
+        adjusted: digest of a session → what was adjusted after it.
 
     Raises:
         UsageError: not one machine, or dates that do not fit.
@@ -362,6 +370,7 @@ def compare(
         groups.append(range(len(named), len(named) + len(cause.names)))
         names = machine.named(cause.names).values()
         named += [(f"{cause.id} {name}", cause.unit) for name in names]
+    notes += _put_right(diagnosed, adjusted, [name for name, _ in named])
     sized = partial(_sized, named)
     data = DatedValues(
         np.array([session.values for session in diagnosed]),
@@ -469,6 +478,24 @@ def _one_machine(models: Sequence[Model]) -> list[Reason]:
     return [Reason.of("judged_by_last", names=sorted(other))] if other else []
 
 
+def _put_right(
+    sessions: Sequence[_DiagnosedSession], adjusted: Mapping[str, Removed], names: Sequence[str]
+) -> Iterator[Reason]:
+    """Take what was adjusted off the sessions before it: they then tell of the machine as it is."""
+    for count, (before, after) in enumerate(pairwise(sessions), start=1):
+        old, new = (session.given.measured.source for session in (before, after))
+        sizes = []
+        for id, size in adjusted.get(old.sha256, ()):
+            name = size.name if id == HOME_SWITCH.id else f"{id} {size.name}"
+            sizes.append((name, size.value, size.unit))
+            here = np.array([other == name for other in names], dtype=float)
+            for earlier in sessions[:count]:
+                earlier.values = earlier.values - size.value * here
+                earlier.common[old.sha256, id, name] = size.std * here[:, None]
+        if sizes:
+            yield Reason.of("adjusted", before=old.path, after=new.path, sizes=sizes)
+
+
 def _circumstances(
     sessions: Sequence[DatedSession], diagnosed: Sequence[_DiagnosedSession]
 ) -> Iterator[Reason]:
@@ -484,9 +511,9 @@ def _circumstances(
     for (one, old), (two, new) in pairwise(zip(sessions, machines, strict=True)):
         # What a machine that is homed anew has otherwise is no adjustment of it.
         changes = zip(new.parameter_names, np.subtract(new.active, old.active), strict=True)
-        entered = {name: float(by) for name, by in changes if abs(by) > 1e-9}
-        if entered and not old.differing(new):
-            yield Reason.of("adjusted", before=one.path, after=two.path, entered=entered)
+        sizes = [(name, float(by), "mm") for name, by in changes if abs(by) > 1e-9]
+        if sizes and not old.differing(new):
+            yield Reason.of("adjusted", before=one.path, after=two.path, sizes=sizes)
         then, now = old.corrected, new.corrected
         if ids := [id for id in {**then, **now} if then.get(id) != now.get(id)]:
             yield Reason.of("corrected_otherwise", before=one.path, after=two.path, ids=ids)

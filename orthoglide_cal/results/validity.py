@@ -56,12 +56,13 @@ def validity(given: Input) -> Validity:
         due = known["due"] = known["due"] or machine.report.gauge_due
         used, last = (day and datetime.fromisoformat(day).date() for day in (measured, due))
         gauges.append(UsedGauge(**known, overdue=bool(used and last and used > last)))
+    start, end = conditions.temperature_ends_c
     recorded = Validity(
         measured=measured,
         operator=conditions.operator,
         gauges=tuple(gauges),
-        temperature_start_c=conditions.temperature_start_c,
-        temperature_end_c=conditions.temperature_end_c,
+        temperature_start_c=start,
+        temperature_end_c=end,
         simulated=given.measured.source.simulated,
         reservations=(),
     )

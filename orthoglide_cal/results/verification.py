@@ -22,14 +22,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, computed_field
 from scipy.linalg import block_diag
 
-from orthoglide_cal.causes import correcting
+from orthoglide_cal.causes import HOME_SWITCH, correcting
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
@@ -47,6 +46,7 @@ from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats, ReadOnly, joined
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Workspace
+from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import InputFile, Spread
 from orthoglide_cal.results.history import moment_of
 from orthoglide_cal.results.making import remainder, spread
@@ -231,7 +231,7 @@ def verify(
     after: Input,
     applied_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
-    adjusted: Corrections = MappingProxyType({}),
+    adjusted: Removed = (),
 ) -> Verification:
     """Compare the predicted effect of a correction with the measured one.
 
@@ -240,7 +240,7 @@ def verify(
         applied_mm: what was added to the controller's offsets between the two (x, y, z) [mm];
             None takes what the inputs say, or the machine file that records it.
         limit_mm: largest deviation allowed in any difference; None for no decision.
-        adjusted: what a screw removed between the two; offsets are part of `applied_mm`.
+        adjusted: what screws removed between the two, in addition.
 
     Raises:
         UsageError: the second was measured first, different machines, nobody says what was applied
@@ -265,10 +265,15 @@ def verify(
             f"The two sessions are of different machines: {', '.join(different)} differ.",
             "Give the machine that both are to be judged by: --machine FILE",
         )
+    pushed, screws = dict.fromkeys(AXES, 0.0), dict[str, dict[str, float]]()
+    for id, size in adjusted:
+        sizes = pushed if id == HOME_SWITCH.id else screws.setdefault(id, {})
+        sizes[size.name] = sizes.get(size.name, 0.0) + size.value
     if adjusted and applied_mm is None:
         applied_mm = (0.0, 0.0, 0.0)
-    model, (applied, held) = before.model, _entered(before, after, applied_mm)
-    corrected = {**_more(model.machine.corrected, held), **adjusted}
+    model, (entered, held) = before.model, _entered(before, after, applied_mm)
+    corrected = {**_more(model.machine.corrected, held), **screws}
+    applied = np.add(entered, [*pushed.values()])
     applied = np.where(np.abs(applied) < SMALLEST_MM, 0.0, applied)
     if not applied.any() and not corrected:
         raise UsageError(
@@ -277,18 +282,16 @@ def verify(
         )
     added = correcting(model.machine, corrected)
     first, right = _solved(before, model)
-    second, _ = _solved(after, model.correcting({**held, **adjusted}))
+    second, _ = _solved(after, model.correcting({**held, **screws}))
     shared = shared_contrasts(before.measured, after.measured, model)
-    if added:
-        without = _without(added, after.measured, model, first.offsets_mm - applied)
-        plain = shared_contrasts(before.measured, without, model).change
-        shared = replace(shared, change=plain, corrected=shared.change - plain)
+    without = _without(added, after.measured, model, first.offsets_mm - applied)
+    moved = shared_contrasts(before.measured, without, model).change if added else shared.change
     later = pose(after.measured, model, table_kind(before.measured))
     shown = {difference.name for difference in later.which}
     promise = [row for row in first.promised(applied, right, added) if row.name in shown]
     rows = _differences(promise, later, limit_mm)
     as_left = spread({row.difference: row.after_mm for row in rows})
-    response = _respond(shared, first.offsets_mm, applied)
+    response = _respond(shared, moved, first.offsets_mm, applied)
     apart = rms(np.array([row.after_mm - row.promised_mm for row in rows]))
     both = rms(np.array([np.hypot(row.promised_expanded_mm, row.expanded_mm) for row in rows]))
     # Only an opposite sign can come of the wrong order.
@@ -569,9 +572,8 @@ class SharedContrasts(ReadOnly):
 
     kind: DataKind  # contrasts of readings, or differences
     problem: Problem  # predicts them for given offsets
-    change: Floats  # after − before, measured, without what was corrected, shape (k,) [mm]
+    change: Floats  # after − before, measured, shape (k,) [mm]
     covariance: Floats  # of it for unit variance of one reading, shape (k, k)
-    corrected: Floats  # what corrections by the controller change besides, (k,) [mm]
 
 
 def shared_contrasts(before: Measured, after: Measured, model: Model) -> SharedContrasts:
@@ -613,7 +615,6 @@ def _of_differences(before: Measured, after: Measured, model: Model) -> SharedCo
         problem=replace(first.problem, matrix=of_first @ first.problem.matrix),
         change=of_second @ second.data - of_first @ first.data,
         covariance=np.asarray(sum(spreads)),
-        corrected=np.zeros(len(both)),
     )
 
 
@@ -637,18 +638,20 @@ def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContr
         problem=Problem(model, plan, contrasts),
         change=variance * (contrasts @ (seen.T @ np.concatenate(values))),
         covariance=np.diag(variance),
-        corrected=np.zeros(len(variance)),
     )
 
 
 # --- how the machine responded ----------------------------------------------------------------
 
 
-def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[str, Any]:
+def _respond(
+    shared: SharedContrasts, moved: Floats, offsets: Floats, applied: Floats
+) -> dict[str, Any]:
     """The fields of a verification that say how the machine responded.
 
     Args:
         shared: k quantities of both sessions.
+        moved: their change without what was corrected, shape (k,) [mm].
         offsets: Δρ before the correction, shape (3,) [mm].
         applied: δ, shape (3,) [mm]; all zero only where something was corrected.
     """
@@ -656,9 +659,9 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     gauge = problem.model.machine.instrument
     # Midway, where a linear model of the change is right to third order.
     jacobian = -problem.predict_with_jacobian(offsets - applied / 2.0)[1]
-    values = shared.change, shared.corrected, problem.change(offsets, applied), jacobian
-    moved, corrected, predicted, jacobian = whiten(shared.covariance, *values)
-    change, predicted = moved + corrected, predicted + corrected
+    predicted = problem.change(offsets, applied) + shared.change - moved
+    values = shared.change, moved, predicted, jacobian
+    change, moved, predicted, jacobian = whiten(shared.covariance, *values)
     gain = _regress(predicted[:, None], change, gauge.rounding_mm)
     # The axes are fitted together; corrections have one gain.
     moves, entered, axes = gain, np.ones(1), dict[str, AxisResponse]()

@@ -4,24 +4,27 @@ Each parameter has five steps in the journal, one for each phase; what is pushed
 again. Where one stands follows from what was read, whatever interrupted it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from glob import escape
+from math import sqrt
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, computed_field
 
-from orthoglide_cal.causes import HOME_SWITCH
-from orthoglide_cal.errors import InputError, UsageError
+from orthoglide_cal.causes import CAUSES, HOME_SWITCH
+from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, command
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import diagnose
-from orthoglide_cal.model.machine import Corrections
+from orthoglide_cal.model.cause import NORMAL_K, Estimate
+from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from orthoglide_cal.model.readings import AXES, Contact
-from orthoglide_cal.planning.adjustment import Adjustment, choose_adjustments
+from orthoglide_cal.planning.adjustment import Adjustment, Removed, choose_adjustments
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.results.answer import InputFile, MachineName
 from orthoglide_cal.schema import Schema
@@ -114,6 +117,23 @@ class Adjusted(Schema):
             return "left as it is" if self.left else "not finished"
         off = self.check_mm - self.adjustment.check_mm
         return "adjusted" if abs(off) <= self.adjustment.check_expanded_mm else "check failed"
+
+    def removed(self, id: str) -> Removed:
+        """What it took from the parameter of this cause, and from the joint offsets."""
+        if self.status != "adjusted":
+            return ()
+        plan, read = self.adjustment, self.readings_mm
+        share = (read[Phase.TIGHT] - read[Phase.LOOSE]) / plan.change_mm
+        # Of the gauge alone: how well the parameter is known is not how far it was pushed.
+        known = plan.expanded * plan.sensitivity
+        unsure = sqrt(max(plan.expanded_mm**2 - known**2, 0.0)) / NORMAL_K / plan.change_mm
+        sizes = [(id, plan.name, plan.unit, plan.value)] if id in CAUSES else []
+        moved = plan.moved_mm._asdict().items()
+        sizes += [(HOME_SWITCH.id, axis, "mm", -by) for axis, by in moved if by]
+        return [
+            (cause, Estimate(name=name, unit=unit, value=value * share, std=abs(value * unsure)))
+            for cause, name, unit, value in sizes
+        ]
 
     @property
     def now_mm(self) -> float:
@@ -298,23 +318,15 @@ def open_adjustments(
         )
     if gauge := serial_gauge(source):
         gauge.open()  # a missing gauge leaves no file behind
-    cells = [
-        PlannedReading(one.leg, one.direction, at, Contact.FIXED, gauge_at=one.gauge_at)
-        for one in adjustments
-        for at in (*[one.here_mm] * PHASES.index(Phase.THERE), one.there_mm)
-    ]
     following = events.Following(
         data=first.data, what=cause, minutes=0.0, continues=False, entered=NOTHING_ENTERED
     )
-    request, plan = Request(source=source or (TYPED,), stands=1), plan_of(cells)
+    request, plan = Request(source=source or (TYPED,), stands=1), plan_of(_cells(adjustments))
     records = first_records(request, first.model, first, plan, following, clock())
     journal = Journal.resume(target) if resume else Journal.create(target, *records)
     try:
         state = events.replay(journal.events)
-        then = state.planned
-        if then is None or (list(then.readings), then.following) != (cells, following):
-            problem = "This is the journal of another adjustment, or of other readings."
-            raise InputError(problem, "Measure again, then adjust.", file=str(target))
+        _check_same(state, following, adjustments, target)
         if gauge is None and (gauge := serial_gauge(state.source)):
             gauge.open()
         asker.gauge = gauge
@@ -325,25 +337,63 @@ def open_adjustments(
         raise
 
 
-def journals_beside(path: str) -> list[Path]:
-    """The journals of what was adjusted by a session."""
-    return sorted(Path(path).parent.glob(f"{escape(Path(path).stem)}.*{JOURNAL}"))
+def _cells(adjustments: Sequence[Adjustment]) -> list[PlannedReading]:
+    """What is read, in order: all phases of each."""
+    return [
+        PlannedReading(one.leg, one.direction, at, Contact.FIXED, gauge_at=one.gauge_at)
+        for one in adjustments
+        for at in (*[one.here_mm] * PHASES.index(Phase.THERE), one.there_mm)
+    ]
 
 
-def adjusted_since(given: Input) -> tuple[tuple[float, ...] | None, Corrections]:
-    """What was adjusted after it was measured: by home switches (x, y, z) [mm], and of causes."""
-    source, removed = given.measured.source, dict[str, dict[str, float]]()
-    for path in journals_beside(source.path):
+def _check_same(
+    state: State,
+    following: events.Following,
+    adjustments: Sequence[Adjustment],
+    journal: Path,
+) -> None:
+    """Raise InputError for a journal of other adjustments."""
+    then = state.planned
+    if then is None or (list(then.readings), then.following) != (_cells(adjustments), following):
+        problem = "This is the journal of another adjustment, or of other readings."
+        remedy = "Judge them by the machine of that time (--machine FILE), or measure again."
+        raise InputError(problem, remedy, file=str(journal))
+
+
+def _begun(source: Source) -> Iterator[tuple[Path, State, events.Following]]:
+    """The journals of what was adjusted by these data, as far as they come."""
+    beside = Path(source.path)
+    for path in sorted(beside.parent.glob(f"{escape(beside.stem)}.*{JOURNAL}")):
         state = events.replay(decode(path.read_bytes(), path).events)
         following = state.planned and state.planned.following
         if following and following.data.sha256 == source.sha256:
-            diagnosis = diagnose(given.measured, given.model)
-            id, adjustments = choose_adjustments(diagnosis, following.what)
-            done = {
-                one.name: one.value
-                for k, one in enumerate(adjustments)
-                if Adjusted.of(state, one, len(PHASES) * k).status == "adjusted"
-            }
-            removed |= {id: done} if done else {}
-    moved = removed.pop(HOME_SWITCH.id, {})
-    return tuple(moved.get(axis, 0.0) for axis in AXES) if moved else None, removed
+            yield path, state, following
+
+
+def check_not_adjusted(source: Source) -> None:
+    """Raise UnusableResultError if a screw was turned since, or may be loose."""
+    for journal, state, following in _begun(source):
+        problem = f"It was adjusted since ({journal.name}): that is not the machine any more."
+        remedy = "Measure again, and apply the new session."
+        if state.ended is None:
+            problem = f"An adjustment was begun ({journal.name}): something may be loose."
+            finish = command("adjust", source.path, options=f"--cause {following.what} --resume")
+            remedy = f"Finish it: {finish}; then measure again. Or delete that file, if nothing was"
+            remedy += " loosened."
+        raise UnusableResultError(problem, remedy)
+
+
+def adjusted_since(given: Input) -> Removed:
+    """What was adjusted after it was measured, by as much as the gauge moved.
+
+    Raises InputError: what is judged now is not what was adjusted then.
+    """
+    removed: list[tuple[str, Estimate]] = []
+    for journal, state, following in _begun(given.measured.source):
+        id, adjustments = following.what, tuple[Adjustment, ...]()
+        with suppress(UnusableResultError):
+            adjustments = choose_adjustments(diagnose(given.measured, given.model), id)[1]
+        _check_same(state, following, adjustments, journal)
+        for number, adjustment in enumerate(adjustments):
+            removed += Adjusted.of(state, adjustment, len(PHASES) * number).removed(id)
+    return removed

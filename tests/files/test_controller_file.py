@@ -110,6 +110,7 @@ def test_three_values_change_and_come_back(
     ("old", "new", "said"),
     [
         ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5\nHOME_OFFSET = 0.6", "twice"),
+        ("HOME_OFFSET = 0.500", "HOME_OFFSET : 0.6\nHOME_OFFSET = 0.5", "not a number"),
         ("HOME_OFFSET = 0.500", "HOME = 1", "missing"),
         ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0,5", "not a number"),
         ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 mm", "not a number"),

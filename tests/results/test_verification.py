@@ -100,7 +100,7 @@ def test_intervals_cover_one_in_95_percent_of_healthy_pairs(count, low, high, fa
         start = rng.uniform(-1.0, 1.0, 3)
         first, second = session(start, 2 * k), session(start - applied, 2 * k + 1)
         shared = shared_contrasts(first, second, NOMINAL)
-        found = _respond(shared, solve(first, NOMINAL).offsets_mm, applied)
+        found = _respond(shared, shared.change, solve(first, NOMINAL).offsets_mm, applied)
         inside += found["response"].agrees
         false_changes += found["other_change"].found
         false_answers += found["answer"] is not Behaviour.AS_MODELLED

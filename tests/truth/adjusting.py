@@ -4,14 +4,14 @@ The frame is the base's: the other rails stay, and so does the stand, wherever t
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .effects import state_with
 from .forward import PAIRS, PARTS, _rails, tool_from_carriages
-from .plan import SETUPS, Floats, joints_at
-from .session import Session
+from .plan import SETUPS, Floats, joints_at, standard_plan
+from .session import Session, measure
 
 Gauge = Callable[[], float]
 
@@ -66,6 +66,23 @@ class LooseMachine:
         before = gauge()
         self.pushed[slot] += 0.1
         self.pushed[slot] += 0.1 * by / (gauge() - before) - 0.1
+
+    def measured_again(self) -> Session:
+        """The machine as it was pushed, another day.
+
+        Both rails of a pair share their gap, so one that is pushed alone takes the frame half the
+        way along the third axis: there the third carriage stands back by as much.
+        """
+        session, offsets = self.session, self.session.offsets + self.pushed[PARTS["offsets"]]
+        for (first, second), gap in zip(PAIRS, self.pushed[PARTS["axis_gap"]], strict=True):
+            offsets[3 - first - second] += gap / 2.0
+        effects = tuple(
+            replace(e, parameters=tuple((e.parameters + self.pushed[PARTS[e.id]]).tolist()))
+            for e in session.effects
+        )
+        plan, setting = standard_plan(session.machine, self.rng), session.setting
+        parts = session.machine, session.gauge, plan, offsets, effects, self.rng
+        return measure(*parts, setting=setting)
 
     def dial(self, surface: float) -> float:
         """What the dial shows [mm]."""

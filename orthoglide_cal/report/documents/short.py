@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from orthoglide_cal.errors import UnusableResultError, command, fault_kinds, file_words
 from orthoglide_cal.files.input import Check
 from orthoglide_cal.files.machine_file import machine_values
-from orthoglide_cal.model.measured import Source
+from orthoglide_cal.model.measured import NOZZLE, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
@@ -120,7 +120,9 @@ def application_document(
     As data what changes in the machine file; lengths in mm. A controller that is `live` can be
     told without a restart.
     """
-    entry, machine = application.entry, application.file.model.machine
+    entry, machine, given = application.entry, application.file.model.machine, application.given
+    simulated = given is not None and given.measured.source.simulated
+    nozzle = [r for r in given.measured.remarks if r.code in NOZZLE] if given else []
     # In the controller until then and from then on; none of a printer.
     offsets = entry.before or (), entry.after or ()
     offsets = offsets[::-1] if application.undone else offsets
@@ -129,7 +131,7 @@ def application_document(
         before, after = (dict(zip(AXES, triple, strict=False)) for triple in offsets)
         return {
             "schema_version": 1,
-            "simulated": application.simulated,
+            "simulated": simulated,
             "machine_file": application.file.document.path,
             "machine": machine.name,
             "undone": application.undone,
@@ -158,17 +160,18 @@ def application_document(
                 rows.append((str(value.line), value.key, now, doc.strong(then)))
             notes = (
                 f"Lines of {entry.written.target}; all others stay.",
-                *map(sentence, (*application.controller.remarks, *application.remarks)),
+                *map(sentence, (*application.controller.remarks, *nozzle)),
             )
             caption, first = " ".join(notes), machine.vocabulary.restart
             if entry.written.tables and not application.undone:
                 names = ", ".join(Path(table.path).name for table in entry.written.tables)
-                caption += f" New files in its folder: {names}."
+                held = any(value.key.endswith("BACKLASH") for value in entry.written.values)
+                caption += f" New files in its folder: {names}{', with what BACKLASH held' * held}."
             if application.controller.adds and not live:
                 first = f"Restart LinuxCNC: it reads its INI only then. {first}"
         again = doc.Instruction("Probe it again in the same way.")
         if machine.vocabulary.measure:
-            typed = measure_again(application.conditions)
+            typed = measure_again(given.conditions if given else None)
             again = doc.Instruction("Measure again in the same way.", typed)
         compare = doc.Instruction(
             "Compare with the prediction.", command("verify", session, "AFTER")
@@ -182,7 +185,7 @@ def application_document(
         if application.corrections:
             sections.append(doc.Section(None, _corrections(application)))
         sections.append(doc.Section(None, doc.Instructions(steps)))
-        stamp = SIMULATED if application.simulated else None
+        stamp = SIMULATED if simulated else None
         return doc.Page(title, machine.name, sections=sections, stamp=stamp)
 
     return doc.Document(data, page)
