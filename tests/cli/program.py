@@ -90,13 +90,6 @@ def process(
     )
 
 
-def modules_after(*arguments: str) -> set[str]:
-    """Modules that a command loads, as Python itself tells."""
-    shown = process(*arguments, environment={"PYTHONPROFILEIMPORTTIME": "1"})
-    assert shown.returncode == 0, shown.stderr
-    return {line.rpartition("|")[2].strip() for line in shown.stderr.splitlines()}
-
-
 def written(session: truth.Session) -> tuple[str, ...]:
     """A session of the truth and its machine in the present folder; its arguments."""
     truth.write_readings(session, Path(READINGS))

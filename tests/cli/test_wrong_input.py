@@ -149,15 +149,6 @@ def test_a_contradiction_offers_both_readings(tmp_path: Path) -> None:
     assert [take.step for take, _ in dialogue.state.replaced] == [9, 3]
 
 
-def test_a_caution_is_a_note_too(tmp_path: Path) -> None:
-    path = tmp_path / "few.csv"
-    rows = "x,iso,y,0\nx,max,y,0.1\ny,iso,z,0\ny,max,z,0.2\nz,iso,x,0\nz,max,x,0.1\n"
-    path.write_text(f"leg,posture,direction,reading_mm\n{rows}")
-    found = answer("solve", str(path))
-    assert found["release"]["cautions"]
-    assert set(found["release"]["cautions"]) <= set(found["notes"])
-
-
 @pytest.mark.parametrize(("protocol", "kept"), [("double", True), ("single", False)])
 def test_the_end_of_measure_is_one_screen(tmp_path: Path, protocol: str, kept: bool) -> None:
     """With a machine file, so that all steps of the round are named."""

@@ -78,7 +78,7 @@ PAIRS = [
     ("sign_flip", "swapped_gauges"),
     ("bar_skew", "swapped_gauges"),
 ]
-QUICK = [("axis_gap", "bar_skew"), ("stand_shift", "misread")]
+QUICK = [("axis_gap", "bar_skew")]
 ALONE = ("encoder_scale", "thermal_drift", "gauge_drift", "backlash")
 
 

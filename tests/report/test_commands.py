@@ -57,15 +57,6 @@ def test_report_files_are_not_replaced_unasked(healthy: Path, tmp_path: Path):
     assert run("report", healthy, "--html", "-").stdout.startswith("<!DOCTYPE html>")
 
 
-def test_report_of_a_failed_session_is_made_and_tells_so(tmp_path: Path):
-    path = tmp_path / "few.csv"
-    path.write_text("leg,posture,direction,reading_mm\nx,max,y,0.1\nx,min,y,0.2\n")
-    found = run("report", path)
-    assert found.exit_code == 4
-    assert "There is no result" in found.stdout
-    assert json.loads(run("report", path, "--json").stdout)["answer"]["release"]["usable"] is False
-
-
 def test_report_as_left(healthy: Path, tmp_path: Path):
     after = tmp_path / "after.yaml"
     write(session(TRUE - TRUE, 4), NOMINAL, after)

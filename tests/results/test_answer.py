@@ -60,6 +60,7 @@ def test_an_answer_is_printed_with_a_sentence_for_every_reason() -> None:
         printed = data["release"]
         assert printed["codes"] == [each.code for each in (*release.reasons, *release.cautions)]
         assert printed["reasons"] == [*map(case.says, release.reasons)]
+        assert set(printed["cautions"]) <= set(data["notes"])
         remedies = [remedy["sentence"] for remedy in printed["remedies"]]
         for said in (*printed["reasons"], *printed["cautions"], *remedies, *data["notes"]):
             assert said[0].isupper() or said[0].isdigit() or "_" in said.split()[0], said
