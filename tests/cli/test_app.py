@@ -40,15 +40,9 @@ def worded(command: str) -> list[str]:
     return [FILES.get(word, word) for word in command.split()]
 
 
-def test_help_names_every_command() -> None:
-    shown = done("--help")
-    assert all(f"\n  {command} " in shown for command in COMMANDS)
-    assert shown == done("-h")
-    assert "--install-completion" in shown
-
-
 def test_every_command_has_help() -> None:
     """Which calls nothing by a type of the language."""
+    assert "--install-completion" in done("--help")
     for command in (*COMMANDS, "machine new", "machine show"):
         shown = done(*command.split(), "--help")
         assert shown.startswith("Usage: ")

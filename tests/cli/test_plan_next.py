@@ -30,17 +30,6 @@ def test_the_ranking_begins_with_what_diagnose_names() -> None:
     assert others[-1]["chance"] < 0.5
 
 
-def test_the_text_says_what_to_type() -> None:
-    given = written(OPEN)
-    shown = run("plan", *given, "--details").output
-    # The recommendation leads.
-    assert shown.index("\nNext: about") < shown.index("What to measure next, best first")
-    said = " ".join(shown.split())
-    assert "Ranked by the expected time; a second visit counts as eight hours" in said
-    assert "measure --then" in shown
-    assert "settles" in shown
-
-
 def test_what_would_not_show_but_matters_is_decided_by_the_next_measurement() -> None:
     """A gap that exchanged columns would turn into another: named, yet nothing to enter."""
     session = truth.make_session(7_100_001, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))

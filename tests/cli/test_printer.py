@@ -63,7 +63,6 @@ CALIBRATED = replace(
 )
 # A stretched belt: 5 mm per metre of tower b.
 STRETCHED = replace(OFF, scales=np.array([0.0, -5.0, 0.0]))
-LEANING = replace(OFF, leans=np.array([[3.0, -1.5], [1.0, -6.0], [1.0, -5.0]]))
 THREE = (0.0, 25.0, 50.0)
 
 
@@ -127,7 +126,6 @@ FILES: dict[str, Callable[[], str]] = {
     "t13.csv": lambda: exact(V400, OFF, Layout(places=13)),
     "t41.csv": lambda: exact(V400, OFF, Layout(places=41)),
     "belt.csv": lambda: touched(STRETCHED, Layout(25, THREE)),
-    "lean.csv": lambda: touched(LEANING, Layout(49, THREE)),
     "lost.csv": lambda: touched(replace(OFF, lost=np.array([0.12, 0.0, 0.1])), Layout(81)),
     "noisy.csv": lambda: off_by(exact(V400, OFF, Layout(places=41)), alternating(0.3)),
     "right.csv": lambda: tilted(0.0),
@@ -280,12 +278,6 @@ def test_a_simulated_printer_is_found_out() -> None:
     assert 0.5 < solved["rms"]["after_mm"] / (0.013**2 + 0.02**2) ** 0.5 < 1.3
     assert run("simulate", *MACHINE, *drawn).stdout == Path("s.csv").read_text()
     assert run("simulate", *MACHINE, "-o", "s.yaml").exit_code == 2
-    shape = ("--cause", "bed_shape=0.3,0,-0.3,0,0,0,0.4")
-    left = []
-    for name, more in (("flat.csv", ()), ("bent.csv", shape)):
-        run("simulate", *MACHINE, *more, "--places", "61", "--seed", "4", "-o", name)
-        left.append(answer("solve", name, *MACHINE)["lack_of_fit"]["left_mm"])
-    assert left[1] > 1.7 * left[0]
 
 
 # --- causes -----------------------------------------------------------------------------------
@@ -346,15 +338,6 @@ def test_what_is_not_recommended_is_not_accepted() -> None:
     assert "is not recommended" in back.stdout
     assert "Making backlash part of the machine's model is not recommended" in back.stderr
     assert not Path("v400-backlash.yaml").exists()
-
-
-def test_a_leaning_tower_that_is_named_can_be_lived_with() -> None:
-    """No firmware knows of it, but its parameters are found beside it, and may be pasted."""
-    refused(4, "export", "lean.csv", *MACHINE, "--format", "klipper")
-    accept = ("--accept", "tower_lean", "--output", "known.yaml")
-    assert "--accept tower_lean" in done("diagnose", "lean.csv", *MACHINE, *accept)
-    pasted = done("export", "lean.csv", "--machine", "known.yaml", "--format", "klipper")
-    assert "Not in these lines: tower_lean" in pasted
 
 
 # --- little, nothing, or nothing to change ----------------------------------------------------

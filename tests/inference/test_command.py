@@ -1,7 +1,6 @@
 """`orthocal diagnose` as its users and their programs see it."""
 
 import re
-import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -136,17 +135,6 @@ def sound_with(diagnosis: Diagnosis, share: float) -> Diagnosis:
 
 
 class TestText:
-    def test_it_says_what_to_do(self) -> None:
-        text = words(shown(GAP))
-        assert "Cause found: the actuator axes do not meet in one point (axis_gap, 94.7 %)" in text
-        assert "xy +0.3" in text
-        assert f"orthocal diagnose {shlex.quote(str(GAP))} --accept axis_gap" in text
-        assert "predicting omitted readings" in text
-        assert "tolerances" not in text
-        assert "Conclusion unchanged when tolerances are halved" in words(shown(GAP, "--details"))
-        assert "may be entered" not in text
-        assert "−0.189" in text
-
     def test_an_open_answer_offers_no_compensation(self) -> None:
         text = words(shown(SECOND))
         assert "? Undecided: " in text

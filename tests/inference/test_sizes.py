@@ -80,18 +80,6 @@ def test_what_is_ruled_out_is_not_accepted(tmp_path: Path) -> None:
     assert not target.exists()
 
 
-def test_sizes_that_were_assumed_are_said(tmp_path: Path) -> None:
-    readings, machine = written(tmp_path, hidden("misread"))
-    silent = resized(machine, {"misread": None, "sign_flip": None, "encoder_scale": None})
-    stated, assumed = (
-        words(diagnose(readings, "--machine", each, "--details").stdout)
-        for each in (machine, silent)
-    )
-    assert "Assumed sizes" not in stated
-    note = "Assumed sizes (not in the machine file): encoder_scale 1 mm/m, misread 0.1 mm."
-    assert note in assumed
-
-
 def test_only_what_was_tried_was_assumed(tmp_path: Path) -> None:
     """Differences have no order in time: what is seen in it alone plays no part."""
     _, machine = written(tmp_path, hidden("misread"))

@@ -210,20 +210,6 @@ def test_a_long_name_leaves_the_decision_in_sight(
     assert whole == 1
 
 
-def test_an_axis_stays_beside_its_value(chromium: Browser, pages: dict[str, Path]):
-    for kind in ("hostile", "healthy"):
-        chromium.open(pages[kind], width=360)
-        tiles = chromium.evaluate(
-            "[...document.querySelectorAll('.tile .value')].map(e => [...e.children].map("
-            "c => { const b = c.getBoundingClientRect(); return [b.top, b.bottom, b.right]; }))"
-        )
-        assert len(tiles) == 3
-        for (top, bottom, _), (value_top, value_bottom, right) in tiles:
-            assert abs(top - value_top) < 2
-            assert abs(bottom - value_bottom) < 2
-            assert right < 360
-
-
 def test_one_click_selects_a_command(chromium: Browser, pages: dict[str, Path]):
     chromium.open(pages["healthy"])
     box = chromium.evaluate(

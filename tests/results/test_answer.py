@@ -406,15 +406,6 @@ def test_a_number_says_what_a_report_shows_and_not_when():
     assert later == numbers
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_nothing_is_to_be_entered_in_a_printer_that_is_as_its_controller_says(seed: int) -> None:
-    """Noise alone exceeds limits of 95 % in one session of 14; these are of the other 13."""
-    session = probe_bed(V400, Truth(), (), Layout(19), np.random.default_rng(seed))
-    plan = plan_of_session(session, session.readings)
-    release = answer_to(given(readings_of_touches(plan, session.readings), Model(printer(V400))))
-    assert release.release.settled
-
-
 @pytest.mark.parametrize(
     ("off", "usable"),
     [
