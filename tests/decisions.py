@@ -19,7 +19,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import ReadOnly
 from orthoglide_cal.schema import Reason
 
-KEPT = 50
+KEPT = 80
 
 
 def content(value: object) -> Hashable:
@@ -43,11 +43,11 @@ def once(work: Callable[..., Any], kept: int = KEPT) -> Callable[..., Any]:
         asked = signature.bind(*given, **options)
         asked.apply_defaults()
         key = content(tuple(asked.arguments.values()))
-        if key not in done:
-            if len(done) == kept:
-                del done[next(iter(done))]
-            done[key] = work(*given, **options)
-        return done[key]
+        result = done.pop(key) if key in done else work(*given, **options)
+        if len(done) == kept:  # that which was asked for longest ago goes
+            del done[next(iter(done))]
+        done[key] = result
+        return result
 
     return repeated
 

@@ -34,7 +34,7 @@ def written(story: str, count: int) -> None:
 @pytest.mark.parametrize(
     ("story", "count", "says", "changed"),
     [
-        ("step", 10, "! Changed between 2026-", True),
+        ("step", 4, "! Changed between 2026-", True),
         ("unchanged", 3, "✔ Unchanged in 3 sessions", False),
         ("step and drift", 7, "in 30 days", True),
         ("scatter", 4, "Scattering from session to session", False),

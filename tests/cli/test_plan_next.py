@@ -3,10 +3,8 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from tests import truth
-from tests.cli.program import DOUBLE, SINGLE, SIX, answer, lines, once, run, words, written
+from tests.cli.program import DOUBLE, SIX, answer, lines, once, run, words, written
 from tests.session.terminal import run_program
 
 # A skewed bar that may as well be rails that do not meet.
@@ -65,10 +63,9 @@ def test_what_no_reading_tells_is_measured_again() -> None:
     assert "orthocal measure" not in page
 
 
-@pytest.mark.parametrize("path", [SIX, SINGLE])
-def test_what_cannot_be_joined_is_followed_by_a_session_of_its_own(path: str) -> None:
+def test_what_cannot_be_joined_is_followed_by_a_session_of_its_own() -> None:
     """The command that is shown measures it; it is solved alone, as was said."""
-    shown = run("plan", path).stdout
+    shown = run("plan", SIX).stdout
     assert "measure --then" not in shown
     assert "It needs no old data" in " ".join(shown.split())
     (told,) = re.findall(r"^ +orthocal (measure.*)$", shown, re.MULTILINE)

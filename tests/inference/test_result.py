@@ -49,18 +49,6 @@ def test_every_explanation_is_held_once(named: Diagnosis) -> None:
     assert all(each.ids == () for each in patterns)
 
 
-def test_a_named_cause_speaks_for_its_effect(named: Diagnosis) -> None:
-    (cause,) = named.causes
-    (effect,), gap = named.effects, CAUSES["axis_gap"]
-    assert effect.cause is gap
-    assert (cause.id, cause.remedy, cause.in_machine) == (gap.id, gap.advice, True)
-    assert effect.covariance is not None
-    stds = np.sqrt(np.diag(effect.covariance))
-    assert [(each.name, each.unit) for each in cause.parameters] == [(n, "mm") for n in gap.names]
-    assert [each.value for each in cause.parameters] == pytest.approx(effect.theta)
-    assert [each.std for each in cause.parameters] == pytest.approx(stds)
-
-
 def test_what_is_known_is_simulated() -> None:
     """A long leg in the model moves the offset that the same readings give by its excess."""
     readings, model = known(truth.make_session(21, truth.PROTOTYPE, truth.MICRON))

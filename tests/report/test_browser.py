@@ -20,7 +20,7 @@ from tests.results import cases
 PROGRAM = find_chromium()
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="there is no Chromium on this machine")
 
-WIDTHS = (360, 390, 1280)
+WIDTHS = (390, 1280)
 # Content of an A4 page with the margins of the style sheet, at 96 dots per inch.
 A4_CONTENT = round((210 - 30) / 25.4 * 96)
 # Documents that a command writes as a page.
@@ -128,11 +128,10 @@ def test_page_is_silent_alone_and_fits(chromium: Browser, pages: dict[str, Path]
         outside = [url for url in chromium.requests() if not url.startswith("data:")]
         assert outside == [pages[kind].as_uri()]
         assert chromium.evaluate(OVERFLOW) == [], width
-        assert width < 390 or kind == "hostile" or chromium.evaluate(COVERED) == [], width
+        assert kind == "hostile" or chromium.evaluate(COVERED) == [], width
         assert chromium.evaluate(CUT) == [], width
         assert chromium.evaluate(OVERPRINTED) == [], width
-        if width >= 390:
-            assert chromium.evaluate(SMALL) == [], width
+        assert chromium.evaluate(SMALL) == [], width
 
 
 @pytest.mark.parametrize("kind", KINDS)
