@@ -1,23 +1,25 @@
-"""The same data under the same model are decided once in a process, whichever tests ask.
+"""What follows from the same data under the same model is found once in a process, for all tests.
 
 A decision is a pure function of them, which `tests.inference.test_verdicts` asserts of `decide`.
-A test that replaces a part of the inference calls `decide` itself.
+A test that replaces a part of the inference calls the functions of that module itself.
 """
 
 import functools
 import importlib
+import inspect
 from collections.abc import Callable, Hashable
 from dataclasses import fields
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from orthoglide_cal.inference.belief import Belief
-from orthoglide_cal.inference.decision import decide, decide_by
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import ReadOnly
+from orthoglide_cal.schema import Reason
 
-KEPT = 50
+KEPT = 80
 
 
 def content(value: object) -> Hashable:
@@ -26,34 +28,59 @@ def content(value: object) -> Hashable:
         return value.shape, value.dtype.str, value.tobytes()
     if isinstance(value, ReadOnly | Model):
         return type(value), *(content(getattr(value, item.name)) for item in fields(value))
+    if isinstance(value, Reason):
+        return repr(value)
     return tuple(map(content, value)) if isinstance(value, tuple) else value
 
 
-def once(work: Callable[..., Any]) -> Callable[..., Any]:
-    """The work, with the results of an earlier test that asked for the same."""
+def once(work: Callable[..., Any], kept: int = KEPT) -> Callable[..., Any]:
+    """The work, with the results of earlier tests that asked for the same."""
     done: dict[Hashable, Any] = {}
+    signature = inspect.signature(work)
 
+    @functools.wraps(work)
     def repeated(*given: Any, **options: Any) -> Any:
-        key = content((*given, *options.items()))
-        if key not in done:
-            if len(done) == KEPT:
-                del done[next(iter(done))]
-            done[key] = work(*given, **options)
-        return done[key]
+        asked = signature.bind(*given, **options)
+        asked.apply_defaults()
+        key = content(tuple(asked.arguments.values()))
+        result = done.pop(key) if key in done else work(*given, **options)
+        if len(done) == kept:  # that which was asked for longest ago goes
+            del done[next(iter(done))]
+        done[key] = result
+        return result
 
     return repeated
 
 
-DIAGNOSE, HISTORY, PLAN = (
-    vars(importlib.import_module(f"orthoglide_cal.{name}"))
-    for name in ("inference.diagnose", "results.history", "planning.plan")
-)
-DIAGNOSE["decide"] = HISTORY["decide"] = once(decide)
+def module_of(name: str) -> ModuleType:
+    return importlib.import_module(f"orthoglide_cal.{name}")
+
+
+def replace(name: str, repeated: Callable[..., Any], *modules: str) -> None:
+    """Let these modules call a function that repeats results."""
+    for module in modules:
+        vars(module_of(module))[name] = repeated
+
+
+DIAGNOSE = module_of("inference.diagnose")
+# Before others take it from there.
+replace("diagnose", once(DIAGNOSE.diagnose), "inference")
+replace("decide", once(DIAGNOSE.decide), "inference.diagnose", "results.history")
 # And what follows from the very same decision with all tolerances halved and doubled.
-DIAGNOSE["decide_by"] = functools.lru_cache(KEPT)(decide_by)
+replace("decide_by", functools.lru_cache(KEPT)(DIAGNOSE.decide_by), "inference.diagnose")
 Belief.scaled = functools.lru_cache(KEPT)(Belief.scaled)  # type: ignore[method-assign]
+NEXT, PLAN = module_of("planning.next_measurement"), module_of("planning.plan")
+ranked = functools.lru_cache(KEPT)(NEXT.rank_measurements)
+replace("rank_measurements", ranked, "planning.next_measurement", "planning", "session.opening")
+# Of the layouts of a printer there are some dozens.
+apart = once(PLAN.rivals_sigma, 200)
+replace("rivals_sigma", apart, "planning.plan", "planning.forecast")
 # A plan that goes on from no data is a pure function of the machine and of what is wanted.
-new_plan, plan = PLAN["measurement_plan"], once(PLAN["measurement_plan"])
-PLAN["measurement_plan"] = lambda model, wanted, following=(), *details: (
-    new_plan if following else plan
-)(model, wanted, following, *details)
+new_plan, plan = PLAN.measurement_plan, once(PLAN.measurement_plan)
+replace(
+    "measurement_plan",
+    lambda model, wanted, following=(), *details: (new_plan if following else plan)(
+        model, wanted, following, *details
+    ),
+    "planning.plan",
+)

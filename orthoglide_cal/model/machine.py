@@ -366,7 +366,7 @@ class Machine(Schema):
         """Entry from the measurement with this digest; None without one."""
         return next((entry for entry in self.history if entry.data_sha256 == sha256), None)
 
-    def with_papers(self, owner: "Machine") -> Self:
+    def with_papers(self, owner: Machine) -> Self:
         """The same with what the owner of this machine wrote since for its reports, where it lacks.
 
         U and due date of a gauge go with its certificate.

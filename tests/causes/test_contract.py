@@ -1,4 +1,4 @@
-"""The causes as a list: ids of the contract, one stage each, found by being there."""
+"""The causes as a list: one stage each, found by being there."""
 
 import re
 
@@ -10,28 +10,6 @@ from orthoglide_cal.model.cause import Cause, Stage
 from tests.machines import ROOT
 from tests.subjects import SUBJECTS, Subject, every_cause, every_subject
 
-CONTRACT = {
-    "axis_gap": ("geometry", "mm", 3),
-    "axis_squareness": ("geometry", "mrad", 3),
-    "leg_length": ("geometry", "mm", 3),
-    "encoder_scale": ("motion", "1e-3", 3),
-    "backlash": ("motion", "mm", 3),
-    "thermal_drift": ("motion", "mm/h", 3),
-    "bar_skew": ("contact", "mrad", 6),
-    "gauge_drift": ("contact", "mm/h", 1),
-    "stand_shift": ("contact", "mm", 1),
-    "gauge_slip": ("record", "turns", 1),
-    "misread": ("record", "mm", 1),
-    "sign_flip": ("record", "", 0),
-    "swapped_gauges": ("record", "", 0),
-    "exchanged_columns": ("record", "", 0),
-    "wrong_unit": ("record", "", 0),
-    "tower_lean": ("geometry", "mrad", 6),
-    "tower_radius": ("geometry", "mm", 3),
-    "bed_shape": ("contact", "mm", 25),
-    "probe_tilt": ("contact", "mm", 3),
-    "probe_drift": ("contact", "mm/h", 1),
-}
 alone = pytest.mark.parametrize("cause", CAUSES.values(), ids=list(CAUSES))
 
 
@@ -50,17 +28,6 @@ def test_it_does_not_happen_on_other_kinds(cause: Cause, subject: Subject) -> No
         assert cause.assumed(silent) == (type(silent) in cause.sizes)
     assert cause.possible(subject.machine)
     assert not cause.assumed(subject.machine)
-
-
-@alone
-def test_each_is_what_the_contract_says(cause: Cause) -> None:
-    assert set(CAUSES) == set(CONTRACT)
-    stage, unit, parameters = CONTRACT[cause.id]
-    assert cause.sizes
-    assert {kind.__name__ for kind in cause.sizes} <= set(SUBJECTS)
-    assert (cause.stage, cause.unit, len(cause.names)) == (stage, unit, parameters)
-    assert cause.unknowns == parameters + (3 if cause.id == "backlash" else 0)
-    assert CAUSES[cause.id] is cause
 
 
 @alone
@@ -139,11 +106,3 @@ def test_what_lies_in_the_measurement_is_never_compensable() -> None:
         # next session.
         belongs = cause.id in ("bar_skew", "bed_shape", "probe_tilt")
         assert cause.lasting == (cause.in_machine or belongs)
-
-
-def test_what_a_table_can_compensate_does_not_change_with_time_or_approach() -> None:
-    compensable = {id for id, cause in CAUSES.items() if cause.compensable}
-    assert compensable == {"axis_gap", "axis_squareness", "leg_length", "encoder_scale"}
-    timed = {id for id, cause in CAUSES.items() if cause.timed}
-    assert timed == {"backlash", "thermal_drift", "gauge_drift", "stand_shift", "probe_drift"}
-    assert {id for id, cause in CAUSES.items() if cause.positive} == {"backlash"}

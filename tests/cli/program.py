@@ -25,25 +25,25 @@ FIRST = truth.make_session(31, truth.LARGE, truth.MICRON)
 UNDETERMINED = "difference,value_mm\ndx_y,0.1\ndy_x,0.2\n"
 
 
-def run(*arguments: str, text: str = "") -> Result:
+def run(*arguments: object, text: str = "") -> Result:
     """One command in this process; `text` is its standard input."""
-    return CliRunner().invoke(app, list(arguments), input=text)
+    return CliRunner().invoke(app, [*map(str, arguments)], input=text)
 
 
 @functools.cache
-def once(*arguments: str) -> Result:
+def once(*arguments: object) -> Result:
     """What a command shows that no test changes anything for."""
     return run(*arguments)
 
 
-def done(*arguments: str, text: str = "") -> str:
+def done(*arguments: object, text: str = "") -> str:
     """Standard output of a command that succeeds."""
     result = run(*arguments, text=text)
     assert result.exit_code == 0, result.output
     return result.stdout
 
 
-def refused(code: int, *arguments: str) -> str:
+def refused(code: int, *arguments: object) -> str:
     """What is said by a command that gives nothing but an exit code; without breaks of lines."""
     result = run(*arguments)
     assert (result.exit_code, result.stdout) == (code, ""), result.output
@@ -59,7 +59,7 @@ def lines(result: Result) -> list[dict[str, Any]]:
     return [json.loads(line, parse_constant=refuse) for line in result.stdout.splitlines()]
 
 
-def answer(*arguments: str, text: str = "") -> dict[str, Any]:
+def answer(*arguments: object, text: str = "") -> dict[str, Any]:
     """The JSON object that one command prints about one file."""
     (found,) = lines(run(*arguments, "--json", text=text))
     return found
@@ -90,19 +90,19 @@ def process(
     )
 
 
-def modules_after(*arguments: str) -> set[str]:
-    """Modules that a command loads, as Python itself tells."""
-    shown = process(*arguments, environment={"PYTHONPROFILEIMPORTTIME": "1"})
-    assert shown.returncode == 0, shown.stderr
-    return {line.rpartition("|")[2].strip() for line in shown.stderr.splitlines()}
-
-
 def written(session: truth.Session) -> tuple[str, ...]:
     """A session of the truth and its machine in the present folder; its arguments."""
-    truth.write_readings(session, Path(READINGS))
-    text = truth.machine_yaml(session.machine, session.gauge)
-    Path(MACHINE).write_text(text, encoding="utf-8")
+    written_in(Path(), session, READINGS, MACHINE)
     return READINGS, "--machine", MACHINE
+
+
+def written_in(
+    folder: Path, session: truth.Session, name: str = "readings.csv", machine: str = "machine.yaml"
+) -> tuple[Path, Path]:
+    """Record and machine file of a session of the truth."""
+    text = truth.machine_yaml(session.machine, session.gauge)
+    (folder / machine).write_text(text, encoding="utf-8")
+    return truth.write_readings(session, folder / name), folder / machine
 
 
 def as_measured(name: str) -> None:

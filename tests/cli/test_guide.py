@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from tests.cli.program import done, process, refused, run
+from tests.cli.program import done, refused, run
 from tests.guide.test_pages import PAGES
 from tests.markdown import blocks
 
@@ -33,10 +33,6 @@ def test_a_wide_screen_is_not_used_to_its_end(monkeypatch: pytest.MonkeyPatch) -
         return max(len(line.rstrip()) for line in shown.splitlines())
 
     assert widest(60) <= 60 < 80 < widest(100) == widest(250) <= 100
-
-
-def test_in_a_pipe_it_is_the_page_as_written() -> None:
-    assert process("guide", "signs").stdout == PAGES["signs"]
 
 
 @pytest.mark.parametrize(

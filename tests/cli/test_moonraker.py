@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.moonraker import MISSING, Moonraker, StandIn
+from tests.moonraker import StandIn
 from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import Delta
 
@@ -74,7 +74,12 @@ def test_addresses_that_are_of_no_use(address: str) -> None:
 
 @pytest.mark.parametrize(
     ("state", "asked"),
-    [(of_state("standby"), True), (of_state(None), False), ({"result": {"status": {}}}, False)],
+    [
+        (of_state("standby"), True),
+        (of_state("printing"), False),
+        (of_state(None), False),
+        ({"result": {"status": {}}}, False),
+    ],
 )
 def test_only_a_printer_that_says_that_it_is_idle_is_written_to(state: dict, asked: bool) -> None:
     server = StandIn(info=INFO, printer=GOOD, query=state)
@@ -145,27 +150,6 @@ def test_two_printers_in_one_folder_have_two_machine_files() -> None:
     done("apply", "--undo", "--to", "one.cfg", "--yes")
     assert Path("one.cfg").read_bytes() == GOOD
     assert Path("two.cfg").read_text(encoding="utf-8") != other
-
-
-@pytest.mark.skipif(MISSING is not None, reason=str(MISSING))
-def test_a_real_server_is_written_and_restored_and_never_while_it_prints(tmp_path: Path) -> None:
-    server = Moonraker(tmp_path, GOOD)
-    try:
-        server.klipper.state = "printing"
-        result = run("apply", server.address, "--to", server.address, "--yes")
-        assert result.exit_code == 2
-        assert "is printing" in words(result.stderr)
-        assert server.file.read_bytes() == GOOD
-        assert "gcode/script" not in server.klipper.asked
-        server.klipper.state = "standby"
-        done("apply", server.address, "--to", server.address, "--yes")
-        assert server.file.read_bytes() != GOOD
-        assert server.klipper.asked.count("gcode/script") == 1
-        done("apply", "--undo", "--to", server.address, "--yes")
-        assert server.file.read_bytes() == GOOD
-        assert server.klipper.asked.count("gcode/script") == 2
-    finally:
-        server.stop()
 
 
 def test_how_the_nozzle_moves_is_said_before_it_is_entered() -> None:

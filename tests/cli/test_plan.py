@@ -13,7 +13,6 @@ from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.planning.design import GIVES_UP
 from tests.cli.program import DOUBLE, lines, once, run, words
 from tests.machines import ROOT
-from tests.session.terminal import run_program
 
 OWN = [id for id, cause in CAUSES.items() if Orthoglide in cause.sizes]
 
@@ -54,18 +53,6 @@ def test_the_json_is_that_of_the_contract() -> None:
     assert {each["method"] for each in data["compare"]} == {
         "single", "single-sequential", "six-linear", "twelve-linear", "six", "twelve", "readings",
     }  # fmt: skip
-
-
-@pytest.mark.parametrize("protocol", ["double", "single"])
-def test_measure_takes_the_readings_and_the_minutes_that_were_planned(protocol: str) -> None:
-    (data,) = lines(run("plan", "--protocol", protocol, "--cycles", "2", "--json"))
-    row = next(each for each in data["by_cycles"] if each["cycles"] == 2)
-    options = ("--gauge", "simulated", "--seed", "1", "--protocol", protocol, "--cycles", "2")
-    done = run_program(Path(), *options)
-    said = re.search(r"(\d+) readings .* (\d+) gauge\s+moves,\s+about (\d+) min", done.stdout)
-    assert said, done.stdout
-    expected = [row["readings"], row["gauge_moves"], round(row["minutes"])]
-    assert [int(number) for number in said.groups()] == expected
 
 
 def test_a_target_takes_as_many_cycles_as_it_needs() -> None:

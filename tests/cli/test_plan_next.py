@@ -3,10 +3,8 @@
 import re
 from pathlib import Path
 
-import pytest
-
 from tests import truth
-from tests.cli.program import DOUBLE, SINGLE, SIX, answer, lines, once, run, words, written
+from tests.cli.program import DOUBLE, SIX, answer, lines, once, run, words, written
 from tests.session.terminal import run_program
 
 # A skewed bar that may as well be rails that do not meet.
@@ -28,17 +26,6 @@ def test_the_ranking_begins_with_what_diagnose_names() -> None:
     assert first["chance"] > 0.99 * surest
     assert all(each["chance"] < first["chance"] for each in quicker)
     assert others[-1]["chance"] < 0.5
-
-
-def test_the_text_says_what_to_type() -> None:
-    given = written(OPEN)
-    shown = run("plan", *given, "--details").output
-    # The recommendation leads.
-    assert shown.index("\nNext: about") < shown.index("What to measure next, best first")
-    said = " ".join(shown.split())
-    assert "Ranked by the expected time; a second visit counts as eight hours" in said
-    assert "measure --then" in shown
-    assert "settles" in shown
 
 
 def test_what_would_not_show_but_matters_is_decided_by_the_next_measurement() -> None:
@@ -76,10 +63,9 @@ def test_what_no_reading_tells_is_measured_again() -> None:
     assert "orthocal measure" not in page
 
 
-@pytest.mark.parametrize("path", [SIX, SINGLE])
-def test_what_cannot_be_joined_is_followed_by_a_session_of_its_own(path: str) -> None:
+def test_what_cannot_be_joined_is_followed_by_a_session_of_its_own() -> None:
     """The command that is shown measures it; it is solved alone, as was said."""
-    shown = run("plan", path).stdout
+    shown = run("plan", SIX).stdout
     assert "measure --then" not in shown
     assert "It needs no old data" in " ".join(shown.split())
     (told,) = re.findall(r"^ +orthocal (measure.*)$", shown, re.MULTILINE)

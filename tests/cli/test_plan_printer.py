@@ -76,7 +76,6 @@ def test_a_printers_own_file_is_a_machine_to_plan_for(tmp_path: Path) -> None:
     [
         ("--cycles 3", "no gauges and no protocol"),
         ("--layout bed-8", "Choose one of bed-7, "),
-        ("--layout print-7 --program p.csv", "not probed"),
         ("--program p.nc", "End it in .csv"),
         ("--program p.csv --json", "Leave out --json"),
     ],

@@ -45,16 +45,6 @@ def test_the_seed_decides_and_is_told() -> None:
     assert run("simulate", "--seed", "4").stdout != shown.stdout
 
 
-def test_the_gauge_of_the_machine_or_another() -> None:
-    for option, step in (((), 0.01), (("--resolution", "0.05"), 0.05)):
-        steps = session(*option).value / step
-        assert np.abs(steps - np.rint(steps)).max() < 1e-6
-    noisy = session("--noise", "0.5")
-    same = (noisy.plan.leg == 0) & (noisy.plan.direction == 1)
-    # Ten readings of nothing but noise; a chance of 1e-3 to be outside, and the seed is fixed.
-    assert 0.2 < np.std(noisy.value[same]) < 0.9
-
-
 @pytest.mark.parametrize("cause", CAUSES)
 def test_every_cause_changes_the_readings(cause: str) -> None:
     offsets = ("--offsets", "0.5", "-0.4", "0.3")

@@ -13,13 +13,12 @@ from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 import pytest
 from typer.testing import Result
 
 from orthoglide_cal.files.machine_file import default_machine, machine_text, shipped_folder
 from tests import truth
-from tests.cli.program import MACHINE, READINGS, done, run, words, written
+from tests.cli.program import READINGS, done, run, written
 from tests.machines import SAMPLES
 from tests.session.terminal import run_program
 
@@ -143,24 +142,6 @@ def test_another_method_stays_the_method() -> None:
     assert typed == {f"export '{READINGS}' --method six --format linuxcnc"}
     (command,) = typed
     assert run(*shlex.split(command)).exit_code == 0
-
-
-@pytest.mark.parametrize("offset", [12.0, -8.0])
-def test_offsets_that_no_home_switch_leaves_are_refused_everywhere_alike(offset: float) -> None:
-    """A healthy session with a carriage that far off."""
-    rng = np.random.default_rng(4)
-    plan, offsets = truth.standard_plan(truth.PROTOTYPE, rng), np.array([offset, 0.1, -0.2])
-    given = written(truth.measure(truth.PROTOTYPE, truth.DIAL, plan, offsets, (), rng))
-    refusal = f"Offset x {offset:+.1f} mm: no home switch is that far off"
-    for verb in SPEAKING:
-        found = run(verb, *given)
-        text = words(said(found))
-        assert refusal in text, verb
-        assert not any(order in text for order in ORDERS)
-        assert found.exit_code == (0 if verb == "diagnose" else 4)
-    machine = Path(MACHINE).read_text(encoding="utf-8")
-    Path(MACHINE).write_text(f"{machine}homing_mm: 40\n", encoding="utf-8")
-    assert run("solve", *given).exit_code == 0
 
 
 @pytest.mark.slow

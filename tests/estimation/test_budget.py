@@ -3,14 +3,9 @@
 import numpy as np
 import pytest
 
-from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.estimation.budget import Contribution, budget_of, warmth
 from orthoglide_cal.files.readings import Conditions
-from orthoglide_cal.model.machine import Origin
-from orthoglide_cal.model.orthoglide import double_posture
-from tests.estimation.sessions import OFFSETS, readings
-from tests.machines import NOMINAL, PROTOTYPE, sure
+from tests.machines import PROTOTYPE
 
 GAUGE = PROTOTYPE.gauge
 ROUNDING = GAUGE.resolution_mm / np.sqrt(12.0)
@@ -26,11 +21,6 @@ def test_without_scatter_the_stated_repeatability_counts() -> None:
     assert noise.covariance_mm2 == pytest.approx(GAUGE.repeatability_mm**2 * unit)
 
 
-def test_no_scatter_is_smaller_than_the_rounding() -> None:
-    budget = budget_of(ESTIMATOR, GAUGE, Scatter(0.001, 3.0), ())
-    assert budget.covariance_mm2 == pytest.approx(ROUNDING**2 * ESTIMATOR @ ESTIMATOR.T)
-
-
 def test_what_others_leave_is_never_negative() -> None:
     """Of a covariance less another: where that is larger, nothing is left."""
     directions = np.linalg.qr(RNG.normal(size=(3, 3)))[0]
@@ -38,25 +28,6 @@ def test_what_others_leave_is_never_negative() -> None:
     expected = directions @ np.diag([4.0, 1.0, 0.0]) @ directions.T
     assert left.covariance_mm2 == pytest.approx(expected)
     assert not left.covariance_mm2.flags.writeable
-
-
-@pytest.mark.parametrize("method", ["readings", "six", "twelve-linear"])
-def test_legs_within_their_tolerance_are_offsets_of_as_much(method: str) -> None:
-    """No reading shows a leg's length."""
-    session = readings(NOMINAL, double_posture(PROTOTYPE))
-    noise = solve(session, sure(NOMINAL), method)
-    found = solve(session, NOMINAL, method)
-    by_source = {each.source: each for each in found.budget.contributions}
-    # But for Δρ/L, half a per cent here.
-    assert by_source["leg_length"].std == pytest.approx(np.full(3, 0.01), rel=0.01)
-    assert found.budget.largest.source == "leg_length"
-    others = [by_source[each].std for each in (Origin.GAUGE_PLACEMENT, Origin.GAUGE_SCALE)]
-    expected = np.sqrt(noise.std_mm**2 + 0.01**2 + sum(np.square(others)))
-    assert found.std_mm == pytest.approx(expected, rel=0.02)
-    # A gauge that is off by 0.1 % makes every offset as much too large or too small.
-    assert by_source[Origin.GAUGE_SCALE].std == pytest.approx(
-        1e-3 * np.abs(OFFSETS), rel=0.05, abs=2e-5
-    )
 
 
 def test_warmth_is_what_the_legs_may_grow() -> None:

@@ -6,10 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, solve
-from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.model import Model, simulate_with_jacobian
@@ -28,7 +26,6 @@ from tests.estimation.sessions import (
 )
 from tests.machines import NOMINAL, NOMINAL_LARGE, PROTOTYPE, both_models, sure
 from tests.readings import some
-from tests.subjects import Subject, on_each_kind
 
 
 def explicit(session: Readings, model: Model) -> tuple[Floats, Floats]:
@@ -105,22 +102,6 @@ def test_exact_readings_give_the_true_offsets(model: Model, name: str) -> None:
         assert solution.method == method
         if model is BENT and name == "whole":
             assert np.abs(solve(session, NOMINAL, method).offsets_mm - OFFSETS).max() > 0.05
-
-
-@on_each_kind([cause for cause in CAUSES.values() if cause.lasting])
-def test_with_a_known_cause_it_is_least_squares_with_zeros(cause: Cause, subject: Subject) -> None:
-    sizes = cause.prior_std(subject.machine) * np.linspace(1.0, 2.0, cause.unknowns)
-    effect = cause.at(sizes)
-    assert effect.cause.repeats != cause.timed
-    model = sure(subject.model).extended([effect])
-    session = subject.measured(model)
-    offsets, covariance = explicit(session, model)
-    solution = solve(session, model)
-    assert solution.offsets_mm == pytest.approx(offsets, abs=1e-8)
-    assert solution.budget.covariance_mm2 == pytest.approx(
-        solution.noise.sigma_mm**2 * covariance, rel=1e-6, abs=1e-12
-    )
-    assert np.abs(solve(session, subject.model).offsets_mm - offsets).max() > 1e-4
 
 
 DOUBLE, SINGLE_POSTURE = (

@@ -326,7 +326,7 @@ MODELS = st.builds(
 
 
 @given(MODELS)
-@settings(max_examples=25)
+@settings(max_examples=15)
 def test_what_is_written_is_read_back_exactly(model):
     """The machine to the last digit, its causes to twelve; and read and written it stays so."""
     text = machine_text(model)

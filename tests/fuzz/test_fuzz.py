@@ -14,7 +14,7 @@ from .run import Fuzz, mutant, records, signed
 
 @pytest.mark.parametrize(
     ("firmwares", "count"),
-    [(False, 150), (True, 30), pytest.param(True, 5000, marks=pytest.mark.slow)],
+    [(False, 100), (True, 20), pytest.param(True, 5000, marks=pytest.mark.slow)],
 )
 def test_no_mutant_breaks_the_program(tmp_path: Path, firmwares: bool, count: int) -> None:
     failures = list(Fuzz(tmp_path, 1, firmwares).run(count))

@@ -151,15 +151,28 @@ def added(tmp_path: Path, said: str, files: dict[str, str], names: dict[str, str
     return tmp_path
 
 
-def run(folder: Path, *arguments: str, code: int = 0) -> str:
-    """What a command of that copy prints."""
+# Runs commands one after the other, each as a list of words; what each prints, and its exit code.
+PROGRAM = """
+import json, sys
+from typer.testing import CliRunner
+from orthoglide_cal.cli.app import app
+done = [CliRunner().invoke(app, words) for words in json.loads(sys.stdin.read())]
+print(json.dumps([(one.stdout, one.exit_code, one.stderr) for one in done]))
+"""
+
+
+def run(folder: Path, *typed: list[str], refused: str = "") -> list[str]:
+    """What commands of that copy print, in one process; one of them is refused."""
     done = subprocess.run(
-        [sys.executable, "-m", "orthoglide_cal", *arguments],
+        [sys.executable, "-c", PROGRAM], input=json.dumps(typed),
         cwd=folder, env={**os.environ, "PYTHONPATH": str(folder)},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert done.returncode == code, done.stderr
-    return done.stdout
+    assert done.returncode == 0, done.stderr
+    results = json.loads(done.stdout)
+    for words, (_, code, error) in zip(typed, results, strict=True):
+        assert code == (4 if words[0] == refused else 0), error
+    return [shown for shown, _, _ in results]
 
 
 def check(answer: dict, id: str, truth: dict[str, float]) -> None:
@@ -179,8 +192,8 @@ def test_a_cause_is_one_class_and_its_page(tmp_path: Path) -> None:
     typed = [*commands("".join(blocks(said, "text")).replace("ID", "leg_sag"))]
     assert [words[0] for words in typed] == ["simulate", "diagnose", "guide"]
     simulate, diagnose, guide = typed
-    run(folder, *simulate)
-    answer = json.loads(run(folder, *diagnose, "--json"))
+    _, shown, page = run(folder, simulate, [*diagnose, "--json"], guide)
+    answer = json.loads(shown)
     check(answer, "leg_sag", dict(zip("xyz", OFFSETS, strict=True)))
     (cause,) = answer["causes"]
     assert answer["assumed"] == ["leg_sag"]
@@ -188,7 +201,7 @@ def test_a_cause_is_one_class_and_its_page(tmp_path: Path) -> None:
     for estimate, true in zip(cause["parameters"], (0.12, -0.17, 0.09), strict=True):
         assert estimate["unit"] == "mm"
         assert abs(estimate["value"] - true) < 4.5 * estimate["std"]
-    assert "a leg sags" in run(folder, *guide)
+    assert "a leg sags" in page
 
 
 def test_a_kind_of_machine_is_one_class_and_its_pages(tmp_path: Path) -> None:
@@ -197,14 +210,12 @@ def test_a_kind_of_machine_is_one_class_and_its_pages(tmp_path: Path) -> None:
     typed = [*commands("".join(blocks(said, "text")).replace("KIND", "tilt_table"))]
     assert [words[0] for words in typed] == ["machine", "simulate", "solve", "diagnose", "guide"]
     machine, simulate, solve, diagnose, guide = typed
-    run(folder, *machine)
-    written = (folder / "mine.yaml").read_text(encoding="utf-8")
-    assert "kind: tilt_table" in written
-    run(folder, *simulate)
-    assert "Do not enter these heights" in run(folder, *solve, code=4)
-    answer = json.loads(run(folder, *diagnose, "--json"))
-    check(answer, "misread", dict(zip("abc", OFFSETS, strict=True)))
-    assert "A tilting table" in run(folder, *guide)
+    every = machine, simulate, solve, [*diagnose, "--json"], guide
+    *_, solved, shown, page = run(folder, *every, refused="solve")
+    assert "kind: tilt_table" in (folder / "mine.yaml").read_text(encoding="utf-8")
+    assert "Do not enter these heights" in solved
+    check(json.loads(shown), "misread", dict(zip("abc", OFFSETS, strict=True)))
+    assert "A tilting table" in page
 
 
 @pytest.mark.parametrize("path", re.findall(r"`([\w/]+\.(?:py|md))`", PAGE))

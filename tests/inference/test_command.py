@@ -1,7 +1,6 @@
 """`orthocal diagnose` as its users and their programs see it."""
 
 import re
-import shlex
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,9 +17,8 @@ from orthoglide_cal.report.documents.diagnosis import diagnosis_document, headli
 from orthoglide_cal.report.markdown import markdown
 from orthoglide_cal.results import answer_to
 from tests import truth
-from tests.cli.program import answer as answered
-from tests.cli.program import lines, words
-from tests.inference.command import GAP, HEALTHY, SECOND, THIRD, diagnose, shown, told, written
+from tests.cli.program import DOUBLE, SAMPLES, SESSION, SIX, answer, lines, once, run, words
+from tests.cli.program import written_in as written
 from tests.inference.sessions import given, known
 from tests.sentences import sentences
 
@@ -29,22 +27,22 @@ class TestHeldOut:
     def test_the_paper_s_third_experiment(self) -> None:
         """0.213 mm by the offsets alone; at most 0.065 mm by the extension."""
         applied = ("--applied", -0.53, 0.59, -1.76)
-        answer = told(SECOND, "--holdout", THIRD, *applied)
-        cause = answer["causes"][0]
+        result = answer("diagnose", SIX, "--holdout", SAMPLES / "experiment3.csv", *applied)
+        cause = result["causes"][0]
         assert cause["heldout_before_mm"] == pytest.approx(0.213, abs=1e-3)
         assert cause["heldout_after_mm"] <= 0.065
         # Six numbers cannot carry the name: the answer stays open.
-        assert answer["verdict"] == "ambiguous"
-        assert {"axis_gap", "bar_skew"} <= {cause["id"], *answer["ambiguous_with"]}
-        without = told(SECOND, "--holdout", THIRD)["causes"][0]
+        assert result["verdict"] == "ambiguous"
+        assert {"axis_gap", "bar_skew"} <= {cause["id"], *result["ambiguous_with"]}
+        without = answer("diagnose", SIX, "--holdout", SAMPLES / "experiment3.csv")["causes"][0]
         assert without["heldout_before_mm"] > 0.5
 
     def test_no_fit_sees_the_later_readings(self, tmp_path: Path) -> None:
         session = truth.make_session(2, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
         first, machine = written(tmp_path, session)
         later, _ = written(tmp_path, truth.second_session(session, 5), "later.csv")
-        alone = told(first, "--machine", machine)
-        beside = told(first, "--machine", machine, "--holdout", later)
+        alone = answer("diagnose", first, "--machine", machine)
+        beside = answer("diagnose", first, "--machine", machine, "--holdout", later)
         assert (alone["holdout"], beside["holdout"]) == (None, str(later))
         for key in ("verdict", "parameters", "lack_of_fit"):
             assert beside[key] == alone[key]
@@ -60,9 +58,9 @@ class TestHeldOut:
         record = tmp_path / "first.yaml"
         record.write_text(session_text(session_of_readings(readings, machine, {})))
         later, _ = written(tmp_path, truth.second_session(session, 5), "later.csv")
-        answer = told(record, "--holdout", later)
-        assert [cause["id"] for cause in answer["causes"]] == ["axis_gap"]
-        assert answer["causes"][0]["heldout_after_mm"] < 1.5 * truth.MICRON.sigma
+        result = answer("diagnose", record, "--holdout", later)
+        assert [cause["id"] for cause in result["causes"]] == ["axis_gap"]
+        assert result["causes"][0]["heldout_after_mm"] < 1.5 * truth.MICRON.sigma
 
 
 class TestAccept:
@@ -71,13 +69,16 @@ class TestAccept:
         readings, machine = written(tmp_path, session)
         before, extended = machine.read_bytes(), tmp_path / "extended.yaml"
         accept = ("--machine", machine, "--accept", "axis_gap", "--output", extended)
-        ran = diagnose(readings, *accept)
+        ran = run("diagnose", readings, *accept)
         assert ran.exit_code == 0
         assert str(extended) in ran.stderr
         assert machine.read_bytes() == before
         (found,) = read_machine_file(extended).model.accepted
         assert found.cause.id == "axis_gap"
-        assert found.data_sha256 == told(readings, "--machine", machine)["input"]["sha256"]
+        assert (
+            found.data_sha256
+            == answer("diagnose", readings, "--machine", machine)["input"]["sha256"]
+        )
         assert re.fullmatch(r"\d{4}-\d{2}-\d{2}", found.date or "")
         for true, estimate in zip(session.effects[0].parameters, found.estimates, strict=True):
             assert 0.0 < estimate.std < 0.05
@@ -86,27 +87,27 @@ class TestAccept:
         # Solved without bias.
         errors = []
         for model in (machine, extended):
-            answer = answered("solve", str(readings), "--machine", str(model))
-            parameters = (answer["alone"] or answer)["parameters"]
+            result = answer("solve", readings, "--machine", model)
+            parameters = (result["alone"] or result)["parameters"]
             offsets = np.array([each["found"] for each in parameters])
             errors.append(np.abs(offsets - session.offsets).max())
         assert errors[0] > 0.03 > 0.015 > errors[1]
-        again = told(readings, "--machine", extended)
+        again = answer("diagnose", readings, "--machine", extended)
         assert again["verdict"] == "consistent"
         # Never overwritten.
         kept = extended.read_bytes()
-        ran = diagnose(readings, *accept)
+        ran = run("diagnose", readings, *accept)
         assert ran.exit_code == 2
         assert extended.read_bytes() == kept
 
     @pytest.mark.parametrize(
         ("data", "cause", "said"),
         [
-            *((GAP, cause, "lies in the measurement, not in the machine")
+            *((SESSION, cause, "lies in the measurement, not in the machine")
               for cause in ("misread", "stand_shift", "gauge_slip", "sign_flip")),
-            (SECOND, "axis_gap", "do not distinguish what lies in the machine from"),
-            (HEALTHY, "axis_gap", "are consistent: they do not support axis_gap"),
-            (GAP, "encoder_scale", "contradict encoder_scale. They name axis_gap."),
+            (SIX, "axis_gap", "do not distinguish what lies in the machine from"),
+            (DOUBLE, "axis_gap", "are consistent: they do not support axis_gap"),
+            (SESSION, "encoder_scale", "contradict encoder_scale. They name axis_gap."),
         ],
     )  # fmt: skip
     def test_what_the_data_do_not_support_is_refused(
@@ -114,15 +115,15 @@ class TestAccept:
     ) -> None:
         """The result is shown all the same."""
         target = tmp_path / "new.yaml"
-        ran = diagnose(data, "--accept", cause, "--output", target)
+        ran = run("diagnose", data, "--accept", cause, "--output", target)
         assert ran.exit_code == 4
         assert said in words(ran.stderr)
-        assert words(shown(data)) in words(ran.stdout)
+        assert words(once("diagnose", data).stdout) in words(ran.stdout)
         assert not target.exists()
 
     def test_a_refusal_does_not_spoil_the_line_of_json(self, tmp_path: Path) -> None:
         target = tmp_path / "new.yaml"
-        ran = diagnose(HEALTHY, "--json", "--accept", "axis_gap", "--output", target)
+        ran = run("diagnose", DOUBLE, "--json", "--accept", "axis_gap", "--output", target)
         assert ran.exit_code == 4
         assert [line["verdict"] for line in lines(ran)] == ["consistent"]
 
@@ -136,19 +137,8 @@ def sound_with(diagnosis: Diagnosis, share: float) -> Diagnosis:
 
 
 class TestText:
-    def test_it_says_what_to_do(self) -> None:
-        text = words(shown(GAP))
-        assert "Cause found: the actuator axes do not meet in one point (axis_gap, 94.7 %)" in text
-        assert "xy +0.3" in text
-        assert f"orthocal diagnose {shlex.quote(str(GAP))} --accept axis_gap" in text
-        assert "predicting omitted readings" in text
-        assert "tolerances" not in text
-        assert "Conclusion unchanged when tolerances are halved" in words(shown(GAP, "--details"))
-        assert "may be entered" not in text
-        assert "−0.189" in text
-
     def test_an_open_answer_offers_no_compensation(self) -> None:
-        text = words(shown(SECOND))
+        text = words(once("diagnose", SIX).stdout)
         assert "? Undecided: " in text
         assert "orthocal measure" in text
         assert "--accept" not in text
@@ -165,7 +155,7 @@ class TestText:
 
     def test_what_is_less_likely_than_nothing_is_not_called_likeliest(self) -> None:
         """The sound machine is one of the open answers, and then nothing must be wrong."""
-        read = read_input(str(SECOND))
+        read = read_input(SIX)
         diagnosis = analysed(read.measured, read.model)
         faint = sound_with(diagnosis, 1.01 * diagnosis.causes[0].probability)
         first, second = (Case(read, answer_to(read, diagnosed=each)) for each in (diagnosis, faint))

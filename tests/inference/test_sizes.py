@@ -9,8 +9,8 @@ import pytest
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.orthoglide import Orthoglide
 from tests import truth
-from tests.cli.program import words
-from tests.inference.command import SECOND, diagnose, told, written
+from tests.cli.program import SIX, answer, run, words
+from tests.cli.program import written_in as written
 
 # Faults of the record, each with a seed whose truth stands clear of every rival.
 RECORD = {"misread": 1, "gauge_slip": 3, "sign_flip": 2, "swapped_gauges": 37}
@@ -37,10 +37,10 @@ def resized(machine: Path, sizes: dict[str, float | None]) -> Path:
     return path
 
 
-def assumed(answer: dict[str, Any]) -> dict[str, float]:
+def assumed(result: dict[str, Any]) -> dict[str, float]:
     """Id → size of what was tried at its default."""
-    assert [each["id"] for each in answer["assumed_sizes"]] == answer["assumed"]
-    return {each["id"]: each["size"] for each in answer["assumed_sizes"]}
+    assert [each["id"] for each in result["assumed_sizes"]] == result["assumed"]
+    return {each["id"]: each["size"] for each in result["assumed_sizes"]}
 
 
 @pytest.mark.parametrize("cause", ["gauge_slip", "sign_flip"])
@@ -49,8 +49,8 @@ def test_what_the_machine_file_does_not_mention_is_named_all_the_same(
 ) -> None:
     readings, machine = written(tmp_path, hidden(cause))
     silent = resized(machine, dict.fromkeys(RECORD))
-    full = told(readings, "--machine", machine)
-    found = told(readings, "--machine", silent)
+    full = answer("diagnose", readings, "--machine", machine)
+    found = answer("diagnose", readings, "--machine", silent)
     assert (found["verdict"], [one["id"] for one in found["causes"]]) == ("named", [cause])
     assert assumed(full) == {}
     assert assumed(found) == {id: truth.machines.TOLERANCES[id] for id in RECORD}
@@ -63,7 +63,7 @@ def test_a_machine_that_can_have_nothing_is_judged_all_the_same(tmp_path: Path) 
     for cause, verdict in (("misread", "unexplained"), (None, "consistent")):
         session = hidden(cause) if cause else truth.make_session(21, truth.PROTOTYPE, truth.MICRON)
         readings, machine = written(tmp_path, session)
-        found = told(readings, "--machine", resized(machine, dict.fromkeys(OWN, 0.0)))
+        found = answer("diagnose", readings, "--machine", resized(machine, dict.fromkeys(OWN, 0.0)))
         assert (found["verdict"], found["causes"], found["ambiguous_with"]) == (verdict, [], [])
 
 
@@ -71,8 +71,8 @@ def test_what_is_ruled_out_is_not_accepted(tmp_path: Path) -> None:
     session = truth.make_session(1, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
     readings, machine = written(tmp_path, session)
     target = tmp_path / "extended.yaml"
-    ran = diagnose(
-        readings, "--machine", resized(machine, {"axis_gap": 0.0}),
+    ran = run(
+        "diagnose", readings, "--machine", resized(machine, {"axis_gap": 0.0}),
         "--accept", "axis_gap", "--output", target,
     )  # fmt: skip
     assert ran.exit_code == 4
@@ -80,23 +80,11 @@ def test_what_is_ruled_out_is_not_accepted(tmp_path: Path) -> None:
     assert not target.exists()
 
 
-def test_sizes_that_were_assumed_are_said(tmp_path: Path) -> None:
-    readings, machine = written(tmp_path, hidden("misread"))
-    silent = resized(machine, {"misread": None, "sign_flip": None, "encoder_scale": None})
-    stated, assumed = (
-        words(diagnose(readings, "--machine", each, "--details").stdout)
-        for each in (machine, silent)
-    )
-    assert "Assumed sizes" not in stated
-    note = "Assumed sizes (not in the machine file): encoder_scale 1 mm/m, misread 0.1 mm."
-    assert note in assumed
-
-
 def test_only_what_was_tried_was_assumed(tmp_path: Path) -> None:
     """Differences have no order in time: what is seen in it alone plays no part."""
     _, machine = written(tmp_path, hidden("misread"))
     silent = resized(machine, dict.fromkeys(OWN))
-    found = told(SECOND, "--machine", silent)
+    found = answer("diagnose", SIX, "--machine", silent)
     ids = set(assumed(found))
     assert {"axis_gap", "bar_skew", "misread"} <= ids
     assert not ids & {id for id, cause in CAUSES.items() if cause.timed}
@@ -117,9 +105,9 @@ def test_it_is_the_answer_with_those_sizes(
     session = truth.make_session(seed, truth.PROTOTYPE, truth.DIAL, (cause,))
     readings, machine = written(tmp_path, session)
     sizes = {id: factor * size for id, size in truth.machines.TOLERANCES.items()}
-    other = told(readings, "--machine", resized(machine, sizes))
+    other = answer("diagnose", readings, "--machine", resized(machine, sizes))
     silent = resized(machine, dict.fromkeys(RECORD))
-    found = told(readings, "--machine", silent)
+    found = answer("diagnose", readings, "--machine", silent)
     assert found["sensitivity"][how] == {
         "verdict": other["verdict"],
         "ids": sorted(one["id"] for one in other["causes"]),

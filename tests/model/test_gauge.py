@@ -10,14 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.model.gauge import Gauge, chance_of_less_scatter
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results.making import release
 from tests import truth
 from tests.cli.program import lines, run
 from tests.inference.sessions import known, model_of, read, readings_of
@@ -51,7 +49,7 @@ def adjusted(gauge: truth.Gauge, rng: np.random.Generator, cycles: int) -> truth
 
 
 @both_gauges
-@pytest.mark.parametrize("count", [50, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [25, pytest.param(150, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("machine", [truth.PROTOTYPE, truth.LARGE], ids=lambda m: m.name)
 def test_healthy_sessions_are_never_doubted(
     machine: truth.Machine, count: int, gauge: truth.Gauge
@@ -74,7 +72,7 @@ def test_healthy_sessions_are_never_doubted(
 
 
 @both_gauges
-@pytest.mark.parametrize("size", [2, 3, 4])
+@pytest.mark.parametrize("size", [2, 4])
 def test_the_chance_is_an_upper_bound_and_a_close_one(gauge: truth.Gauge, size: int) -> None:
     """Against 200,000 draws of six cells at the worst and at any place between two divisions."""
     own, rng = model_of(truth.PROTOTYPE, gauge).machine.gauge, np.random.default_rng(size)
@@ -212,16 +210,6 @@ def test_differences_of_means_are_allowed_their_decimals_but_not_those_of_inches
 
 
 # --- what follows -----------------------------------------------------------------------------
-
-
-def test_doubtful_readings_are_not_released() -> None:
-    readings, model = known(truth.make_session(1, truth.PROTOTYPE, truth.DIAL))
-    solution = solve(replace(readings, value=np.full(len(readings), 0.12)), model)
-    decision = release(solution, None)
-    assert not decision.usable
-    assert "never differ" in sentences(decision.reasons)[0]
-    assert "never differ" in sentences(solution.warnings)[0]
-    assert release(solve(readings, model), None).usable
 
 
 def test_every_command_says_so(tmp_path: Path) -> None:

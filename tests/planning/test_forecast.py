@@ -23,7 +23,7 @@ from tests.planning.truth import true_readings
 DOUBLE, SINGLE, BEST = MeasuringProtocol
 OFFSETS = np.array([0.43, -0.61, 0.32])
 # Standard error of a standard deviation from so many draws: 0.67 %. A deviation of 3 % is 4.5 of
-# them; one of the 63 comparisons below fails by chance in 1 of 2,300 runs.
+# them; one of the 39 comparisons below fails by chance in 1 of 3,700 runs.
 DRAWS = 11_000
 WITHIN = 0.03
 OF_DOUBLE = ("six", "twelve", "readings", "six-linear", "twelve-linear")
@@ -43,7 +43,7 @@ SESSIONS = [
     ("model", "protocol", "name", "cycles"),
     [
         *((NOMINAL, *session) for session in SESSIONS),
-        *((NOMINAL_LARGE, *way, 3) for way in (WAYS[0], WAYS[2], WAYS[5], WAYS[8])),
+        *((NOMINAL_LARGE, *way, 3) for way in (WAYS[2], WAYS[5])),
     ],
 )
 def test_predicted_noise_is_what_monte_carlo_finds(
@@ -66,12 +66,7 @@ def test_predicted_noise_is_what_monte_carlo_finds(
 
 @pytest.mark.parametrize(
     ("model", "protocol", "name"),
-    [
-        (NOMINAL, *WAYS[2]),
-        (NOMINAL, *WAYS[7]),
-        (NOMINAL_LARGE, *WAYS[0]),
-        (NOMINAL_LARGE, *WAYS[8]),
-    ],
+    [(NOMINAL, *WAYS[2]), (NOMINAL_LARGE, *WAYS[7])],
 )
 def test_the_expected_uncertainty_is_what_solve_gives(
     model: Model, protocol: MeasuringProtocol, name: str

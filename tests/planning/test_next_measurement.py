@@ -17,7 +17,7 @@ from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, joined
 from orthoglide_cal.model.readings import GaugePlan, Posture
 from orthoglide_cal.planning import best_next, rank_measurements
-from orthoglide_cal.planning.next_measurement import _pair, options, predictions
+from orthoglide_cal.planning.next_measurement import options, predictions
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import answer_to
 from tests import truth
@@ -245,12 +245,3 @@ def test_u_is_that_of_one_fit_to_all_readings() -> None:
         covariance = np.linalg.inv(columns.T @ columns / fit.sigma**2 + np.diag(sizes**-2.0))
         reach = 1.96 * np.sqrt(np.diag(covariance)[:3])
         assert following.expanded == pytest.approx(reach, rel=0.02)
-
-
-def test_a_part_of_the_answer_is_no_rival_that_the_next_measurement_is_for() -> None:
-    """The likeliest one that a diagnosis states is, although the part is likelier."""
-    answer, part, other = ("axis_gap", "bar_skew"), ("axis_gap",), ("misread",)
-    open_pairs = ~np.eye(3, dtype=np.bool_)
-    sigma = np.full((3, 3), 4.0)
-    assert _pair(open_pairs, sigma, [answer, part, other]) == (0, 2)
-    assert _pair(open_pairs[:2, :2], sigma, [answer, part]) == (0, 1)

@@ -224,15 +224,6 @@ def test_the_command_refuses(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_it_says_unit_values_and_what_the_approach_hides(tmp_path: Path) -> None:
-    text = gcode(tmp_path).replace(")\n(- ", " ")
-    assert "X Y Z are joint positions as the controller shows them: all 310.25" in text
-    assert "in mm." in text
-    assert f"of no other:)\n({SESSION})\n" in gcode(tmp_path)
-    assert "leaves no trace in the readings and is part of the offsets" in text
-    assert "(N30: leg X, MIN, cycle 1. Read steps 5-6, gauges Y Z. Carriage X arrives" in text
-
-
 @pytest.mark.parametrize(
     "options",
     [

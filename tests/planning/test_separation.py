@@ -9,7 +9,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
 from orthoglide_cal.planning.forecast import session_of
-from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations, separations
+from orthoglide_cal.planning.separation import Separations, separations
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from tests import truth
 from tests.inference.sessions import known
@@ -78,7 +78,7 @@ PAIRS = [
     ("sign_flip", "swapped_gauges"),
     ("bar_skew", "swapped_gauges"),
 ]
-QUICK = [("axis_gap", "bar_skew"), ("stand_shift", "misread")]
+QUICK = [("axis_gap", "bar_skew")]
 ALONE = ("encoder_scale", "thermal_drift", "gauge_drift", "backlash")
 
 
@@ -116,7 +116,6 @@ def test_a_longer_leg_is_never_seen(model: Model, protocol: MeasuringProtocol) -
     assert CAUSES["leg_length"] in found.invisible
     assert CAUSES["leg_length"] not in found.visible.causes
     assert CAUSES["axis_gap"] in found.visible.causes
-    assert np.all(found.visible.trace >= TRACE_SIGMA)
 
 
 def test_the_table_is_symmetric_and_its_pairs_are_sorted() -> None:

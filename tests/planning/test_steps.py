@@ -45,15 +45,6 @@ def test_the_double_posture_session_is_that_of_section_4_1() -> None:
     assert all(s.cell.contact is Contact.FIXED for s in steps)
 
 
-def test_the_single_posture_session_touches_both_ends_of_two_legs() -> None:
-    steps = usual(SINGLE, 2, stands=1)
-    assert len(steps) == 2 * (2 * 3 * 2 + 2)
-    assert {(s.leg, s.direction) for s in steps} == {(0, 2), (1, 2)}
-    assert [s.cell.contact.end for s in steps[:4]] == ["joint", "tool", "joint", "tool"]
-    assert [s.posture for s in steps[12:14]] == ["iso", "iso"]  # the closing posture
-    assert {s.stand for s in steps} == {0}
-
-
 @both_protocols
 @pytest.mark.parametrize("order", list(Order))
 @pytest.mark.parametrize("stands", [1, 2])

@@ -28,7 +28,6 @@ def session(
     seed: int,
     model: Model = NOMINAL,
     plan: GaugePlan | None = None,
-    gain: float = 1.0,
 ) -> Readings:
     """A simulated session with noise, rounding and arbitrary gauge zeros.
 
@@ -37,12 +36,11 @@ def session(
         seed: of the random numbers.
         model: the machine with what is wrong with it.
         plan: the double-posture protocol if None.
-        gain: what the gauge shows for one millimetre.
     """
     machine = model.machine
     plan = plan or double_posture(machine)
     rng = np.random.default_rng(seed)
-    signal = gain * simulate(model, np.array(offsets, dtype=float), plan)
+    signal = simulate(model, np.array(offsets, dtype=float), plan)
     zeros = rng.uniform(0.5, 5.0, plan.setups)
     noisy = signal + zeros[plan.setup] + rng.normal(0.0, machine.gauge.repeatability_mm, len(plan))
     step = machine.gauge.resolution_mm

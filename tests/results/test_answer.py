@@ -60,6 +60,7 @@ def test_an_answer_is_printed_with_a_sentence_for_every_reason() -> None:
         printed = data["release"]
         assert printed["codes"] == [each.code for each in (*release.reasons, *release.cautions)]
         assert printed["reasons"] == [*map(case.says, release.reasons)]
+        assert set(printed["cautions"]) <= set(data["notes"])
         remedies = [remedy["sentence"] for remedy in printed["remedies"]]
         for said in (*printed["reasons"], *printed["cautions"], *remedies, *data["notes"]):
             assert said[0].isupper() or said[0].isdigit() or "_" in said.split()[0], said
@@ -403,15 +404,6 @@ def test_a_number_says_what_a_report_shows_and_not_when():
     assert all(re.fullmatch("OC-[0-9A-F]{6}-[0-9A-F]{6}", number) for number in numbers)
     later = [identify(inputs, *options).number for inputs, options in given]
     assert later == numbers
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_nothing_is_to_be_entered_in_a_printer_that_is_as_its_controller_says(seed: int) -> None:
-    """Noise alone exceeds limits of 95 % in one session of 14; these are of the other 13."""
-    session = probe_bed(V400, Truth(), (), Layout(19), np.random.default_rng(seed))
-    plan = plan_of_session(session, session.readings)
-    release = answer_to(given(readings_of_touches(plan, session.readings), Model(printer(V400))))
-    assert release.release.settled
 
 
 @pytest.mark.parametrize(

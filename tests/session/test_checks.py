@@ -26,7 +26,7 @@ from .virtual import (
     taken,
 )
 
-SEEDS = (1, 3)
+SEED = 3
 
 
 def first_question(values: list[float], steps: tuple[SessionStep, ...]) -> tuple[int, Doubt, str]:
@@ -64,17 +64,15 @@ def tenfold(value: float) -> float:
         (SINGLE, 9, slip(1), {Doubt.REVOLUTION}, "one revolution"),
     ],
 )  # fmt: skip
-@pytest.mark.parametrize("seed", SEEDS)
 def test_one_wrong_reading(
     protocol: MeasuringProtocol,
-    seed: int,
     at: int,
     wrong: Callable[[float], float],
     doubts: set[Doubt],
     words: str,
 ) -> None:
     steps = steps_of(protocol)
-    values = readings_of(steps, seed)
+    values = readings_of(steps, SEED)
     # Of a reading that is almost zero right and wrong would be the same.
     assert wrong not in (turned, tenfold) or abs(values[at]) >= 0.05
     values[at] = wrong(values[at])
@@ -84,11 +82,10 @@ def test_one_wrong_reading(
     assert words in text
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_a_gauge_with_the_opposite_sign_for_a_whole_leg(seed: int) -> None:
+def test_a_gauge_with_the_opposite_sign_for_a_whole_leg() -> None:
     """It can only show once the offsets are known and a second posture is read."""
     steps = steps_of()
-    read = zip(steps, readings_of(steps, seed), strict=True)
+    read = zip(steps, readings_of(steps, SEED), strict=True)
     flipped = [-value if step.series == (2, 0) else value for step, value in read]
     number, doubt, text = first_question(flipped, steps)
     assert number in (43, 45)
@@ -100,7 +97,7 @@ def test_a_gauge_with_the_opposite_sign_for_a_whole_leg(seed: int) -> None:
 def test_gauges_exchanged_at_a_posture(at: int) -> None:
     """The upper limit of each leg, in the second and the third cycle."""
     steps = steps_of()
-    values = readings_of(steps, 3)
+    values = readings_of(steps, SEED)
     values[at], values[at + 1] = values[at + 1], values[at]
     assert abs(values[at] - values[at + 1]) >= 0.1  # else nobody could tell
     asked = play(values, steps, questions=2)
@@ -108,14 +105,13 @@ def test_gauges_exchanged_at_a_posture(at: int) -> None:
     assert all("are the two gauges exchanged" in question.text for _, question in asked)
 
 
-@pytest.mark.parametrize("seed", [1, 3, 4])
-def test_gauges_exchanged_for_a_whole_leg(seed: int) -> None:
+def test_gauges_exchanged_for_a_whole_leg() -> None:
     """From its first reading on; the readings of the first cycle together show it.
 
     Where both gauges of a leg read nearly the same all the time, as with seed 2, nothing can.
     """
     steps = steps_of()
-    values = readings_of(steps, seed)
+    values = readings_of(steps, SEED)
     values[40::2], values[41::2] = values[41::2], values[40::2]
     number, doubt, text = first_question(values, steps)
     assert 43 <= number <= 46
@@ -129,7 +125,7 @@ def test_gauges_exchanged_for_a_whole_leg(seed: int) -> None:
 )
 def test_a_knocked_stand(protocol: MeasuringProtocol, at: int, size: float) -> None:
     steps = steps_of(protocol)
-    values = readings_of(steps, 3)
+    values = readings_of(steps, SEED)
     series = steps[at].series
     knocked = [
         v + size if i >= at and steps[i].series == series else v for i, v in enumerate(values)
@@ -140,14 +136,11 @@ def test_a_knocked_stand(protocol: MeasuringProtocol, at: int, size: float) -> N
     assert re.search(f"the stand (seems to have )?moved since step {last}", text)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(("at", "slip_mm", "knock_mm"), [(8, 1.0, 0.0), (28, 0.0, 0.2)])
-def test_a_kept_blunder_is_not_asked_about_again(
-    seed: int, at: int, slip_mm: float, knock_mm: float
-) -> None:
+def test_a_kept_blunder_is_not_asked_about_again(at: int, slip_mm: float, knock_mm: float) -> None:
     """One question for a slip or a knock, none for the good readings that follow it."""
     steps = steps_of()
-    values = readings_of(steps, seed)
+    values = readings_of(steps, SEED)
     values[at] += slip_mm
     for index in range(at, len(steps)):
         values[index] += knock_mm * (steps[index].series == steps[at].series)
@@ -175,7 +168,7 @@ def test_numbers_that_the_gauge_cannot_show(
 def test_every_question_speaks_in_the_unit_of_the_reading(unit: Unit) -> None:
     """In inches, with mm in brackets behind; the reading itself is the same one."""
     steps = steps_of()
-    values = readings_of(steps, 3)
+    values = readings_of(steps, SEED)
     steady = [taken(step.number, 0.0, step.number / 5.0) for step in steps[:39]]
 
     inches = PROTOTYPE.changed(gauge=PROTOTYPE.gauge.changed(resolution_mm=0.0254))
@@ -225,24 +218,22 @@ def test_a_plunger_cannot_be_further_than_its_travel_from_any_reading() -> None:
     assert near is None
 
 
-@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("size", [-0.3, 0.6])
 @pytest.mark.parametrize("at", [42, 43, 44, 45])
-def test_a_wrong_reading_accuses_no_other_leg(at: int, size: float, seed: int) -> None:
+def test_a_wrong_reading_accuses_no_other_leg(at: int, size: float) -> None:
     """Two good legs were measured before, one with gauges exchanged would explain anything."""
     steps = steps_of()
-    values = readings_of(steps, seed)
+    values = readings_of(steps, SEED)
     values[at] += size
     ((number, question),) = play(values, steps, questions=1)
     assert number == at + 1
     assert question.about == 0 or steps[question.about - 1].leg == steps[at].leg
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_a_gauge_that_always_shows_the_same(seed: int) -> None:
+def test_a_gauge_that_always_shows_the_same() -> None:
     """Asked once, then believed; each of its numbers alone is a possible one."""
     steps = steps_of()
-    values = readings_of(steps, seed)
+    values = readings_of(steps, SEED)
     first: dict[object, float] = {}
     held = [first.setdefault(step.cell, value) for step, value in zip(steps, values, strict=True)]
     asked = [question for _, question in play(held, steps)]
@@ -250,10 +241,9 @@ def test_a_gauge_that_always_shows_the_same(seed: int) -> None:
     assert "never differ" in asked[0].text
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_inches_typed_as_mm(seed: int) -> None:
+def test_inches_typed_as_mm() -> None:
     """Each number is questioned until one is kept; then it is their scatter, once."""
     steps = steps_of()
-    inches = [round(value / 25.4, 4) for value in readings_of(steps, seed)]
+    inches = [round(value / 25.4, 4) for value in readings_of(steps, SEED)]
     doubts = [question.doubt for _, question in play(inches, steps)]
     assert doubts == [Doubt.GRID, Doubt.SCATTER]

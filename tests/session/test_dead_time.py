@@ -21,22 +21,6 @@ def kept(folder: Path) -> dict[int, float]:
     return {number: item.take.value_mm for number, item in state_in(folder).accepted.items()}
 
 
-def test_a_second_press_is_no_reading(tmp_path: Path) -> None:
-    with Terminal(tmp_path, "s.yaml", program=PROGRAM) as terminal:
-        assert terminal.step() == 1
-        terminal.type("-0.64")
-        time.sleep(0.12)
-        terminal.type("-0.64")
-        terminal.expect(r"ignored: \S+ came \d\.\d\d s after the one before")
-        terminal.expect("Drive to")
-        assert terminal.step() == 2
-        assert kept(tmp_path) == {1: -0.64}
-        time.sleep(BETWEEN_GAUGES_S + 0.2)
-        terminal.type("0.41")
-        terminal.expect("saved")
-    assert kept(tmp_path) == {1: -0.64, 2: 0.41}
-
-
 def test_a_number_begun_before_its_prompt_is_not_taken_for_its_end(tmp_path: Path) -> None:
     """ "-0.4" before the prompt and "1" after it are not the reading 1."""
     with Terminal(tmp_path, "s.yaml", program=PROGRAM) as terminal:

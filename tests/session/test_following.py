@@ -197,26 +197,6 @@ def test_the_best_design_says_what_it_gives_up_and_keeps_its_steps(tmp_path: Pat
     assert len(planned.readings) == sum(isinstance(event, Taken) for event in taken)
 
 
-def test_offsets_that_were_applied_meanwhile_are_no_error(first: Path, tmp_path: Path) -> None:
-    """Measure, enter something, go on: `solve` finds the offsets of before, from all readings."""
-    active = ("--offsets-active", "0.5", "-0.3", "0.2")
-    shown = finished(tmp_path, "b.yaml", "--then", str(first), "--yes", *active)
-    words = " ".join(shown.split())
-    assert "X +0.5 Y -0.3 Z +0.2 mm: the new readings are written with that" in words
-    assert "X +0.5 Y -0.3 Z +0.2 mm are in the controller now" in words
-    new = read(tmp_path / "b.yaml")
-    assert new.plan.entered[:24].tolist() == [[0.0] * 3] * 24
-    assert new.plan.entered[24:].tolist() == [[0.5, -0.3, 0.2]] * (len(new) - 24)
-    assert new.plan.parts == 2
-    # Nothing is driven otherwise for it.
-    assert "joints   X 310.250   Y 310.250   Z 310.250" in shown
-    given = read_input(str(tmp_path / "b.yaml"))
-    assert given.model.machine.offsets_mm == (0.0, 0.0, 0.0)
-    found = solve(given.measured, given.model)
-    hidden = np.random.default_rng([7, 0]).uniform(-1.5, 1.5, 3)
-    assert np.all(np.abs(found.offsets_mm - hidden) < 5.0 * found.std_mm)
-
-
 def test_the_machine_file_says_what_was_applied_meanwhile(tmp_path: Path) -> None:
     """And, once that is taken back, the other way round."""
     machine = (ROOT / "configs/orthoglide_prototype.yaml").read_text()

@@ -8,7 +8,7 @@ import pytest
 
 from orthoglide_cal.session.events import RECORD, Opened, Planned, replay
 
-from .going_on import choice, content, events_of, is_step
+from .going_on import choice, events_of, is_step
 from .terminal import Terminal, finished, refused, run_program
 from .virtual import without_times
 
@@ -59,15 +59,6 @@ def test_what_is_read_comes_back_as_it_was_written(first: Path, tmp_path: Path) 
     alone, *_ = (tmp_path / "s.journal").read_bytes().splitlines(keepends=True)
     (tmp_path / "1.journal").write_bytes(alone)
     assert "or another reading for it" in refused(3, tmp_path, "1.yaml", "--resume")
-
-
-def test_undo_retake_and_notes_are_those_of_any_session(first: Path, tmp_path: Path) -> None:
-    lines = ["", "", "u", "", "r 1 dust", "", "n door", *[""] * 20]
-    finished(tmp_path, "s.yaml", *choice(first, is_step), stdin="\n".join(lines) + "\n")
-    values = content(tmp_path / "s.yaml")
-    assert [row["reason"] for row in values["retaken"]] == ["taken back", "dust"]
-    assert {row["entered"] for row in values["retaken"]} == {"0.3 0 0"}
-    assert sum("note" in row for row in values["readings"]) == 1
 
 
 @pytest.mark.parametrize("cut", [1, 2, 12, 25, 26])

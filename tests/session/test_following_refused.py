@@ -9,7 +9,7 @@ from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import V400
 
 from .going_on import choice, is_step
-from .terminal import Terminal, refused
+from .terminal import refused
 
 LARGE = str(ROOT / "configs" / "orthoglide_large.yaml")
 
@@ -54,22 +54,6 @@ def test_the_first_file_is_never_the_new_one(first: Path) -> None:
     for name in ("a.yaml", "a"):
         assert "never changed" in refused(2, first.parent, name, "--then", "a.yaml", "--yes")
     assert first.read_bytes() == before
-
-
-def test_in_a_terminal_it_is_confirmed(first: Path, tmp_path: Path) -> None:
-    arguments = choice(first, is_step)[:-1]
-    with Terminal(tmp_path, "n.yaml", *arguments, agreed=False) as terminal:
-        terminal.expect(r"shall\s+this\s+be")
-        terminal.expect(r"three offsets > ")
-        assert "Next, about 2 min: Without touching the stands" in " ".join(terminal.seen.split())
-        terminal.type("n")
-        assert terminal.finish() == 2
-    assert not list(tmp_path.iterdir())
-    with Terminal(tmp_path, "y.yaml", *arguments, agreed=False) as terminal:
-        terminal.expect(r"three offsets > ")
-        terminal.type("")
-        assert terminal.step() == 1
-        assert "carriage X 0.3 mm short" in terminal.seen
 
 
 def test_stands_that_were_pushed_are_not_gone_on_with(first: Path, tmp_path: Path) -> None:

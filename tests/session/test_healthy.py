@@ -60,8 +60,11 @@ def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
     assert false.sum() < 10
 
 
-@pytest.mark.parametrize(("machine", "gauge"), [(PROTOTYPE, DIAL), (LARGE, MICRON)])
-@pytest.mark.parametrize("imperfection", ["none", "axis_gap", "bar_skew", "backlash"])
+@pytest.mark.parametrize(
+    ("machine", "gauge", "imperfection"),
+    [(PROTOTYPE, DIAL, "none"), (LARGE, MICRON, "axis_gap"), (PROTOTYPE, DIAL, "bar_skew"),
+     (LARGE, MICRON, "backlash")],
+)  # fmt: skip
 def test_sessions_of_an_independent_truth_are_left_alone(
     gauge: TrueGauge, machine: TrueMachine, imperfection: str
 ) -> None:

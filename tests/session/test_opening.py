@@ -9,7 +9,7 @@ from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
 from orthoglide_cal.session.events import Opened
-from orthoglide_cal.session.journal import Journal, encode
+from orthoglide_cal.session.journal import encode
 from orthoglide_cal.session.opening import MOST_CYCLES, session_file, session_path
 from tests.machines import NOMINAL
 
@@ -104,12 +104,6 @@ def test_a_session_that_cannot_be_is_refused(tmp_path: Path, wrong: dict[str, in
     said = refused(3, tmp_path, "s.yaml", "--resume")
     assert f"s.journal, line 1: The journal is damaged here: opened.{next(iter(wrong))}" in said
     assert "Use the orthocal that wrote it" in said
-
-
-def test_the_most_cycles_are_those_that_the_command_takes(tmp_path: Path) -> None:
-    Journal.create(tmp_path / "s.journal", opened(cycles=MOST_CYCLES)).close()
-    more = ("--cycles", str(MOST_CYCLES + 1))
-    assert str(MOST_CYCLES) in refused(2, tmp_path, "s.yaml", "--resume", *more)
 
 
 def test_a_cut_journal_says_what_was_ignored(tmp_path: Path) -> None:
