@@ -166,7 +166,7 @@ class Case:
             (self.says(remedy.sentence), self.remedied(remedy), remedy.verb) for remedy in remedies
         )
         for text, typed, run in dict.fromkeys(steps):  # two reasons may have one remedy
-            if following and text == following.what:
+            if following and text == self.says(following.what):
                 typed = self.further(following.session)
             if verb in (None, run):
                 yield doc.Instruction(text, typed)
