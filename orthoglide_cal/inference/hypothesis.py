@@ -74,6 +74,7 @@ class Pattern:
     parameters: Floats | None  # of each shape, (v,)
     sizes: Floats  # that were tried, (s,) [mm]
     log_shape: Floats  # log evidence of each shape and size, up to a constant, (v, s)
+    gain: float  # of ln p by the likeliest of them, as it was scored
 
     @cached_property
     def shapes(self) -> list[Shape]:

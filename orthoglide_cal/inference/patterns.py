@@ -457,6 +457,7 @@ def scores_of(fit: Fit, every: Sequence[Tried]) -> list[Hypothesis]:
             pattern = Pattern(
                 one.how, where, one.log_prior, one.made.columns, one.chosen[k],
                 one.made.parameters, sizes * fit.noise.stated, log_shape,
+                float(by_shape[k].flat[log_shape.argmax()]),
             )  # fmt: skip
             log = fit.log_evidence + float(gain)
             scored.append(Hypothesis(fit.at, log, patterns=(pattern,)))
@@ -531,9 +532,14 @@ def combined(hypothesis: Hypothesis, fit: Fit, every: Sequence[Tried]) -> list[H
     before, patterns = usual(fit), hypothesis.patterns
     if not hypothesis.label:
         return scores_of(before, every)
-    for pattern in patterns:
-        before, _ = extended(before, pattern)
     gained = (hypothesis.log_evidence if patterns else fit.log_evidence) - fit.log_evidence
+    for pattern in patterns:
+        after, _ = extended(before, pattern)
+        if pattern.how != "scatters":
+            # Scored alone where it leaves far more than noise, it may gain far less than it seems.
+            exact = float(log_sum(after.by_noise) - log_sum(before.by_noise))
+            gained += exact - pattern.gain
+        before = after
     known = {pattern.label for pattern in patterns}
     return [
         replace(
