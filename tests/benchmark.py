@@ -90,18 +90,23 @@ def commands(folder: Path) -> None:
 
 
 def one_more_file(folder: Path) -> None:
-    """Of many healthy files each beyond the first, on a screen and as values.
+    """Of many healthy files of `tests/truth` each beyond the first, on a screen and as values.
 
     Not of those that the program has in doubt: it also plans what to measure next of them.
     """
-    files = []
-    for seed in range(FILES):
-        path = str(folder / f"{seed}.csv")
-        process("-m", "orthoglide_cal", "simulate", "--seed", str(seed), "--output", path)()
-        if process("-m", "orthoglide_cal", "solve", path)() == 0:
-            files.append(path)
+    from tests.inference.sessions import texts_of
+    from tests.truth import DIAL, PROTOTYPE, make_session
+
+    sessions = [make_session(seed, PROTOTYPE, DIAL) for seed in range(FILES)]
+    machine, files = folder / "machine.yaml", []
+    machine.write_text(texts_of(sessions[0])[0])
+    for seed, session in enumerate(sessions):
+        path = folder / f"{seed}.csv"
+        path.write_text(texts_of(session)[1])
+        if process("-m", "orthoglide_cal", "solve", "--machine", str(machine), str(path))() == 0:
+            files.append(str(path))
     for verb, form in (("solve", ()), ("diagnose", ()), ("diagnose", ("--json",))):
-        call = ("-m", "orthoglide_cal", verb, *form)
+        call = ("-m", "orthoglide_cal", verb, "--machine", str(machine), *form)
         many, one, imports = in_turn(
             process(*call, *files), process(*call, files[0]), process("-c", IMPORTS), rounds=3
         )
