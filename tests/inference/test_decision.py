@@ -98,7 +98,7 @@ def test_verdicts(shares: dict[str, float], verdict: str) -> None:
 
 def test_what_may_be_there_unseen_is_mentioned() -> None:
     """Where its name costs less to read than the fault to miss."""
-    found = decision(nothing=1.0, axis_gap=0.1, leg_length=0.01, bar_skew=1e-4)
+    found = decision(nothing=1.0, axis_gap=0.1, leg_length=0.005, bar_skew=2e-4)
     assert found.not_excluded == ("axis_gap", "leg_length")
     # Not what acts with another fault only, nor an exchange: what does not show moves nothing.
     found = decision(nothing=1.0, axis_gap_and_misread=0.1, swapped_gauges=0.1)
