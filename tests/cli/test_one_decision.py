@@ -75,7 +75,8 @@ FILES: dict[str, tuple[Callable[[Path], None], str, bool, str]] = {
 }  # fmt: skip
 
 
-SLOW = ("single.csv", "leaning.cfg", "right.cfg")  # twins of others: one of each is enough
+# twins of others: one of each is enough
+SLOW = ("single.csv", "leaning.cfg", "right.cfg", "axis_gap.yaml")
 
 
 @pytest.mark.parametrize(

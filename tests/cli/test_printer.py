@@ -131,7 +131,6 @@ FILES: dict[str, Callable[[], str]] = {
     "right.csv": lambda: tilted(0.0),
     "tilted.csv": lambda: tilted(0.06),
     "seven.csv": lambda: seven(0.033),
-    "seven20.csv": lambda: seven(0.02),
     "seven14.csv": lambda: seven(0.0145),
     "six.csv": lambda: "\n".join(seven(0.1).splitlines()[:7]) + "\n",
     "three.csv": lambda: "\n".join(exact(V400, OFF, Layout(places=13)).splitlines()[:4]) + "\n",
@@ -355,7 +354,6 @@ def test_what_is_not_recommended_is_not_accepted() -> None:
         # Without a touch to spare the model is not said to fit.
         ("diagnose six.csv", ("these data cannot show",),
          ("✔", "Unexplained: ", "degrees of freedom")),
-        ("diagnose seven20.csv --details", ("1 degree of freedom)",), ()),
         # A pattern that noise leaves in fewer than one of a hundred, on a bed without grain.
         ("solve seven14.csv --machine smooth.yaml --details",
          ("larger than usual for the probe's noise", "not large enough to call the model wrong"),

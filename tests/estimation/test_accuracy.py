@@ -33,7 +33,7 @@ from tests.truth.delta import Layout, places_of
     ("kind", "influenced"), [(SIX, False), (SIX, True), (TWELVE, True), (SINGLE, True)]
 )
 def test_what_noise_leaves_of_differences_is_chi_squared(kind: DataKind, influenced: bool) -> None:
-    """σ² χ² of k − 3 degrees of freedom, of 1500 sets of differences.
+    """σ² χ² of k − 3 degrees of freedom, of 750 sets of differences.
 
     A Kolmogorov–Smirnov test at 1e-5, by either of two estimators for each of four cases.
     """
@@ -42,8 +42,8 @@ def test_what_noise_leaves_of_differences_is_chi_squared(kind: DataKind, influen
     jacobian, k = problem.at_zero[1], len(problem.matrix)
     # Unequal influences of a few standard deviations of noise each.
     ratio = rng.normal(0.0, [3.0, 1.0], (k, 2)) if influenced else np.zeros((k, 2))
-    noise = 0.02 * rng.standard_normal((1500, len(problem.plan))) @ problem.matrix.T
-    data = noise + 0.02 * rng.standard_normal((1500, 2)) @ ratio.T
+    noise = 0.02 * rng.standard_normal((750, len(problem.plan))) @ problem.matrix.T
+    data = noise + 0.02 * rng.standard_normal((750, 2)) @ ratio.T
     # Plain least squares, and the first three differences alone.
     first_three = np.linalg.pinv(np.where(np.arange(k)[:, None] < 3, jacobian, 0.0))
     if kind is SINGLE:  # of which the first three do not tell Δρ_y

@@ -14,6 +14,7 @@ from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.inference.hypothesis import Hypothesis
+from orthoglide_cal.schema import Reason
 from tests import truth
 from tests.inference.sessions import known
 
@@ -96,9 +97,22 @@ def test_verdicts(shares: dict[str, float], verdict: str) -> None:
     assert said(decision(**shares)) == verdict
 
 
+def test_under_a_refuted_name_as_much_may_return_as_is_left() -> None:
+    """In the readings of each cell alike: by the estimator, beside the covariance of the noise."""
+    refuted = Reason.of("refuted_left_out", ids=["axis_gap"])
+    verdict = replace(decision(axis_gap=1.0, misfit=3.0), refuted=refuted)
+    (_, fit), *_ = verdict.left_open
+    white = session().at.white
+    variance = fit.residual @ fit.residual / (len(white) - 3)
+    alike = white.plan.cells[:, None] == np.unique(white.plan.cells)
+    effect = fit.offsets_covariance @ fit.columns[:, :3].T @ white.matrix @ alike / fit.sigma**2
+    beyond = verdict.offsets[1] - fit.offsets_covariance
+    assert beyond == pytest.approx(variance * effect @ effect.T, rel=0.01)
+
+
 def test_what_may_be_there_unseen_is_mentioned() -> None:
     """Where its name costs less to read than the fault to miss."""
-    found = decision(nothing=1.0, axis_gap=0.1, leg_length=0.01, bar_skew=1e-4)
+    found = decision(nothing=1.0, axis_gap=0.1, leg_length=0.005, bar_skew=2e-4)
     assert found.not_excluded == ("axis_gap", "leg_length")
     # Not what acts with another fault only, nor an exchange: what does not show moves nothing.
     found = decision(nothing=1.0, axis_gap_and_misread=0.1, swapped_gauges=0.1)

@@ -54,6 +54,8 @@ def test_what_the_machine_file_does_not_mention_is_named_all_the_same(
     assert (found["verdict"], [one["id"] for one in found["causes"]]) == ("named", [cause])
     assert assumed(full) == {}
     assert assumed(found) == {id: truth.machines.TOLERANCES[id] for id in RECORD}
+    note = "Assumed sizes (not in the machine file): "
+    assert note in words(run("diagnose", readings, "--machine", silent, "--details").stdout)
     # These defaults are what the full file states, so nothing else differs.
     same = full.keys() - {"assumed", "assumed_sizes"}
     assert {key: found[key] for key in same} == {key: full[key] for key in same}

@@ -34,8 +34,8 @@ QUICK = ("leg_bending", "plunger_hysteresis", "noisy_leg")
 PACE = {"thermal_drift": 2.5, "gauge_drift": 2.5}
 cases = [
     pytest.param(cause, gauge, seed, id=f"{cause}-{gauge.name}")
-    for cause, seeds in CLEAR.items()
-    for gauge, seed in zip(GAUGES, seeds, strict=True)
+    for number, (cause, seeds) in enumerate(CLEAR.items())
+    for gauge, seed in [(GAUGES[number % 2], seeds[number % 2])]
 ]
 
 

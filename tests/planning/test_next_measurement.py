@@ -174,7 +174,7 @@ def test_what_u_will_be_is_what_solve_prints(
     """
     session = truth.make_session(seed, truth.PROTOTYPE, gauge, causes)
     ranking = rank_measurements(diagnose(*known(session)))
-    for following in ranking[:: len(ranking) // 3]:
+    for following in ranking[:: len(ranking) // 2]:
         became = [printed_u(continued(session, following, n)) for n in range(4)]
         largest = np.mean(became, axis=0).max()
         assert following.expanded.max() == pytest.approx(largest, rel=0.05)

@@ -219,7 +219,7 @@ def test_a_plunger_cannot_be_further_than_its_travel_from_any_reading() -> None:
 
 
 @pytest.mark.parametrize("size", [-0.3, 0.6])
-@pytest.mark.parametrize("at", [42, 43, 44, 45])
+@pytest.mark.parametrize("at", [42, 45])
 def test_a_wrong_reading_accuses_no_other_leg(at: int, size: float) -> None:
     """Two good legs were measured before, one with gauges exchanged would explain anything."""
     steps = steps_of()

@@ -61,6 +61,12 @@ def test_errors_never_become_values(name: str, line: str) -> None:
     assert SERIAL_FORMATS[name].parse(line).value is None
 
 
+def test_a_format_knows_its_line() -> None:
+    sylvac = SERIAL_FORMATS["sylvac"]
+    line = (sylvac.baud, sylvac.data_bits, sylvac.parity, sylvac.stop_bits, sylvac.request)
+    assert line == (4800, 7, "E", 2, b"?\r")
+
+
 def test_inches_become_millimetres_once() -> None:
     assert Token("", 0.005, INCH).mm(MM) == 0.127
     assert Token("", 0.005).mm(INCH) == 0.127

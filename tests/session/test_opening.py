@@ -126,7 +126,7 @@ def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
     ("arguments", "said"),
     [
         *((("s.yaml", *options), options[0]) for options in (
-            ("--until", "0"), ("--until", "-1"), ("--until", "nan"), ("--cycles", "0"),
+            ("--until", "0"), ("--until", "nan"), ("--cycles", "0"), ("--cycles", "51"),
             ("--temperature", "inf"), ("--protocol", "triple"), ("--unit", "cm"),
             ("--certificate", "7"), ("--gauges", "3"), ("--seed", "-1"),
         )),
