@@ -44,6 +44,7 @@ class PatternCause(Cause):
         return Patterns.at(plan, [place[0] for place in places], list(map(self.onward, places)))
 
     def spoiled(self, place: Place, plan: AnyPlan) -> Ints:
+        """Indices of the readings that it changes at a place."""
         return np.flatnonzero(self._pattern(place, plan).any(axis=1))
 
     def _pattern(self, place: Place, plan: AnyPlan) -> Floats:
@@ -79,12 +80,6 @@ class RelabelCause(Cause):
     def relabel(self, plan: AnyPlan, place: Place) -> tuple[np.ndarray, Floats]:
         """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""
         return np.arange(len(plan)), np.ones(len(plan))
-
-    def spoiled(self, place: Place, plan: AnyPlan) -> Ints:
-        index, sign = self.relabel(plan, place)
-        moved = (index != np.arange(len(plan))) | (sign != 1.0)
-        really = self.really_read(plan, place).direction
-        return np.flatnonzero(moved | (really != plan.direction))
 
     def record(self, readings: Numbers, effect: Effect, plan: AnyPlan, machine: Machine) -> Numbers:
         index, sign = self.relabel(plan, effect.place)

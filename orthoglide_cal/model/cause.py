@@ -20,7 +20,7 @@ from pydantic import Field, computed_field
 
 from orthoglide_cal.model.kinematics import Command, Geometry
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import AnyPlan, Floats, Ints, Numbers, ReadOnly
+from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, ReadOnly
 from orthoglide_cal.schema import Number, Schema
 
 
@@ -190,10 +190,6 @@ class Cause:
     def label(self, place: Place, plan: AnyPlan, machine: Machine) -> str:
         """A place in words; empty for the whole machine."""
         return ""
-
-    def spoiled(self, place: Place, plan: AnyPlan) -> Ints:
-        """Indices of the readings that it spoils at a place; none for the whole machine."""
-        return np.zeros(0, dtype=np.intp)
 
     def to_read_again(self, plan: AnyPlan, place: Place) -> tuple[int, ...]:
         """Indices of the readings that taking again would correct; () if that corrects nothing."""

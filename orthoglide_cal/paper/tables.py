@@ -149,16 +149,7 @@ def table_1(model: Model) -> Reproduction:
     )
 
 
-def monte_carlo(
-    model: Model,
-    kind: DataKind,
-    offset_mm: float,
-    rng: np.random.Generator,
-    *,
-    sigma_mm: float = SIGMA_MM,
-    replications: int = REPLICATIONS,
-    runs: int = RUNS,
-) -> Floats:
+def monte_carlo(model: Model, kind: DataKind, offset_mm: float, rng: np.random.Generator) -> Floats:
     """Estimate the offsets from many noisy sessions by nonlinear least squares (eq. 25).
 
     Each reading gets its own noise, so a session's twelve differences share the noise of their
@@ -167,11 +158,9 @@ def monte_carlo(
     Args:
         kind: six equations, or twelve.
         offset_mm: true value of all three offsets.
-        sigma_mm: standard deviation of one reading.
-        replications: repeats of the study, each of so many `runs`.
 
     Returns:
-        std(Δρ) of each replication, r.m.s. over the joints, shape (replications,) [mm].
+        std(Δρ) of each replication, r.m.s. over the joints, shape (REPLICATIONS,) [mm].
 
     Raises:
         UnusableResultError: any of the solves did not reach its optimum.
@@ -179,13 +168,13 @@ def monte_carlo(
     problem = _problem(model, kind)
     plan = problem.plan
     signal = simulate(model, np.full(3, offset_mm), plan)
-    stds = np.empty(replications)
-    for k in range(replications):
-        noise = sigma_mm * rng.standard_normal((runs, len(plan)))
+    stds = np.empty(REPLICATIONS)
+    for k in range(REPLICATIONS):
+        noise = SIGMA_MM * rng.standard_normal((RUNS, len(plan)))
         fit = fit_offsets(problem, (signal + noise) @ problem.matrix.T)
         if not np.all(fit.converged):
             raise UnusableResultError(
-                f"{np.sum(~fit.converged)} of {runs} solves did not reach their optimum.",
+                f"{np.sum(~fit.converged)} of {RUNS} solves did not reach their optimum.",
                 "Use less noise or smaller offsets.",
             )
         stds[k] = np.sqrt(fit.offsets_mm.var(axis=0, ddof=1).mean())

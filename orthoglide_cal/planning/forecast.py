@@ -217,12 +217,10 @@ def fewest_cycles(
     Other arguments as of `forecast`.
     """
 
-    def with_cycles(cycles: int) -> SessionForecast:
-        return forecast(model, protocol, cycles, method, stands)
-
     def enough(cycles: int) -> bool:
-        return max(with_cycles(cycles).expanded_mm.values()) <= wanted_mm
+        session = forecast(model, protocol, cycles, method, stands)
+        return max(session.expanded_mm.values()) <= wanted_mm
 
     # More cycles never leave a larger U.
     fewest = 1 + bisect_left(range(1, MOST_CYCLES + 1), True, key=enough)
-    return with_cycles(fewest) if fewest <= MOST_CYCLES else None
+    return forecast(model, protocol, fewest, method, stands) if fewest <= MOST_CYCLES else None

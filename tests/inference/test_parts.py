@@ -51,7 +51,9 @@ def test_places_of_the_parts() -> None:
     assert (really.direction != two.plan.direction).tolist() == moved.tolist()
     assert swap.label(later, two.plan, model.machine) == "leg y, part 2"
     flip = CAUSES["sign_flip"]
-    assert flip.spoiled(Place((0, 1, 1)), two.plan).tolist() == list(range(60, 80, 2))
+    assert isinstance(flip, RelabelCause)
+    _, signs = flip.relabel(two.plan, Place((0, 1, 1)))
+    assert np.flatnonzero(signs < 0.0).tolist() == list(range(60, 80, 2))
 
 
 def test_gauges_are_exchanged_only_where_the_step_was_the_same() -> None:

@@ -60,10 +60,11 @@ def test_accuracy_of_the_methods() -> None:
         assert int(100.0 * accuracy_factor(NOMINAL, kind)) == round(100.0 * printed)
 
 
-def test_monte_carlo_has_the_offsets_it_is_given() -> None:
+def test_monte_carlo_has_the_offsets_it_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
     """20 mm of offset make it 5 % worse; 2 × 6000 solves have a standard error of 0.4 %."""
-    rng = np.random.default_rng(4)
-    stds = monte_carlo(NOMINAL, SIX, 20.0, rng, replications=2, runs=6000)
+    monkeypatch.setattr(tables, "REPLICATIONS", 2)
+    monkeypatch.setattr(tables, "RUNS", 6000)
+    stds = monte_carlo(NOMINAL, SIX, 20.0, np.random.default_rng(4))
     problem = problem_of(SIX, NOMINAL)
     jacobian = problem.predict_with_jacobian(np.full(3, 20.0))[1]
     exact = 0.01 * sigma_rho(unit_covariance(problem, jacobian))
@@ -71,10 +72,13 @@ def test_monte_carlo_has_the_offsets_it_is_given() -> None:
     assert stds.mean() == pytest.approx(exact, rel=0.02)
 
 
-def test_monte_carlo_never_averages_what_did_not_converge() -> None:
-    rng = np.random.default_rng(1)
+def test_monte_carlo_never_averages_what_did_not_converge(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(tables, "SIGMA_MM", 80.0)
+    monkeypatch.setattr(tables, "RUNS", 200)
     with pytest.raises(UnusableResultError, match="did not reach their optimum"):
-        monte_carlo(NOMINAL, SIX, 0.1, rng, sigma_mm=80.0, replications=1, runs=200)
+        monte_carlo(NOMINAL, SIX, 0.1, np.random.default_rng(1))
 
 
 def test_table_3_shows_mean_and_spread_beside_the_print(monkeypatch: pytest.MonkeyPatch) -> None:
