@@ -176,8 +176,8 @@ def _alone(machine: Orthoglide) -> Iterator[NextMeasurement]:
         plan, minutes = timed_plan(sequence(machine, *session), MINUTES_PER_SETUP)
         how_often = counted(cycles, "cycle")
         task = (
-            f"Measure a separate session, {protocol}, {how_often} per leg; write down every reading."
-            " It needs no old data."
+            f"Measure a separate session, {protocol}, {how_often} per leg; write down every"
+            " reading. It needs no old data."
         )
         typed = sequence_options(*session)
         yield NextMeasurement(what=task, plan=plan, minutes=minutes, session=typed)

@@ -146,7 +146,8 @@ def test_the_commands_to_type_hold_the_files_and_the_numbers(tmp_path: Path) -> 
     assert known == ["orthocal apply made.csv", entering, *again]
     accept = commands(documents()["named_in_machine"]())
     assert accept == ["orthocal diagnose made.csv --accept axis_gap"]
-    for kind in ("named_in_measurement", "ambiguous", "unexplained", "failed"):
+    assert commands(documents()["ambiguous"]()) == ["orthocal measure --cycles 1"]
+    for kind in ("named_in_measurement", "unexplained", "failed"):
         assert commands(documents()[kind]()) == []
 
 
@@ -157,9 +158,9 @@ def test_the_page_expects_what_the_answer_does() -> None:
     document, check = report_of(case), case.answer.check
     page = document.page()
     blocks = [block for part in (*page.sheet, *page.sections) for block in part.blocks]
-    (rows,) = (block.sketch for block in blocks if "r.m.s." in getattr(block, "finding", ""))
-    (row,) = (row.split() for row in rows if row.startswith(check.what))
-    assert row[1:3] == [signed(check.before_mm, 3), signed(check.expected_mm, 3)]
+    (grid,) = (block.plain for block in blocks if "r.m.s." in getattr(block, "finding", ""))
+    (row,) = (row for row in grid.rows if row[0] == check.what)
+    assert list(row[1:3]) == [signed(check.before_mm, 3), signed(check.expected_mm, 3)]
 
 
 def beyond_the_limit() -> doc.Document:
