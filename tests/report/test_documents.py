@@ -163,6 +163,13 @@ def test_the_page_expects_what_the_answer_does() -> None:
     assert list(row[1:3]) == [signed(check.before_mm, 3), signed(check.expected_mm, 3)]
 
 
+def test_the_likeliest_rival_is_drawn_on_the_first_sheet() -> None:
+    sheet = documents()["ambiguous"]().page().sheet
+    (rival,) = (part for part in sheet if (part.title or "").startswith("Or: "))
+    assert "(axis_gap)" in rival.title
+    assert isinstance(rival.blocks[-1], doc.Figure)
+
+
 def beyond_the_limit() -> doc.Document:
     """Adjusted as promised, and the gap that offsets do not put right is more than the limit."""
     before = given(session(TRUE, 16, GAPED), GAPED)

@@ -270,13 +270,11 @@ def readings_table(case: Case, when: str) -> doc.Section:
         at, places = ", ".join(names), [", ".join(str(getattr(e, n)) for n in names) for e in rows]
     else:
         at, places = "difference", [row.posture or "" for row in rows]
-    columns = {
-        "no.": [str(row.order) for row in rows],
-        at: places,
-        "measured, mm": [short(row.measured_mm, 4) for row in rows],
-        "left, mm": [signed(mm, 4) for mm in left.tolist()],
-    }
-    grid = doc.Grid.of(columns, words=(1,))
+    table = [
+        (str(row.order), place, short(row.measured_mm, 4), signed(mm, 4))
+        for row, place, mm in zip(rows, places, left.tolist(), strict=True)
+    ]
+    grid = doc.Grid(("no.", at, "measured, mm", "left, mm"), table, words=(1,))
     return doc.Section(f"Appendix: readings, {when}".removesuffix(", "), grid)
 
 
