@@ -34,7 +34,7 @@ def diagnose(
     details: bool = common.DETAILS,
     json: bool = common.JSON,
 ) -> None:
-    """Find what is wrong besides the offsets, how certain that is, and what to do."""
+    """Find what is wrong besides the offsets, and what to do about it."""
     import numpy as np
 
     from orthoglide_cal import inference

@@ -36,10 +36,11 @@ def start() -> None:
             known = f"{path}: {machine.name}, {machine.geometry_words}"
     except OrthocalError as error:
         known = str(error)
-    practising = machine.practice if machine else not sessions
-    while measured and not practising and _simulated(measured[-1]):
-        measured.pop()  # no part of the round
-    sessions = measured if machine else measured or sessions
+    while measured and _simulated(measured[-1]):
+        measured.pop()
+    # Practice is the round only where it is meant to be, or where there is nothing else.
+    practising = machine.practice if machine else not measured
+    sessions = sessions if practising else measured
     simulated = bool(sessions) and _simulated(sessions[-1])
     practices = [path for path in waiting if is_practice(path)]
     names = ", ".join(f"{path.name}{' (practice)' * (path in practices)}" for path in waiting)
@@ -52,24 +53,21 @@ def start() -> None:
     title = "calibration of an Orthoglide with a dial indicator"
     if printers and not sessions:
         title = "calibration of a linear delta by its own probe"
-    if simulated or practising:
-        practices = []  # the practice is the round
-    real = [path for path in waiting if path not in practices]
+    begun = [path for path in waiting if practising or path not in practices]
     try:
-        blocks = list(_next(file, to, sessions, real, printers))
+        blocks = list(_next(file, to, sessions, begun, printers))
     except OrthocalError as error:
         blocks = [doc.Instruction(str(error), command("validate", str(sessions[-1])))]
     for path in waiting:
         name = str(path.with_suffix(".yaml"))
-        if path in practices:
+        if path not in begun:
             typed = command("measure", name, options="--resume")
             blocks.append(doc.Instruction("Continue the practice", typed))
         given_up = command("measure", name, options="--discard")
         blocks.append(doc.Instruction("Or give it up", given_up))
-    if len(sessions) > 1 and not (waiting or to):
-        blocks.append(
-            doc.Instruction("Check whether the machine has changed", "orthocal history .")
-        )
+    if len(sessions_in(here)) > 1 and not (waiting or to):
+        changed = doc.Instruction("Check whether the machine has changed", "orthocal history .")
+        blocks.append(changed)
     steps = [block for block in blocks if isinstance(block, doc.Instruction)]
     state = [block for block in blocks if not isinstance(block, doc.Instruction)]
     page = doc.Page(

@@ -367,15 +367,15 @@ class Machine(Schema):
         return next((entry for entry in self.history if entry.data_sha256 == sha256), None)
 
     def with_papers(self, owner: Machine) -> Self:
-        """The same with what the owner of this machine wrote since for its reports, where it lacks.
+        """The same with what its owner wrote for reports since, where this lacks it.
 
-        U and due date of a gauge go with its certificate.
+        U and due date of a gauge go with its certificate. A file of another machine adds nothing.
         """
         if (self.name, type(self)) != (owner.name, type(owner)):
             return self
         texts = {name: text for name, text in self.report if text is not None}
-        gauges = {gauge.id: gauge for gauge in (*reversed(self.gauges), *owner.gauges)}
-        for mine in reversed(self.gauges):
+        gauges = {gauge.id: gauge for gauge in (*self.gauges, *owner.gauges)}
+        for mine in self.gauges:
             if mine.certificate in (None, gauges[mine.id].certificate):
                 known = {name: value for name, value in mine if value is not None}
                 gauges[mine.id] = gauges[mine.id].changed(**known)

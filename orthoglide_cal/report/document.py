@@ -115,12 +115,18 @@ class Figure:
     panels: Sequence[Html]
     columns: int = 3  # most side by side; 0: half as wide as a page, beside the other blocks
     key: str | None = None  # explanation of the marks
-    sketch: Sequence[str] = ()  # the same in characters, for a terminal
+    plain: "Block | None" = None  # the same in characters
 
     @property
     def in_words(self) -> str:
         """Title and finding; "" where it has neither."""
         return f"{self.title}. {self.finding}".strip() if self.title else self.finding
+
+    @property
+    def in_characters(self) -> "list[Block]":
+        """Its words, and what stands for the picture; nothing where that is only drawn."""
+        words: list[Block] = [self.in_words] if self.in_words else []
+        return [*words, self.plain] if self.plain else []
 
 
 @dataclass(frozen=True)
@@ -184,12 +190,10 @@ class Page:
 
     @property
     def in_characters(self) -> list[Section]:
-        """The sections but figures without a sketch: their words would refer to nothing."""
+        """The sections but figures only drawn: their words would refer to nothing."""
         shown = [
-            Section(
-                section.title, *(b for b in section.blocks if not isinstance(b, Figure) or b.sketch)
-            )
-            for section in (*self.sheet, *self.sections)
+            Section(part.title, *(b for b in part.blocks if not isinstance(b, Figure) or b.plain))
+            for part in (*self.sheet, *self.sections)
         ]
         return [section for section in shown if section.blocks]
 

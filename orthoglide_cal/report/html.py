@@ -98,18 +98,15 @@ def _block(block: doc.Block) -> Html:
             return tag("div", shown, caption, class_=whole)
         case doc.Figure():
             heading = tag("strong", block.title) if block.title else None
-            shown = tag("pre", join(block.sketch, "\n"), class_="scroll", tabindex="0")
-            if block.panels:
-                shown = tag("div", *block.panels, class_=f"panels {_COLUMNS[block.columns]}")
             return tag(
                 "figure",
                 tag("figcaption", heading, block.finding) if block.in_words else None,
-                shown,
+                tag("div", *block.panels, class_=f"panels {_COLUMNS[block.columns]}"),
                 tag("p", block.key, class_="small") if block.key else None,
                 class_="beside" if block.columns == 0 else None,
             )
         case doc.Listing():
-            return tag("pre", join(block.lines, "\n"))
+            return tag("pre", join(block.lines, "\n"), class_="scroll", tabindex="0")
         case doc.Instructions():
             return tag("ol", *map(_instruction, block.items), class_="steps")
         case _:

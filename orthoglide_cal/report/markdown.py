@@ -39,8 +39,7 @@ def _block(block: doc.Block) -> str:
             caption = [f"\n{in_markdown(block.caption)}"] if block.caption else []
             return "\n".join([f"| {' | '.join(titles)} |", f"|{'|'.join(rules)}|", *rows, *caption])
         case doc.Figure():
-            title = [in_markdown(block.in_words)] if block.in_words else []
-            return "\n\n".join([*title, _fenced(block.sketch)])
+            return "\n\n".join(map(_block, block.in_characters))
         case doc.Listing():
             return _fenced(block.lines)
         case doc.Instructions():

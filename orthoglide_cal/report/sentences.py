@@ -56,6 +56,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "sizes": lambda rows: ", ".join(
         f"{name} {signed(size, 3)} {unit_words(unit)}" for name, size, unit in rows
     ),
+    "in_force": lambda names: f" (other {', '.join(names)} in force)" * bool(names),
     "tenths": lambda value: plain(value, 1),
     "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
     "freed": lambda arms: ", ".join(
@@ -136,26 +137,9 @@ def _other_data(_: Machine, data: Data) -> str:
     return f"The {data['data']} in the same file, judged alone, {judged}."
 
 
-def _recalibrated(_: Machine, data: Data) -> str:
-    replaced = f" (other {', '.join(data['changed'])} in force)" if data["changed"] else ""
-    return (
-        f"The machine was recalibrated before the held-out readings{replaced}. Its parameters are"
-        " fitted to them, with and without the causes, which are carried over unchanged."
-    )
-
-
 def _of_session(machine: Machine, data: Data) -> str:
     text = sentence(data["reason"], machine)
     return f"{data['when']}, {text[0].lower()}{text[1:]}"
-
-
-def _origin_moved(_: Machine, data: Data) -> str:
-    moves = ", ".join(f"{name} by {value:+.3f}" for name, value in data["moves"].items())
-    return (
-        f"Between the two measurements the origin of the endstops has moved: {moves} mm. None of"
-        " this was entered. The endstops are fitted to the held-out readings. All other parameters"
-        " are carried over."
-    )
 
 
 # How readings deviate → what gauges do, {s} with one; the effect's short name; remedy.
@@ -412,8 +396,12 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     " not on the data alone. Raw readings with more postures would show more.",
     "measure_again": "Correct a fault of the measurement by measuring again, not in the"
     " controller.",
-    "recalibrated": _recalibrated,
-    "origin_moved": _origin_moved,
+    "recalibrated": "The machine was recalibrated before the held-out readings{changed:in_force}."
+    " Its parameters are fitted to them, with and without the causes. These are carried over"
+    " unchanged.",
+    "origin_moved": "Between the two measurements the origin of the endstops has moved:"
+    " {moves:changes} mm. None of this was entered. The endstops are fitted to the held-out"
+    " readings. All other parameters are carried over.",
     "maps_repeat": "The residual maps of these dates repeat (r = {correlation:.2f}): the"
     " residuals are a lasting shape, not noise.",
     "local_residual": "Unexplained: {left_mm:µm} r.m.s. Of this {noise_mm:µm} is the probe's noise."

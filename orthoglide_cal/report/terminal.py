@@ -92,9 +92,8 @@ class _Lines:
             case doc.Grid():
                 yield from self._grid(block)
             case doc.Figure():
-                if block.in_words:
-                    yield from self._flow(block.in_words)
-                yield from (Text(_GAP + visible(row)) for row in block.sketch)
+                for part in block.in_characters:
+                    yield from self._block(part)
             case doc.Listing():
                 yield from (Text(visible(line)) for line in block.lines)
             case doc.Instructions():

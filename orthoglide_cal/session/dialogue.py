@@ -377,8 +377,10 @@ class Dialogue:
         self.asker.rest(driving=False)
         near = 3.0 * readings.sigma_mm
         # Read again it stays wrong: the plunger cannot reach it, or the machine stands elsewhere.
-        again = doubt not in (Doubt.PLACE, Doubt.RANGE)
-        if again and any(abs(value - old) <= near for old in before):
+        again = doubt is not Doubt.PLACE and any(abs(value - old) <= near for old in before)
+        if again and doubt is Doubt.RANGE:
+            self.asker.say(wording.OUT_OF_RANGE, Style.BAD)
+        elif again:
             self.asker.say("The same reading again: kept, with a note.")
             self._keep(asked)
 

@@ -197,7 +197,9 @@ def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
         text = answer.lower() if isinstance(answer, str) else ""
         if text in ("", "y", "yes"):
             break
-        if text in ("n", "no", "q"):
+        if text in ("q", "quit"):
+            raise EOFError
+        if text in ("n", "no"):
             raise UsageError(
                 "Nothing was begun.",
                 "Name the file of your machine, --machine FILE, or make one: orthocal machine new",

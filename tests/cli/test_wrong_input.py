@@ -183,6 +183,10 @@ def test_equal_faults_are_one_and_a_screen_holds_all_kinds(tmp_path: Path) -> No
     said = refused(3, "solve", "colons.csv")
     assert said.count("This is not a number.") == 1
     assert said.endswith(f"The first of {count} such faults; also in minutes.")
+    # Those that differ in numbers only are one, too.
+    rows = Path(DOUBLE).read_text(encoding="utf-8").splitlines()
+    Path("twice.csv").write_text("\n".join([*rows, *rows[1:]]), encoding="utf-8")
+    assert refused(3, "solve", "twice.csv").endswith("The first of 60 such faults.")
 
     kinds = (
         "schema_version: 7",

@@ -60,7 +60,7 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
     found = json.loads(run("report", healthy, "--json", "--after", after, *applied).stdout)
     assert found["after"]["answer"] == "as modelled"
     page = run("report", healthy, "--after", after, *applied, "--limit", 0.05)
-    assert "found  expected   as left" in page.stdout
+    assert "found  expected  as left" in page.stdout
     assert "Pass: limit 0.05 mm" in page.stdout
     assert "The correction worked as predicted" in page.stdout
     assert "Nothing more: keep this report with the machine." in page.stdout

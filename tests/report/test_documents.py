@@ -137,8 +137,16 @@ def test_the_commands_to_type_hold_the_files_and_the_numbers(tmp_path: Path) -> 
     assert known == ["orthocal apply made.csv", entering, *again]
     accept = commands(documents()["named_in_machine"]())
     assert accept == ["orthocal diagnose made.csv --accept axis_gap"]
-    for kind in ("named_in_measurement", "ambiguous", "unexplained", "failed"):
+    assert commands(documents()["ambiguous"]()) == ["orthocal measure --cycles 1"]
+    for kind in ("named_in_measurement", "unexplained", "failed"):
         assert commands(documents()[kind]()) == []
+
+
+def test_the_likeliest_rival_is_drawn_on_the_first_sheet() -> None:
+    sheet = documents()["ambiguous"]().page().sheet
+    (rival,) = (part for part in sheet if (part.title or "").startswith("Or: "))
+    assert "(axis_gap)" in rival.title
+    assert isinstance(rival.blocks[-1], doc.Figure)
 
 
 def beyond_the_limit() -> doc.Document:

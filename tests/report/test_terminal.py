@@ -117,7 +117,7 @@ def test_every_format_says_the_same(kind):
             case doc.Grid():
                 cells = (cell for row in block.rows for cell in row)
                 wanted += [cell for cell in (*cells, *block.head) if isinstance(cell, str)]
-            case doc.Figure() if block.sketch:
+            case doc.Figure() if block.plain:
                 wanted.append(block.finding)
             case doc.Notice():
                 wanted.append(block.title)
@@ -208,9 +208,9 @@ def test_blank_fields_are_lines_to_write_on():
 
 
 def test_a_picture_that_characters_cannot_show_is_left_out():
-    drawn = doc.Figure("Residuals", "Worst fits x.", (), sketch=("x ██",))
+    drawn = doc.Figure("Residuals", "Worst fits x.", (), plain=doc.Listing(["x ██"]))
     page = of_blocks(doc.Figure("Where gauges stood", "Six places.", ()), drawn)
-    assert shown(page) == "Report: m\n\nResiduals. Worst fits x.\n  x ██\n\n"
+    assert shown(page) == "Report: m\n\nResiduals. Worst fits x.\nx ██\n\n"
     assert "Six" not in markdown(page)
     assert "Worst fits x." in markdown(page)
 

@@ -8,7 +8,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.readings import Conditions, GaugeIdentity
-from orthoglide_cal.model.machine import OwnGauge
+from orthoglide_cal.model.machine import Details, OwnGauge
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.documents.verification import verification_document
@@ -66,6 +66,22 @@ def test_the_machine_file_says_what_the_session_does_not() -> None:
     own = OwnGauge(id="no. 41", certificate="2026-0117", due="2026-01-31")
     (overdue,) = said(bare, changed(NOMINAL, gauges=(own,)))
     assert overdue == "Gauge no. 41 is overdue: its calibration was due on 2026-01-31."
+    # Of another certificate than the session's it says nothing.
+    other = bare.changed(gauges=(GaugeIdentity(id="no. 41", certificate="2025-0003"),))
+    assert said(other, changed(NOMINAL, gauges=(own,))) == (
+        "Not recorded: due date of gauge no. 41.",
+    )
+
+
+def test_what_is_written_later_completes_the_copy_in_a_session() -> None:
+    first = OwnGauge(id="a", certificate="1"), OwnGauge(id="b", certificate="2")
+    copy = NOMINAL.machine.changed(gauges=first, report=Details(place="hall 3"))
+    later = OwnGauge(id="a", certificate="1", expanded_mm=0.002), OwnGauge(id="b", certificate="3")
+    owner = copy.changed(gauges=later, report=Details(place="hall 4", address="Mill Lane"))
+    made = copy.with_papers(owner)
+    assert made.report == Details(place="hall 3", address="Mill Lane")
+    assert made.gauges == (later[0], first[1])
+    assert copy.with_papers(owner.changed(name="another")) == copy
 
 
 def test_two_sessions_are_compared() -> None:

@@ -224,21 +224,17 @@ def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str 
 
 def _rivals(case: Case) -> Iterator[doc.Section]:
     """What the readings cannot distinguish from the likeliest answer; its likeliest rival drawn."""
-    answer, checks = case.answer, {}
-    for id in answer.ambiguous_with:
-        words = CAUSES[id].words(case.machine)
-        title = f"{words.title} ({id})"
-        checks[id] = title, f"How to check: {words.instrument}."
-    rivals = [state.sizes for state in answer.explanations if {*state.sizes} & {*checks}]
-    for id, sizes in rivals[0].items() if rivals else ():
-        if id in checks and (sketch := cause_sketch(case, id, sizes)):
-            title, check = checks.pop(id)
-            check += f" If so: {CAUSES[id].words(case.machine).advice.format(where='')}"
-            yield doc.Section(f"Or: {title}", _cause_grid(case, id, sizes), check, sketch)
-    lines = (
-        " ".join((f"{title[0].upper()}{title[1:]}.", check)) for title, check in checks.values()
-    )
-    yield doc.Section("Also possible", *lines)
+    words = {id: CAUSES[id].words(case.machine) for id in case.answer.ambiguous_with}
+    rivals = (state.sizes for state in case.answer.explanations if {*state.sizes} & {*words})
+    for id, sizes in next(rivals, {}).items():
+        if id in words and (sketch := cause_sketch(case, id, sizes)):
+            cause = words.pop(id)
+            text = f"How to check: {cause.instrument}. If so: {cause.advice}"
+            yield doc.Section(
+                f"Or: {cause.title} ({id})", _cause_grid(case, id, sizes), text, sketch
+            )
+    lines = (f"{one.title} ({id}). How to check: {one.instrument}." for id, one in words.items())
+    yield doc.Section("Also possible", *(f"{line[0].upper()}{line[1:]}" for line in lines))
 
 
 def _differences(

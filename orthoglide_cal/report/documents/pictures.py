@@ -52,8 +52,8 @@ def residual_sections(case: Case, fit: Sequence[doc.Block]) -> list[doc.Section]
     for model, left in _left(case).items():
         blocks: list[doc.Block] = [] if bed else [_by_leg(answer.residuals, left, sigma)]
         for title, touches in _surfaces(answer).items() if bed else ():
-            sketch = _signs(_places(answer)[touches], left[touches], sigma)
-            blocks.append(doc.Figure(title or None, "", (), sketch=sketch))
+            lines = _signs(_places(answer)[touches], left[touches], sigma)
+            blocks += [*filter(None, [title]), doc.Listing(lines)]
         title = f"Measured minus modelled, µm: {model}"
         sections.append(doc.Section(title, *blocks, _distances(answer)))
     return [*sections, doc.Section(None, doc.small(BED_LEGEND if bed else LEG_LEGEND), *fit)]
@@ -91,13 +91,14 @@ def differences_figure(
         limit_mm: largest deviation allowed; None where nobody said.
         outcomes: by the limit, of each that was measured afterwards.
     """
-    measured = rows[0][-1] is not None
-    sketch = [f"            found  expected{'   as left' * measured}    ± U"]
-    for name, first, second, reach, last in rows:
-        shown = (first, second) if last is None else (first, second, last)
-        numbers = "".join(f"{signed(value, 3):>10}" for value in shown)
-        outcome = "".join(f"  {word}" for word in outcomes[len(sketch) - 1 :][:1])
-        sketch.append(f"{name:<7}{numbers}  {plain(reach, 3)}{outcome}")
+    names, found, expected, reach, last = zip(*rows, strict=True)
+    measured = last[0] is not None
+    sizes = {"found": found, "expected": expected, **({"as left": last} if measured else {})}
+    columns: dict[str, Sequence[doc.Blank]] = {"": names}
+    columns |= {head: [signed(mm, 3) for mm in values] for head, values in sizes.items()}
+    columns["± U"] = [plain(mm, 3) for mm in reach]
+    if outcomes:
+        columns["limit"] = outcomes
     kind, meaning = comparison_words(single)
     key = "○ as found → ■ expected" + (" → ● as left" if measured else " once entered")
     key += f", with U (95 %). {meaning}"
@@ -106,7 +107,7 @@ def differences_figure(
     title = f"Differences of readings, {kind}, mm"
     finding = f"r.m.s. {' → '.join(plain(size, 3) for size in rms_mm)}."
     picture = figures.deviation_rows(rows, limit_mm, outcomes)
-    return doc.Figure(title, finding, [picture], 0, key, sketch)
+    return doc.Figure(title, finding, [picture], 0, key, doc.Grid.of(columns))
 
 
 def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
@@ -132,9 +133,9 @@ def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
         shown = {"before": measured[touches] - measured[touches].mean()}
         shown |= {f"after, {model}": values[touches] for model, values in left.items()}
         maps = figures.bed_maps(title, places[touches], shown, *bed)
-        sketch = _signs(places[touches], left[list(left)[-1]][touches], sigma)
+        lines = _signs(places[touches], left[list(left)[-1]][touches], sigma)
         key = f"Each map has its own scale. {_RINGED}"
-        blocks.append(doc.Figure(title or None, "", maps, columns=2, key=key, sketch=sketch))
+        blocks.append(doc.Figure(title or None, "", maps, 2, key, doc.Listing(lines)))
     return [*beyond, *blocks, _distances(answer)]
 
 
@@ -269,13 +270,11 @@ def readings_table(case: Case, when: str) -> doc.Section:
         at, places = ", ".join(names), [", ".join(str(getattr(e, n)) for n in names) for e in rows]
     else:
         at, places = "difference", [row.posture or "" for row in rows]
-    columns = {
-        "no.": [str(row.order) for row in rows],
-        at: places,
-        "measured, mm": [short(row.measured_mm, 4) for row in rows],
-        "left, mm": [signed(mm, 4) for mm in left.tolist()],
-    }
-    grid = doc.Grid.of(columns, words=(1,))
+    table = [
+        (str(row.order), place, short(row.measured_mm, 4), signed(mm, 4))
+        for row, place, mm in zip(rows, places, left.tolist(), strict=True)
+    ]
+    grid = doc.Grid(("no.", at, "measured, mm", "left, mm"), table, words=(1,))
     return doc.Section(f"Appendix: readings, {when}".removesuffix(", "), grid)
 
 

@@ -401,11 +401,11 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     seen, hidden = plan.apart.visible, plan.apart.invisible
     blocks: list[doc.Block] = ["No cause leaves a trace."]
     if seen.causes:
-        sketch = separation_lines([cause.id for cause in seen.causes], seen.sigma, seen.trace)
+        lines = separation_lines([cause.id for cause in seen.causes], seen.sigma, seen.trace)
         cycles = counted(min(plan.cycles, MOST_COMPARED), "cycle")
         text = f"{plan.alike} of {plan.pairs} pairs of causes are not distinguished"
         text += "." if plan.gauges is None else f" by {cycles}."
-        blocks = [doc.Figure(None, text, (), sketch=sketch)]
+        blocks = [text, doc.Listing(lines)]
     if hidden:
         rows = [(cause.id, cause.words(plan.model.machine).instrument) for cause in hidden]
         caption = "At their usual size they hardly change such readings."
