@@ -22,11 +22,10 @@ from orthoglide_cal.inference import Diagnosis, Verdict
 from orthoglide_cal.inference.prediction import expect
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Estimate, Stage
 from orthoglide_cal.model.kinematics import Geometry
-from orthoglide_cal.model.machine import JointOffsets
 from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.orthoglide import POSTURES, Orthoglide, PlannedReading, plan_of
 from orthoglide_cal.model.plan import Floats, Numbers
-from orthoglide_cal.model.readings import Contact, other_axes
+from orthoglide_cal.model.readings import AXES, Contact, other_axes
 
 # What screws took away: id of a cause, or home_switch for joint offsets, and by how much.
 Removed = Sequence[tuple[str, Estimate]]
@@ -46,7 +45,7 @@ class Adjustment(Estimate):
     sensitivity: float = Field(description="change of the reading, mm per unit of the parameter")
     change_mm: float = Field(description="of the reading, until the parameter is zero")
     expanded_mm: float = Field(description="U of that change")
-    moved_mm: JointOffsets = Field(description="change of the joint offsets by it")
+    removes: Removed = Field(description="causes, or home_switch for offsets, and how much of them")
     check_mm: float = Field(description="reading there less reading here, afterwards")
     check_expanded_mm: float
 
@@ -127,7 +126,11 @@ def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
         now = now.extended([alone.at(-effect.theta * (np.arange(effect.theta.size) == parameter))])
         corrected = simulate(now, fit.offsets, plan)
         expanded = k * np.hypot(slope[here] * std, noise)
-        moved = _moved(now, fit.offsets, alone, cause, parameter) * -effect.theta[parameter]
+        # As well as the gauge sees it: how well a parameter is known is not how far it is pushed.
+        unsure = float(noise / abs(slope[here] * effect.theta[parameter]))
+        sizes = [(cause.id, name, size.unit, size.value)] if cause.id in CAUSES else []
+        for axis, moved in _moved(now, fit.offsets, alone, cause, parameter):
+            sizes.append((HOME_SWITCH.id, axis, "mm", moved * float(effect.theta[parameter])))
         _, root = expect(fit, diagnosis.model, plan, None)
         # The adjustment may stop at U from its aim, which the check shows, too.
         stop = abs(slope[there] / slope[here] - 1.0) * expanded
@@ -140,26 +143,31 @@ def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
             here_mm=cell.displacement, there_mm=cells[there].displacement,
             sensitivity=float(slope[here] * cause.scale),
             change_mm=float(corrected[here] - readings[here]), expanded_mm=float(expanded),
-            moved_mm=JointOffsets(*(moved + 0.0).tolist()),
+            removes=[
+                (id, Estimate(name=at, unit=unit, value=by, std=abs(by) * unsure))
+                for id, at, unit, by in sizes
+            ],
             check_mm=float(corrected[there] - corrected[here]),
             check_expanded_mm=float(np.linalg.norm(spread)),
         )  # fmt: skip
 
 
-def _moved(model: Model, offsets: Floats, alone: Cause, cause: Cause, parameter: int) -> Floats:
-    """Change of the joint offsets, (3,) [mm] per unit, by a push besides that of the parameter.
+def _moved(
+    model: Model, offsets: Floats, alone: Cause, cause: Cause, parameter: int
+) -> Iterator[tuple[str, float]]:
+    """Changes of joint offsets [mm per unit] by a push besides that of the parameter.
 
-    A rail that moves alone takes the frame along, in which the parameter is shared: readings tell
-    that from nothing but offsets. Of a home switch the offsets themselves are the parameter.
+    A rail that moves alone takes the frame along, in which the parameter is shared. Of a home
+    switch the offsets themselves are the parameter.
     """
     plan = plan_of([cell for leg in range(3) for cell in _cells(model.orthoglide, leg)])
     nothing = np.zeros(cause.unknowns)
     _, slopes = differentiate(model, offsets, plan, [alone.at(nothing), cause.at(nothing)])
     pushed, shared = slopes[:, 3 + parameter], slopes[:, 3 + parameter + cause.unknowns]
     left = pushed - (shared if cause.id in CAUSES else 0.0)
-    moved = np.linalg.lstsq(np.hstack([slopes[:, :3], plan.zeros]), left)[0][:3]
-    # What a turned rail moves is of second order.
-    return np.where(np.abs(moved) > 0.01 * np.abs(pushed).max(), moved, 0.0)
+    moved = np.linalg.lstsq(np.hstack([slopes[:, :3], plan.zeros]), left)[0]
+    least = 0.01 * np.abs(pushed).max()  # what a turned rail moves is of second order
+    yield from ((a, by) for a, by in zip(AXES, moved.tolist(), strict=False) if abs(by) > least)
 
 
 def _cells(machine: Orthoglide, leg: int) -> list[PlannedReading]:

@@ -170,7 +170,7 @@ class Verification(Schema):
     first: tuple[Parameter, ...] = Field(exclude=True, description="by the first measurement")
     second: tuple[Parameter, ...] = Field(exclude=True, description="by the second one")
     entered: tuple[float | None, ...] = Field(exclude=True, description="null: nobody knows")
-    applied_mm: dict[str, float] = Field(default_factory=dict)
+    applied_mm: dict[str, float] = Field({}, description="entered, and moved by screws")
     corrected: Corrections = Field({}, description="causes that the controller corrects since then")
     differences: tuple[ComparedDifference, ...] = ()
     response: Coefficient | None = Field(default=None, description="all axes together")
@@ -268,7 +268,7 @@ def verify(
     pushed, screws = dict.fromkeys(AXES, 0.0), dict[str, dict[str, float]]()
     for id, size in adjusted:
         sizes = pushed if id == HOME_SWITCH.id else screws.setdefault(id, {})
-        sizes[size.name] = sizes.get(size.name, 0.0) + size.value
+        sizes[size.name] = round(sizes.get(size.name, 0.0) + size.value, 4)
     if adjusted and applied_mm is None:
         applied_mm = (0.0, 0.0, 0.0)
     model, (entered, held) = before.model, _entered(before, after, applied_mm)
@@ -297,7 +297,7 @@ def verify(
     # Only an opposite sign can come of the wrong order.
     unordered = swapped is None and response["answer"] is Behaviour.OPPOSITE
     return Verification(
-        **_common((before, after), (first, second), applied.tolist(), unordered),
+        **_common((before, after), (first, second), entered.tolist(), unordered),
         kind=shared.kind,
         compared=len(shared.change),
         kept=response["answer"] is Behaviour.AS_MODELLED and apart <= both,

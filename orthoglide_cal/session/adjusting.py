@@ -9,18 +9,16 @@ from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from glob import escape
-from math import sqrt
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, computed_field
 
-from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, command
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import diagnose
-from orthoglide_cal.model.cause import NORMAL_K, Estimate
+from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
 from orthoglide_cal.model.readings import AXES, Contact
@@ -118,22 +116,14 @@ class Adjusted(Schema):
         off = self.check_mm - self.adjustment.check_mm
         return "adjusted" if abs(off) <= self.adjustment.check_expanded_mm else "check failed"
 
-    def removed(self, id: str) -> Removed:
-        """What it took from the parameter of this cause, and from the joint offsets."""
+    @property
+    def removed(self) -> Removed:
+        """What it took away, as far as the gauge moved."""
         if self.status != "adjusted":
             return ()
-        plan, read = self.adjustment, self.readings_mm
-        share = (read[Phase.TIGHT] - read[Phase.LOOSE]) / plan.change_mm
-        # Of the gauge alone: how well the parameter is known is not how far it was pushed.
-        known = plan.expanded * plan.sensitivity
-        unsure = sqrt(max(plan.expanded_mm**2 - known**2, 0.0)) / NORMAL_K / plan.change_mm
-        sizes = [(id, plan.name, plan.unit, plan.value)] if id in CAUSES else []
-        moved = plan.moved_mm._asdict().items()
-        sizes += [(HOME_SWITCH.id, axis, "mm", -by) for axis, by in moved if by]
-        return [
-            (cause, Estimate(name=name, unit=unit, value=value * share, std=abs(value * unsure)))
-            for cause, name, unit, value in sizes
-        ]
+        moved = self.readings_mm[Phase.TIGHT] - self.readings_mm[Phase.LOOSE]
+        share = moved / self.adjustment.change_mm
+        return [(id, by.changed(value=by.value * share)) for id, by in self.adjustment.removes]
 
     @property
     def now_mm(self) -> float:
@@ -390,10 +380,11 @@ def adjusted_since(given: Input) -> Removed:
     """
     removed: list[tuple[str, Estimate]] = []
     for journal, state, following in _begun(given.measured.source):
-        id, adjustments = following.what, tuple[Adjustment, ...]()
+        adjustments: tuple[Adjustment, ...] = ()
         with suppress(UnusableResultError):
-            adjustments = choose_adjustments(diagnose(given.measured, given.model), id)[1]
+            diagnosis = diagnose(given.measured, given.model)
+            _, adjustments = choose_adjustments(diagnosis, following.what)
         _check_same(state, following, adjustments, journal)
         for number, adjustment in enumerate(adjustments):
-            removed += Adjusted.of(state, adjustment, len(PHASES) * number).removed(id)
+            removed += Adjusted.of(state, adjustment, len(PHASES) * number).removed
     return removed

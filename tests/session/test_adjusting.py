@@ -117,7 +117,7 @@ def test_what_was_adjusted_is_the_whole_change(cause: str) -> None:
     read = {Phase.LOOSE: loose.dial(here())}
     loose.push(slot, here, 0.9 * plan.change_mm)  # more than U off: what counts is how far it went
     read |= {Phase.TIGHT: loose.dial(here()), Phase.HERE: 0.0, Phase.THERE: plan.check_mm}
-    removed = Adjusted(adjustment=plan, readings_mm=read, left=False).removed(id)
+    removed = Adjusted(adjustment=plan, readings_mm=read, left=False).removed
     after = given(loose.measured_again())
     verified = verify(before, after, adjusted=removed)
     assert verified.kept

@@ -224,7 +224,8 @@ def _answer(result: Verification) -> str:
         return ""
     apart, both = result.apart_mm or 0.0, result.apart_expanded_mm or 0.0
     differ = f", yet they differ by {plain(apart, 3)} mm, U of both {plain(both, 3)} mm"
-    size = f"moved by {_interval(result.response)} times what was entered"
+    was = "entered" if any(result.entered) else "corrected"
+    size = f"moved by {_interval(result.response)} times what was {was}"
     acted_as = _triple(result.acted_as_mm or {}, result)
     moves = [
         f"{axis.upper()} moved {signed(row.found_mm, 3)} of {signed(row.applied_mm, 3)} mm"
@@ -313,6 +314,8 @@ def parameters_left(result: Verification) -> doc.Section:
     note = "What was found was entered."
     if now.count(None) == len(now):
         note = "The files do not record what was entered. A saved printer.cfg does."
+    elif not any(entered):
+        note = "Nothing was entered."
     elif other:
         note = f"What was entered differs from what was found here: {', '.join(other)}."
     return doc.Section(f"Parameters{unit}", doc.Grid.of(columns, caption=caption), note)
