@@ -205,14 +205,18 @@ class Solution(OffsetEstimate):
     @property
     def judgement(self) -> Reason:
         """Statement on whether the residuals are what this gauge's noise would give."""
-        stated, p_value = self.stated_mm, self.lack_of_fit_p
-        if p_value is None:
-            return Reason.of("no_spare_readings", stated_mm=stated)
-        code = "residuals_agree"
-        if p_value < UNUSUAL:
-            code = "residuals_too_large" if self.suspicious else "residuals_unusual"
-        sizes = {"scatter_mm": self.sigma_residuals_mm, "stated_mm": stated, "p_value": p_value}
-        return Reason.of(code, **sizes)
+        return judgement_of(self.lack_of_fit_p, self.sigma_residuals_mm, self.stated_mm)
+
+
+def judgement_of(p_value: float | None, scatter_mm: float | None, stated_mm: float) -> Reason:
+    """Statement on residuals that noise as stated exceeds with this chance; None: none are left."""
+    if p_value is None:
+        return Reason.of("no_spare_readings", stated_mm=stated_mm)
+    code = "residuals_agree"
+    if p_value < UNUSUAL:
+        code = "residuals_too_large" if p_value < SUSPICIOUS else "residuals_unusual"
+    sizes = {"scatter_mm": scatter_mm, "stated_mm": stated_mm, "p_value": p_value}
+    return Reason.of(code, **sizes)
 
 
 def solve(measured: Measured, model: Model, method: str | None = None) -> Solution:

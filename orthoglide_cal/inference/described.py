@@ -23,9 +23,17 @@ _Fits = Sequence[tuple[float, Fit, slice]]
 
 
 def described(
-    hypothesis: Hypothesis, belief: Belief, measured: Measured, probability: float, accepted: bool
+    hypothesis: Hypothesis,
+    belief: Belief,
+    measured: Measured,
+    probability: float,
+    accepted: bool,
+    before_mm: float,
 ) -> FoundPattern | None:
-    """The last pattern of a hypothesis in numbers; None where no readings of one gauge differ."""
+    """The last pattern of a hypothesis in numbers; None where no readings of one gauge differ.
+
+    `before_mm` is left by the calibrated parameters alone, r.m.s.
+    """
     base = belief.fit(hypothesis.ids)
     pattern, white = hypothesis.patterns[-1], hypothesis.at.white
     fits, before = fits_of(hypothesis, base), usual(base)
@@ -77,7 +85,7 @@ def described(
         parameters=parameters,
         probability=probability,
         accepted=accepted,
-        rms_before_mm=white.rms(belief.fit(()).left),
+        rms_before_mm=before_mm,
         # More noise takes nothing away.
         rms_after_mm=white.rms(left.left) if left.white is white else None,
         heldout_before_mm=heldout and heldout[0],

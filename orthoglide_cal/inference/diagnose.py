@@ -140,7 +140,7 @@ def diagnose(
         offsets, covariance = decision.offsets
         unshown = _unshown(decision, offsets, NORMAL_K * np.sqrt(np.diag(covariance)))
         matter = {fault.id for fault in unshown if fault.matters}
-        patterns, wrong = tuple(_patterns(decision, measured)), accepted.wrong_readings
+        patterns, wrong = tuple(_patterns(decision, alone)), accepted.wrong_readings
         explained = alone.predicted_mm
         if accepted.effects:
             explained = _predicted(white, measured, accepted.left, accepted.effects)
@@ -406,7 +406,7 @@ def _named(
     )
 
 
-def _patterns(decision: Decision, measured: Measured) -> Iterator[FoundPattern]:
+def _patterns(decision: Decision, alone: Solution) -> Iterator[FoundPattern]:
     """Patterns beyond the list, those that act together first."""
     if decision.verdict is not Verdict.UNEXPLAINED or decision.refuted is not None:
         return
@@ -422,10 +422,9 @@ def _patterns(decision: Decision, measured: Measured) -> Iterator[FoundPattern]:
                 continue
             seen.add(pattern.label)
             others = tuple(one for one in hypothesis.patterns if one is not pattern)
-            alone = replace(hypothesis, patterns=(*others, pattern))
-            numbers = described(
-                alone, decision.belief, measured, total[pattern.label], pattern.label in best
-            )
+            last, label = replace(hypothesis, patterns=(*others, pattern)), pattern.label
+            of_it = alone.measured, total[label], label in best, alone.rms_after_mm
+            numbers = described(last, decision.belief, *of_it)
             if numbers is not None:
                 yield numbers
 

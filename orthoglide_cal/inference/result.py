@@ -90,13 +90,13 @@ class Parameter(Schema):
         return tuple(cls(**dict(zip(columns, row, strict=True))) for row in rows)
 
     def change(self, decimals: int) -> float:
-        """The change as it is entered; nothing of what the readings do not determine."""
+        """The change as it is entered, if it is; nothing of what the readings do not determine."""
+        if self.enter is not None:
+            return round(self.enter - self.active, 9) + 0.0
         return 0.0 if self.found is None else round(self.found, decimals) + 0.0
 
     def new(self, decimals: int) -> float:
         """Value that is active once it is entered, free of the errors of binary addition."""
-        if self.found is None:
-            return self.active
         return round(self.active + self.change(decimals), 9) + 0.0
 
 

@@ -55,14 +55,17 @@ def _around(
         *(f"Note: {case.says(caution)}" for caution in release.cautions),
         *remarks,
     ]
-    after = [f"After entering: {case.words.restart[0].lower()}{case.words.restart[1:]}"]
-    if case.answer.check is not None:
-        after.append(check_words(case.answer.check))
-    if case.record is not None:
-        after.append(f"Record what was entered: {case.record}")
+    after = []
+    if not release.settled:
+        after.append(f"After entering: {case.words.restart[0].lower()}{case.words.restart[1:]}")
+        if case.answer.check is not None:
+            after.append(check_words(case.answer.check))
+        if case.record is not None:
+            after.append(f"Record what was entered: {case.record}")
     if case.table is not None:
         after.append(f"Correct the remaining errors with a table: {case.table}")
-    after.append(f"Then measure again and run: {case.verify}")
+    if not release.settled:
+        after.append(f"Then measure again and run: {case.verify}")
     above, below = ([f"{sign}{visible(line)}" for line in part] for part in (head, after))
     return "\n".join((*above, *lines, *below, ""))
 

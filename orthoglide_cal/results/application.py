@@ -123,8 +123,7 @@ def apply(
     if adds:
         _check_recordable(given, file)
     written, data, decimals = None, b"", answer.decimals
-    needed = answer.release.needed
-    amounts = {p.name: p.change(decimals) if needed else 0.0 for p in answer.parameters}
+    amounts = {p.name: p.change(decimals) for p in answer.parameters}
     if controller is not None:
         expected = {value.key: value.after for value in known.values} if known else {}
         if not adds:

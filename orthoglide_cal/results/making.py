@@ -42,6 +42,7 @@ from orthoglide_cal.estimation.losses import (
     NEEDLESS_HOLD,
     is_likely,
 )
+from orthoglide_cal.estimation.solution import judgement_of
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
     Diagnosis,
@@ -175,8 +176,17 @@ def answer_to(
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
     left_mm = solution.at(chosen.offsets_mm).rms_after_mm if shown_as else solution.rms_after_mm
-    if diagnosis is not None and named and shown_as:
-        left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
+    if diagnosis is not None and shown_as:
+        if named and diagnosis.causes:
+            left_mm = diagnosis.causes[0].rms_after_mm
+        elif any(pattern.accepted for pattern in diagnosis.patterns):
+            left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
+    p_value, scatter_mm, stated_mm = (
+        solution.lack_of_fit_p, solution.sigma_residuals_mm, solution.stated_mm,
+    )  # fmt: skip
+    if fitted is not None and diagnosis is not None and solution.dof:
+        lack = diagnosis.lack_of_fit
+        p_value, scatter_mm, stated_mm = lack.p_value, lack.residual_mm, lack.noise_mm
     shift = np.abs(alone.offsets_mm - chosen.offsets_mm)
     lines, total = budget_lines(budget)
     correlation = budget.covariance_mm2 / np.outer(std, std)
@@ -185,7 +195,7 @@ def answer_to(
         input=file,
         machine=name,
         method=solution.method,
-        judgement=solution.judgement,
+        judgement=judgement_of(p_value, scatter_mm, stated_mm),
         release=decision,
         validity=conditions,
         parameters=parameters,
@@ -206,11 +216,11 @@ def answer_to(
         noise=schema.Noise(
             used_mm=chosen.noise.sigma_mm,
             repeats_mm=solution.repeats.sigma_mm if solution.repeats else None,
-            residuals_mm=solution.sigma_residuals_mm,
+            residuals_mm=scatter_mm,
             stated_mm=model.machine.instrument.noise_mm,
             floor_mm=model.machine.instrument.rounding_mm,
             dof=solution.dof,
-            p_value=solution.lack_of_fit_p,
+            p_value=p_value,
         ),
         deviations=rows,
         as_found=spread({row.name: row.measured_mm for row in rows}) if rows else None,
