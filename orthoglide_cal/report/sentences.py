@@ -53,6 +53,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "causes": lambda ids: " and ".join(ids) or "this",
     "two": two_figures,
     "p": chance,
+    "changes": lambda values: ", ".join(f"{name} {signed(by, 3)}" for name, by in values.items()),
     "sizes": lambda rows: ", ".join(
         f"{name} {signed(size, 3)} {unit_words(unit)}" for name, size, unit in rows
     ),

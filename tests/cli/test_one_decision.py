@@ -114,6 +114,14 @@ def test_every_command_says_the_same(
         entered = parameter["enter"]
         assert (entered is not None) is usable
         assert needed or entered == parameter["active"]
+    if usable and not needed:
+        written = run("export", name).stdout
+        assert "After entering" not in written
+        names = {parameter["name"] for parameter in solved["parameters"]}
+        words = [line.replace(",", " ").split() for line in written.splitlines()]
+        rows = [row[-4:] for row in words if row and row[0] in names]
+        assert len(rows) == len(names)
+        assert all(entered == previous for previous, _, _, entered in rows)
     if name.endswith(".cfg"):
         applied = run("apply", name, "--to", name, "--yes")
     else:
@@ -187,6 +195,8 @@ def test_equal_quantities_are_equal_to_the_last_digit() -> None:
         assert float(np.sqrt(np.mean(np.square(residuals)))) == pytest.approx(
             lack.left_mm, rel=1e-12
         )
+        assert {pattern.rms_before_mm for pattern in solved.patterns} <= {lack.left_mm}
+        assert {cause.rms_after_mm for cause in solved.causes} <= {solved.rms.after_mm}
         if solved.alone is not None:
             assert solved.alone.rms_after_mm == lack.left_mm
             assert {cause.rms_before_mm for cause in solved.causes} == {lack.left_mm}
