@@ -492,7 +492,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "arms_differ": "Arms: the machine file says {stated:lengths} mm, the firmware {used:lengths}"
     " mm. The result holds with the firmware's; U includes the difference, {apart_mm:.2g} mm. Enter"
     " the measured arms in both (arm_length), calibrate and probe again.",
-    "arms_freed": "The distances also determine the arms, as in Klipper: {arms:freed} mm (U)."
+    "arms_freed": "The distances also determine the arms, as in Klipper: {arms:freed} mm (U);"
     " export and apply write them, too.",
     "unequal_arms": "Arms of {lengths_mm[0]:.1f}, {lengths_mm[1]:.1f} and {lengths_mm[2]:.1f} mm"
     " are stored; printers of this kind have equal arms. Their difference, {spread_mm:.1f} mm, is"
