@@ -25,11 +25,11 @@ from scipy.special import erf
 
 from orthoglide_cal.causes import PatternCause
 from orthoglide_cal.estimation import Problem
-from orthoglide_cal.estimation.gaussian import condition, log_sum, shrinking
+from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, shrinking
 from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid, Texture
-from orthoglide_cal.inference.fit import Fit
+from orthoglide_cal.inference.fit import ENOUGH, Fit
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
     Hypothesis,
@@ -84,11 +84,6 @@ class Course:
         """How long the longest set-up takes, or 1 [h]."""
         return float(self.since.max(initial=0.0)) or 1.0
 
-    @property
-    def shapes(self) -> int:
-        """So many time constants are tried, or periods down to half the longest set-up."""
-        return FINE if self.fine else COARSE
-
     def by_mover(self, values: Floats, parameters: Floats | None = None) -> Made:
         """Values (n,), or (n, v, b), in columns of their own for each of what moves as one."""
         movers, shapes = self.plan.movers, 1 if parameters is None else len(parameters)
@@ -125,7 +120,8 @@ def _drifts(course: Course) -> Made:
     least = SMOOTH / np.bincount(course.plan.shared, minlength=1).max()
     least = float(np.clip(least, *SHORTEST))
     # Neighbours differ by the same part of a turn over the longest set-up.
-    turns = np.linspace(1.0 / LONGEST, 1.0 / least, round(course.shapes * SHORTEST[1] / least))
+    count = (FINE if course.fine else COARSE) * SHORTEST[1] / least
+    turns = np.linspace(1.0 / LONGEST, 1.0 / least, round(count))
     periods = course.longest / turns
     turn = 2.0 * np.pi * course.since[:, None] / periods
     terms = np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(course.since)
@@ -134,7 +130,7 @@ def _drifts(course: Course) -> Made:
 
 def _settles(course: Course) -> Made:
     """From each set-up on, to rest."""
-    constants = course.longest * np.geomspace(*SETTLING, course.shapes)
+    constants = course.longest * np.geomspace(*SETTLING, FINE if course.fine else COARSE)
     fallen = np.exp(-course.since[:, None] / constants)
     return course.by_mover(np.any(course.since) * fallen, constants)
 
@@ -424,22 +420,20 @@ class Ground:
                 assert isinstance(contrasts, Contrasts)
                 zeros, _ = np.linalg.qr(weight[:, None] * contrasts.zeros)
                 after = Contrasts(zeros, contrasts.precision * weight)
-                columns, linear = (after @ (contrasts.T @ each) for each in (columns, linear))
-                fit = replace(
-                    fit,
-                    uncertain=tuple(
-                        replace(one, columns=after @ (contrasts.T @ one.columns))
-                        for one in fit.uncertain
-                    ),
-                )
+
+                def anew(values: Floats) -> Floats:
+                    return np.asarray(after @ (contrasts.T @ values))
+
+                columns, linear = anew(columns), anew(linear)
+                noisier = tuple(replace(one, columns=anew(one.columns)) for one in fit.uncertain)
+                fit = replace(fit, uncertain=noisier)
                 plan = replace(white.plan, precision=after.precision)
                 problem = replace(white.problem, plan=plan, matrix=after)
-                data, texture = after @ (contrasts.T @ white.data), white.texture
+                texture = white.texture
                 if texture is not None:
-                    shown = after @ (contrasts.T @ texture.columns)
-                    texture = Texture.of(shown, texture.rest, texture.assumed)
+                    texture = Texture.of(anew(texture.columns), texture.rest, texture.assumed)
                     noise = replace(noise, texture=texture)
-                white = replace(white, problem=problem, data=data, texture=texture)
+                white = replace(white, problem=problem, data=anew(white.data), texture=texture)
             else:
                 noise = replace(noise, sigma=noise.sigma / weight[0])
         else:
@@ -453,11 +447,19 @@ class Ground:
             fit, columns=columns, linear=linear + columns @ centre, sizes=sizes, centre=centre
         )
         ground = Ground(self.at, draft, white, noise)
+        local = ground._local
+        if np.count_nonzero(local) >= ENOUGH * fit.offsets.size:
+            # What the pattern makes is no local shape.
+            stated = math.hypot(noise.stated, math.sqrt(sum(one.rest for one in fit.uncertain)))
+            sizes = np.where(local, 1.0, sizes)
+            size = fit_size(columns, linear, sizes, stated, np.flatnonzero(local))
+            sizes = np.where(local, size, sizes)
+            draft = replace(draft, sizes=sizes, scale_factor=size)
+            ground = replace(ground, fit=draft)
         solved = ground._solved
         sigma = float(np.sqrt(ground._noise2))
         _, covariance = condition(columns, linear, sizes, sigma)
         residual = linear - columns @ solved
-        local = ground._local
         stretched = ground._stated * (solved / sizes)[ground._start :]
         kept = replace(
             draft,
