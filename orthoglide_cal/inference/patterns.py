@@ -24,11 +24,11 @@ import numpy as np
 from scipy.special import erf
 
 from orthoglide_cal.causes import PatternCause
-from orthoglide_cal.estimation.gaussian import condition, log_sum
+from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum
 from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import Texture
-from orthoglide_cal.inference.fit import Fit
+from orthoglide_cal.inference.fit import ENOUGH, Fit
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
     Hypothesis,
@@ -93,11 +93,6 @@ class Course:
         """How long the longest set-up takes, or 1 [h]."""
         return float(self.since.max(initial=0.0)) or 1.0
 
-    @property
-    def shapes(self) -> int:
-        """So many time constants are tried, or periods down to half the longest set-up."""
-        return FINE if self.fine else COARSE
-
     def by_mover(self, values: Floats, parameters: Floats | None = None) -> Made:
         """Values (n,), or (n, v, b), in columns of their own for each of what moves as one."""
         movers, shapes = self.plan.movers, 1 if parameters is None else len(parameters)
@@ -134,7 +129,8 @@ def _drifts(course: Course) -> Made:
     least = SMOOTH / np.bincount(course.plan.shared, minlength=1).max()
     least = float(np.clip(least, *SHORTEST))
     # Neighbours differ by the same part of a turn over the longest set-up.
-    turns = np.linspace(1.0 / LONGEST, 1.0 / least, round(course.shapes * SHORTEST[1] / least))
+    count = (FINE if course.fine else COARSE) * SHORTEST[1] / least
+    turns = np.linspace(1.0 / LONGEST, 1.0 / least, round(count))
     periods = course.longest / turns
     turn = 2.0 * np.pi * course.since[:, None] / periods
     terms = np.stack((np.sin(turn), np.cos(turn)), axis=2) * np.any(course.since)
@@ -143,7 +139,7 @@ def _drifts(course: Course) -> Made:
 
 def _settles(course: Course) -> Made:
     """From each set-up on, to rest."""
-    constants = course.longest * np.geomspace(*SETTLING, course.shapes)
+    constants = course.longest * np.geomspace(*SETTLING, FINE if course.fine else COARSE)
     fallen = np.exp(-course.since[:, None] / constants)
     return course.by_mover(np.any(course.since) * fallen, constants)
 
@@ -421,10 +417,17 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> tuple[Fit, slice]:
         fit, white=white, noise=noise, uncertain=uncertain, columns=columns,
         linear=unexpected + columns @ centre, sizes=sizes, centre=centre,
     )  # fmt: skip
+    width, local = fit.offsets.size, draft.is_local
+    if np.count_nonzero(local) >= ENOUGH * width:
+        # What the pattern makes is no local shape.
+        stated = math.hypot(noise.stated, math.sqrt(sum(one.rest for one in uncertain)))
+        sizes = np.where(local, 1.0, sizes)
+        size = fit_size(columns, unexpected, sizes, stated, np.flatnonzero(local))
+        sizes = np.where(local, size, sizes)
+        draft = replace(draft, sizes=sizes, scale_factor=size)
     log = draft.by_noise - log_sum(draft.by_noise)
     sigma = float(np.sqrt(np.exp(log) @ noise.sigma**2 + draft.rest))
-    width = fit.offsets.size
-    residual, local = unexpected - columns @ draft.moved, draft.is_local
+    residual = unexpected - columns @ draft.moved
     stretched = draft.stated * (draft.moved / sizes)[start:]
     kept = replace(
         draft,
