@@ -274,7 +274,7 @@ class Placed:
     @cached_property
     def weights(self) -> Floats:
         """`log_weight` of the places that are tried, shape (tried,)."""
-        return np.array([self.log_weight[place] for place in self.tried])
+        return read_only([self.log_weight[place] for place in self.tried])
 
 
 @functools.lru_cache(maxsize=4)
@@ -309,7 +309,7 @@ def _places(
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
+class Linearised(ReadOnly):
     """Effects of every candidate on these data, where the offsets-only model fits best.
 
     A relabelling is undone in the data, which gives another version of them; version 0 is as
@@ -434,7 +434,7 @@ class Linearised:
     @cached_property
     def seen(self) -> Floats:
         """`shown` where the offsets-only model fits best, shape (k, b) [mm]."""
-        return self.shown(self.uncertain, self.jacobian)
+        return read_only(self.shown(self.uncertain, self.jacobian))
 
     def shown(self, uncertain: Iterable[Influence], jacobian: Floats) -> Floats:
         """Influences on the data that show, in as few columns as tell them, (k, b) [mm].

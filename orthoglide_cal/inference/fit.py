@@ -49,7 +49,7 @@ from orthoglide_cal.inference.hypothesis import (
 )
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.machine import Influence, Instrument, Machine, Origin
-from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, ReadOnly
+from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, ReadOnly, read_only
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
 HALF_NORMAL = math.sqrt(2.0 / math.pi), math.sqrt(1.0 - 2.0 / math.pi)
@@ -149,7 +149,7 @@ class Fit(ReadOnly):
         """Which unknowns are a local shape, shape (q,)."""
         widths = [influence.columns.shape[1] for influence in self.uncertain]
         local = np.repeat([influence.local for influence in self.uncertain], widths)
-        return np.append(np.zeros(self.given), local).astype(np.bool_)
+        return read_only(np.append(np.zeros(self.given), local), np.bool_)
 
     @property
     def rest(self) -> float:
@@ -164,17 +164,17 @@ class Fit(ReadOnly):
     @cached_property
     def unexpected(self) -> Floats:
         """Data minus what is expected of them before there are any, shape (k,) [mm]."""
-        return np.asarray(self.linear - self.columns @ self.centre)
+        return read_only(self.linear - self.columns @ self.centre)
 
     @cached_property
     def moved(self) -> Floats:
         """The unknowns, from where they were expected, shape (q,)."""
-        return condition(self.columns, self.unexpected, self.sizes, self.stated)[0]
+        return read_only(condition(self.columns, self.unexpected, self.sizes, self.stated)[0])
 
     @cached_property
     def scaled(self) -> Floats:
         """Columns of unknowns of unit size, without a local shape: part of the noise, (k, r)."""
-        return np.asarray((self.columns * self.sizes)[:, ~self.is_local])
+        return read_only((self.columns * self.sizes)[:, ~self.is_local])
 
     def log_density(self, noise: NoiseGrid) -> Floats:
         """ln p of the data at each σ, with its weight, shape (g,)."""
@@ -184,7 +184,7 @@ class Fit(ReadOnly):
     @cached_property
     def by_noise(self) -> Floats:
         """The same of its own noise."""
-        return self.log_density(self.noise)
+        return read_only(self.log_density(self.noise))
 
     def whitened(self, values: Floats) -> Floats:
         """Values (k,) or (k, q) in units of all that is uncertain, at the stated noise."""
@@ -194,7 +194,8 @@ class Fit(ReadOnly):
 
     @cached_property
     def _axes(self) -> tuple[Floats, Floats]:
-        return shrinking(self._textured(self.scaled))
+        axes, factors = shrinking(self._textured(self.scaled))
+        return read_only(axes), read_only(factors)
 
     def _textured(self, values: Floats) -> Floats:
         sigma, texture = self.noise.stated, self.white.texture

@@ -439,7 +439,7 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
             when = "is reached already."
         elif able:
             quickest = min(able, key=lambda option: option.minutes)
-            when = f"takes about {max(quickest.minutes, 1.0):.0f} min: {quickest.what}"
+            when = f"takes about {max(quickest.minutes, 1.0):.0f} min: {sentence(quickest.what)}"
         target.append(f"± {wanted:g} mm {when}")
     if best.between:
         first, second = between_words(best)
