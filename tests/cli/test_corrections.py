@@ -115,7 +115,7 @@ def test_corrections_alone_are_verified(large: Path, monkeypatch: pytest.MonkeyP
     assert verified["axes"] == {}
     history = answer("history", "before.csv", "after.csv")
     assert history["verdict"] == "unchanged", "active + found: what is corrected counts"
-    assert any("corrects backlash otherwise" in note for note in history["notes"])
+    assert any("corrects backlash differently" in note for note in history["notes"])
     shown = words(run("verify", "before.csv", "idle.csv").stdout)
     assert "corrects backlash x +0.0" in shown
     assert "The machine did not respond" in shown
