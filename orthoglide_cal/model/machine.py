@@ -72,7 +72,8 @@ def _of_the_kind(active: Mapping[str, float], info: ValidationInfo) -> Mapping[s
     """All parameters in their order; the context is the class of the machine."""
     names = info.context.parameter_names if info.context else tuple(active)
     for name in sorted(active.keys() ^ set(names)):
-        raise InputError(f"The parameters are {', '.join(names)}.", "Give each once.", column=name)
+        what = f"The key is {'missing' if name in names else 'not known'}."
+        raise InputError(what, f"Give {', '.join(names)}, each once.", column=name)
     return MappingProxyType({name: active[name] for name in names})
 
 
