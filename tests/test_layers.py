@@ -35,8 +35,8 @@ NEEDING = {
     "cli.start": "an empty folder is of an Orthoglide, a printer.cfg of a linear delta",
 }
 # Questions for the kind: a class that is required, what only one kind has.
-QUESTIONS = {"require", "layouts", "of_bed", "keeps_itself"}
-MOST_QUESTIONS = 10  # lines
+QUESTIONS = {"require", "orthoglide", "layouts", "of_bed", "keeps_itself"}
+MOST_QUESTIONS = 27  # lines
 
 
 def name_of(path: Path) -> str:

@@ -173,7 +173,10 @@ def _entered(
         shown = command("export", path, machine=machine, options=options)
         written = command("apply", path, machine=machine, options="--to printer.cfg")
         remedy = f"See what to give it: {shown}; or write it: {written}"
-        judged.check_recorded(remedy)
+        try:
+            judged.holding(judged.active)
+        except UsageError as error:
+            raise UsageError(error.what, remedy) from error
     given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)
     check_not_adjusted(given.measured.source)

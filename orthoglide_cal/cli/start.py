@@ -75,10 +75,7 @@ def start() -> None:
         title,
         stamp=SIMULATED if simulated else None,
         facts=doc.Facts([(name, doc.given(value)) for name, value in facts]),
-        sections=[
-            doc.Section(None, *state),
-            doc.Section("Next" if steps else None, doc.Instructions(steps)),
-        ],
+        sections=[doc.Section(None, *state), doc.next_steps(steps)],
     )
     common.deliver(doc.Document(dict, lambda: page))
     common.tell("All commands: orthocal --help")

@@ -151,7 +151,7 @@ def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
 def _completing(problem: Problem, matrix: Floats) -> str:
     """The fewest differences that complete the rank, in words."""
     kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
-    machine = problem.model.orthoglide
+    machine = problem.model.machine
     ideal, which = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
     sensitivity = ideal.at_zero[1]
     rows = dict(zip(which, sensitivity, strict=True))

@@ -132,7 +132,7 @@ def pose_plan(plan: Plan, model: Model, kind: DataKind) -> tuple[Problem, tuple[
     if kind is DataKind.READINGS:
         return Problem(model, plan, zero_free(plan)), ()
     wanted = DIFFERENCES[kind]
-    matrix = reduction(kind, wanted, model.orthoglide, plan)
+    matrix = reduction(kind, wanted, model.machine, plan)
     present = np.abs(matrix).sum(axis=1) > 0.0
     kept = tuple(difference for difference, ok in zip(wanted, present, strict=True) if ok)
     return Problem(model, plan, matrix[present]), kept
@@ -160,8 +160,8 @@ def pose(measured: Measured, model: Model, kind: DataKind) -> Posed:
     kept = tuple(difference for difference in wanted if difference in values)
     # The readings behind the printed differences: one of each cell, so that a difference of
     # the twelve shares its isotropic reading with its partner (errata, eq. 30).
-    plan = ideal_plan(measured.kind, model.orthoglide)
-    problem = Problem(model, plan, reduction(kind, kept, model.orthoglide, plan))
+    plan = ideal_plan(measured.kind, model.machine)
+    problem = Problem(model, plan, reduction(kind, kept, model.machine, plan))
     return Posed(problem, np.array([values[difference] for difference in kept]), kept)
 
 

@@ -344,7 +344,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     judge = model or otherwise()
     entered = judge.machine.entered_from(document.sha256)
     if entered and entered.before:
-        judge = judge.holding(entered.before, entered.corrected_before)
+        judge = judge.holding(entered.active[0], entered.corrected_before)
     table = read_table(document)
     columns = set(table.columns)
     places = columns & set(probe_readings.PLACE_COLUMNS)

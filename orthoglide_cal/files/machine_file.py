@@ -29,7 +29,7 @@ from orthoglide_cal.files.text import (
 from orthoglide_cal.files.yaml_tree import edited, load_tree, yaml_text
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.kinds import MACHINES
-from orthoglide_cal.model.machine import Corrections, Entered, JointOffsets, Machine
+from orthoglide_cal.model.machine import Active, Corrections, Entered, Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.schema import (
     Day,
@@ -381,22 +381,22 @@ def new_machine_file(model: Model, controller: str) -> StoredMachine:
 
 def with_history(
     file: StoredMachine,
-    offsets_mm: JointOffsets | None,
+    active: Active | None,
     corrected: Corrections | None,
     *history: Entered,
 ) -> StoredMachine:
-    """The file with other active offsets [mm], corrections (None: the same) and history, not
+    """The file with other active values and corrections (None: the same), and history, not
     written.
 
     Comments, order and blanks stay as they are; the digest is still that of the file.
     """
-    held = {"offsets_mm": offsets_mm} if offsets_mm is not None else {}
-    model = replace(file.model, machine=file.model.machine.changed(**held, history=history))
+    model = file.model if active is None else file.model.holding([*active.values()])
     model = model if corrected is None else model.correcting(corrected)
-    values, keys, text = machine_values(model), [*held, "history"], file.document.text
+    model = replace(model, machine=model.machine.changed(history=history))
+    values, before, text = machine_values(model), machine_values(file.model), file.document.text
     if corrected is not None:
-        keys.append("corrected")
         text = edited(text, {"corrected": []})  # no key of the old ones stays
+    keys = [key for key in {**values, **before} if values.get(key) != before.get(key)]
     text = edited(text, {key: values.get(key, {}) for key in keys})
     with suppress(InputError):
         if machine_values(machine_from_text(text, file.document.path)) == values:

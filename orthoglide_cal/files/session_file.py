@@ -71,12 +71,9 @@ def session_from_tree(
     if judge is None:
         raise tree.error()
     if model and recorded:
-        held = recorded.orthoglide
-        if (held.offsets_mm, held.corrected) != (
-            model.orthoglide.offsets_mm,
-            model.machine.corrected,
-        ):
-            judge = model.holding(held.offsets_mm, held.corrected)
+        held, asked = recorded.machine, model.machine
+        if (held.active, held.corrected) != (asked.active, asked.corrected):
+            judge = model.holding(held.active, held.corrected)
     keys = Session.model_fields
     rows = tree.value["readings"]
     entries = (entry for entry in rows if isinstance(entry, dict)) if isinstance(rows, list) else ()

@@ -86,8 +86,8 @@ class Whitened(ReadOnly):
         plan, matrix = posed.problem.plan, posed.problem.matrix @ np.eye(len(posed.problem.plan))
         if measured.kind is DataKind.SIX:
             # The readings behind max − min, with the isotropic ones that the carriages pass.
-            plan = ideal_plan(DataKind.TWELVE, model.orthoglide)
-            matrix = reduction(DataKind.SIX, posed.which, model.orthoglide, plan)
+            plan = ideal_plan(DataKind.TWELVE, model.machine)
+            matrix = reduction(DataKind.SIX, posed.which, model.machine, plan)
         # Rows of R, and the data, in units of independent noise.
         rows, data = whiten(matrix @ matrix.T, matrix, posed.data)
         root = np.asarray(np.linalg.cholesky(matrix @ matrix.T))

@@ -338,7 +338,6 @@ class LinearDelta(Machine):
     recommended = ("tower_lean", "tower_radius", "bed_shape", "probe_tilt")
     homed = len(TOWERS)
     decimals = 4
-    has_cube = False
     controller_formats = ("klipper", "reprapfirmware", "marlin", "linuxcnc")
     vocabulary = Vocabulary(
         one="parameter",
@@ -540,12 +539,9 @@ class LinearDelta(Machine):
         """As it was then: where a carriage stood follows from the settings in force."""
         return then if then.kind == self.kind else self
 
-    def check_recorded(self, remedy: str = "") -> None:
+    def holding(self, active: Sequence[float]) -> Self:
         what = "The firmware of a printer keeps what it is given; nothing is recorded here."
-        raise UsageError(what, remedy)
-
-    def check_guided(self) -> None:
-        raise UsageError("A printer measures itself.", self.vocabulary.probing)
+        raise UsageError(what, "Leave --applied out, and name a printer.cfg of each time.")
 
     def check_same(self, later: Machine) -> None:
         both = self, LinearDelta.require(later)

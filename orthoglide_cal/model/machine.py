@@ -17,9 +17,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
+from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, ValidationInfo
 
-from orthoglide_cal.errors import OrthocalError, UsageError
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
@@ -68,6 +68,19 @@ Corrections = Annotated[
 ]
 
 
+def _of_the_kind(active: Mapping[str, float], info: ValidationInfo) -> Mapping[str, float]:
+    """All parameters in their order; the context is the class of the machine."""
+    names = info.context.parameter_names if info.context else tuple(active)
+    for name in sorted(active.keys() ^ set(names)):
+        what = f"The key is {'missing' if name in names else 'not known'}."
+        raise InputError(what, f"Give {', '.join(names)}, each once.", column=name)
+    return MappingProxyType({name: active[name] for name in names})
+
+
+# Calibrated parameter → its value in the controller, in its unit.
+Active = Annotated[Mapping[str, Offset], AfterValidator(_of_the_kind), PlainSerializer(dict)]
+
+
 class WrittenValue(Schema):
     """One value of a controller's file that was replaced; the rest of its line stays."""
 
@@ -101,14 +114,19 @@ class Entered(Schema):
     """Parameters that were entered in the controller."""
 
     date: Day  # ISO 8601
-    # Active before and from then on [mm]; None for a printer, whose own file has them.
-    before: Named[JointOffsets] | None = None
-    after: Named[JointOffsets] | None = None
+    # Active before and from then on, by name; None for a printer, whose own file has them.
+    before: Active | None = None
+    after: Active | None = None
     # `Machine.corrected` before and from then on; None where that did not change.
     corrected_before: Corrections | None = None
     corrected: Corrections | None = None
     data_sha256: Digest  # of the measurement that they came from
     written: Written | None = None  # to the controller; None if it was typed in by hand
+
+    @property
+    def active(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """`Machine.active` before and from then on; () where the entry does not say."""
+        return tuple((self.before or {}).values()), tuple((self.after or {}).values())
 
 
 class OwnGauge(Schema):
@@ -310,7 +328,8 @@ class Machine(Schema):
     # Where nothing was measured yet: what to do, the verb of the program, a file as it is usually
     # called, options; "" for none.
     first_steps: ClassVar[tuple[tuple[str, str, str, str], ...]]
-    has_cube: ClassVar[bool]  # the error of its tool is shown over a cube of its workspace
+    has_cube: ClassVar[bool] = False  # the error of its tool is shown over a cube of its workspace
+    adds_to_joints: ClassVar[bool] = False  # LinuxCNC adds its parameters, and tables, at joints
     controller_formats: ClassVar[tuple[str, ...]]
     vocabulary: ClassVar[Vocabulary]
     # What a technician writes down with its readings; where it is missing, pages leave a blank.
@@ -428,6 +447,10 @@ class Machine(Schema):
     def active(self) -> tuple[float, ...]:
         """The controller's value of each calibrated parameter, in its unit."""
 
+    @abstractmethod
+    def holding(self, active: Sequence[float]) -> Self:
+        """With other values `active`; raises UsageError if its file does not keep them."""
+
     @property
     @abstractmethod
     def plausible(self) -> tuple[float, ...]:
@@ -486,15 +509,15 @@ class Machine(Schema):
         """The plunger that leaves its bar or comes nearest to its end; None if none comes near."""
         return None
 
-    def check_recorded(self, remedy: str = "") -> None:
-        """Raises UsageError, with this remedy, if its file does not keep what is entered."""
-
     def home_words(self, changes: Mapping[str, float], decimals: int) -> tuple[str, ...]:
         """Indicated and true positions at home, in words; () where the controller shows none."""
         return ()
 
     def check_guided(self) -> None:
-        """Raises UsageError for a machine that nobody measures by hand."""
+        """Raises UsageError for a machine that nobody measures by hand, step by step."""
+        if not self.vocabulary.measure:
+            what = f"No protocol guides through measuring a {self.kind.replace('_', ' ')}."
+            raise UsageError(what, self.vocabulary.probing)
 
     @abstractmethod
     def judging(self, then: Machine) -> Machine:

@@ -19,7 +19,7 @@ import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Effect, Estimate, Stage
 from orthoglide_cal.model.kinematics import RealMachine
-from orthoglide_cal.model.machine import Corrections, Instrument, JointOffsets, Machine
+from orthoglide_cal.model.machine import Corrections, Instrument, Machine
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
@@ -42,15 +42,9 @@ class Model:
         """The model with more causes, after those that it has."""
         return replace(self, accepted=(*self.accepted, *effects))
 
-    def holding(
-        self, offsets_mm: tuple[float, float, float], corrected: Corrections | None = None
-    ) -> "Model":
-        """The model of the machine with other offsets active in its controller (x, y, z) [mm].
-
-        Other corrections, too, where they are given.
-        """
-        machine = self.orthoglide.changed(offsets_mm=JointOffsets(*offsets_mm))
-        held = replace(self, machine=machine)
+    def holding(self, active: Sequence[float], corrected: Corrections | None = None) -> "Model":
+        """`Machine.holding`; other corrections, too, where they are given."""
+        held = replace(self, machine=self.machine.holding(active))
         return held if corrected is None else held.correcting(corrected)
 
     def correcting(self, corrected: Corrections) -> "Model":

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationInfo, field_validator
@@ -77,7 +77,7 @@ class Orthoglide(Machine):
     linearization_points = read_only(
         OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)])
     )
-    has_cube = True
+    has_cube = adds_to_joints = True
     controller_formats = ("linuxcnc", "table")
     vocabulary = Vocabulary(
         one="offset",
@@ -182,6 +182,9 @@ class Orthoglide(Machine):
     @property
     def active(self) -> tuple[float, ...]:
         return self.offsets_mm
+
+    def holding(self, active: Sequence[float]) -> Self:
+        return self.changed(offsets_mm=JointOffsets(*active))
 
     @property
     def plausible(self) -> tuple[float, ...]:
@@ -553,7 +556,7 @@ def single_posture(machine: Orthoglide, cycles: int = 1, closing: bool = False) 
 
 
 def reduction(
-    kind: DataKind, differences: Sequence[Difference], machine: Orthoglide, plan: Plan
+    kind: DataKind, differences: Sequence[Difference], machine: Machine, plan: Plan
 ) -> Floats:
     """R, shape (k, n), so that R·readings are these differences, of the machine as it was found.
 
@@ -561,7 +564,7 @@ def reduction(
     are averaged within a gauge set-up, then over the set-ups that hold both cells. A row is all
     zero where the plan lacks one of the cells.
     """
-    plan = GaugePlan.require(plan)
+    plan, machine = GaugePlan.require(plan), Orthoglide.require(machine)
     matrix = np.zeros((len(differences), len(plan)))
     for row, (series, posture) in zip(matrix, differences, strict=True):
         if kind is DataKind.SINGLE:
@@ -585,8 +588,9 @@ def reduction(
     return matrix
 
 
-def ideal_plan(kind: DataKind, machine: Orthoglide) -> GaugePlan:
+def ideal_plan(kind: DataKind, machine: Machine) -> GaugePlan:
     """One reading of each cell that the differences of this kind need."""
+    machine = Orthoglide.require(machine)
     if kind is DataKind.SINGLE:
         return single_posture(machine)
     ends = (Posture.MAX, Posture.MIN)

@@ -183,7 +183,7 @@ def monte_carlo(model: Model, kind: DataKind, offset_mm: float, rng: np.random.G
 
 def _problem(model: Model, kind: DataKind) -> Problem:
     read = DataKind.TWELVE if kind is DataKind.READINGS else kind
-    return pose_plan(ideal_plan(read, model.orthoglide), model, kind)[0]
+    return pose_plan(ideal_plan(read, model.machine), model, kind)[0]
 
 
 def table_3(model: Model, rng: np.random.Generator) -> Reproduction:

@@ -254,6 +254,8 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
             NextMeasurement(what=task, plan=_later(plan, new), minutes=minutes)
             for task, new, minutes in model.machine.further(plan)
         )
+    if not (choice or model.machine.vocabulary.measure):
+        return ()
     first = plan if choice or (plan is not None and plan.fixed) else None
     choice = choice or options(first, model.orthoglide)
     # With many readings a probability may be too small for a number: such a one decides nothing.
@@ -333,7 +335,7 @@ def best_next(diagnosis: Diagnosis) -> NextMeasurement | None:
 
     None if none does.
     """
-    best = rank_measurements(diagnosis)[0] if diagnosis.undecided else None
+    best = next(iter(rank_measurements(diagnosis)), None) if diagnosis.undecided else None
     return best if best is not None and best.separates else None
 
 

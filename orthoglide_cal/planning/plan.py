@@ -275,6 +275,7 @@ def _offered(
     """
     layouts = model.machine.layouts()
     if not layouts:
+        model.machine.check_guided()
         return None
     if wanted != Wanted(layout=wanted.layout):
         raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")

@@ -93,13 +93,13 @@ def posture_program(
         raise UsageError(
             f"The approach cannot be {approach_mm:g} mm long.", "Give a length such as 1."
         )
-    low, high = model.orthoglide.joint_limits_mm if travel_mm is None else travel_mm
+    machine = model.orthoglide
+    low, high = machine.joint_limits_mm if travel_mm is None else travel_mm
     if not low <= 0.0 <= high or low == high:
         raise UsageError(
             f"The carriages cannot go from {low:+g} to {high:+g} mm of the isotropic posture.",
             "--travel LOW HIGH: LOW must be below HIGH, and 0 between them.",
         )
-    machine = model.orthoglide
 
     def refuse(number: int, wrong: Bools, fault: str, remedy: str) -> None:
         """Raise PostureError for the first carriage with which something is wrong."""

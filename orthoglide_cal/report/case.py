@@ -175,9 +175,9 @@ class Case:
     def verify(self) -> str:
         """The command to compare with once the parameters were entered and measured again.
 
-        It holds what was entered where no machine file can tell.
+        It holds what was entered where no machine file can tell; the option takes three values.
         """
-        unknown = recording(self.given) == "nowhere"
+        unknown = recording(self.given) == "nowhere" and len(self.answer.parameters) == len(AXES)
         digits = self.answer.decimals
         changes = " ".join(plain(size.change(digits), digits) for size in self.answer.parameters)
         return self.typed("verify", f"--applied {changes}" if unknown else "", other="AFTER")
@@ -246,7 +246,8 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
     release, verdict = case.answer.release, case.answer.verdict
     causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
     if release.settled:
-        yield doc.Instruction("See which further readings would help", case.typed("plan"))
+        if case.words.measure or case.machine.layouts():
+            yield doc.Instruction("See which further readings would help", case.typed("plan"))
     elif release.usable:
         yield from _entering(case, brief)
     else:

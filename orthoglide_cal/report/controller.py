@@ -94,7 +94,7 @@ def as_text(case: Case, identity: Identity) -> str:
 
 def as_linuxcnc(case: Case, identity: Identity) -> str:
     """Comments and one [JOINT_n] section per axis; true position = indicated + HOME_OFFSET."""
-    if case.machine.parameter_names != AXES:
+    if not case.machine.adds_to_joints:
         left_out = _left_out("LinuxCNC's lineardeltakins", case)
         return _around(case, identity, linuxcnc(firmware_machine(case)), "# ", *left_out)
     digits = case.answer.decimals

@@ -168,8 +168,9 @@ class Section:
 
 
 def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:
-    """Next steps, in order."""
-    return Section("Next", Instructions(tuple(steps)), *more)
+    """Next steps, in order; without any only what stands below them."""
+    steps = tuple(steps)
+    return Section("Next" if steps else None, Instructions(steps), *more)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,6 @@ from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.machine import (
     Corrections,
     Entered,
-    JointOffsets,
     Machine,
     Written,
     WrittenTable,
@@ -94,9 +93,8 @@ def apply(
     """
     source, adds = given.measured.source, controller is None or controller.adds
     machine = file.model.machine
-    by_axis = machine.parameter_names == AXES
     if controller is not None and not (
-        controller.format in machine.controller_formats and controller.adds == by_axis
+        controller.format in machine.controller_formats and adds == machine.adds_to_joints
     ):
         kind = "a LinuxCNC" if adds else "Klipper"
         raise UsageError(
@@ -106,8 +104,9 @@ def apply(
     if given.recorded is not None:
         # Causes may have been accepted since; rails and legs are what they were.
         _check_same_machine(given.recorded, file, but=("identified",))
-    before = given.model.orthoglide.offsets_mm if adds else None
-    active = given.model.machine.corrected
+    measured = given.model.machine
+    before = dict(zip(measured.parameter_names, measured.active, strict=True)) if adds else None
+    active = measured.corrected
     date = at.isoformat(timespec="milliseconds")
     entry = Entered(date=date, data_sha256=source.sha256, before=before, after=before)
     corrections = tuple(_corrections(given.model, answer, controller))
@@ -140,7 +139,7 @@ def apply(
         written, data = controller.changed(amounts if adds else values(made), decimals, tables)
     after = None
     if before is not None:
-        after = JointOffsets(*(round(a + amounts[n], 9) for n, a in before._asdict().items()))
+        after = {name: round(value + amounts[name], 9) for name, value in before.items()}
     entry = entry.changed(after=after, written=written)
     if corrected := [correction for correction in made if CAUSES[correction.id].by_joint]:
         entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
@@ -215,7 +214,7 @@ def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
     """
     file = given.keeper
     try:
-        given.model.machine.check_recorded()
+        given.model.holding(given.model.machine.active)
     except UsageError:
         return "elsewhere"
     if file is None:
@@ -259,7 +258,7 @@ def _check_same_machine(measured_on: Model, file: StoredMachine, but: Sequence[s
 
 def _check_recordable(given: Input, file: StoredMachine) -> None:
     """Raises UsageError if what was entered from this measurement cannot be recorded there."""
-    machine, path = file.model.orthoglide, file.document.path
+    machine, path = file.model.machine, file.document.path
     source, before = given.measured.source, given.model.machine.active
     _check_same_machine(given.model, file)
     if earlier := machine.entered_from(source.sha256):
@@ -269,13 +268,13 @@ def _check_recordable(given: Input, file: StoredMachine) -> None:
             + command("apply", source.path, options="--undo"),
         )
     active = given.model.machine.corrected
-    if (before, active) != (machine.offsets_mm, machine.corrected) and not _newer(
+    if (before, active) != (machine.active, machine.corrected) and not _newer(
         given.conditions.started, machine.history
     ):
         raise UsageError(
-            f"This was measured with {_triple(before)} mm in the controller (x, y, z);"
-            f" since then {_triple(machine.offsets_mm)} mm were entered, or other corrections"
-            f" ({path}).",
+            f"This was measured with {_joined(before)} mm in the controller"
+            f" ({', '.join(machine.parameter_names)}); since then {_joined(machine.active)} mm were"
+            f" entered, or other corrections ({path}).",
             "Measure again, with what is in the controller now.",
         )
 
@@ -303,9 +302,9 @@ def take_back(
             f"The last entry of {path}, of {last.date}, is from another measurement.",
             "Only the last one can be taken back: leave the measurement out, or name its own.",
         )
-    if last.after is not None and machine.active != last.after:
+    if last.after is not None and machine.active != last.active[1]:
         raise UsageError(
-            f"{path} holds {_triple(machine.active)} mm, not what was entered on {last.date}.",
+            f"{path} holds {_joined(machine.active)} mm, not what was entered on {last.date}.",
             "It was changed by hand: change it back by hand.",
         )
     written, data = last.written, b""
@@ -335,5 +334,5 @@ def _newer(started: str | None, history: tuple[Entered, ...]) -> bool:
     return all(began > datetime.fromisoformat(entry.date).astimezone() for entry in history[-1:])
 
 
-def _triple(values: tuple[float, ...]) -> str:
+def _joined(values: tuple[float, ...]) -> str:
     return " ".join(f"{value:+g}" for value in values)

@@ -619,7 +619,7 @@ def _named(solution: Solution, diagnosis: Diagnosis, corrects: Collection[str]) 
             remedy = Remedy(sentence=accept, verb="diagnose", options=option)
         remedies.append(remedy)
         machine = solution.model.machine
-        if CAUSES[cause.id].by_joint and machine.controller_formats[0] == "linuxcnc":
+        if CAUSES[cause.id].by_joint and machine.adds_to_joints:
             let = Reason.of("controller_corrects", id=cause.id)
             remedies.append(Remedy(sentence=let, verb="apply", options="--to FILE.ini"))
     probability = diagnosis.causes[0].probability

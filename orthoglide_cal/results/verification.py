@@ -237,7 +237,7 @@ def verify(
 
     Args:
         before, after: of the same machine, measured with the same protocol.
-        applied_mm: what was added to the controller's offsets between the two (x, y, z) [mm];
+        applied_mm: what was added to the controller's values between the two, in their order;
             None takes what the inputs say, or the machine file that records it.
         limit_mm: largest deviation allowed in any difference; None for no decision.
         adjusted: what screws removed between the two, in addition.
@@ -255,7 +255,9 @@ def verify(
     # Heights are compared where no differences can be made of what was read.
     heights = [given.measured.kinds == (DataKind.READINGS,) for given in (before, after)]
     if all(heights):
-        return _of_touches(before, after, applied_mm, limit_mm)
+        if limit_mm is not None:
+            raise UsageError("--limit is for differences of readings.", "Leave it out.")
+        return _of_touches(before, after, applied_mm)
     if any(heights):
         raise UsageError("Only one of the two files holds touches of a bed.", "Name two that do.")
     if limit_mm is not None and not 0.0 < limit_mm < np.inf:
@@ -342,15 +344,14 @@ def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
     )
 
 
-def _of_touches(before: Input, after: Input, applied: object, limit: object) -> Verification:
-    """Touches of a bed, each judged with the parameters that were in the firmware then."""
+def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) -> Verification:
+    """Touches of a bed, each judged with the parameters that were in the controller then."""
     if applied is not None:
-        raise UsageError(
-            "--applied is for joint offsets; a printer's own file has its values.",
-            "Leave it out, and name a printer.cfg of each time.",
-        )
-    if limit is not None:
-        raise UsageError("--limit is for differences of readings.", "Leave it out.")
+        active = before.model.machine.active
+        held = [round(a + b, 9) for a, b in zip(active, applied, strict=False)]
+        after = replace(after, model=after.model.holding(held))
+        if len(applied) != len(active):
+            raise UsageError(f"--applied is for three values, not {len(active)}.", "Leave it out.")
     before.model.machine.check_same(after.model.machine)
     first, second = (_solved(given, given.model)[0] for given in (before, after))
     old, new = (np.array(solution.model.machine.active) for solution in (first, second))
@@ -510,7 +511,7 @@ def _swapped(before: Input, after: Input) -> bool | None:
         return first not in digests or digests.index(second) < digests.index(first)
     # With what was entered active in the first and not yet in the second, or as it should be.
     held, then = (given.model.machine.active for given in (before, after))
-    changes = [(entry.before, entry.after) for entry in history if then != held]
+    changes = [entry.active for entry in history if then != held]
     if (then, held) in changes:
         return True
     return False if first in digests or (held, then) in changes else None
@@ -536,7 +537,7 @@ def _entered(
             "Give it: --applied DX DY DZ; next time record it with orthocal apply.",
         )
     if known and then == now:
-        then, now = known.before or (), known.after or ()
+        then, now = known.active
     return np.asarray((np.array(now) - np.array(then)).round(9)), corrected
 
 

@@ -169,16 +169,16 @@ def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
         model.machine.check_guided()
         # One cycle of what would be measured.
         protocol = request.protocol or MeasuringProtocol.DOUBLE
-        steps = sequence(model.orthoglide, protocol, 1, Order.PAPER, 1)
+        steps = sequence(model.machine, protocol, 1, Order.PAPER, 1)
         plan = plan_of([step.cell for step in steps])
     model = _holding(model, request.offsets_mm)
     _, seed = _source(request, first)
     also = ", and shall this be measured now" if first else ""
     while True:
         if first:
-            offsets = model.orthoglide.offsets_mm
+            offsets = model.machine.active
             plan, following, change = planned_next(first, options, request, offsets)
-        careful = require_on_bar(plan, model.orthoglide)
+        careful = require_on_bar(plan, model.machine)
         asker.say(wording.machine(model, seed is not None))
         doubts = map(request.says, model.machine.instrument.implausible().values())
         for doubt in (str(careful) if careful else "", *doubts, change):
@@ -222,7 +222,7 @@ def planned_next(
 
     The last is what was entered since the first readings, in a sentence. Raises UsageError.
     """
-    x, y, z = np.subtract(offsets_mm, first.model.orthoglide.offsets_mm).round(9).tolist()
+    x, y, z = np.subtract(offsets_mm, first.model.machine.active).round(9).tolist()
     change = np.subtract((x, y, z), first.left_entered)
     # To act they were homed for, and that has pushed stands that were still there.
     moved = bool(change.round(6).any())
@@ -283,9 +283,9 @@ def _recommended(
     if choice is not None and choice > len(options):
         fault = f"There is no recommendation {choice} for {path}: there are {len(options)}."
         raise UsageError(fault, "Leave out --choice for the best one.")
-    offsets = first.model.orthoglide.offsets_mm + first.left_entered
+    offsets = first.model.machine.active + first.left_entered
     if keeper is not None and not machine_file.differing(keeper, first.model):
-        offsets = np.array(keeper.orthoglide.offsets_mm)
+        offsets = np.array(keeper.machine.active)
     return first, options, first.model.holding(tuple(offsets.round(9).tolist()))
 
 
@@ -341,10 +341,10 @@ def first_records(
     if first:
         # What others are joined to keeps the machine as it was for the first of them.
         model = first.model
-        steps = steps_of(plan, model.orthoglide, order, stands)
+        steps = steps_of(plan, model.machine, order, stands)
         cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
     elif protocol is MeasuringProtocol.BEST:
-        steps = sequence(model.orthoglide, protocol, cycles, order, stands)
+        steps = sequence(model.machine, protocol, cycles, order, stands)
     opened = events.Opened(
         at=at, version=2 if steps else 1, protocol=protocol,
         machine=machine_file.machine_text(model), cycles=cycles, order=order, stands=stands,
@@ -361,11 +361,10 @@ def setting_in(journal: Journal, state: events.State) -> Setting:
     path, opened, planned = str(journal.path), state.opened, state.planned
     model = machine_file.machine_from_text(opened.machine, path)
     if planned is not None:
-        steps = steps_of(plan_of(planned.readings), model.orthoglide, opened.order, opened.stands)
+        steps = steps_of(plan_of(planned.readings), model.machine, opened.order, opened.stands)
     else:
-        steps = sequence(
-            model.orthoglide, opened.protocol, opened.cycles, opened.order, opened.stands
-        )
+        cycles, order, stands = opened.cycles, opened.order, opened.stands
+        steps = sequence(model.machine, opened.protocol, cycles, order, stands)
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):
         raise InputError(
@@ -398,7 +397,7 @@ def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> No
         before, now = ", ".join(opened.source), ", ".join(request.source)
         differences.append(f"gauge: {before} in the session, {now} asked for")
     # What the controller held was asked when the session began; the file may say otherwise.
-    asked = _holding(request.model or model, request.offsets_mm or model.orthoglide.offsets_mm)
+    asked = _holding(request.model or model, request.offsets_mm or model.machine.active)
     one, other = machine_file.machine_values(model), machine_file.machine_values(asked)
     differences += [
         f"machine, {name}: {one.get(name, 'none')} in the session,"

@@ -139,7 +139,7 @@ def step_line(step: SessionStep, setting: Setting, minutes: float) -> str:
 
 def point(step: SessionStep, setting: Setting) -> tuple[Floats, Floats]:
     """Point to drive to: joints and tool, shape (3,) each [mm]."""
-    machine = setting.model.orthoglide
+    machine = setting.machine
     joints = machine.joints_at(step.leg, step.cell.displacement) - setting.short_mm(step)
     return joints, machine.nominal_rails.tool_for(joints)
 

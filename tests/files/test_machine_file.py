@@ -279,7 +279,9 @@ SIZES = {
     for id, cause in CAUSES.items()
     if Orthoglide in cause.sizes
 }
-OFFSETS = st.builds(JointOffsets, *[st.floats(-1000.0, 1000.0)] * 3)
+ENTERED = st.tuples(*[st.floats(-1000.0, 1000.0)] * 3).map(
+    lambda values: dict(zip("xyz", values, strict=True))
+)
 MACHINES = st.builds(
     MACHINE.changed,
     name=TEXTS,
@@ -301,7 +303,7 @@ MACHINES = st.builds(
     history=st.lists(
         st.builds(
             Entered,
-            date=st.just("2025-01-31"), before=OFFSETS, after=OFFSETS, data_sha256=st.just(DIGEST),
+            date=st.just("2025-01-31"), before=ENTERED, after=ENTERED, data_sha256=st.just(DIGEST),
         ),
         max_size=2,
     ).map(tuple),
@@ -470,7 +472,7 @@ report:
 def test_history_and_details_are_read_also_in_a_session(tmp_path):
     model = read(TEXT + HISTORY)
     (entry,) = model.machine.history
-    assert (entry.date, entry.before, entry.after) == ("2025-01-31", (0, 0, 0), (0.4, -0.1, 0))
+    assert (entry.date, entry.active) == ("2025-01-31", ((0, 0, 0), (0.4, -0.1, 0)))
     assert model.machine.entered_from(DIGEST) == entry
     assert model.machine.entered_from("0" * 64) is None
     report = model.machine.report

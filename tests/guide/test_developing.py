@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 import orthoglide_cal
 from tests.machines import ROOT
@@ -75,11 +76,10 @@ class TiltTable(Machine):
     linearization_points = read_only(np.zeros((1, 3)))
     tolerance_scales = LinearDelta.tolerance_scales
     usual_sizes = MappingProxyType({"misread": 0.1, "bed_shape": 0.1, "probe_drift": 0.05})
-    has_cube = False
     controller_formats = ("text",)
     vocabulary = replace(LinearDelta.vocabulary, one="height", many="heights", title="Heights")
     first_steps = (("Solve it", "solve", "touches.csv", ""),)
-    geometry_keys = ("bed_radius_mm", "screws_mm")
+    geometry_keys = ("bed_radius_mm",)
 
     kind: Literal["tilt_table"] = "tilt_table"
     bed_radius_mm: Annotated[Length, ask("Radius of the table", "where its screws are")]
@@ -93,10 +93,13 @@ class TiltTable(Machine):
     geometry_words = property(lambda self: f"table of radius {self.bed_radius_mm:g} mm")
     travel_mm, home_mm = property(lambda self: 100.0), property(lambda self: 0.0)
 
+    def holding(self, active):
+        return self.changed(screws_mm=tuple(active))
+
     # It is touched as the bed of a printer is.
     reading_words, judging = LinearDelta.reading_words, LinearDelta.judging
     local_shape, uncertain = LinearDelta.local_shape, LinearDelta.uncertain
-    synthetic, further = LinearDelta.synthetic, LinearDelta.further
+    synthetic = LinearDelta.synthetic
     simulated_plan = LinearDelta.simulated_plan
 
     @property
@@ -151,28 +154,40 @@ def added(tmp_path: Path, said: str, files: dict[str, str], names: dict[str, str
     return tmp_path
 
 
-# Runs commands one after the other, each as a list of words; what each prints, and its exit code.
+# Runs commands one after the other, each as a list of words, and then those that they advise;
+# gives what each prints, and its exit code.
 PROGRAM = """
-import json, sys
+import json, re, shlex, sys
 from typer.testing import CliRunner
 from orthoglide_cal.cli.app import app
-done = [CliRunner().invoke(app, words) for words in json.loads(sys.stdin.read())]
-print(json.dumps([(one.stdout, one.exit_code, one.stderr) for one in done]))
+typed, done = json.loads(sys.stdin.read()), []
+for words in typed:
+    one = CliRunner().invoke(app, words)
+    done.append((words, one.stdout, one.exit_code, one.stderr))
+    for line in re.findall("orthocal ([a-z].*)", one.stdout):
+        advised = shlex.split(line.replace("AFTER", "after.csv"))
+        advised += ["--yes"] * (advised[0] == "apply")
+        typed += [advised] * (advised not in typed)
+print(json.dumps(done))
 """
 
 
-def run(folder: Path, *typed: list[str], refused: str = "") -> list[str]:
-    """What commands of that copy print, in one process; one of them is refused."""
+def run(folder: Path, *typed: list[str], refused: tuple[str, int] = ("", 0)) -> dict[str, str]:
+    """What commands of that copy print, and those that they advise, in one process.
+
+    Those that begin with the words of `refused` end with its exit code, the others with 0.
+    """
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM], input=json.dumps(typed),
-        cwd=folder, env={**os.environ, "PYTHONPATH": str(folder)},
+        cwd=folder, env={**os.environ, "PYTHONPATH": str(folder), "COLUMNS": "200"},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     results = json.loads(done.stdout)
-    for words, (_, code, error) in zip(typed, results, strict=True):
-        assert code == (4 if words[0] == refused else 0), error
-    return [shown for shown, _, _ in results]
+    for words, _, code, error in results:
+        expected = refused[1] if " ".join(words[:2]) == refused[0] else 0
+        assert code == expected, f"{words}: {error}"
+    return {" ".join(words): shown or error for words, shown, _, error in results}
 
 
 def check(answer: dict, id: str, truth: dict[str, float]) -> None:
@@ -192,7 +207,7 @@ def test_a_cause_is_one_class_and_its_page(tmp_path: Path) -> None:
     typed = [*commands("".join(blocks(said, "text")).replace("ID", "leg_sag"))]
     assert [words[0] for words in typed] == ["simulate", "diagnose", "guide"]
     simulate, diagnose, guide = typed
-    _, shown, page = run(folder, simulate, [*diagnose, "--json"], guide)
+    _, shown, page = run(folder, simulate, [*diagnose, "--json"], guide).values()
     answer = json.loads(shown)
     check(answer, "leg_sag", dict(zip("xyz", OFFSETS, strict=True)))
     (cause,) = answer["causes"]
@@ -210,12 +225,31 @@ def test_a_kind_of_machine_is_one_class_and_its_pages(tmp_path: Path) -> None:
     typed = [*commands("".join(blocks(said, "text")).replace("KIND", "tilt_table"))]
     assert [words[0] for words in typed] == ["machine", "simulate", "solve", "diagnose", "guide"]
     machine, simulate, solve, diagnose, guide = typed
-    every = machine, simulate, solve, [*diagnose, "--json"], guide
-    *_, solved, shown, page = run(folder, *every, refused="solve")
+    # Without the wrong reading they may be entered; afterwards there is nothing to enter.
+    sound = [*simulate[: simulate.index("--cause")], "--output", "sound.csv"]
+    zero = simulate.index("--offsets") + 1
+    after = [*sound[:zero], "0", "0", "0", "--seed", "9", "--output", "after.csv"]
+    of = [["sound.csv", *solve[2:]], ["after.csv", *solve[2:]]]
+    first = machine, simulate, sound, after, solve, [*diagnose, "--json"], guide, ["solve", *of[0]]
+    pages = [*run(folder, *first, refused=("solve one.csv", 4)).values()]
+    solved, shown, page, entered = pages[4 : len(first)]
     assert "kind: tilt_table" in (folder / "mine.yaml").read_text(encoding="utf-8")
     assert "Do not enter these heights" in solved
     check(json.loads(shown), "misread", dict(zip("abc", OFFSETS, strict=True)))
     assert "A tilting table" in page
+    assert "orthocal verify sound.csv AFTER --machine mine.yaml --applied 0.4" in entered
+    for name in ("sound.csv", "after.csv"):
+        table = (folder / name).read_text(encoding="utf-8")
+        (folder / name).write_text(re.sub(",(simulated|yes)$", "", table, flags=re.MULTILINE))
+    # Measured, they are recorded; what was not described cannot be planned, and nothing says so.
+    typed = [*([verb, *data] for data in of for verb in ("solve", "diagnose")), ["plan"]]
+    pages = run(folder, *typed, ["export", *of[0]], refused=("plan", 2))
+    assert "No protocol guides through measuring a tilt table" in pages.pop("plan")
+    assert "orthocal plan" not in "".join(pages.values())
+    assert "as predicted" in pages["verify sound.csv after.csv --machine mine.yaml"]
+    (entry,) = yaml.safe_load((folder / "mine.yaml").read_text(encoding="utf-8"))["history"]
+    assert entry["before"] == dict.fromkeys("abc", 10.0)
+    assert entry["after"]["b"] == pytest.approx(9.3, abs=0.05)
 
 
 @pytest.mark.parametrize("path", re.findall(r"`([\w/]+\.(?:py|md))`", PAGE))

@@ -20,7 +20,7 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import OffsetEstimate, promise, solve
 from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
-from orthoglide_cal.model.machine import Entered, JointOffsets
+from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import single_posture
@@ -385,8 +385,8 @@ def test_a_number_says_what_a_report_shows_and_not_when():
     renamed = Model(NOMINAL.machine.changed(name="Other"))
     entry = Entered(
         date="2026-03-03",
-        before=JointOffsets(0.0, 0.0, 0.0),
-        after=JointOffsets(0.1, 0.2, 0.3),
+        before={"x": 0.0, "y": 0.0, "z": 0.0},
+        after={"x": 0.1, "y": 0.2, "z": 0.3},
         data_sha256="a" * 64,
     )
     entered = replace(NOMINAL, machine=NOMINAL.machine.changed(history=(entry,)))

@@ -35,7 +35,7 @@ TOGETHER = "--then and {} do not go together"
         (("--then", f"{SAMPLES}/experiment2.csv"), "Give the file of the raw readings"),
         (("--then", f"{SAMPLES}/single_posture_session.csv"), "readings of both kinds cannot be"),
         (("--then", "none.csv"), "There is no such file"),
-        (("--then", "printer.cfg"), "A printer measures itself"),
+        (("--then", "printer.cfg"), "No protocol guides through measuring a linear delta"),
         (("--then", "-"), "standard input is the keyboard"),
     ],
 )

@@ -318,7 +318,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             if cause.recommended:
                 typed = case.typed("diagnose", f"--accept {cause.id}")
                 yield doc.Instruction("Or accept it as part of the machine", typed)
-            if CAUSES[cause.id].by_joint and case.machine.controller_formats[0] == "linuxcnc":
+            if CAUSES[cause.id].by_joint and case.machine.adds_to_joints:
                 typed = case.typed("apply", "--to FILE.ini")
                 yield doc.Instruction("Or let LinuxCNC correct it", typed)
     for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
@@ -326,7 +326,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             typed = case.typed("adjust", f"--cause {cause.id}")
             yield doc.Instruction("Correct it live, with a gauge", typed)
     if release.settled:
-        yield doc.Instruction("See which further readings would help", case.typed("plan"))
+        yield from to_do(case)
     elif release.usable:
         yield doc.Instruction("See what to enter", case.typed("solve"))
 

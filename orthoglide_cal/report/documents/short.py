@@ -10,9 +10,9 @@ from orthoglide_cal.files.input import Check
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import NOZZLE, Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, stated
+from orthoglide_cal.report.documents.solution import common_unit
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Application
 from orthoglide_cal.words import SIMULATED, counted, plain, short, signed, two_figures
@@ -124,11 +124,10 @@ def application_document(
     simulated = given is not None and given.measured.source.simulated
     nozzle = [r for r in given.measured.remarks if r.code in NOZZLE] if given else []
     # In the controller until then and from then on; none of a printer.
-    offsets = entry.before or (), entry.after or ()
-    offsets = offsets[::-1] if application.undone else offsets
+    before, after = dict(entry.before or {}), dict(entry.after or {})
+    before, after = (after, before) if application.undone else (before, after)
 
     def data() -> dict[str, object]:
-        before, after = (dict(zip(AXES, triple, strict=False)) for triple in offsets)
         return {
             "schema_version": 1,
             "simulated": simulated,
@@ -144,12 +143,12 @@ def application_document(
         }
 
     def page() -> doc.Page:
-        head = ("axis", "before", "change", "from now on")
+        words, head = machine.vocabulary, ("", "before", "change", "from now on")
         rows = [
-            (axis, signed(before, 4), signed(after - before, 4), doc.strong(signed(after, 4)))
-            for axis, before, after in zip(AXES, *offsets, strict=False)
+            (name, signed(old, 4), signed(after[name] - old, 4), doc.strong(signed(after[name], 4)))
+            for name, old in before.items()
         ]
-        caption = "Joint offsets in the controller, mm (true position = indicated + offset)."
+        caption = f"{words.title} in the controller{common_unit(machine)} ({words.relation})."
         first = "The controller must hold the last column and have been homed with it."
         if application.controller is not None and entry.written is not None:
             head, rows = ("line", "what", "now", "from now on"), []
