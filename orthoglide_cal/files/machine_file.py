@@ -11,7 +11,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path, PurePath
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 import numpy as np
 from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_model, field_validator
@@ -315,7 +315,7 @@ def is_machine_file(tree: Content) -> bool:
     return "readings" not in keys and not known.isdisjoint(keys)
 
 
-def machine_values(model: Model) -> dict[str, Any]:
+def machine_values(model: Model) -> dict[str, object]:
     """Plain values of the machine file, in the file's order; what nobody stated is left out."""
 
     def digits(value: float) -> float:

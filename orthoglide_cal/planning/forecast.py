@@ -62,7 +62,7 @@ class SessionForecast(Schema):
 
     @classmethod
     def of(
-        cls, model: Model, session: Layout, method: Method = Method.READINGS, **more: Any
+        cls, model: Model, session: Layout, method: Method = Method.READINGS, **more: object
     ) -> Self:
         """Forecast what a method finds of a session's readings; `more` as of a subclass.
 

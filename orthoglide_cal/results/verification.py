@@ -22,7 +22,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, computed_field
@@ -419,7 +419,7 @@ def _common(
     solutions: tuple[Solution, Solution],
     entered: Sequence[float | None],
     unordered: bool = False,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Fields for any kind of machine: both inputs, and each parameter.
 
     `unordered`: they may have been measured in the other order.
@@ -647,7 +647,7 @@ def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContr
 
 def _respond(
     shared: SharedContrasts, moved: Floats, offsets: Floats, applied: Floats
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """The fields of a verification that say how the machine responded.
 
     Args:
