@@ -147,11 +147,10 @@ def _gauges(
     """
     shares = np.array([share for share, _, _ in fits])
     if pattern.how == "scatters":
-        yield (
-            "noise",
-            *_mean_and_std(shares, np.array([shape.size for shape in pattern.shapes])),
-            1.0,
-        )
+        sizes = np.array([shape.size for shape in pattern.shapes])
+        # Sizes between those that were tried are as likely.
+        between = sizes * math.log(pattern.sizes[1] / pattern.sizes[0]) / math.sqrt(12.0)
+        yield "noise", *_mean_and_std(shares, sizes, between**2), 1.0
         return
     plan, columns = fits[0][1].at.white.plan, [shape.columns for shape in pattern.shapes]
     known = [(fit.moved[own], fit.covariance[own, own]) for _, fit, own in fits]
