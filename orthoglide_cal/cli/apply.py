@@ -167,16 +167,12 @@ def _entered(
     file = None  # what is written to a printer needs none
     if known or to is None or to.adds:
         file = common.own_machine_file(known)
-    if file and to is None:
-        judged = file.model.machine
+    if file and to is None and not (judged := file.model.machine).keeps_entered:
         options = f"--format {judged.controller_formats[0]}"
         shown = command("export", path, machine=machine, options=options)
         written = command("apply", path, machine=machine, options="--to printer.cfg")
         remedy = f"See what to give it: {shown}; or write it: {written}"
-        try:
-            judged.holding(judged.active)
-        except UsageError as error:
-            raise UsageError(error.what, remedy) from error
+        raise UsageError("Its firmware keeps what it is given; nothing is recorded here.", remedy)
     given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)
     check_not_adjusted(given.measured.source)

@@ -28,6 +28,7 @@ def start() -> None:
     file = machine = to = None
     sessions, waiting = sessions_in(here, tables=True), unfinished(here)
     printers, measured = printers_in(here), [*sessions]
+    several = sum(path.suffix != ".csv" for path in sessions) > 1
     try:
         known = "none in this folder"
         if path := machine_in_folder(here):
@@ -65,7 +66,7 @@ def start() -> None:
             blocks.append(doc.Instruction("Continue the practice", typed))
         given_up = command("measure", name, options="--discard")
         blocks.append(doc.Instruction("Or give it up", given_up))
-    if len(sessions_in(here)) > 1 and not (waiting or to):
+    if several and not (waiting or to):
         changed = doc.Instruction("Check whether the machine has changed", "orthocal history .")
         blocks.append(changed)
     steps = [block for block in blocks if isinstance(block, doc.Instruction)]

@@ -9,7 +9,7 @@ from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.fit import Fit, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern
-from orthoglide_cal.inference.patterns import extended, fits_of, usual
+from orthoglide_cal.inference.patterns import at_usual_size, extended, fits_of
 from orthoglide_cal.inference.result import FoundPattern
 from orthoglide_cal.model.cause import NORMAL_K, Estimate
 from orthoglide_cal.model.measured import Measured, Readings
@@ -36,7 +36,7 @@ def described(
     """
     base = belief.fit(hypothesis.ids)
     pattern, white = hypothesis.patterns[-1], hypothesis.at.white
-    fits, before = fits_of(hypothesis, base), usual(base)
+    fits, before = fits_of(hypothesis, base), at_usual_size(base)
     for other in hypothesis.patterns[:-1]:
         before, _ = extended(before, other)
     after = fits[0][1]

@@ -139,8 +139,8 @@ class Fit(ReadOnly):
         return float(np.trace(self.covariance @ self.columns.T @ self.columns)) / self.sigma**2
 
     @property
-    def given(self) -> int:
-        """Number of the unknowns that come before those of what is uncertain of the data."""
+    def first_uncertain(self) -> int:
+        """Index of the first unknown that is of what is uncertain of the data."""
         widths = (influence.columns.shape[1] for influence in self.uncertain)
         return int(len(self.sizes) - sum(widths))
 
@@ -149,7 +149,7 @@ class Fit(ReadOnly):
         """Which unknowns are a local shape, shape (q,)."""
         widths = [influence.columns.shape[1] for influence in self.uncertain]
         local = np.repeat([influence.local for influence in self.uncertain], widths)
-        return read_only(np.append(np.zeros(self.given), local), np.bool_)
+        return read_only(np.append(np.zeros(self.first_uncertain), local), np.bool_)
 
     @property
     def rest(self) -> float:
@@ -714,7 +714,9 @@ def known_then(
         *(fit.slots[fit.effects.index(effect)] for effect in effects),
     ]
     columns, fresh = [jacobians], [jacobians[:, :0]]
-    ends = fit.given + np.cumsum([0, *(influence.columns.shape[1] for influence in fit.uncertain)])
+    ends = fit.first_uncertain + np.cumsum(
+        [0, *(influence.columns.shape[1] for influence in fit.uncertain)]
+    )
     spans = dict(
         zip((influence.source for influence in fit.uncertain), pairwise(ends.tolist()), strict=True)
     )

@@ -297,7 +297,7 @@ def _is_listed(at: Linearised, shown: Floats) -> Bools:
     return np.asarray(made | np.any(match > ALIKE**2 * (broad**2).sum(axis=0), axis=1))
 
 
-def usual(fit: Fit) -> Fit:
+def at_usual_size(fit: Fit) -> Fit:
     """The fit with causes of usual size: fitted alone, one may follow what a pattern does."""
     at, sizes, centre = fit.at, fit.sizes.copy(), fit.centre.copy()
     for effect, slot in zip(fit.effects, fit.slots, strict=True):
@@ -383,7 +383,7 @@ def _gains_of_noise(fit: Fit, one: Tried) -> Floats:
 def extended(fit: Fit, pattern: Pattern, number: int = 0) -> tuple[Fit, slice]:
     """The fit with one of a pattern's likeliest shapes; and which unknowns are that pattern's."""
     white, noise, uncertain = fit.white, fit.noise, fit.uncertain
-    shape, start = pattern.shapes[number], fit.given
+    shape, start = pattern.shapes[number], fit.first_uncertain
     columns, unexpected, sizes, centre = fit.columns, fit.unexpected, fit.sizes, fit.centre
     end = start
     if pattern.how == "scatters":
@@ -512,7 +512,7 @@ def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Fit, slice]]:
 
     Of each its share, and which unknowns are that pattern's.
     """
-    fit = usual(fit)
+    fit = at_usual_size(fit)
     *before, last = hypothesis.patterns
     for pattern in before:
         fit, _ = extended(fit, pattern)
@@ -532,7 +532,7 @@ def combined(hypothesis: Hypothesis, fit: Fit, every: Sequence[Tried]) -> list[H
     """A hypothesis, of whose listed causes `fit` is, with every pattern in addition."""
     if math.isinf(fit.log_evidence):  # no explanation, whatever acts besides
         return []
-    before, patterns = usual(fit), hypothesis.patterns
+    before, patterns = at_usual_size(fit), hypothesis.patterns
     if not hypothesis.label:
         return scores_of(before, every)
     gained = (hypothesis.log_evidence if patterns else fit.log_evidence) - fit.log_evidence

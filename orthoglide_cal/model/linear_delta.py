@@ -338,6 +338,7 @@ class LinearDelta(Machine):
     recommended = ("tower_lean", "tower_radius", "bed_shape", "probe_tilt")
     homed = len(TOWERS)
     decimals = 4
+    keeps_entered = False
     controller_formats = ("klipper", "reprapfirmware", "marlin", "linuxcnc")
     vocabulary = Vocabulary(
         one="parameter",

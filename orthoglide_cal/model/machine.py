@@ -330,6 +330,7 @@ class Machine(Schema):
     first_steps: ClassVar[tuple[tuple[str, str, str, str], ...]]
     has_cube: ClassVar[bool] = False  # the error of its tool is shown over a cube of its workspace
     adds_to_joints: ClassVar[bool] = False  # LinuxCNC adds its parameters, and tables, at joints
+    keeps_entered: ClassVar[bool] = True  # its machine file, not its controller, has `active`
     controller_formats: ClassVar[tuple[str, ...]]
     vocabulary: ClassVar[Vocabulary]
     # What a technician writes down with its readings; where it is missing, pages leave a blank.
@@ -449,7 +450,7 @@ class Machine(Schema):
 
     @abstractmethod
     def holding(self, active: Sequence[float]) -> Self:
-        """With other values `active`; raises UsageError if its file does not keep them."""
+        """With other values `active`; raises UsageError unless its file `keeps_entered`."""
 
     @property
     @abstractmethod

@@ -163,11 +163,16 @@ class Case:
         """Steps instead of entering the parameters; with `verb` only those with that command."""
         remedies, following = self.answer.release.remedies, self.answer.next_measurement
         steps = (
-            (self.says(remedy.sentence), self.remedied(remedy), remedy.verb) for remedy in remedies
+            (
+                self.says(remedy.sentence),
+                self.further(following.session)
+                if following and remedy.sentence == following.what
+                else self.remedied(remedy),
+                remedy.verb,
+            )
+            for remedy in remedies
         )
         for text, typed, run in dict.fromkeys(steps):  # two reasons may have one remedy
-            if following and text == self.says(following.what):
-                typed = self.further(following.session)
             if verb in (None, run):
                 yield doc.Instruction(text, typed)
 

@@ -56,7 +56,7 @@ def _around(
         *remarks,
     ]
     after = []
-    if not release.settled:
+    if not release.settled:  # else nothing is entered
         after.append(f"After entering: {case.words.restart[0].lower()}{case.words.restart[1:]}")
         if case.answer.check is not None:
             after.append(check_words(case.answer.check))

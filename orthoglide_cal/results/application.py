@@ -213,9 +213,7 @@ def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
     Elsewhere: the controller itself does.
     """
     file = given.keeper
-    try:
-        given.model.holding(given.model.machine.active)
-    except UsageError:
+    if not given.model.machine.keeps_entered:
         return "elsewhere"
     if file is None:
         return "nowhere"

@@ -181,12 +181,10 @@ def answer_to(
             left_mm = diagnosis.causes[0].rms_after_mm
         elif any(pattern.accepted for pattern in diagnosis.patterns):
             left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
-    p_value, scatter_mm, stated_mm = (
-        solution.lack_of_fit_p, solution.sigma_residuals_mm, solution.stated_mm,
-    )  # fmt: skip
+    judged = solution.lack_of_fit_p, solution.sigma_residuals_mm, solution.stated_mm
     if fitted is not None and diagnosis is not None and solution.dof:
         lack = diagnosis.lack_of_fit
-        p_value, scatter_mm, stated_mm = lack.p_value, lack.residual_mm, lack.noise_mm
+        judged = lack.p_value, lack.residual_mm, lack.noise_mm
     shift = np.abs(alone.offsets_mm - chosen.offsets_mm)
     lines, total = budget_lines(budget)
     correlation = budget.covariance_mm2 / np.outer(std, std)
@@ -195,7 +193,7 @@ def answer_to(
         input=file,
         machine=name,
         method=solution.method,
-        judgement=judgement_of(p_value, scatter_mm, stated_mm),
+        judgement=judgement_of(*judged),
         release=decision,
         validity=conditions,
         parameters=parameters,
@@ -216,11 +214,11 @@ def answer_to(
         noise=schema.Noise(
             used_mm=chosen.noise.sigma_mm,
             repeats_mm=solution.repeats.sigma_mm if solution.repeats else None,
-            residuals_mm=scatter_mm,
+            residuals_mm=judged[1],
             stated_mm=model.machine.instrument.noise_mm,
             floor_mm=model.machine.instrument.rounding_mm,
             dof=solution.dof,
-            p_value=p_value,
+            p_value=judged[0],
         ),
         deviations=rows,
         as_found=spread({row.name: row.measured_mm for row in rows}) if rows else None,
@@ -582,7 +580,7 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
     }
     reasons = [Reason.of("undecided", **data)]
     advice = [Reason.of("do", what=cause.remedy) for cause in diagnosis.causes]
-    if following:
+    if following is not None:
         advice = [following.what]
     if diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0:
         reasons.append(Reason.of("few_readings"))

@@ -271,9 +271,7 @@ def verify(
     for id, size in adjusted:
         sizes = pushed if id == HOME_SWITCH.id else screws.setdefault(id, {})
         sizes[size.name] = round(sizes.get(size.name, 0.0) + size.value, 4)
-    if adjusted and applied_mm is None:
-        applied_mm = (0.0, 0.0, 0.0)
-    model, (entered, held) = before.model, _entered(before, after, applied_mm)
+    model, (entered, held) = before.model, _entered(before, after, applied_mm, bool(adjusted))
     corrected = {**_more(model.machine.corrected, held), **screws}
     applied = np.add(entered, [*pushed.values()])
     applied = np.where(np.abs(applied) < SMALLEST_MM, 0.0, applied)
@@ -518,11 +516,12 @@ def _swapped(before: Input, after: Input) -> bool | None:
 
 
 def _entered(
-    before: Input, after: Input, applied: Sequence[float] | None
+    before: Input, after: Input, applied: Sequence[float] | None, adjusted: bool = False
 ) -> tuple[Floats, Corrections]:
     """What was added to the offsets, (3,) [mm], and what the controller corrected from then on.
 
     The second may have been measured without knowing what had been entered: its machine file does.
+    Where screws were `adjusted` and no file says that anything was entered, nothing was.
     """
     keeper, first, second = before.keeper, before.model.machine, after.model.machine
     known = keeper.model.machine.entered_from(before.measured.source.sha256) if keeper else None
@@ -531,7 +530,11 @@ def _entered(
         corrected = known.corrected
     if applied is not None:
         return np.array(applied, dtype=float), corrected
-    if known is None and (then == now or not (before.is_session and after.is_session)):
+    if (
+        known is None
+        and not adjusted
+        and (then == now or not (before.is_session and after.is_session))
+    ):
         raise UsageError(
             "The files do not say what was entered in the controller between them.",
             "Give it: --applied DX DY DZ; next time record it with orthocal apply.",

@@ -11,6 +11,7 @@ from orthoglide_cal.estimation.methods import pose
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.inference.response import Behaviour
+from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import simulate
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
@@ -259,6 +260,11 @@ def test_what_was_entered_is_what_two_sessions_record():
     for one, other in ((second, second), (first, replace(second, recorded=None))):
         with pytest.raises(UsageError, match="do not say what was entered"):
             verify(one, other)
+    pushed = Estimate(name="x", unit="mm", value=0.1, std=0.01)
+    third = given(session(TRUE - np.array(entered) - (0.1, 0.0, 0.0), 20), adjusted)
+    both = verify(first, third, adjusted=[("home_switch", pushed)])
+    assert [*both.applied_mm.values()] == pytest.approx(np.add(entered, (0.1, 0.0, 0.0)))
+    assert both.kept
 
 
 @pytest.mark.parametrize(
