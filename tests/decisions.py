@@ -1,6 +1,7 @@
 """What follows from the same data under the same model is found once in a process, for all tests.
 
-A decision is a pure function of them, which `tests.inference.test_verdicts` asserts of `decide`.
+A decision is a pure function of them, which `tests.inference.test_verdicts` asserts of `decide` and
+`diagnose`.
 A test that replaces a part of the inference calls the functions of that module itself.
 """
 
@@ -63,6 +64,7 @@ def replace(name: str, repeated: Callable[..., Any], *modules: str) -> None:
 
 
 DIAGNOSE = module_of("inference.diagnose")
+diagnose_anew = DIAGNOSE.diagnose
 # Before others take it from there.
 replace("diagnose", once(DIAGNOSE.diagnose), "inference")
 replace("decide", once(DIAGNOSE.decide), "inference.diagnose", "results.history")

@@ -42,9 +42,10 @@ def adjust(
     if given.keeper and given.keeper.model.machine.entered_from(given.measured.source.sha256):
         fault = f"The offsets of {session} were entered: that is not the machine any more."
         raise UnusableResultError(fault, "Measure again, then adjust by the new session.")
+    diagnosis = diagnose(given.measured, given.model)
     if cause == HOME_SWITCH.id:
-        released(given, machine)
-    id, adjustments = choose_adjustments(diagnose(given.measured, given.model), cause)
+        released(given, machine, diagnosed=diagnosis)
+    id, adjustments = choose_adjustments(diagnosis, cause)
     if validity(given).simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")
     show = session_display(json)

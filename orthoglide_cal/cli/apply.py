@@ -171,7 +171,7 @@ def _entered(
         options = f"--format {judged.controller_formats[0]}"
         shown = command("export", path, machine=machine, options=options)
         written = command("apply", path, machine=machine, options="--to printer.cfg")
-        remedy = f"See what to give it: {shown}; or write it: {written}"
+        remedy = f"See what to give it: {shown}\nOr write it: {written}"
         raise UsageError("Its firmware keeps what it is given; nothing is recorded here.", remedy)
     given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)

@@ -10,6 +10,7 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 
 if TYPE_CHECKING:
     from orthoglide_cal.files.input import Input
+    from orthoglide_cal.inference import Diagnosis
     from orthoglide_cal.report.case import Case
 
 Format = Literal["text", "linuxcnc", "table", "klipper", "reprapfirmware", "marlin"]
@@ -85,6 +86,7 @@ def released(
     force: bool | None = None,
     details: bool = False,
     corrects: Collection[str] = (),
+    diagnosed: "Diagnosis | None" = None,
 ) -> "Case":
     """The offsets of an input, if they may be used or are forced to (None: cannot be forced).
 
@@ -94,13 +96,12 @@ def released(
     from orthoglide_cal.results import answer_to
 
     with common.working(given.measured.source.path):
-        answer = answer_to(given, method, details=details, corrects=corrects)
+        answer = answer_to(given, method, diagnosed=diagnosed, details=details, corrects=corrects)
     case = Case(given, answer, machine)
     if not answer.parameters or not (answer.release.usable or force):
-        remedies = [
-            f"{case.says(remedy.sentence)} {case.remedied(remedy) or ''}".rstrip()
-            for remedy in case.answer.release.remedies
-        ]
+        every = answer.release.remedies
+        steps = dict.fromkeys((case.says(one.sentence), case.remedied(one)) for one in every)
+        remedies = [f"{text} {typed or ''}".rstrip() for text, typed in steps]
         if force is not None and answer.parameters:
             remedies.append("To export it anyway, marked as FORCED: --force")
         raise UnusableResultError(

@@ -28,7 +28,6 @@ def start() -> None:
     file = machine = to = None
     sessions, waiting = sessions_in(here, tables=True), unfinished(here)
     printers, measured = printers_in(here), [*sessions]
-    several = sum(path.suffix != ".csv" for path in sessions) > 1
     try:
         known = "none in this folder"
         if path := machine_in_folder(here):
@@ -41,8 +40,9 @@ def start() -> None:
         measured.pop()
     # Practice is the round only where it is meant to be, or where there is nothing else.
     practising = machine.practice if machine else not measured
+    simulated = practising and len(measured) < len(sessions)
     sessions = sessions if practising else measured
-    simulated = bool(sessions) and _simulated(sessions[-1])
+    several = sum(path.suffix != ".csv" for path in sessions) > 1
     practices = [path for path in waiting if is_practice(path)]
     names = ", ".join(f"{path.name}{' (practice)' * (path in practices)}" for path in waiting)
     facts = [("Machine file", known), *([("Unfinished", names)] if names else [])]

@@ -220,7 +220,7 @@ def controller_file(target: str) -> ControllerFile:
     text = "\n" + re.sub("\r\n?", "\n", data.decode("latin-1"))  # a byte is a character
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
         _check_included(target, text)
-        places = _entries(text, "=")
+        places = _entries(text, "=", first_only=True)
         sections = {axis: f"JOINT_{joint}" for axis, joint in _joints(target, places).items()}
         wanted = {axis: (section, "HOME_OFFSET") for axis, section in sections.items()}
         more = {f"{axis} {o}": (section, o) for axis, section in sections.items() for o in OPTIONS}
@@ -308,15 +308,15 @@ def holds(target: str, sha256: str) -> bool:
     return False
 
 
-def _entries(text: str, signs: str) -> Places:
+def _entries(text: str, signs: str, *, first_only: bool = False) -> Places:
     """All entries of a text that begins with an empty line; one of the signs is in each.
 
-    LinuxCNC, whose sign is "=", reads the first section of a name only.
+    `first_only`: of several sections of a name only the first is read, as by LinuxCNC.
     """
     section, seen, places = "", set[str](), Places(list)
     for number, line in enumerate(text.split("\n")):
         if head := _SECTION.match(line):
-            section = "" if signs == "=" and head[1] in seen else head[1]
+            section = "" if first_only and head[1] in seen else head[1]
             seen.add(head[1])
         elif entry := _ENTRY.fullmatch(line):
             # Behind another sign LinuxCNC reads nothing, nor in the lines that follow.

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
+from glob import escape
 from itertools import pairwise
 from pathlib import Path, PurePath
 from typing import Literal
@@ -60,6 +61,7 @@ _NO_READINGS = {
 _TRUST = 0.5
 _STEPS = 8  # of a search that converges quadratically
 _NEGLIGIBLE = 1e-9  # singular values below this share of the largest are zero
+ADJUSTMENT = ".adjust"  # ending of the journal of one, not that of a session
 # The header of a table of gauge readings, or of differences.
 _GAUGED = re.compile(
     r"^(?!#)(?=.*\b(?:leg|difference)\b).*\b(?:reading_mm|reading_in|value_mm)\b", re.M | re.I
@@ -242,6 +244,12 @@ def together(inputs: Sequence[Input]) -> Input:
         remarks=(*changed, *noted, *cautions),
     )
     return replace(last, measured=measured, others=())
+
+
+def adjustments_by(path: str) -> list[Path]:
+    """Journals of what was adjusted by the readings in a file."""
+    beside = Path(path)
+    return sorted(beside.parent.glob(f"{escape(beside.stem)}.*{ADJUSTMENT}"))
 
 
 def sessions_in(folder: Path, tables: bool = False) -> list[Path]:

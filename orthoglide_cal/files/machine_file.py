@@ -69,13 +69,20 @@ def kind_of(keys: Mapping[str, object]) -> str:
     return max(keys_of, key=lambda kind: len(keys_of[kind]))
 
 
+def _unnamed(value: object) -> object:
+    """An estimate whose name is its key."""
+    if isinstance(value, Mapping) and "name" in value:
+        raise InputError("The key is not known.", "Leave it out.", column="name")
+    return value
+
+
 class Identified(Schema):
     """An accepted cause as the file holds it; the context is the class of the machine."""
 
     cause: str
     where: Annotated[str, _NOWHERE] | None = ""  # always the whole machine
     # By their names on this kind of machine.
-    parameters: Mapping[Word, Estimate]
+    parameters: Mapping[Word, Annotated[Estimate, BeforeValidator(_unnamed)]]
     date: Day  # of its acceptance
     data_sha256: Digest  # of the readings that it was accepted from
     correlation: tuple[tuple[Number, ...], ...] = ()  # of the parameters; () for independent ones
@@ -394,9 +401,9 @@ def with_history(
     model = model if corrected is None else model.correcting(corrected)
     model = replace(model, machine=model.machine.changed(history=history))
     values, before, text = machine_values(model), machine_values(file.model), file.document.text
-    if corrected is not None:
-        text = edited(text, {"corrected": []})  # no key of the old ones stays
     keys = [key for key in {**values, **before} if values.get(key) != before.get(key)]
+    if "corrected" in keys:
+        text = edited(text, {"corrected": []})  # no key of the old ones stays
     text = edited(text, {key: values.get(key, {}) for key in keys})
     with suppress(InputError):
         if machine_values(machine_from_text(text, file.document.path)) == values:

@@ -528,9 +528,9 @@ def _of_local_shape(decision: Decision) -> Iterator[Reason]:
 def _notes(decision: Decision, measured: Measured) -> Iterator[Reason]:
     yield from notes_on(measured)
     machine = decision.belief.at.white.machine
-    for spread in machine.doubted.values():
+    for id, spread in machine.doubted.items():
         lengths = machine.nominal_rails.lengths.tolist()
-        yield Reason.of("unequal_arms", lengths_mm=lengths, spread_mm=spread)
+        yield Reason.of(f"doubted_{id}", lengths_mm=lengths, spread_mm=spread)
     causes = [effect.cause for effect in decision.fit.effects]
     listed, unlisted = decision.belief.listed, decision.belief.unlisted
     accepted, raw = decision.accepted, decision.belief.at.white.raw

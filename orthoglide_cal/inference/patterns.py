@@ -27,7 +27,7 @@ from orthoglide_cal.causes import PatternCause
 from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum
 from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
-from orthoglide_cal.inference.evidence import Texture
+from orthoglide_cal.inference.evidence import NoiseGrid, Texture
 from orthoglide_cal.inference.fit import ENOUGH, Fit
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
@@ -360,24 +360,33 @@ def _gains_of_noise(fit: Fit, one: Tried) -> Floats:
     contrasts, some = fit.white.matrix, rows[:, ~everywhere].astype(np.float64)
     if not isinstance(contrasts, Contrasts):
         return gains[:, None]
-    shape = () if fit.white.texture is None else (fit.white.texture.columns,)
+    texture = fit.white.texture
+    shape = () if texture is None else (texture.columns,)
+    # What of a local shape is too fine to be described is noise, too, but of the bed.
+    unit = _general(fit.white, fit.noise) / fit.noise.stated
+    more2 = (unit * fit.noise.stated * factors) ** 2
     values = contrasts.T @ np.column_stack((*shape, fit.scaled, fit.unexpected))
-    values = np.hstack((contrasts.zeros, values / fit.noise.stated))
+    values = np.hstack((contrasts.zeros, unit * values))
     zeros, end = contrasts.zeros.shape[1], values.shape[1] - 1
     whole = values.T @ values
     whole[np.arange(zeros, end), np.arange(zeros, end)] += 1.0
     own = values.T @ (some.T[:, :, None] * values)
-    share = (factors**2 / (1.0 + factors**2))[:, None, None]
+    share = (more2 / (1.0 + more2))[:, None, None]
     square = np.concatenate((whole[None], (whole - share * own[:, None]).reshape(-1, *whole.shape)))
     inner, cross = square[:, :end, :end], square[:, :end, end:]
     root = np.linalg.cholesky(inner)
     log_det = 2.0 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
     left = square[:, end, end] - (np.linalg.solve(root, cross) ** 2).sum(axis=(1, 2))
-    log_det[1:] += np.outer(some.sum(axis=0), np.log1p(factors**2)).reshape(-1)
+    log_det[1:] += np.outer(some.sum(axis=0), np.log1p(more2)).reshape(-1)
     noise2 = (fit.noise.sigma / fit.noise.stated) ** 2
     gain = (left[0] - left[1:])[:, None] / noise2 + (log_det[0] - log_det[1:])[:, None]
     gains[~everywhere] = 0.5 * gain.reshape(-1, len(factors), len(noise2))
     return gains[:, None]
+
+
+def _general(white: Whitened, noise: NoiseGrid) -> float:
+    """The stated noise over that of any combination, which a local shape's finest part adds to."""
+    return 1.0 if white.texture is None else white.texture.whitened(noise.stated)[0]
 
 
 def extended(fit: Fit, pattern: Pattern, number: int = 0) -> tuple[Fit, slice]:
@@ -387,8 +396,9 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> tuple[Fit, slice]:
     columns, unexpected, sizes, centre = fit.columns, fit.unexpected, fit.sizes, fit.centre
     end = start
     if pattern.how == "scatters":
-        weight = 1.0 / np.hypot(1.0, shape.size / noise.stated * shape.columns[:, 0])
-        if np.ptp(weight):
+        more = shape.size / noise.stated * shape.columns[:, 0]
+        if np.ptp(more):
+            weight = 1.0 / np.hypot(1.0, _general(white, noise) * more)
             contrasts = white.matrix
             assert isinstance(contrasts, Contrasts)
             zeros, _ = np.linalg.qr(weight[:, None] * contrasts.zeros)
@@ -406,7 +416,7 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> tuple[Fit, slice]:
                 noise = replace(noise, texture=texture)
             white = replace(white, problem=problem, data=weighed(white.data), texture=texture)
         else:
-            noise = replace(noise, sigma=noise.sigma / weight[0])
+            noise = replace(noise, sigma=noise.sigma * math.hypot(1.0, more[0]))
     else:
         more = white.matrix @ shape.columns
         end = start + more.shape[1]

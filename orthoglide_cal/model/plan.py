@@ -51,8 +51,8 @@ class ReadOnly:
 class step_property(cached_property[T]):
     """A cached property of a plan that no clock changes: sessions of the same steps share it."""
 
-    def __get__(self, plan: "Plan", owner: type | None = None) -> T:  # type: ignore[override]
-        if plan is plan.steps:
+    def __get__(self, plan: "Plan | None", owner: type | None = None) -> T:  # type: ignore[override]
+        if plan is None or plan is plan.steps:
             return super().__get__(plan, owner)
         name = str(self.attrname)
         value: T = vars(plan).setdefault(name, getattr(plan.steps, name))

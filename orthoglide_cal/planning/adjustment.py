@@ -90,7 +90,7 @@ def choose_adjustments(diagnosis: Diagnosis, id: str | None) -> tuple[str, tuple
     if effect and (made := tuple(_adjustments(diagnosis, effect))):
         return effect.cause.id, made
     path = diagnosis.measured.source.path
-    cause = CAUSES.get(id) if id else next((effect.cause for effect in asked), None)
+    cause = CAUSES.get(id) if id else next((e.cause for e in asked if effect is None), None)
     if cause and not cause.adjustable:
         problem = f"No screw or shim corrects {cause.id!r}. {cause.no_screw}".rstrip()
         remedy = f"See what helps: {command('guide', cause.id)}"

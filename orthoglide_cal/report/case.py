@@ -8,8 +8,8 @@ from datetime import datetime
 from pathlib import Path
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import command
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.errors import UnusableResultError, command
+from orthoglide_cal.files.input import Input, adjustments_by
 from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Cause
@@ -157,20 +157,16 @@ class Case:
 
     def remedied(self, remedy: Remedy) -> str | None:
         """The command of a remedy; None where it has none."""
+        following = self.answer.next_measurement
+        if following and remedy.sentence == following.what:
+            return self.further(following.session)
         return None if remedy.verb is None else self.typed(remedy.verb, remedy.options)
 
     def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
         """Steps instead of entering the parameters; with `verb` only those with that command."""
-        remedies, following = self.answer.release.remedies, self.answer.next_measurement
+        remedies = self.answer.release.remedies
         steps = (
-            (
-                self.says(remedy.sentence),
-                self.further(following.session)
-                if following and remedy.sentence == following.what
-                else self.remedied(remedy),
-                remedy.verb,
-            )
-            for remedy in remedies
+            (self.says(remedy.sentence), self.remedied(remedy), remedy.verb) for remedy in remedies
         )
         for text, typed, run in dict.fromkeys(steps):  # two reasons may have one remedy
             if verb in (None, run):
@@ -250,6 +246,14 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
     """Next steps; `brief`: those that one screen has room for."""
     release, verdict = case.answer.release, case.answer.verdict
     causes = release.sound and verdict in (Verdict.NAMED, Verdict.AMBIGUOUS)
+    if adjustments_by(case.source.path):
+        from orthoglide_cal.session.adjusting import check_not_adjusted
+
+        try:
+            check_not_adjusted(case.source)
+        except UnusableResultError as error:
+            yield doc.Instruction(str(error))
+            return
     if release.settled:
         if case.words.measure or case.machine.layouts():
             yield doc.Instruction("See which further readings would help", case.typed("plan"))

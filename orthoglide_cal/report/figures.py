@@ -412,7 +412,7 @@ def workspace_maps(
     """Error of the tool position in slices, the highest first: three before, three after.
 
     Args:
-        found: as found, and what is expected; with its maps.
+        first: as found, and what is expected; with its maps.
         after: of the machine as it was measured afterwards; None shows what is expected.
         limit_mm: drawn as a contour; None for none.
 
@@ -548,7 +548,7 @@ def machine_sketch(
     Args:
         leg_length_mm, joint_limits_mm: L, and the travel from the isotropic posture.
         gauges: (leg, direction, place along the leg from carriage 0 to tool 1).
-        when: as in `residual_panels`.
+        when: "as found" or "as left"; "" of one measurement alone.
     """
     parts: list[Html] = []
     for leg, axis in enumerate(AXES):

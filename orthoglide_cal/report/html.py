@@ -64,7 +64,7 @@ def html(page: doc.Page) -> str:
         page.stamp and tag("p", page.stamp, class_="kind"),
         tag("header", tag("p", page.kind, class_="kind"), title, *top),
         main,
-        tag("footer", *(tag("p", line) for line in page.closing)),
+        tag("footer", *(tag("p", line) for line in page.closing)) if page.closing else None,
     )
     return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n{doc.MARK}"
 

@@ -61,7 +61,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
     "tenths": lambda value: plain(value, 1),
     "µm": lambda length_mm: f"{1e3 * length_mm:.0f} µm",
     "freed": lambda arms: ", ".join(
-        f"{arm.name} {with_uncertainty(arm.value, 2.0 * arm.std)}" for arm in arms
+        f"{arm.name} {with_uncertainty(arm.value, arm.expanded)}" for arm in arms
     ),
     "stale": lambda order: _STALE["date" in order].format(**order),
     "cycles": lambda count: {1: "one cycle", 5: "five cycles"}.get(count, f"{count} cycles"),
@@ -494,9 +494,10 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     " the measured arms in both (arm_length), calibrate and probe again.",
     "arms_freed": "The distances also determine the arms, as in Klipper: {arms:freed} mm (U);"
     " export and apply write them, too.",
-    "unequal_arms": "Arms of {lengths_mm[0]:.1f}, {lengths_mm[1]:.1f} and {lengths_mm[2]:.1f} mm"
-    " are stored; printers of this kind have equal arms. Their difference, {spread_mm:.1f} mm, is"
-    " taken as their tolerance. Measure them from joint centre to joint centre.",
+    "doubted_leg_length": "Arms of {lengths_mm[0]:.1f}, {lengths_mm[1]:.1f} and"
+    " {lengths_mm[2]:.1f} mm are stored; printers of this kind have equal arms. Their difference,"
+    " {spread_mm:.1f} mm, is taken as their tolerance. Measure them from joint centre to joint"
+    " centre.",
     "probe_z_unknown": f"The probe's z offset is not known: {_ZERO_UNKNOWN}",
     "probe_offset_unknown": "The probe's offset from the nozzle is not known: x and y of it are"
     " taken as 0.",

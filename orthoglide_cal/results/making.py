@@ -94,8 +94,8 @@ def answer_to(
         holdout: file of the readings that the diagnosis predicted; None for those left out.
         details: also what only details, JSON and pages show: how the answer depends on plausible
             sizes, the tool's error over the workspace, and the residuals if nothing is wrong.
-        corrects: ids that the controller is to correct, too: those hold no release.
         promised: also what would be measured after parameters are entered that must not be.
+        corrects: ids that the controller is to correct, too: those hold no release.
 
     Raises:
         UsageError, InputError: as `solve`. A result that must not be used raises nothing: the

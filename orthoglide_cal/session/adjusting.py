@@ -8,16 +8,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
-from glob import escape
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, computed_field
 
 from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, command
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import ADJUSTMENT, Input, adjustments_by
 from orthoglide_cal.files.text import read_document
-from orthoglide_cal.inference import diagnose
+from orthoglide_cal.inference import Diagnosis, diagnose
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
@@ -43,8 +42,6 @@ from orthoglide_cal.session.opening import (
 )
 from orthoglide_cal.session.readings import PriorReadings
 from orthoglide_cal.words import decimals_for
-
-JOURNAL = ".adjust"  # not that of a session
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -300,7 +297,7 @@ def open_adjustments(
         raise UsageError(problem, "Leave out --gauge to type the readings, or name a real one.")
     session = Path(given.measured.source.path)
     first = PriorReadings(read_document(str(session)), given.model)
-    target = session.with_suffix(f".{cause}{JOURNAL}")
+    target = session.with_suffix(f".{cause}{ADJUSTMENT}")
     if target.exists() and not resume:
         raise UsageError(
             f"{session} was adjusted already, or that was begun: {target.name} is there.",
@@ -352,8 +349,7 @@ def _check_same(
 
 def _begun(source: Source) -> Iterator[tuple[Path, State, events.Following]]:
     """The journals of what was adjusted by these data, as far as they come."""
-    beside = Path(source.path)
-    for path in sorted(beside.parent.glob(f"{escape(beside.stem)}.*{JOURNAL}")):
+    for path in adjustments_by(source.path):
         state = events.replay(decode(path.read_bytes(), path).events)
         following = state.planned and state.planned.following
         if following and following.data.sha256 == source.sha256:
@@ -368,8 +364,8 @@ def check_not_adjusted(source: Source) -> None:
         if state.ended is None:
             problem = f"An adjustment was begun ({journal.name}): something may be loose."
             finish = command("adjust", source.path, options=f"--cause {following.what} --resume")
-            remedy = f"Finish it: {finish}; then measure again. Or delete that file, if nothing was"
-            remedy += " loosened."
+            remedy = "Delete that file, if nothing was loosened. Or finish it, then measure again:"
+            remedy += f" {finish}"
         raise UnusableResultError(problem, remedy)
 
 
@@ -379,10 +375,11 @@ def adjusted_since(given: Input) -> Removed:
     Raises InputError: what is judged now is not what was adjusted then.
     """
     removed: list[tuple[str, Estimate]] = []
+    diagnosis: Diagnosis | None = None
     for journal, state, following in _begun(given.measured.source):
         adjustments: tuple[Adjustment, ...] = ()
         with suppress(UnusableResultError):
-            diagnosis = diagnose(given.measured, given.model)
+            diagnosis = diagnosis or diagnose(given.measured, given.model)
             _, adjustments = choose_adjustments(diagnosis, following.what)
         _check_same(state, following, adjustments, journal)
         for number, adjustment in enumerate(adjustments):

@@ -134,8 +134,8 @@ def _check_options(request: Request) -> None:
     """Raises UsageError if what is asked for does not go together."""
     path, following = request.path, request.following
     for celsius in implausible_c([request.temperature_c]):
-        what = f"A workshop of {celsius:g} °C? Temperatures are in °C, from -40 to 60."
-        raise UsageError(what, "Correct it, or leave it out.")
+        doubt = Reason.of("implausible_temperature", celsius=celsius)
+        raise UsageError(request.says(doubt), "Correct it, or leave it out.")
     if following is None:
         if request.choice is not None:
             raise UsageError("--choice needs a recommendation.", "Name its data: --then FILE")

@@ -26,7 +26,7 @@ from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.linear_delta import CALLIPER_MM
 from orthoglide_cal.model.machine import Details, Entered, JointOffsets, OwnGauge
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import Gauge, Orthoglide
+from orthoglide_cal.model.orthoglide import Gauge, Orthoglide, double_posture
 from tests.printers import CONFIG, UNEVEN, printer
 from tests.truth.delta import TOLERANCES, delta_yaml
 
@@ -67,10 +67,13 @@ def test_what_nobody_stated_of_a_gauge_stays_out_of_the_file():
     silent = default_machine()
     gauge = silent.machine.gauge
     assert (gauge.placement_mm, gauge.scale_u) == (None, None)
-    assert (gauge.placement_mm, gauge.scale_u) == (None, None)
     assert not {"placement_mm", "scale_u"} & set(machine_values(silent)["gauge"])
-    stated = gauge.changed(placement_mm=0.4, scale_u=0.0003)
-    assert (stated.placement_mm, stated.scale_u) == (0.4, 0.0003)
+    plan = double_posture(silent.machine)
+    stated = silent.machine.changed(gauge=gauge.changed(placement_mm=0.4, scale_u=0.0003))
+    for machine, sizes in ((silent.machine, (0.001, 1.0)), (stated, (0.0003, 0.4))):
+        influences = list(machine.uncertain(plan, lambda other: np.zeros(len(other))))
+        assert tuple(one.size for one in influences) == sizes
+        assert {one.assumed for one in influences} == {machine is silent.machine}
 
 
 L = "leg_length_mm: 310.25"

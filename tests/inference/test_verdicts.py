@@ -9,7 +9,7 @@ from orthoglide_cal.inference import Diagnosis, diagnose
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.decision import decide
 from tests import truth
-from tests.decisions import content
+from tests.decisions import content, diagnose_anew
 from tests.inference.sessions import ids, known
 
 # Seeds whose truth stands 5 to 60 σ from every rival (checked below); odd ones on the
@@ -61,6 +61,9 @@ def test_data_that_are_decided_again_give_the_same() -> None:
         assert probabilities[first] == probabilities[again]
         for values in zip(offsets[first], offsets[again], strict=True):
             assert np.array_equal(*values)
+    one, _, same = (diagnose_anew(*known(drawn("axis_gap", truth.MICRON, n))) for n in (1, 4, 1))
+    assert one.explanations == same.explanations
+    assert np.array_equal(one.explained_mm, same.explained_mm)
 
 
 @pytest.mark.parametrize(("cause", "gauge", "seed"), cases)

@@ -19,6 +19,7 @@ from orthoglide_cal.planning.plan import (
     measurement_plan,
 )
 from orthoglide_cal.planning.separation import separations
+from tests.decisions import new_plan
 from tests.estimation.sessions import solved
 from tests.inference.sessions import model_from
 from tests.machines import NOMINAL
@@ -129,7 +130,7 @@ def test_where_nothing_tells_the_best_is_named(monkeypatch: pytest.MonkeyPatch) 
     every = LinearDelta.distinguishing_layouts
     monkeypatch.setattr(LinearDelta, "distinguishing_layouts", lambda machine: every(machine)[::9])
     rough = V400_MODEL.machine.changed(probe=V400_MODEL.machine.probe.changed(texture_mm=0.2))
-    design = measurement_plan(Model(rough), Wanted()).design
+    design = new_plan(Model(rough), Wanted()).design
     assert design is not None
     assert not design.reached
     best = max(

@@ -23,7 +23,7 @@ from orthoglide_cal.results.verification import verify
 from orthoglide_cal.session.adjusting import PHASES, Adjusted, Phase
 from orthoglide_cal.session.events import State, Taken, advance, replay
 from tests import truth
-from tests.cli.program import answer, refused
+from tests.cli.program import answer, refused, run
 from tests.inference.sessions import given, known
 from tests.truth.adjusting import LooseMachine
 from tests.truth.delta import V400, Layout, Truth, places_of, touches
@@ -226,7 +226,9 @@ def test_an_interrupted_adjustment_ends_like_any_other(folder: Path) -> None:
     (folder / "before.axis_squareness.adjust").unlink()
     assert piped(folder, ANSWERS[:5]) == (130, "")
     error = refused(4, "apply", "before.csv", "--yes")
-    assert "may be loose. Finish it: orthocal adjust before.csv --cause axis_squareness" in error
+    finish = "orthocal adjust before.csv --cause axis_squareness --resume"
+    assert f"Or finish it, then measure again: {finish}" in error
+    assert finish in run("solve", "before.csv").stdout, "nobody is led to enter anything"
     assert piped(folder, ("y", *ANSWERS[5:]), "--resume") == (0, whole)
 
 

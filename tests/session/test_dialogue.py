@@ -52,8 +52,8 @@ def test_a_drive_takes_longer_than_turning_to_the_other_gauge(
 
 
 def test_a_value_beyond_the_gauges_range_is_not_kept(tmp_path: Path) -> None:
-    lines = typed(readings_of(steps_of()))[:5]
     """Neither by a key nor by being typed twice."""
+    lines = typed(readings_of(steps_of()))[:5]
     typed_again = [*lines[:4], "55.5", "k", "55.5", "55.5", lines[4]]
     dialogue, screen = answered(tmp_path / "s.journal", typed_again)
     assert replaced(dialogue) == [55.5] * 3
