@@ -30,7 +30,7 @@ from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
 from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place
 from orthoglide_cal.model.machine import Influence, Machine, Origin
 from orthoglide_cal.model.measured import DataKind, Measured, Readings
-from orthoglide_cal.model.model import Model, differentiate, simulate
+from orthoglide_cal.model.model import Model, differentiate, differentiate_absent, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import (
     Contrasts,
@@ -76,7 +76,7 @@ class Whitened(ReadOnly):
             UnusableResultError: the data do not determine the offsets.
         """
         if isinstance(measured, Readings):
-            white = _of_readings(measured.plan, model, measured.timed)
+            white = cls.of_plan(measured.plan, model, measured.timed)
             require_rank(white.problem)
             unit = model.machine.instrument.mistaken_unit(measured)
             data = white.matrix @ measured.value
@@ -93,6 +93,22 @@ class Whitened(ReadOnly):
         root = np.asarray(np.linalg.cholesky(matrix @ matrix.T))
         in_file = np.array([posed.which.index(difference) for difference in measured.which])
         return cls(Problem(model, plan, rows), data, root, False, in_file)
+
+    @classmethod
+    @functools.lru_cache(maxsize=8)
+    def of_plan(cls, plan: Plan, model: Model, timed: bool = True) -> Whitened:
+        """Readings that are taken to a plan, all of them zero; on a known clock or not."""
+        if not timed:
+            # Rates of change as plausible as before, on a clock that was only assumed.
+            rates = [cause for cause in CAUSES.values() if cause.unit == PER_HOUR]
+            model = _scaled(model, UNKNOWN_PACE, rates)
+        # Zero-free contrasts are orthonormal.
+        matrix, texture = zero_free(plan), None
+        local = model.machine.local_shape(plan)
+        if local is not None:
+            texture = Texture.of(matrix @ local.columns, local.rest, local.assumed)
+        problem, zero = Problem(model, plan, matrix), np.zeros(len(matrix))
+        return cls(problem, zero, None, True, np.arange(len(plan)), texture=texture)
 
     def __len__(self) -> int:
         return len(self.data)
@@ -137,14 +153,10 @@ class Whitened(ReadOnly):
         """
         return rms(self.weight * self.plain(residual))
 
-    def relabelled(self, values: Floats, *changes: tuple[RelabelCause, Place]) -> Floats:
-        """Whitened values (k,) with signs or labels exchanged, or put right again, (changes, k)."""
-        plain = self.matrix.T @ values
-        changed = np.empty((len(plain), len(changes)))
-        for number, (cause, place) in enumerate(changes):
-            index, sign = cause.relabel(self.plan, place)
-            changed[:, number] = sign * plain[index]
-        return np.asarray((self.matrix @ changed).T)
+    def relabelled(self, values: Floats, cause: RelabelCause, place: Place) -> Floats:
+        """Whitened values (k,) or (k, q) with signs or labels exchanged, or put right again."""
+        index, sign = cause.relabel(self.plan, place)
+        return np.asarray(self.matrix @ (sign * (self.matrix.T @ values)[index].T).T)
 
     def fit_versions(self, versions: Floats) -> LeastSquaresFit:
         """Offsets fitted to versions of the data (v, k), and what they leave of these.
@@ -187,6 +199,13 @@ class Whitened(ReadOnly):
         )
         return [(self.matrix @ readings, self.matrix @ jacobian) for readings, jacobian in at]
 
+    def linearised_without(
+        self, offsets: Floats, causes: Sequence[Cause]
+    ) -> tuple[Floats, list[Floats]]:
+        """Prediction (k,), its derivatives by offsets (3,) and by causes that are not there."""
+        readings, slopes = differentiate_absent(self.problem.model, offsets, self.plan, causes)
+        return self.matrix @ readings, [self.matrix @ slope for slope in slopes]
+
 
 def _warming(readings: Readings) -> Floats | None:
     """Temperature of each reading less the first, (n,) [K]; None if fewer than two have one."""
@@ -196,28 +215,6 @@ def _warming(readings: Readings) -> Floats | None:
         return None
     course = warm[known] - warm[known[0]]
     return np.asarray(np.interp(readings.plan.order, readings.plan.order[known], course))
-
-
-@functools.lru_cache(maxsize=8)
-def _of_readings(plan: Plan, model: Model, timed: bool) -> Whitened:
-    """Readings that were taken to a plan, all of them zero; on a known clock or not."""
-    if not timed:
-        # Rates of change as plausible as before, on a clock that was only assumed.
-        rates = [cause for cause in CAUSES.values() if cause.unit == PER_HOUR]
-        model = _scaled(model, UNKNOWN_PACE, rates)
-    # Zero-free contrasts are orthonormal.
-    matrix, texture = zero_free(plan), None
-    local = model.machine.local_shape(plan)
-    if local is not None:
-        texture = Texture.of(matrix @ local.columns, local.rest, local.assumed)
-    return Whitened(
-        Problem(model, plan, matrix),
-        np.zeros(len(matrix)),
-        None,
-        True,
-        np.arange(len(plan)),
-        texture=texture,
-    )
 
 
 def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
@@ -278,7 +275,7 @@ class Placed:
 
 
 @functools.lru_cache(maxsize=4)
-def _places(
+def places_of(
     problem: Problem, extras: tuple[PatternCause | RelabelCause, ...]
 ) -> tuple[Placed, ...]:
     """Places of each extra, whatever the data, and W·pattern of all places of a pattern cause.
@@ -337,7 +334,7 @@ class Linearised(ReadOnly):
             UnusableResultError: no offsets fit them as recorded, or they hardly determine any.
         """
         machine = white.machine
-        places = _places(white.problem, candidates.extras)
+        places = places_of(white.problem, candidates.extras)
         # Faults of the record put right, where the data can express it, and the gauge shows
         # readings in that unit.
         undone = [
@@ -347,9 +344,8 @@ class Linearised(ReadOnly):
             for place in tried
             if cause.unit_mm(place) in (1.0, white.unit_mm)
         ]
-        units = np.array([cause.unit_mm(place) for cause, place in undone])
-        right = white.relabelled(white.data, *undone) * units[:, None]
-        versions = np.vstack([white.data, right])
+        right = (white.relabelled(white.data, *one) * one[0].unit_mm(one[1]) for one in undone)
+        versions = np.stack([white.data, *right])
         fit = white.fit_versions(versions)
         if not fit.converged[0]:
             require_determined(white.problem)
@@ -370,10 +366,7 @@ class Linearised(ReadOnly):
                 version += len(tried)
             extras[cause.id] = placed
         offsets, broad = fit.offsets_mm[0], candidates.broad
-        absent = [cause.at(np.zeros(cause.unknowns)) for cause in broad]
-        ((_, columns),) = white.linearised((offsets, absent))
-        ends = np.cumsum([offsets.size, *(cause.unknowns for cause in broad)])
-        jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
+        _, (jacobian, *jacobians) = white.linearised_without(offsets, broad)
         weighed = {cause.id for cause in broad}
         uncertain: list[Influence] = []
         for influence in white.uncertain(offsets):
@@ -404,7 +397,7 @@ class Linearised(ReadOnly):
         if patterns is None:
             return np.zeros((len(self.white), 1))
         numbers = *extra.others, extra.number
-        return np.stack([patterns.column(number) for number in numbers], axis=1)
+        return np.hstack([patterns.columns(slice(n, n + 1)) for n in numbers])
 
     @property
     def local(self) -> bool:

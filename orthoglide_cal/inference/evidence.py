@@ -144,9 +144,9 @@ class Places(ReadOnly):
         taken = self.patterns.products(precision * self.reduction.zeros)
         return read_only(self.patterns.squares(precision) - (taken**2).sum(axis=1))
 
-    def column(self, number: int) -> Floats:
-        """One of them, shape (k,)."""
-        return self.reduction @ self.patterns.columns(slice(number, number + 1))[:, 0]
+    def columns(self, chosen: slice) -> Floats:
+        """Some of them, written out, shape (k, q)."""
+        return self.reduction @ self.patterns.columns(chosen)
 
 
 class Overlap(NamedTuple):

@@ -7,71 +7,20 @@ can differ count.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
 
-from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import Mixture, root_of, whiten
 from orthoglide_cal.inference.data import UNSEEN, as_read
 from orthoglide_cal.inference.fit import Fit, known_then
-from orthoglide_cal.model.cause import Cause
-from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.model import Model, differentiate, differentiate_absent
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, joined, without_zeros
+from orthoglide_cal.model.model import Model, differentiate
+from orthoglide_cal.model.plan import Bools, Floats, Plan, joined, without_zeros
 
 # What a fit says of readings: their mean (n,), and a root (n + p, u) of the covariance of them and
 # of the p parameters, without noise.
 Expected = tuple[Floats, Floats]
-
-
-class Exchange(NamedTuple):
-    """Readings written down under other labels, with other signs, or in another unit."""
-
-    order: Ints
-    sign: Floats
-    unit_mm: float
-    share: float  # of the places where that may happen
-
-    def exchanged(self, readings: Floats) -> Floats:
-        """Labels and signs of readings (n,) or (n, r) exchanged, or put right again."""
-        return np.asarray((self.sign * readings[self.order].T).T)
-
-
-def exchanges_of(cause: Cause, plan: Plan, machine: Machine) -> list[Exchange]:
-    """All that a cause without size may have exchanged, where readings can express it."""
-    if not isinstance(cause, RelabelCause):
-        return []
-    return [
-        Exchange(*cause.relabel(plan, place), cause.unit_mm(place), cause.share(place))
-        for place in cause.places(plan, machine)
-        if cause.reversible(plan, place)
-    ]
-
-
-def columns_of(
-    model: Model, offsets: Floats, plan: Plan, causes: Sequence[Cause]
-) -> tuple[Floats, Floats, dict[str, Floats]]:
-    """Readings (n,) [mm], their derivatives by the offsets (n, 3), and what causes add to them.
-
-    By the id of a cause that has a size: what one plausible size of each of its parameters, or one
-    count, adds at each of its places, shape (places, n, p) [mm].
-    """
-    machine, columns = model.machine, dict[str, Floats]()
-    for cause in causes:
-        if isinstance(cause, PatternCause):
-            size = 1.0 if cause.counts else cause.prior_std(machine)[0]
-            patterns = cause.patterns(plan, cause.places(plan, machine))
-            columns[cause.id] = (
-                size * cause.millimetres(machine) * patterns.columns(slice(None)).T[..., None]
-            )
-    broad = [cause for cause in causes if cause.unknowns and cause.id not in columns]
-    readings, (slope, *slopes) = differentiate_absent(model, offsets, plan, broad)
-    for cause, by_parameter in zip(broad, slopes, strict=True):
-        columns[cause.id] = (by_parameter * cause.prior_std(machine))[None]
-    return readings, slope, columns
 
 
 def expect(fit: Fit, model: Model, plan: Plan, stay: Plan | None) -> Expected:

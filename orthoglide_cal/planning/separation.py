@@ -9,19 +9,19 @@ plausible offsets, so that all truths and all rivals are a few products of matri
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import compress, product
 from operator import itemgetter
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.gaussian import unexplained, whiten
-from orthoglide_cal.inference.prediction import Exchange, columns_of, exchanges_of
-from orthoglide_cal.model.cause import Cause, Stage
+from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.estimation.gaussian import unexplained, whiten_shared
+from orthoglide_cal.inference.candidates import Candidates
+from orthoglide_cal.inference.data import Placed, Whitened, places_of
+from orthoglide_cal.model.cause import Cause, Place, Stage
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, zero_free
+from orthoglide_cal.model.plan import Floats, Plan, ReadOnly
 
 # A cause whose trace is smaller than this cannot be seen, nor two be distinguished [σ].
 TRACE_SIGMA = 1.0
@@ -56,45 +56,58 @@ class Separations(ReadOnly):
 
 
 def separations(model: Model, plan: Plan, among: Collection[str] | None = None) -> Separations:
-    """Every cause that is possible on this machine and not accepted yet against every other.
+    """Every cause that a diagnosis of such readings would try against every other.
 
     The n readings of the plan determine the offsets. `among` are ids to look at; None for all.
     """
-    machine, known = model.machine, {effect.cause.id for effect in model.accepted}
-    possible = [
-        cause
-        for id, cause in CAUSES.items()
-        if (among is None or id in among) and id not in known and cause.possible(machine)
-        if (cause.places if cause.unknowns else partial(exchanges_of, cause))(plan, machine)
-    ]
+    white, supposed = Whitened.of_plan(plan, model), model.machine.linearization_points
+    candidates = Candidates.of(model, ordered=True)
+    places = places_of(white.problem, candidates.extras)
+    extras = {placed.cause.id: placed for placed in places if placed.tried}
+    possible = (*candidates.broad, *(placed.cause for placed in extras.values()))
     # Of the machine first, then of the measurement.
-    causes = tuple(sorted(possible, key=lambda cause: list(Stage).index(cause.stage)))
-    supposed = machine.linearization_points
+    causes = tuple(
+        cause
+        for stage in Stage
+        for cause in possible
+        if cause.stage is stage and (among is None or cause.id in among)
+    )
     total = np.zeros((len(causes), len(causes) + 1))
     if causes:
-        columns = np.concatenate([u.columns for u in influences(model, supposed, plan)], axis=-1)
-        for offsets, carried in zip(supposed, columns, strict=True):
-            total += _margins(model, plan, offsets, causes, carried) / len(supposed)
+        carried = np.concatenate([one.columns for one in white.uncertain(supposed)], axis=-1)
+        for offsets, columns in zip(supposed, carried, strict=True):
+            total += _margins(white, offsets, causes, extras, columns) / len(supposed)
     sigma = np.sqrt(np.minimum(total[:, :-1], total[:, :-1].T))
     return Separations(causes, sigma, np.sqrt(total[:, -1]))
 
 
 def _margins(
-    model: Model, plan: Plan, offsets: Floats, causes: Sequence[Cause], carried: Floats
+    white: Whitened,
+    offsets: Floats,
+    causes: Sequence[Cause],
+    extras: Mapping[str, Placed],
+    carried: Floats,
 ) -> Floats:
     """Mean cost of each rival, and of nothing wrong, above each truth's own, (c, c + 1).
 
     On a machine with these offsets, of a linear model of its readings, with what one plausible size
-    of each influence adds to these, `carried` (n, u) [mm]. What is left of readings is whitened, so
-    that it counts in standard deviations: what offsets, zeros and influences of plausible size
-    imitate has been taken out.
+    of each influence adds to the data, `carried` (k, u) [mm]. What offsets and influences of
+    plausible size imitate is taken out, and what is left counts in standard deviations.
     """
-    readings, slope, columns = columns_of(model, offsets, plan, causes)
-    exchanges = {c.id: exchanges_of(c, plan, model.machine) for c in causes if not c.unknowns}
-    contrasts = zero_free(plan) @ (np.eye(len(plan)) / model.machine.instrument.noise_mm)
-    shown = contrasts @ carried
-    white, white_slope = whiten(np.eye(len(shown)) + shown @ shown.T, contrasts, contrasts @ slope)
-    leaves = unexplained(white_slope, white)
+    machine, noise = white.machine, white.machine.instrument.noise_mm
+    broad = [cause for cause in causes if cause.id not in extras]
+    data, (slope, *slopes) = white.linearised_without(offsets, broad)
+    # What one plausible size of each parameter, or one count, adds at each place, (places, k, p).
+    columns = {
+        cause.id: (by_parameter * cause.prior_std(machine))[None]
+        for cause, by_parameter in zip(broad, slopes, strict=True)
+    }
+    for id, placed in extras.items():
+        if isinstance(one := placed.cause, PatternCause) and placed.patterns:
+            size = one.millimetres(machine) if one.counts else one.prior_std(machine)[0]
+            columns[id] = size * placed.patterns.columns(slice(None)).T[..., None]
+    shared, every = carried / noise, np.eye(len(white)) / noise
+    leaves = unexplained(*whiten_shared(shared, slope, every))
 
     def steadiness(unit: Floats) -> Floats:
         """Cost of scatter that is too small or too large by a factor of 1/unit, shape (r,)."""
@@ -102,31 +115,33 @@ def _margins(
         return np.asarray(spare * (unit**-2.0 - 1.0 + 2.0 * np.log(unit)))
 
     # What each cause of plausible size does, at each place and for each choice of signs: it adds
-    # (n, r) [mm] to the readings, written down in a unit (r,) [mm]; and the share of each (r,).
+    # (k, r) [mm] to the data, written down in a unit (r,) [mm]; and the share of each (r,).
     truths = []
     for cause in causes:
-        if cause.unknowns:
+        if isinstance(cause, RelabelCause):
+            tried = extras[cause.id].tried
+            unit, share = np.array([(cause.unit_mm(at), cause.share(at)) for at in tried]).T
+            recorded = [white.relabelled(data, cause, at) for at in tried]
+            added = np.stack(recorded, axis=1) / unit - data[:, None]
+        else:
             added = np.hstack([*(columns[cause.id] @ _signs(cause).T)])
             unit = share = np.ones(added.shape[1])
-        else:
-            unit, share = np.array([(one.unit_mm, one.share) for one in exchanges[cause.id]]).T
-            recorded = [one.exchanged(readings) / one.unit_mm for one in exchanges[cause.id]]
-            added = np.stack(recorded, axis=1) - readings[:, None]
         truths.append((added, unit, share / share.sum()))
     changes, units = (np.concatenate([t[k] for t in truths], axis=-1) for k in (0, 1))
     left = leaves @ changes
     plain = (left**2).sum(axis=0) + steadiness(units)
-    changed = readings[:, None] + changes
+    changed = data[:, None] + changes
 
-    def undone(one: Exchange) -> Floats:
+    def undone(cause: RelabelCause, place: Place) -> Floats:
         """Cost of each change if this exchange is behind it, shape (r,)."""
-        rest = leaves @ (one.exchanged(changed) * one.unit_mm - readings[:, None])
-        return np.asarray((rest**2).sum(axis=0) + steadiness(units / one.unit_mm))
+        unit = cause.unit_mm(place)
+        rest = leaves @ (white.relabelled(changed, cause, place) * unit - data[:, None])
+        return np.asarray((rest**2).sum(axis=0) + steadiness(units / unit))
 
     costs = [
-        plain - _explained(leaves @ columns[cause.id], left, cause)
-        if cause.unknowns
-        else np.min([undone(one) for one in exchanges[cause.id]], axis=0)
+        np.min([undone(cause, place) for place in extras[cause.id].tried], axis=0)
+        if isinstance(cause, RelabelCause)
+        else plain - _explained(leaves @ columns[cause.id], left, cause)
         for cause in causes
     ]
     ends = np.cumsum([len(share) for _, _, share in truths])

@@ -75,7 +75,7 @@ def test_where_nothing_is_missing_it_is_as_undoing_it_in_the_data(
     assert score.replanned is None
     (undone,) = fit_explanations([score])
     monkeypatch.setattr(type(SWAP), "reversible", lambda *_: False)
-    data._places.cache_clear()
+    data.places_of.cache_clear()
     other = score_all(Linearised.of(white, candidates))[("swapped_gauges",)]
     (under,) = fit_explanations([other])
     assert other.replanned is not None
