@@ -20,17 +20,10 @@ from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
 from orthoglide_cal.inference.described import described
-from orthoglide_cal.inference.fit import (
-    Fit,
-    HeldOut,
-    chance_of_worse,
-    fit_explanations,
-    leave_out_cells,
-    moved_origin,
-    predict_later,
-)
+from orthoglide_cal.inference.fit import Fit, HeldOut, fit_explanations, leave_out_cells
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import fits_of
+from orthoglide_cal.inference.prediction import chance_of_worse, moved_origin, predict_later
 from orthoglide_cal.inference.result import (
     Diagnosis,
     Explanation,

@@ -15,7 +15,7 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import chdtrc, log_ndtr, ndtr
+from scipy.special import chdtrc, log_ndtr
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.errors import PostureError
@@ -25,13 +25,8 @@ from orthoglide_cal.estimation.gaussian import (
     condition,
     fit_size,
     log_sum,
-    root_of,
     shrinking,
-    unexplained,
-    whiten_shared,
 )
-from orthoglide_cal.estimation.least_squares import fit_offsets
-from orthoglide_cal.estimation.losses import MISSED_CHANGE, UNLISTED, WRONG_STORY, surprising
 from orthoglide_cal.inference.candidates import Ids, ids_of
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid
@@ -48,7 +43,7 @@ from orthoglide_cal.inference.hypothesis import (
     pattern_densities,
 )
 from orthoglide_cal.model.cause import Effect
-from orthoglide_cal.model.machine import Influence, Instrument, Machine, Origin
+from orthoglide_cal.model.machine import Influence, Instrument
 from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, ReadOnly, read_only
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
@@ -63,8 +58,6 @@ STEEP = 100.0
 LARGEST = 30
 # So many touches for each calibrated parameter say how rough a bed is.
 ENOUGH = 2
-# The origin of the endstops has moved where nothing but chance gives as much this seldom.
-MOVED = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_CHANGE, WRONG_STORY)
 
 
 @dataclass(frozen=True, eq=False)
@@ -606,136 +599,3 @@ def left_out(white: Whitened, wrong: Sequence[int] = (), cells: Ints | None = No
         block = np.flatnonzero(kept & (cells == cell))
         by_size.setdefault(block.size, []).append(block)
     return [np.stack(blocks) for blocks in by_size.values()]
-
-
-def predict_later(
-    later: Whitened, fit: Fit, applied: Floats, free: int = 0, before: Machine | None = None
-) -> HeldOut:
-    """Predict readings taken after the controller was corrected.
-
-    The offsets that remain are those found minus those applied; causes of the contact and the
-    record that belong to the first session alone are not expected again.
-
-    Args:
-        later, fit: the held-out data, and a fit to the first data only.
-        applied: offsets entered in between, shape (3,) [mm].
-        free: so many of the parameters, the first ones, are unknown again and fitted to the later
-            data; nothing else is. All of them where the machine was calibrated again.
-        before: the machine of the first data; None for the same as later.
-    """
-    error, jacobian, scaled_error, by_parameter, _ = _errors(later, fit, applied, free, before)
-    if free:
-        # What a fit to these errors leaves, of as many as it leaves free.
-        error = unexplained(jacobian[:, :free], error)
-        scaled_error = unexplained(by_parameter[:, :free], scaled_error)
-        scaled_error = scaled_error * np.sqrt(error.size / max(error.size - free, 1))
-    return HeldOut(rms(error if later.root is None else later.root @ error), rms(scaled_error))
-
-
-def chance_of_worse(
-    later: Whitened, fit: Fit, alone: Fit, applied: Floats, free: int, before: Machine
-) -> float:
-    """Chance that a fit predicts later data that much worse than one without its causes.
-
-    If it is right. The later data hold b times what it adds to their prediction, of which it says
-    1 ± its statement, and the fit `alone` 0: it is worse where b < 1/2, else the chance is 1.
-    Other arguments as of `predict_later`.
-    """
-    error, _, _, by_parameter, shared = _errors(later, fit, applied, free, before)
-    added = _errors(later, alone, applied, free, before)[0] - error
-    pair = whiten_shared(shared, error / fit.sigma, added / fit.sigma)
-    left, adds = unexplained(by_parameter[:, :free], np.column_stack(pair)).T
-    size = float(np.linalg.norm(adds))
-    excess = float(left @ adds)  # (b − 1) size²
-    return float(ndtr(excess / size)) if excess < -0.5 * size**2 < 0.0 else 1.0
-
-
-def moved_origin(later: Whitened, fit: Fit, applied: Floats) -> Floats | None:
-    """By how much the parameters that homing sets differ from what is expected of them later.
-
-    Arguments as of `predict_later`.
-
-    Returns:
-        Shape (h,) [mm]; None where nothing says that they do.
-    """
-    homed = later.machine.homed
-    _, _, error, by_parameter, _ = _errors(later, fit, applied, 0, None)
-    by_origin = by_parameter[:, :homed]
-    left = unexplained(by_origin, error)
-    if not homed or chdtrc(homed, float(error @ error - left @ left)) > MOVED:
-        return None
-    return np.asarray(np.linalg.lstsq(by_origin, error)[0])
-
-
-def _errors(
-    later: Whitened, fit: Fit, applied: Floats, free: int, before: Machine | None
-) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Errors (k,) of predicting later data and their derivatives by the parameters, (k, 3) [mm];
-    both again in units of what is stated for them, and what of it is shared, columns in units of
-    the noise, (k, u). Arguments as of `predict_later`.
-    """
-    lasting = [effect for effect in fit.effects if effect.cause.lasting]
-    then = [effect.transferred(before or later.machine, later.machine) for effect in lasting]
-    offsets = fit.offsets - applied
-    if free == offsets.size:
-        extended = replace(later.problem, model=later.problem.model.extended(then))
-        offsets = fit_offsets(extended, later.data).offsets_mm
-    ((predicted, jacobian),) = later.linearised((offsets, then))
-    columns, joint = known_then(fit, lasting, jacobian, later.uncertain(offsets), stands=0)
-    columns, joint = columns[:, free:], joint[free:, free:]
-    error = later.data - predicted
-    jacobian = jacobian[:, : offsets.size]
-    scaled = error / fit.sigma, jacobian / fit.sigma
-    shared = columns @ root_of(joint) / fit.sigma
-    scaled_error, by_parameter = whiten_shared(shared, *scaled)
-    return error, jacobian, scaled_error, by_parameter, shared
-
-
-def known_then(
-    fit: Fit,
-    effects: Sequence[Effect],
-    jacobians: Floats,
-    uncertain: Iterable[Influence],
-    stands: int,
-) -> tuple[Floats, Floats]:
-    """Derivatives of other data by what is uncertain of them, and how well a fit knows that.
-
-    Args:
-        fit, effects: of the first data; and those of it that are expected again.
-        jacobians: derivatives of the other data by the offsets and their parameters, shape (k, q).
-        uncertain: what else is uncertain of the other data; the gauges are the same.
-        stands: of the first set-ups, how many are still there, before those that are new.
-
-    Returns:
-        Derivatives, shape (k, u), and the covariance of the unknowns, (u, u); the offsets first.
-    """
-    slots = [
-        slice(0, len(fit.offsets)),
-        *(fit.slots[fit.effects.index(effect)] for effect in effects),
-    ]
-    columns, fresh = [jacobians], [jacobians[:, :0]]
-    ends = fit.first_uncertain + np.cumsum(
-        [0, *(influence.columns.shape[1] for influence in fit.uncertain)]
-    )
-    spans = dict(
-        zip((influence.source for influence in fit.uncertain), pairwise(ends.tolist()), strict=True)
-    )
-    named = {effect.cause.id for effect in effects}
-    for after in (influence for influence in uncertain if influence.source not in named):
-        # What did not act on the first data is as uncertain as it was.
-        start, end = spans.get(after.source, (0, 0))
-        if after.local:
-            # At other places another shape; at the same one more than it takes.
-            scale_factor = fit.sizes[start:end].max(initial=0.0)
-            fresh.append(scale_factor * after.columns)
-        else:
-            stay = stands if after.source == Origin.GAUGE_PLACEMENT else end - start
-            slots.append(slice(start, start + stay))
-            columns.append(after.columns[:, :stay])
-            fresh.append(after.columns[:, stay:])
-    chosen = np.r_[tuple(slots)]
-    known: Floats = fit.covariance[np.ix_(chosen, chosen)]
-    new = np.hstack(fresh)
-    joint = np.eye(len(known) + new.shape[1])
-    joint[: len(known), : len(known)] = known
-    return np.hstack((*columns, new)), joint

@@ -1,4 +1,4 @@
-"""Readings of any plan as explanations have them, and what readings to come would tell.
+"""Readings of any plan as explanations have them, later ones and those to come.
 
 New readings are looked at in combinations that no new gauge zero enters and whose noise is
 independent of that of the first readings: in a new set-up their deviations from its mean, in one
@@ -7,38 +7,153 @@ can differ count.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import chdtrc, ndtr
 
+from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.gaussian import Mixture, root_of, whiten
-from orthoglide_cal.inference.data import UNSEEN, as_read
-from orthoglide_cal.inference.fit import Fit, known_then
+from orthoglide_cal.estimation.gaussian import Mixture, root_of, unexplained, whiten, whiten_shared
+from orthoglide_cal.estimation.least_squares import fit_offsets
+from orthoglide_cal.estimation.losses import MISSED_CHANGE, UNLISTED, WRONG_STORY, surprising
+from orthoglide_cal.inference.data import UNSEEN, Whitened, as_read
+from orthoglide_cal.inference.fit import Fit, HeldOut
+from orthoglide_cal.model.machine import Machine, Origin
 from orthoglide_cal.model.model import Model, differentiate
 from orthoglide_cal.model.plan import Bools, Floats, Plan, joined, without_zeros
 
-# What a fit says of readings: their mean (n,), and a root (n + p, u) of the covariance of them and
-# of the p parameters, without noise.
-Expected = tuple[Floats, Floats]
+# The origin of the endstops has moved where nothing but chance gives as much this seldom.
+MOVED = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_CHANGE, WRONG_STORY)
+
+# What a fit says of readings: their mean (n,), their derivatives by the p parameters (n, p), and a
+# root (n + p, u) of the covariance of them and of the parameters, without noise.
+Expected = tuple[Floats, Floats, Floats]
 
 
-def expect(fit: Fit, model: Model, plan: Plan, stay: Plan | None) -> Expected:
+def expect(fit: Fit, model: Model, plan: Plan, stay: Plan | None = None) -> Expected:
     """Readings of a plan as a fit to the first ones has them.
 
     What belongs to the set-up goes on only where the set-up does, a step of estimated size with its
     uncertainty; `stay` are the first readings if their stands are still there.
     """
+    width = fit.offsets.size
     going_on = () if stay is None else fit.effects
     sized = [e for e in fit.effects if e.cause.lasting or (going_on and e.covariance is not None)]
     passing = [effect for effect in going_on if effect not in sized]
     model, plan = model.extended(passing), as_read(plan, passing)
     mean, slopes = differentiate(model, fit.offsets, plan, sized)
-    stands = 0 if stay is None else stay.setups
-    uncertain = influences(model, fit.offsets, plan)
-    columns, covariance = known_then(fit, sized, slopes, uncertain, stands)
-    root = root_of(covariance)
-    return mean, np.vstack((columns @ root, root[: fit.offsets.size]))
+    slots = [slice(width), *(fit.slots[fit.effects.index(effect)] for effect in sized)]
+    columns, fresh = [slopes], [slopes[:, :0]]
+    widths = (influence.columns.shape[1] for influence in fit.uncertain)
+    ends = fit.first_uncertain + np.cumsum([0, *widths])
+    sources = (influence.source for influence in fit.uncertain)
+    spans = dict(zip(sources, pairwise(ends.tolist()), strict=True))
+    named = {effect.cause.id for effect in sized}
+    for after in influences(model, fit.offsets, plan):
+        if after.source in named:
+            continue
+        # What did not act on the first data is as uncertain as it was.
+        start, end = spans.get(after.source, (0, 0))
+        if after.local:
+            # At other places another shape; at the same one more than it takes.
+            fresh.append(fit.sizes[start:end].max(initial=0.0) * after.columns)
+            continue
+        known = end - start
+        if after.source == Origin.GAUGE_PLACEMENT:
+            known = 0 if stay is None else stay.setups  # before those that are new
+        slots.append(slice(start, start + known))
+        columns.append(after.columns[:, :known])
+        fresh.append(after.columns[:, known:])
+    chosen = np.r_[tuple(slots)]
+    new = np.hstack(fresh)
+    joint = np.eye(len(chosen) + new.shape[1])
+    joint[: len(chosen), : len(chosen)] = fit.covariance[np.ix_(chosen, chosen)]
+    root = root_of(joint)
+    return mean, slopes[:, :width], np.vstack((np.hstack((*columns, new)) @ root, root[:width]))
+
+
+def predict_later(
+    later: Whitened, fit: Fit, applied: Floats, free: int = 0, before: Machine | None = None
+) -> HeldOut:
+    """Predict readings taken after the controller was corrected.
+
+    The offsets that remain are those found minus those applied; causes of the contact and the
+    record that belong to the first session alone are not expected again.
+
+    Args:
+        later, fit: the held-out data, and a fit to the first data only.
+        applied: offsets entered in between, shape (3,) [mm].
+        free: so many of the parameters, the first ones, are unknown again and fitted to the later
+            data; nothing else is. All of them where the machine was calibrated again.
+        before: the machine of the first data; None for the same as later.
+    """
+    error, jacobian, shared = _errors(later, fit, applied, free, before)
+    scaled = whiten_shared(shared / fit.sigma, error / fit.sigma, jacobian / fit.sigma)
+    scaled_error, by_parameter = scaled
+    if free:
+        # What a fit to these errors leaves, of as many as it leaves free.
+        error = unexplained(jacobian[:, :free], error)
+        scaled_error = unexplained(by_parameter[:, :free], scaled_error)
+        scaled_error = scaled_error * np.sqrt(error.size / max(error.size - free, 1))
+    return HeldOut(rms(error if later.root is None else later.root @ error), rms(scaled_error))
+
+
+def chance_of_worse(
+    later: Whitened, fit: Fit, alone: Fit, applied: Floats, free: int, before: Machine
+) -> float:
+    """Chance that a fit predicts later data that much worse than one without its causes.
+
+    If it is right. The later data hold b times what it adds to their prediction, of which it says
+    1 ± its statement, and the fit `alone` 0: it is worse where b < 1/2, else the chance is 1.
+    Other arguments as of `predict_later`.
+    """
+    error, jacobian, shared = _errors(later, fit, applied, free, before)
+    added = _errors(later, alone, applied, free, before)[0] - error
+    values = (value / fit.sigma for value in (shared, error, added, jacobian[:, :free]))
+    *pair, by_parameter = whiten_shared(*values)
+    left, adds = unexplained(by_parameter, np.column_stack(pair)).T
+    size = float(np.linalg.norm(adds))
+    excess = float(left @ adds)  # (b − 1) size²
+    return float(ndtr(excess / size)) if excess < -0.5 * size**2 < 0.0 else 1.0
+
+
+def moved_origin(later: Whitened, fit: Fit, applied: Floats) -> Floats | None:
+    """By how much the parameters that homing sets differ from what is expected of them later.
+
+    Arguments as of `predict_later`.
+
+    Returns:
+        Shape (h,) [mm]; None where nothing says that they do.
+    """
+    homed = later.machine.homed
+    error, jacobian, shared = (part / fit.sigma for part in _errors(later, fit, applied))
+    error, by_origin = whiten_shared(shared, error, jacobian[:, :homed])
+    left = unexplained(by_origin, error)
+    if not homed or chdtrc(homed, float(error @ error - left @ left)) > MOVED:
+        return None
+    return np.asarray(np.linalg.lstsq(by_origin, error)[0])
+
+
+def _errors(
+    later: Whitened, fit: Fit, applied: Floats, free: int = 0, before: Machine | None = None
+) -> tuple[Floats, Floats, Floats]:
+    """Errors (k,) of predicting later data, their derivatives by the parameters, (k, 3), and what
+    of them is uncertain in common, (k, u), all in mm. Arguments as of `predict_later`.
+    """
+    machine, problem = later.machine, later.problem
+    effects = tuple(effect.transferred(before or machine, machine) for effect in fit.effects)
+    offsets = fit.offsets - applied
+    if free == offsets.size:
+        lasting = [effect for effect in effects if effect.cause.lasting]
+        extended = replace(problem, model=problem.model.extended(lasting))
+        offsets = fit_offsets(extended, later.data).offsets_mm
+    then = replace(fit, offsets=offsets, effects=effects)
+    mean, slopes, root = expect(then, problem.model, later.plan)
+    jacobian, (spread, known) = later.matrix @ slopes, np.split(root, [len(mean)])
+    shared = later.matrix @ spread - jacobian[:, :free] @ known[:free]
+    return later.data - later.matrix @ mean, jacobian, shared
 
 
 def predict(
@@ -68,8 +183,8 @@ def predict(
         noise = np.eye(len(mean)) + mean @ mean.T
         return whiten(noise, values[new] - mean @ values[: len(stay)])[0]
 
-    means = free(np.column_stack([mean for mean, _ in expected]))
-    roots = [free(root) for _, root in expected]
+    means = free(np.column_stack([mean for mean, _, _ in expected]))
+    roots = [free(root) for _, _, root in expected]
     columns = np.hstack((means[:, 1:] - means[:, :1], *roots))
     # An orthonormal basis of the directions that exceed the noise, shape (m, r).
     m, c = columns.shape
@@ -79,7 +194,7 @@ def predict(
     noise = np.repeat((1.0, 0.0), (basis.shape[1], fits[0].offsets.size))
     both = [
         np.vstack((basis.T @ spread, root[len(mean) :]))
-        for spread, (mean, root) in zip(roots, expected, strict=True)
+        for spread, (mean, _, root) in zip(roots, expected, strict=True)
     ]
     return Mixture(
         np.hstack(((basis.T @ means).T, np.stack([fit.offsets for fit in fits])))[..., None],

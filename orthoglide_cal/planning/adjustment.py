@@ -131,7 +131,7 @@ def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
         sizes = [(cause.id, name, size.unit, size.value)] if cause.id in CAUSES else []
         for axis, moved in _moved(now, fit.offsets, alone, cause, parameter):
             sizes.append((HOME_SWITCH.id, axis, "mm", moved * float(effect.theta[parameter])))
-        _, root = expect(fit, diagnosis.model, plan, None)
+        _, _, root = expect(fit, diagnosis.model, plan)
         # The adjustment may stop at U from its aim, which the check shows, too.
         stop = abs(slope[there] / slope[here] - 1.0) * expanded
         spread = np.array([*(k * (root[there] - root[here])), k * noise, stop])

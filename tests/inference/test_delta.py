@@ -12,7 +12,7 @@ from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.decision import decide
-from orthoglide_cal.inference.fit import predict_later
+from orthoglide_cal.inference.prediction import predict_later
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.planning import best_next
 from orthoglide_cal.report.sentences import sentence
