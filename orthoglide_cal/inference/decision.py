@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.causes import CAUSES, UNLISTED
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import chance_of_residual
 from orthoglide_cal.estimation.losses import (
@@ -25,7 +25,6 @@ from orthoglide_cal.estimation.losses import (
     MISSED_FAULT,
     NEEDLESS_HOLD,
     OPEN_ANSWER,
-    UNLISTED,
     WRONG_NAME,
     is_dismissed,
     is_likely,
@@ -59,9 +58,8 @@ FAR_BELOW = 0.03
 SURELY = 0.5
 # A cause less probable than this relative to nothing wrong is not fitted: it moves no digit of U.
 WEIGHS = 0.01
-# A place less probable than this is not looked at, no more than so many; where a fault would not
-# show, one less probable than the last is not mentioned.
-PLACE_COUNTS, PLACES, PLACE_LIKELY = 0.002, 6, 0.05
+# A place less probable than this is not looked at, no more than so many.
+PLACE_COUNTS, PLACES = 0.002, 6
 # A cause that many times its plausible size is beyond it; for the search for one of any size.
 BEYOND, ANY_SIZE = 3.0, 1e3
 
@@ -404,9 +402,10 @@ class Decision:
         faults = []
         for ids in self.silent:
             (more,) = set(ids) - set(best)
-            places = belief.hypotheses[ids].at_places(PLACE_LIKELY, PLACES)
-            fits = fit_explanations([hypothesis for _, hypothesis in places])
             share = belief.listed[ids] / total
+            # To keep any other place open would cost more than to be wrong.
+            places = belief.hypotheses[ids].at_places(keep_ratio(ids, best) / share, PLACES)
+            fits = fit_explanations([hypothesis for _, hypothesis in places])
             faults += [
                 (more, share * part, fit) for (part, _), fit in zip(places, fits, strict=True)
             ]

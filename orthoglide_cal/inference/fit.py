@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtrc, log_ndtr, ndtr
 
-from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.causes import UNLISTED, PatternCause, RelabelCause
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
@@ -31,7 +31,7 @@ from orthoglide_cal.estimation.gaussian import (
     whiten_shared,
 )
 from orthoglide_cal.estimation.least_squares import fit_offsets
-from orthoglide_cal.estimation.losses import MISSED_CHANGE, UNLISTED, WRONG_STORY, surprising
+from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
 from orthoglide_cal.inference.candidates import Ids, ids_of
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid
