@@ -16,6 +16,8 @@ _FOUND: dict[str, Cause] = {
     for cause in importlib.import_module(f"{__package__}.{module.name}").CAUSES
 }
 CAUSES: Mapping[str, Cause] = MappingProxyType(dict(sorted(_FOUND.items())))
+# How plausible it is beforehand that something acts that none of them makes.
+UNLISTED = 0.04
 
 
 def correcting(machine: Machine, corrected: Corrections) -> tuple[Effect, ...]:

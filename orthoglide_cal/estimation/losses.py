@@ -8,9 +8,6 @@ import math
 
 from scipy.special import lambertw
 
-# How plausible it is beforehand that something acts that no listed cause makes.
-UNLISTED = 0.04
-
 # An answer is left open: one more measurement, stands fetched, set up and read.
 OPEN_ANSWER = 30.0
 # A sound part is named: it is ordered and replaced, the machine is calibrated again, and the fault

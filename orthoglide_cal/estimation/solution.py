@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.errors import UnknownSettingsError, UnusableResultError
 from orthoglide_cal.estimation.accuracy import (
     Scatter,
@@ -25,10 +26,10 @@ from orthoglide_cal.estimation.least_squares import (
     fit_offsets,
     simulate_at,
 )
-from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, UNLISTED, surprising
+from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
 from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
-from orthoglide_cal.model.cause import Effect
+from orthoglide_cal.model.cause import CONFIDENCE, Effect
 from orthoglide_cal.model.machine import Influence, Instrument
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
@@ -37,8 +38,8 @@ from orthoglide_cal.schema import Reason
 
 # Below this chance the residuals are called larger than the gauge's noise.
 SUSPICIOUS = surprising(UNLISTED / (1.0 - UNLISTED), MISSED_FAULT, NEEDLESS_HOLD)
-# Below this one they are called larger than usual.
-UNUSUAL = 0.05
+# Below this one they are called larger than usual: words alone, from which nothing follows.
+UNUSUAL = 1.0 - CONFIDENCE
 
 
 @dataclass(frozen=True, eq=False)

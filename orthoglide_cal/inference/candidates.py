@@ -12,8 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
-from orthoglide_cal.estimation.losses import UNLISTED
+from orthoglide_cal.causes import CAUSES, UNLISTED, PatternCause, RelabelCause
 from orthoglide_cal.model.cause import Cause, Stage
 from orthoglide_cal.model.model import Model
 

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.causes import CAUSES, UNLISTED
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import chance_of_residual
 from orthoglide_cal.estimation.losses import (
@@ -25,7 +25,6 @@ from orthoglide_cal.estimation.losses import (
     MISSED_FAULT,
     NEEDLESS_HOLD,
     OPEN_ANSWER,
-    UNLISTED,
     WRONG_NAME,
     is_dismissed,
     is_likely,
@@ -59,9 +58,8 @@ FAR_BELOW = 0.03
 SURELY = 0.5
 # A cause less probable than this relative to nothing wrong is not fitted: it moves no digit of U.
 WEIGHS = 0.01
-# A place less probable than this is not looked at, no more than so many; where a fault would not
-# show, one less probable than the last is not mentioned.
-PLACE_COUNTS, PLACES, PLACE_LIKELY = 0.002, 6, 0.05
+# A place less probable than this is not looked at, no more than so many.
+PLACE_COUNTS, PLACES = 0.002, 6
 # A cause that many times its plausible size is beyond it; for the search for one of any size.
 BEYOND, ANY_SIZE = 3.0, 1e3
 
@@ -76,6 +74,12 @@ def keep_ratio(ids: Ids, best: Ids) -> float:
     if not set(best) < set(ids):
         return DISMISSED
     return OPEN_ANSWER / (FALSE_RELEASE if is_sizeless(ids, best) else MISSED_FAULT)
+
+
+def loss_of_name(id: str) -> float:
+    """Loss if a cause is named that does not act [min]: what is in every reading is a part."""
+    cause = CAUSES[id]
+    return WRONG_NAME if cause.in_machine and cause.repeats else NEEDLESS_HOLD
 
 
 def state(
@@ -236,12 +240,30 @@ class Decision:
         fit = belief.fit(best)
         if lost or math.isinf(fit.log_evidence) or self._chance_beyond(fit) < MISFIT:
             return Verdict.UNEXPLAINED
-        # To name what is beyond the list costs a wrong name for each cause, and false offsets.
-        risk = len(best) * (WRONG_NAME + FALSE_RELEASE) * belief.beyond
-        if risk <= OPEN_ANSWER * belief.something:
+        if self.is_nameable:
             return Verdict.AMBIGUOUS if self._others else Verdict.NAMED
         # Two causes follow nearly any pattern: a further measurement would not decide.
         return Verdict.UNEXPLAINED if len(best) > 1 else Verdict.AMBIGUOUS
+
+    @cached_property
+    def is_nameable(self) -> bool:
+        """True if to name the best causes costs less than to leave them open.
+
+        Where a pattern acts, each that does not act with it is a wrong name; offsets are false that
+        it moves beyond their U, or by what returns with its posture.
+        """
+        belief, best, fit = self.belief, self.best, self.belief.fit(self.best)
+        bearable, risk = OPEN_ANSWER * belief.something, 0.0
+        if (len(best) * WRONG_NAME + FALSE_RELEASE) * belief.beyond <= bearable:
+            return True  # whatever they do: no pattern has to be fitted
+        for probability, one in self.beyond_list:
+            hows = {pattern.how for pattern in one.patterns}
+            loss = sum(map(loss_of_name, set(best) - {*one.ids} - hows))
+            moved = self._moves(one, fit.offsets, fit.offsets_covariance)
+            if moved or hows - CAUSES.keys() - PASSING:
+                loss += FALSE_RELEASE
+            risk += probability * loss
+        return risk <= bearable
 
     @property
     def exceeded(self) -> bool:
@@ -272,9 +294,8 @@ class Decision:
     @cached_property
     def _others(self) -> Ids:
         """Causes open in place of the best answer or in addition to it."""
-        belief, rivals = self.belief, self.rivals
-        certain = WRONG_NAME * belief.beyond <= OPEN_ANSWER * belief.something
-        if certain and all(ids in self.silent for ids in rivals):
+        rivals = self.rivals
+        if self.is_nameable and all(ids in self.silent for ids in rivals):
             rivals = ()
         return tuple(dict.fromkeys(id for ids in rivals for id in ids if id not in self.best))
 
@@ -381,9 +402,10 @@ class Decision:
         faults = []
         for ids in self.silent:
             (more,) = set(ids) - set(best)
-            places = belief.hypotheses[ids].at_places(PLACE_LIKELY, PLACES)
-            fits = fit_explanations([hypothesis for _, hypothesis in places])
             share = belief.listed[ids] / total
+            # To keep any other place open would cost more than to be wrong.
+            places = belief.hypotheses[ids].at_places(keep_ratio(ids, best) / share, PLACES)
+            fits = fit_explanations([hypothesis for _, hypothesis in places])
             faults += [
                 (more, share * part, fit) for (part, _), fit in zip(places, fits, strict=True)
             ]
@@ -483,12 +505,15 @@ class Decision:
         alone = self.belief.patterns[", ".join(one.label for one in unlisted)]
         if alone is hypothesis:
             return True
-        u = NORMAL_K * np.sqrt(np.diag(self.offsets[1]))
-        offsets = [
-            np.sum([share * fit.offsets for share, fit in self._fits(one)], axis=0)
-            for one in (hypothesis, alone)
-        ]
-        return bool(np.all(np.abs(offsets[0] - offsets[1]) <= u))
+        return not self._moves(hypothesis, self._offsets_under(alone), self.offsets[1])
+
+    def _moves(self, hypothesis: Hypothesis, offsets: Floats, covariance: Floats) -> bool:
+        """Return whether the offsets under a hypothesis differ from others by more than their U."""
+        moved = np.abs(self._offsets_under(hypothesis) - offsets)
+        return bool(np.any(moved > NORMAL_K * np.sqrt(np.diag(covariance))))
+
+    def _offsets_under(self, hypothesis: Hypothesis) -> Floats:
+        return np.asarray(sum(share * fit.offsets for share, fit in self._fits(hypothesis)))
 
     @property
     def described(self) -> bool:
@@ -549,10 +574,6 @@ def decide_by(linear: Belief) -> Decision:
             break
         decision = Decision(decision.belief.refined(wanted))
     decision = Decision(decision.belief.refined([decision.best]))
-    accepted, beyond = decision.accepted, decision.verdict is Verdict.UNEXPLAINED
     # Few differences follow nearly any pattern.
-    if at.white.raw and (beyond or decision.exceeded):
-        closer = decision.belief.closely()
-        if beyond or closer.beyond > closer.listed[accepted]:
-            return Decision(closer)
-    return decision
+    doubted = decision.verdict is Verdict.UNEXPLAINED or decision.exceeded
+    return Decision(decision.belief.closely()) if at.white.raw and doubted else decision

@@ -42,9 +42,6 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
 
-# A held-out error counts as lower if it falls below this share of the one before.
-LOWER = 0.98
-
 
 def diagnose(
     measured: Measured,
@@ -351,7 +348,6 @@ def _named(
     white, machine = decision.belief.at.white, decision.belief.at.white.machine
     accepted, listed = decision.fit, decision.belief.listed
     ids, rivals = set(decision.accepted), decision.rivals if decision.wrong else ()
-    falls = after.rms_mm < LOWER * before.rms_mm
     by_parameters = accepted.columns[:, : accepted.offsets.size]
 
     def sure(id: str) -> bool:
@@ -383,7 +379,7 @@ def _named(
             times_stated=times if times > BEYOND else None,
             remedy=effect.cause.words(machine).advice.format(where=where),
             recommended=(effect.cause.compensable or effect.cause.id in machine.recommended)
-            and falls
+            and after.rms_mm < before.rms_mm
             and sure(effect.cause.id)
             and not (better and effect.cause.id == decision.shape),
             in_machine=effect.cause.in_machine,

@@ -23,9 +23,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import erf
 
-from orthoglide_cal.causes import PatternCause
+from orthoglide_cal.causes import UNLISTED, PatternCause
 from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum
-from orthoglide_cal.estimation.losses import UNLISTED
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid, Texture
 from orthoglide_cal.inference.fit import ENOUGH, Fit

@@ -13,6 +13,7 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Solution
 from orthoglide_cal.estimation.accuracy import determined
 from orthoglide_cal.estimation.budget import Budget, Contribution
+from orthoglide_cal.estimation.losses import MENTION, NEEDLESS_HOLD
 from orthoglide_cal.inference.baselines import Baselines
 from orthoglide_cal.inference.candidates import Ids
 from orthoglide_cal.inference.fit import Fit
@@ -23,8 +24,9 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, Plan, ReadOnly, Where
 from orthoglide_cal.schema import Minutes, Reason, Schema, Sentence
 
-# Probability from which it is told that nothing may be wrong at all.
-WORTH_SAYING = 0.005
+# Probability from which it is told that nothing may be wrong at all: to read it costs less than to
+# look in vain for a fault.
+WORTH_SAYING = MENTION / NEEDLESS_HOLD
 
 
 class Verdict(StrEnum):

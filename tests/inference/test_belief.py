@@ -4,8 +4,8 @@ from math import exp
 
 import pytest
 
-from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.inference.candidates import UNLISTED, Candidates, Ids
+from orthoglide_cal.causes import CAUSES, UNLISTED
+from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.model.model import Model
 from tests.machines import NOMINAL, PROTOTYPE, extended
 
