@@ -10,10 +10,10 @@ from datetime import datetime
 from glob import escape
 from itertools import pairwise
 from pathlib import Path, PurePath
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field, InstanceOf, PlainSerializer
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, UsageError
@@ -94,16 +94,11 @@ class CheckedFile(Schema):
     readings: int = Field(0, description="readings, or differences")
 
 
-class Fault(Schema):
-    """A fault at one place of a file."""
-
-    model_config = ConfigDict(from_attributes=True)
-
-    line: int | None
-    column: str | None = Field(description="of a table, or the dotted path of a key")
-    value: str | None
-    what: str
-    remedy: str
+_PRINTED = ("line", "column", "value", "what", "remedy")  # of a fault; its file is the input
+Fault = Annotated[
+    InstanceOf[InputError],
+    PlainSerializer(lambda fault: {name: getattr(fault, name) for name in _PRINTED}),
+]
 
 
 class Check(Schema):
@@ -167,8 +162,7 @@ def check_file(
             return Check(input=input, machine=name, remarks=held.remarks), None
         given = read_input(file, model, otherwise, stored)
     except InputError as error:
-        faults = tuple(map(Fault.model_validate, error.problems))
-        return Check(input=input, valid=False, problems=faults), None
+        return Check(input=input, valid=False, problems=error.problems), None
     measured, machine = given.measured, given.model.machine
     kind = "session" if given.is_session else measured.kind
     input = input.changed(kind=kind, readings=len(measured))
