@@ -31,6 +31,8 @@ Data = Mapping[str, Any]
 _TEXTS = tomllib.loads(files("orthoglide_cal.report").joinpath("sentences.toml").read_text("utf-8"))
 # Source of uncertainty that is no cause → its name, and what would reduce it.
 SOURCES: Mapping[str, Mapping[str, str]] = _TEXTS["sources"]
+# How a machine responded → that in a sentence, and what to do where it is wrong.
+RESPONSES: Mapping[str, Mapping[str, str]] = _TEXTS["responses"]
 # How readings deviate → what gauges do, {s} with one; the effect in one noun; what to do.
 _PATTERNS: Mapping[str, Mapping[str, str]] = _TEXTS["patterns"]
 # Readings that a gauge can hardly have shown → why, and what to do.
