@@ -385,7 +385,7 @@ def _with_bed(file: PrinterFile, radius: float) -> PrinterFile:
     """With a radius of the bed [mm] where its file does not state it."""
     if not math.isnan(file.machine.bed_radius_mm):
         return file
-    return replace(file, machine=file.machine.model_copy(update={"bed_radius_mm": radius}))
+    return replace(file, machine=file.machine.changed(bed_radius_mm=radius))
 
 
 def _firmware_file(

@@ -251,7 +251,7 @@ class AdjustingDialogue(Dialogue):
             return
         phase = one.counts_as(PHASES[at], taken.value_mm)
         number = len(PHASES) * k + PHASES.index(phase) + 1
-        self.write(taken.model_copy(update={"step": number}))
+        self.write(taken.changed(step=number))
         self.asker.rest(driving=False)
         if phase in _ASKED:
             self.asker.say(f"   saved {wording.value_text(taken.value_mm, self.unit)}", Style.GOOD)
