@@ -13,7 +13,7 @@ from pathlib import Path, PurePath
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, InstanceOf, PlainSerializer
+from pydantic import InstanceOf, PlainSerializer
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, UsageError
@@ -90,8 +90,8 @@ class CheckedFile(Schema):
 
     path: str
     sha256: str | None = None
-    kind: str | None = Field(None, description="readings, session, six, twelve, single or machine")
-    readings: int = Field(0, description="readings, or differences")
+    kind: str | None = None  # readings, session, six, twelve, single or machine
+    readings: int = 0  # readings, or differences
 
 
 _PRINTED = ("line", "column", "value", "what", "remedy")  # of a fault; its file is the input
@@ -106,12 +106,12 @@ class Check(Schema):
 
     schema_version: Literal[1] = 1
     input: CheckedFile
-    machine: str | None = Field(None, description="that the file holds, or is judged by")
+    machine: str | None = None  # that the file holds, or is judged by
     valid: bool = True
-    simulated: bool = Field(False, description="some of it, or all")
-    problems: tuple[Fault, ...] = Field((), description="everything that is wrong")
-    remarks: tuple[Sentence, ...] = Field((), description="to know although nothing is wrong")
-    refused: str | None = Field(None, description="why sound data give no offsets")
+    simulated: bool = False  # some of it, or all
+    problems: tuple[Fault, ...] = ()  # everything that is wrong
+    remarks: tuple[Sentence, ...] = ()  # to know although nothing is wrong
+    refused: str | None = None  # why sound data give no offsets
 
 
 def read_input(
