@@ -168,7 +168,3 @@ class UnusableResultError(OrthocalError):
     """A result that must not be used; there is no number to print."""
 
     exit_code = 4
-
-
-class UnknownSettingsError(UnusableResultError):
-    """Nobody knows what was in force in the controller when it was measured."""

@@ -37,10 +37,6 @@ class BarSkew(Cause):
         " other bar of the parallelogram."
     )
 
-    def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
-        """The leg travels under the gauge."""
-        return self.scale * self.size(machine) * travel_mm
-
     def adjustment(self, name: str) -> Screw:
         """The bar is turned about its end at the carriage."""
         leg = _SERIES[self.names.index(name)].leg

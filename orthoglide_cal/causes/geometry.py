@@ -42,9 +42,6 @@ class AxisGap(Cause):
     instrument = "a dial indicator carried along one rail, run against the next"
     advice = "Shim the rails until their axes meet in one point, then measure again."
 
-    def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
-        return self.size(machine) / 6.0
-
     def adjustment(self, name: str) -> Screw:
         """Rail x lies g_xy above rail y, along z: rail y rises by that, and so on."""
         rail, along = f"rail {name[1].upper()}", next(axis for axis in AXES if axis not in name)
@@ -74,9 +71,6 @@ class AxisSquareness(Cause):
         "Check the squareness of the linear drives with a master square and re-align them, then"
         " measure again."
     )
-
-    def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
-        return self.scale * self.size(machine) * machine.expanding_mm / 7.0
 
     def adjustment(self, name: str) -> Screw:
         """The second rail of a pair is turned."""

@@ -7,7 +7,6 @@ import numpy as np
 from orthoglide_cal.model.cause import Cause, Screw, Stage
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Numbers
 from orthoglide_cal.model.readings import AXES
@@ -39,9 +38,6 @@ class EncoderScale(Cause):
             }
         }
     )
-
-    def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
-        return self.scale * self.size(machine) * travel_mm / 3.0
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
         """q = L + (1 + k)(ρ − L) + Δρ; theta (..., 3)."""

@@ -19,8 +19,8 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.cause import PER_HOUR
-from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
-from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.model import Model, differentiate_absent, simulate, simulate_with_jacobian
+from orthoglide_cal.model.orthoglide import Orthoglide, double_posture
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import GaugePlan
 
@@ -106,9 +106,21 @@ class PlanForecast:
 
 
 def misfit_mm(machine: Orthoglide) -> float:
-    """Plausible size of what the model leaves out of a posture's reading, of all causes [mm]."""
-    travel = max(abs(limit) for limit in machine.joint_limits_mm)
-    return math.hypot(*(cause.misfit_mm(machine, travel) for cause in CAUSES.values()))
+    """Plausible size of what the model leaves out of a posture's reading, of all causes [mm].
+
+    Of each cause at the posture that it changes most, compared with the isotropic one.
+    """
+    hidden, plan = machine.unobservable, double_posture(machine, cycles=1)
+    causes = [
+        c for c in CAUSES.values() if c.repeats and c.possible(machine) and c.id not in hidden
+    ]
+    _, (_, *slopes) = differentiate_absent(Model(machine), np.zeros(3), plan, causes)
+    isotropic = np.unique(plan.setup, return_index=True)[1][plan.setup]
+    largest = []
+    for cause, slope in zip(causes, slopes, strict=True):
+        moved = (slope - slope[isotropic]) * cause.prior_std(machine)
+        largest.append(float(np.linalg.norm(moved, axis=1).max()))
+    return math.hypot(*largest)
 
 
 def _same(*keys: Ints) -> np.ndarray:

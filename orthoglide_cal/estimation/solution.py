@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from orthoglide_cal.causes import UNLISTED
-from orthoglide_cal.errors import UnknownSettingsError, UnusableResultError
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import (
     Scatter,
     chance_of_residual,
@@ -142,8 +142,7 @@ class Solution(OffsetEstimate):
         """Refuse offsets that no machine has.
 
         Raises:
-            UnusableResultError: with what to check.
-            UnknownSettingsError: nobody knows what they would be added to.
+            UnusableResultError: with what to check; or nobody knows what they would be added to.
         """
         require_settings(self.measured)
         machine, largest = self.model.machine, float(np.abs(self.offsets_mm).max())
@@ -314,10 +313,10 @@ def _possible(offsets: Floats, model: Model) -> bool:
 
 
 def require_settings(measured: Measured) -> None:
-    """Raise UnknownSettingsError if nobody knows the settings with which it was measured."""
+    """Raise UnusableResultError if nobody knows the settings with which it was measured."""
     if (excerpt := measured.source.excerpt) and excerpt.unknown:
         remedy = "Copy it from the printer (/sys). If there is none, delete M501 from this copy."
-        raise UnknownSettingsError(excerpt.unknown, remedy)
+        raise UnusableResultError(excerpt.unknown, remedy)
 
 
 def _search(posed: Posed, start: Floats | None = None) -> LeastSquaresFit:

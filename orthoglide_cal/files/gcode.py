@@ -325,12 +325,12 @@ class _Reader:
         known = (*self.now.endstops_mm, self.now.delta_radius_mm, *self.now.tower_angles_deg)
         if np.allclose((*endstops, radius, *angles), known, rtol=0.0, atol=_ROUNDED):
             return
-        values = {
-            "endstops_mm": Endstops(*endstops.tolist()),
-            "delta_radius_mm": radius,
-            "tower_angles_deg": tuple(angles),
-        }
-        self.now, self.changed = self.now.model_copy(update=values), number
+        self.changed = number
+        self.now = self.now.changed(
+            endstops_mm=Endstops(*endstops.tolist()),
+            delta_radius_mm=radius,
+            tower_angles_deg=tuple(angles),
+        )
 
     def _add(self, name: str, touches: Iterable[Sequence[float]]) -> None:
         """Touches behind those before them with the same settings."""

@@ -10,10 +10,10 @@ from datetime import datetime
 from glob import escape
 from itertools import pairwise
 from pathlib import Path, PurePath
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import InstanceOf, PlainSerializer
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError, UsageError
@@ -90,20 +90,15 @@ class CheckedFile(Schema):
 
     path: str
     sha256: str | None = None
-    kind: str | None = Field(None, description="readings, session, six, twelve, single or machine")
-    readings: int = Field(0, description="readings, or differences")
+    kind: str | None = None  # readings, session, six, twelve, single or machine
+    readings: int = 0  # readings, or differences
 
 
-class Fault(Schema):
-    """A fault at one place of a file."""
-
-    model_config = ConfigDict(from_attributes=True)
-
-    line: int | None
-    column: str | None = Field(description="of a table, or the dotted path of a key")
-    value: str | None
-    what: str
-    remedy: str
+_PRINTED = ("line", "column", "value", "what", "remedy")  # of a fault; its file is the input
+Fault = Annotated[
+    InstanceOf[InputError],
+    PlainSerializer(lambda fault: {name: getattr(fault, name) for name in _PRINTED}),
+]
 
 
 class Check(Schema):
@@ -111,12 +106,12 @@ class Check(Schema):
 
     schema_version: Literal[1] = 1
     input: CheckedFile
-    machine: str | None = Field(None, description="that the file holds, or is judged by")
+    machine: str | None = None  # that the file holds, or is judged by
     valid: bool = True
-    simulated: bool = Field(False, description="some of it, or all")
-    problems: tuple[Fault, ...] = Field((), description="everything that is wrong")
-    remarks: tuple[Sentence, ...] = Field((), description="to know although nothing is wrong")
-    refused: str | None = Field(None, description="why sound data give no offsets")
+    simulated: bool = False  # some of it, or all
+    problems: tuple[Fault, ...] = ()  # everything that is wrong
+    remarks: tuple[Sentence, ...] = ()  # to know although nothing is wrong
+    refused: str | None = None  # why sound data give no offsets
 
 
 def read_input(
@@ -167,8 +162,7 @@ def check_file(
             return Check(input=input, machine=name, remarks=held.remarks), None
         given = read_input(file, model, otherwise, stored)
     except InputError as error:
-        faults = tuple(map(Fault.model_validate, error.problems))
-        return Check(input=input, valid=False, problems=faults), None
+        return Check(input=input, valid=False, problems=error.problems), None
     measured, machine = given.measured, given.model.machine
     kind = "session" if given.is_session else measured.kind
     input = input.changed(kind=kind, readings=len(measured))
@@ -391,7 +385,7 @@ def _with_bed(file: PrinterFile, radius: float) -> PrinterFile:
     """With a radius of the bed [mm] where its file does not state it."""
     if not math.isnan(file.machine.bed_radius_mm):
         return file
-    return replace(file, machine=file.machine.model_copy(update={"bed_radius_mm": radius}))
+    return replace(file, machine=file.machine.changed(bed_radius_mm=radius))
 
 
 def _firmware_file(

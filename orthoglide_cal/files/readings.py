@@ -215,17 +215,15 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
     if not len(pairs) == len(set(understood.tolist())) == plan.setups:
         gauges = tuple(f"set-up {number + 1}" for number in plan.setup.tolist())
     return [
-        row_at(plan, k, readings.posture[k]).model_copy(
-            update={
-                "cycle": int(readings.cycle[k]),
-                "reading_mm": float(readings.value[k]),
-                "seq": seq[k],
-                "minutes": round(minutes[k], 6) if readings.timed else None,
-                "temperature_c": None if math.isnan(t) else t,
-                "gauge": gauges[k],
-                "note": readings.note[k],
-                "simulated": YES if readings.source.simulated else None,
-            }
+        row_at(plan, k, readings.posture[k]).changed(
+            cycle=int(readings.cycle[k]),
+            reading_mm=float(readings.value[k]),
+            seq=seq[k],
+            minutes=round(minutes[k], 6) if readings.timed else None,
+            temperature_c=None if math.isnan(t) else t,
+            gauge=gauges[k],
+            note=readings.note[k],
+            simulated=YES if readings.source.simulated else None,
         )
         for k, t in enumerate(readings.temperature.tolist())
     ]

@@ -143,13 +143,6 @@ class Cause:
         """The cause with no more parameters than so many places may show; None if with none."""
         return self
 
-    def misfit_mm(self, machine: Machine, travel_mm: float) -> float:
-        """About how much a plausible size changes a reading when the posture changes [mm].
-
-        A carriage is displaced by up to `travel_mm`. 0 where a change returns with no posture.
-        """
-        return 0.0
-
     def adjustment(self, name: str) -> Screw | None:
         """Fastener that corrects a parameter; None if no screw or shim does."""
         return None

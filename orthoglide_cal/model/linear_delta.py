@@ -346,7 +346,6 @@ class LinearDelta(Machine):
         title="Parameters",
         found="found",
         relation="real value = the controller's + found",
-        enter="Enter the new parameters in the firmware:",
         restart="Restart the firmware, home the printer, and make a new bed mesh.",
         entering="Enter the parameters, restart the firmware, home, make a new mesh",
         beyond="no printer is that far off (up to {limit} is plausible).",
@@ -372,7 +371,6 @@ class LinearDelta(Machine):
         finer="a probe with finer steps",
         compare="Probe again, and compare",
         further="more places, and on blocks of two known heights",
-        axes={"a": "tower a", "b": "tower b", "c": "tower c"},
     )
     first_steps = (
         ("How to probe it, and what to bring", "guide delta", "", ""),

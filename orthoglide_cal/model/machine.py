@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple, Self, TypeVar
@@ -274,9 +274,8 @@ class Vocabulary:
     title: str  # its full name, as a heading: "Joint offsets"
     found: str  # what was found of it, as a column's head: "Δρ"
     relation: str  # how the found value belongs to the real one
-    enter: str  # how the new values are entered; they follow, or the command that shows them
-    restart: str  # what makes the controller use them
-    entering: str  # both in a few words
+    restart: str  # what makes the controller use the new values
+    entering: str  # how they are entered, and that, in a few words
     beyond: str  # why a value is impossible; "{limit}" stands for the largest plausible ones
     recheck: str  # what to look at where a value is impossible
     more: str  # which readings would determine more
@@ -293,7 +292,6 @@ class Vocabulary:
     measure: str = ""  # the command that guides through a measurement; empty for none
     probing: str = ""  # how it is measured without a guide
     also: str = ""  # what belongs to that noise, too
-    axes: Mapping[str, str] = field(default_factory=dict)  # parameters of its rails → in words
 
 
 class Machine(Schema):

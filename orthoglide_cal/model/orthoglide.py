@@ -85,7 +85,6 @@ class Orthoglide(Machine):
         title="Joint offsets",
         found="Δρ",
         relation="true position = indicated + Δρ",
-        enter="Enter the new joint offsets in the controller, in mm: ",
         restart="Re-home all three axes.",
         entering="Enter the offsets, home all axes",
         beyond="no home switch is that far off (up to {limit} is plausible).",

@@ -14,7 +14,6 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from pydantic import Field
 
 from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
@@ -34,19 +33,19 @@ Removed = Sequence[tuple[str, Estimate]]
 class Adjustment(Estimate):
     """How a parameter of a cause is corrected; leg and direction are 0, 1, 2 for x, y, z."""
 
-    loosen: str = Field(description="what is loosened")
-    move: str = Field(description="what is pushed then; the gauge reads more if it goes to +")
-    homed: bool = Field(description="the gauge shows a push only after homing")
-    leg: int = Field(description="whose bar the gauge touches")
-    direction: int = Field(description="along which it reads")
-    gauge_at: float = Field(description="place along the leg at the isotropic posture")
-    here_mm: float = Field(description="displacement of its carriage while it is adjusted")
-    there_mm: float = Field(description="and at the second posture, for the check")
-    sensitivity: float = Field(description="change of the reading, mm per unit of the parameter")
-    change_mm: float = Field(description="of the reading, until the parameter is zero")
-    expanded_mm: float = Field(description="U of that change")
-    removes: Removed = Field(description="causes, or home_switch for offsets, and how much of them")
-    check_mm: float = Field(description="reading there less reading here, afterwards")
+    loosen: str  # what is loosened
+    move: str  # what is pushed then; the gauge reads more if it goes to +
+    homed: bool  # the gauge shows a push only after homing
+    leg: int  # whose bar the gauge touches
+    direction: int  # along which it reads
+    gauge_at: float  # place along the leg at the isotropic posture
+    here_mm: float  # displacement of its carriage while it is adjusted
+    there_mm: float  # and at the second posture, for the check
+    sensitivity: float  # change of the reading, mm per unit of the parameter
+    change_mm: float  # of the reading, until the parameter is zero
+    expanded_mm: float  # U of that change
+    removes: Removed  # causes, or home_switch for offsets, and how much of them
+    check_mm: float  # reading there less reading here, afterwards
     check_expanded_mm: float
 
 

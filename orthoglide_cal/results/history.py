@@ -64,12 +64,10 @@ class DatedSession(Schema):
 
     path: str
     started: str | None
-    parameters: Sizes = Field(
-        description="active + found, and of lasting causes, less what was adjusted since then"
-    )
-    own_expanded: tuple[float, ...] = Field(description="U of what does not cancel between them")
-    fitted: tuple[float, ...] = Field(description="by the explanation that is named")
-    causes: Ids = Field((), description="lasting causes that it shows")
+    parameters: Sizes  # active + found, and of lasting causes, less what was adjusted since then
+    own_expanded: tuple[float, ...]  # U of what does not cancel between them
+    fitted: tuple[float, ...]  # by the explanation that is named
+    causes: Ids = ()  # lasting causes that it shows
     temperature_c: float | None = None
     gauges: tuple[str, ...] = ()
 
@@ -77,7 +75,7 @@ class DatedSession(Schema):
 class Change(Schema):
     """A step between two sessions, named by their files."""
 
-    at: int = Field(exclude=True, description="number of the session before")
+    at: int = Field(exclude=True)  # number of the session before
     before: str
     after: str
     parameters: Sizes
@@ -87,9 +85,9 @@ class Reached(Schema):
     """When a limit is reached, if the best values are entered now."""
 
     limit_mm: float
-    scatter_exceeds: tuple[str, ...] = Field(description="parameters; 95 % of their scatter")
-    parameter: str | None = Field(None, description="that drifts to it first")
-    days: float | None = Field(None, description="after the last session; not before, 95 %")
+    scatter_exceeds: tuple[str, ...]  # parameters; 95 % of their scatter
+    parameter: str | None = None  # that drifts to it first
+    days: float | None = None  # after the last session; not before, 95 %
     date: str | None = None
 
 
@@ -99,23 +97,23 @@ class History(Schema):
     schema_version: Literal[1] = 1
     machine: str
     kind: str
-    simulated: bool = Field(description="all sessions are; otherwise those that are were left out")
-    dated: bool = Field(description="false: the order given counts")
+    simulated: bool  # all sessions are; otherwise those that are were left out
+    dated: bool  # false: the order given counts
     sessions: tuple[DatedSession, ...]
     verdict: Trend
     probability: float
     ambiguous_with: tuple[Trend, ...] = ()
     changes: tuple[Change, ...] = ()
-    drift: Sizes = Field((), description="rates, per day if `dated`")
-    scatter: Sizes = Field((), description="of homing: std from session to session")
-    pooled: Sizes = Field(description="best values now, from all sessions together")
-    further: Mapping[int, tuple[float, ...]] = Field(description="sessions more → U of the same")
-    prediction: Sizes = Field(description="what the next session will find")
+    drift: Sizes = ()  # rates, per day if `dated`
+    scatter: Sizes = ()  # of homing: std from session to session
+    pooled: Sizes  # best values now, from all sessions together
+    further: Mapping[int, tuple[float, ...]]  # sessions more → U of the same
+    prediction: Sizes  # what the next session will find
     also: tuple[Trend, ...] = ()
     limit: Reached | None = None
     notes: tuple[Sentence, ...] = ()
     next: Sentence
-    newest: Machine = Field(exclude=True, repr=False, description="machine of the last session")
+    newest: Machine = Field(exclude=True, repr=False)  # machine of the last session
     shapes: tuple[_Shape, ...] = Field((), exclude=True, repr=False)  # of a bed: first, last
 
     @field_serializer("drift")

@@ -20,7 +20,7 @@ from itertools import chain
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import PostureError, UnknownSettingsError, UnusableResultError
+from orthoglide_cal.errors import PostureError, UnusableResultError
 from orthoglide_cal.estimation import (
     OffsetEstimate,
     PromisedDifference,
@@ -116,7 +116,8 @@ def answer_to(
         solution.require_possible()
     except UnusableResultError as error:
         remedy = (Remedy(sentence=Reason.of("do", what=error.remedy)),) if error.remedy else ()
-        unknown = isinstance(error, UnknownSettingsError)
+        excerpt = measured.source.excerpt
+        unknown = excerpt is not None and error.what == excerpt.unknown
         reason = Reason.of("settings_unknown" if unknown else "refused", what=error.what)
         refused = Release(reasons=(reason,), remedies=remedy, sound=False)
         return schema.Answer(input=file, machine=name, release=refused, validity=conditions)

@@ -84,27 +84,27 @@ class Coefficient(Schema):
     value: float
     std: float
     ci95: tuple[float, float]
-    agrees: bool = Field(description="the interval holds 1")
+    agrees: bool  # the interval holds 1
 
 
 class AxisResponse(Schema):
     """The response of one joint."""
 
     applied_mm: float
-    found_mm: float = Field(description="change that the readings show")
+    found_mm: float  # change that the readings show
     ci95_mm: tuple[float, float]
-    coefficient: Coefficient | None = Field(description="found / applied; null: nothing applied")
-    otherwise: bool = Field(description="something else than what was applied is stated")
+    coefficient: Coefficient | None  # found / applied; null: nothing applied
+    otherwise: bool  # something else than what was applied is stated
 
 
 class OtherChange(Schema):
     """Did anything change that no joint offset explains?"""
 
-    rms_mm: float = Field(description="unexplained change of a difference, per degree of freedom")
-    noise_mm: float = Field(description="what the gauge's noise alone gives for it")
+    rms_mm: float  # unexplained change of a difference, per degree of freedom
+    noise_mm: float  # what the gauge's noise alone gives for it
     dof: int
     p_value: float
-    found: bool = Field(description="noise alone hardly ever gives it")
+    found: bool  # noise alone hardly ever gives it
 
 
 class ComparedDifference(Schema):
@@ -112,11 +112,11 @@ class ComparedDifference(Schema):
 
     difference: str
     before_mm: float
-    promised_mm: float = Field(description="what the model said would be left")
+    promised_mm: float  # what the model said would be left
     promised_expanded_mm: float
     after_mm: float
-    expanded_mm: float = Field(description="U of the value measured after")
-    outcome: Outcome | None = Field(None, description="by the rule; null where no limit was given")
+    expanded_mm: float  # U of the value measured after
+    outcome: Outcome | None = None  # by the rule; null where no limit was given
 
 
 class Conformity(Schema):
@@ -128,7 +128,7 @@ class Conformity(Schema):
     largest_difference: str
     expanded_mm: float
     coverage_factor: float
-    passable: bool = Field(description="false: U is beyond the limit, so nothing can pass")
+    passable: bool  # false: U is beyond the limit, so nothing can pass
     rule: Sentence = Reason.of("guard_band")
 
 
@@ -143,52 +143,43 @@ class Verification(Schema):
     before: ComparedInput
     after: ComparedInput
     machine: str
-    kind: str = Field(description="what is compared: readings, differences (six, ...) or heights")
-    compared: int = Field(description="independent changes, or touches afterwards")
-    kept: bool = Field(description="the correction worked as predicted")
-    apart_mm: float | None = Field(
-        default=None, description="of differences: r.m.s. of measured less predicted"
-    )
-    apart_expanded_mm: float | None = Field(
-        default=None, description="r.m.s. of the U of both together; beyond it not as predicted"
-    )
-    moved: bool = Field(False, description="worse than before, although nothing was entered")
-    reservations: tuple[Sentence, ...] = Field(description="what to know before relying on it")
+    kind: str  # what is compared: readings, differences (six, ...) or heights
+    compared: int  # independent changes, or touches afterwards
+    kept: bool  # the correction worked as predicted
+    apart_mm: float | None = None  # of differences: r.m.s. of measured less predicted
+    # r.m.s. of the U of both together; beyond it not as predicted.
+    apart_expanded_mm: float | None = None
+    moved: bool = False  # worse than before, although nothing was entered
+    reservations: tuple[Sentence, ...]  # what to know before relying on it
     rms_before_mm: float
     rms_promised_mm: float
-    rms_expanded_mm: float | None = Field(
-        default=None, description="of heights: U with which the two agree if all is as predicted"
-    )
+    # Of heights: U with which the two agree if all is as predicted.
+    rms_expanded_mm: float | None = None
     rms_after_mm: float
-    rms_reachable_mm: float | None = Field(
-        default=None, description="of heights: what the parameters found afterwards would leave"
-    )
-    as_left: Spread | None = Field(default=None, description="of the differences afterwards")
-    remains: Sentence | None = Field(
-        default=None, description="what offsets do not remove; null: only noise is left"
-    )
-    first: tuple[Parameter, ...] = Field(exclude=True, description="by the first measurement")
-    second: tuple[Parameter, ...] = Field(exclude=True, description="by the second one")
-    entered: tuple[float | None, ...] = Field(exclude=True, description="null: nobody knows")
-    applied_mm: dict[str, float] = Field({}, description="entered, and moved by screws")
-    corrected: Corrections = Field({}, description="causes that the controller corrects since then")
+    # Of heights: what the parameters found afterwards would leave.
+    rms_reachable_mm: float | None = None
+    as_left: Spread | None = None  # of the differences afterwards
+    remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
+    first: tuple[Parameter, ...] = Field(exclude=True)  # by the first measurement
+    second: tuple[Parameter, ...] = Field(exclude=True)  # by the second one
+    entered: tuple[float | None, ...] = Field(exclude=True)  # null: nobody knows
+    applied_mm: dict[str, float] = Field({})  # entered, and moved by screws
+    corrected: Corrections = Field({})  # causes that the controller corrects since then
     differences: tuple[ComparedDifference, ...] = ()
-    response: Coefficient | None = Field(default=None, description="all axes together")
+    response: Coefficient | None = None  # all axes together
     response_dof: int | None = None
     axes: dict[str, AxisResponse] = Field(default_factory=dict)
     answer: Behaviour | None = None
-    acted_as_mm: dict[str, float] | None = Field(
-        default=None, description="signed order of what was applied that explains the change better"
-    )
+    # Signed order of what was applied that explains the change better.
+    acted_as_mm: dict[str, float] | None = None
     other_change: OtherChange | None = None
     remaining_mm: dict[str, float] = Field(default_factory=dict)
     remaining_expanded_mm: dict[str, float] = Field(default_factory=dict)
     decision: Conformity | None = None
-    workspace: Workspace | None = Field(
-        default=None, description="of the machine as measured afterwards: its before_mm; reports"
-    )
+    # Of the machine as measured afterwards: its before_mm; reports.
+    workspace: Workspace | None = None
 
-    @computed_field(description="before: in the controller; found and entered: change; left: after")
+    @computed_field  # before: in the controller; found and entered: change; left: after
     @property
     def parameters(self) -> dict[str, dict[str, object]]:
         rows = zip(self.first, self.entered, self.second, strict=True)
@@ -208,7 +199,7 @@ class Verification(Schema):
             for before, entered, after in rows
         }
 
-    @computed_field(description="of one of the two, or both")
+    @computed_field  # of one of the two, or both
     @property
     def simulated(self) -> bool:
         return self.before.validity.simulated or self.after.validity.simulated

@@ -11,7 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 
-from pydantic import Field, computed_field
+from pydantic import computed_field
 
 from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, command
 from orthoglide_cal.files.input import ADJUSTMENT, Input, adjustments_by
@@ -82,8 +82,8 @@ class Adjusted(Schema):
     """One adjustment as far as it has come."""
 
     adjustment: Adjustment
-    readings_mm: Mapping[Phase, float] = Field(description="of the gauge, the last of each phase")
-    left: bool = Field(description="as it is: the operator wished so")
+    readings_mm: Mapping[Phase, float]  # of the gauge, the last of each phase
+    left: bool  # as it is: the operator wished so
 
     @classmethod
     def of(cls, state: State, adjustment: Adjustment, begin: int) -> "Adjusted":
@@ -93,19 +93,19 @@ class Adjusted(Schema):
         left = not steps.keys().isdisjoint(state.skipped)
         return cls(adjustment=adjustment, readings_mm=read, left=left)
 
-    @computed_field(description="reading at which the parameter is zero")
+    @computed_field  # reading at which the parameter is zero
     @property
     def target_mm(self) -> float | None:
         loose = self.readings_mm.get(Phase.LOOSE)
         return None if loose is None else loose + self.adjustment.change_mm
 
-    @computed_field(description="reading there less reading here, tightened")
+    @computed_field  # reading there less reading here, tightened
     @property
     def check_mm(self) -> float | None:
         here, there = map(self.readings_mm.get, (Phase.HERE, Phase.THERE))
         return None if here is None or there is None else there - here
 
-    @computed_field(description="check failed: something moved in another way")
+    @computed_field  # check failed: something moved in another way
     @property
     def status(self) -> Literal["adjusted", "check failed", "left as it is", "not finished"]:
         if self.left or self.check_mm is None:
@@ -251,7 +251,7 @@ class AdjustingDialogue(Dialogue):
             return
         phase = one.counts_as(PHASES[at], taken.value_mm)
         number = len(PHASES) * k + PHASES.index(phase) + 1
-        self.write(taken.model_copy(update={"step": number}))
+        self.write(taken.changed(step=number))
         self.asker.rest(driving=False)
         if phase in _ASKED:
             self.asker.say(f"   saved {wording.value_text(taken.value_mm, self.unit)}", Style.GOOD)

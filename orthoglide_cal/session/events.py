@@ -11,11 +11,12 @@ from enum import StrEnum
 from functools import reduce
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, TypeAdapter
+from pydantic import AfterValidator, ConfigDict, Field, PlainSerializer, TypeAdapter
 
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order
+from orthoglide_cal.schema import Schema
 
 
 class Doubt(StrEnum):
@@ -51,20 +52,14 @@ def _with_zone(at: str) -> str:
 _Planned = Annotated[PlannedReading, PlainSerializer(lambda reading: reading._asdict())]
 
 
-class Recorded(BaseModel):
-    """Base of what the journal holds: exactly these fields, in this order."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-
-class GaugeLabel(Recorded):
+class GaugeLabel(Schema):
     """A gauge as the operator named it."""
 
     id: str
     certificate: str = ""
 
 
-class Following(Recorded):
+class Following(Schema):
     """How a session continues earlier readings."""
 
     data: FileText  # the file of the first readings, whole
@@ -79,8 +74,10 @@ class Following(Recorded):
         return f"Next, about {max(self.minutes, 1.0):.0f} min: {self.what}"
 
 
-class Event(Recorded):
+class Event(Schema):
     """Base of all records; `at` is the time of day, ISO 8601 with the offset from UTC."""
+
+    model_config = ConfigDict(strict=True)
 
     kind: str
     at: Annotated[str, AfterValidator(_with_zone)]

@@ -73,7 +73,7 @@ class PriorReadings:
             # Steps are counted from 1 in each session: those of an earlier one cannot be retaken.
             note = re.sub(r" \(r [0-9]+\)", "", row.note or "")
             at = entries[index].get("timestamp") if entries else None
-            rows[index] = row.model_copy(update={"timestamp": at, "note": note})
+            rows[index] = row.changed(timestamp=at, note=note)
         return [rows[index] for index in self.readings.plan.in_time.tolist()]
 
     @property
@@ -226,7 +226,7 @@ class ReadingsSoFar:
                 "temperature_c": opened.temperature_c,
                 **cells,
             }
-        return row_at(setting.plan, number - 1, str(step.posture)).model_copy(update=cells)
+        return row_at(setting.plan, number - 1, str(step.posture)).changed(**cells)
 
     @cached_property
     def rows(self) -> list[ReadingRow]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import UnknownSettingsError, UsageError
+from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import printer_settings, read_input, together
 from orthoglide_cal.files.machine_file import default_machine, machine_text, read_machine_file
@@ -276,7 +276,7 @@ def test_without_its_override_nothing_is_known_to_be_active(own: Path) -> None:
     path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
     put(own, "config.g", made.config_g(made.UNEVEN) + "M501\n")
     given = read_input(path)
-    with pytest.raises(UnknownSettingsError, match=r"loads config-override.g \(M501\)"):
+    with pytest.raises(UnusableResultError, match=r"loads config-override.g \(M501\)"):
         solve(given.measured, given.model)
     answer = answer_to(given)
     assert (answer.parameters, answer.release.usable) == ((), False)

@@ -31,35 +31,8 @@ from orthoglide_cal.report.case import (
     stated,
     to_do,
 )
+from orthoglide_cal.report.documents import pictures, solution, verification
 from orthoglide_cal.report.documents.diagnosis import diagnosis_notice, diagnosis_section
-from orthoglide_cal.report.documents.pictures import (
-    cause_figure,
-    cause_sketch,
-    differences_figure,
-    moves_rails,
-    place_words,
-    readings_table,
-    residual_blocks,
-    seen_parameters,
-    size_words,
-)
-from orthoglide_cal.report.documents.solution import (
-    alone_block,
-    budget_sections,
-    common_unit,
-    fit_facts,
-    open_blocks,
-    parameters_grid,
-    parameters_title,
-)
-from orthoglide_cal.report.documents.verification import (
-    compared_inputs,
-    left_figure,
-    parameters_left,
-    rule_blocks,
-    verification_notice,
-    verification_steps,
-)
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import Verification
 from orthoglide_cal.words import plain, short, two_figures
@@ -115,7 +88,7 @@ def calibration_document(
         pages += [*_workspace(case, left, limit_mm), _origin(case, identity, left)]
         for measured, when in ((after, "as left"), (case, "as found" if after else "")):
             if measured is not None and measured.answer.parameters:
-                pages.append(readings_table(measured, when))
+                pages.append(pictures.readings_table(measured, when))
         if answer.parameters:
             drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
             rivals = [*_rivals(case)]
@@ -152,7 +125,7 @@ def calibration_document(
 def _notice(case: Case, left: Verification | None) -> doc.Notice:
     """The verdict, with what to know before relying on it; of a refused result what is wrong."""
     if left is not None:
-        return verification_notice(left)
+        return verification.verification_notice(left)
     answer, release = case.answer, case.answer.release
     wrong = release.sound and answer.parameters and not release.usable
     notice = diagnosis_notice(case) if wrong else decision_notice(case)
@@ -166,8 +139,9 @@ def _result(
 ) -> Sequence[doc.Section]:
     """What was found, and the next steps; of a refused result the causes come first."""
     if left is not None:
-        steps = verification_steps(left, case.machine_file)
-        return parameters_left(left), doc.next_steps(steps, *rule_blocks(left), *drawn)
+        steps = verification.verification_steps(left, case.machine_file)
+        rule = verification.rule_blocks(left)
+        return verification.parameters_left(left), doc.next_steps(steps, *rule, *drawn)
     next_steps = doc.next_steps(to_do(case))
     if case.answer.release.usable:
         return _parameters(case, drawn), *named, next_steps
@@ -177,12 +151,14 @@ def _result(
 
 def _parameters(case: Case, drawn: Sequence[doc.Block]) -> doc.Section:
     """The parameters with U next to the differences."""
-    title, usable = parameters_title(case), case.answer.release.usable
+    title, usable = solution.parameters_title(case), case.answer.release.usable
     if not usable:
         causes = f" with {' and '.join(case.answer.named)}" if case.answer.named else ""
-        title = f"Not to be entered: {case.words.many}{causes}{common_unit(case.machine)}"
-    alone = alone_block(case) if usable else ()
-    return doc.Section(title, parameters_grid(case), *open_blocks(case), *alone, *drawn)
+        title = f"Not to be entered: {case.words.many}{causes}{solution.common_unit(case.machine)}"
+    alone = solution.alone_block(case) if usable else ()
+    return doc.Section(
+        title, solution.parameters_grid(case), *solution.open_blocks(case), *alone, *drawn
+    )
 
 
 def _causes(case: Case) -> Iterator[doc.Section]:
@@ -196,21 +172,21 @@ def _causes(case: Case) -> Iterator[doc.Section]:
             blocks.append(f"If so: {cause.remedy}" if undecided else cause.remedy)
         title = f"{case.title_of(cause.id)} ({cause.id})"
         title = f"Possible: {title}" if undecided else f"{title[0].upper()}{title[1:]}"
-        yield doc.Section(title, *blocks, *cause_figure(case, cause))
+        yield doc.Section(title, *blocks, *pictures.cause_figure(case, cause))
 
 
 def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str = "") -> doc.Block:
     """Where a cause is, and how large with U."""
-    gaps, shims = moves_rails(id), case.answer.shims
-    sizes = [*parameters] if gaps else seen_parameters(parameters)
+    gaps, shims = pictures.moves_rails(id), case.answer.shims
+    sizes = [*parameters] if gaps else pictures.seen_parameters(parameters)
     sizes = [size for size in parameters if size in sizes]
     if not sizes:
         return doc.strong(f"At {where}.")
-    places = [place_words(size.name) for size in sizes]
+    places = [pictures.place_words(size.name) for size in sizes]
     if where and len(sizes) < 2:
         places = [where]
     columns: dict[str, Sequence[doc.Blank]] = {"": [doc.strong(place) for place in places]}
-    columns["size ± U (95 %)"] = [size_words(size) for size in sizes]
+    columns["size ± U (95 %)"] = [pictures.size_words(size) for size in sizes]
     if gaps and shims:
         columns["shim"] = [
             f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims
@@ -227,7 +203,7 @@ def _rivals(case: Case) -> Iterator[doc.Section]:
     words = {id: CAUSES[id].words(case.machine) for id in case.answer.ambiguous_with}
     rivals = (state.sizes for state in case.answer.explanations if {*state.sizes} & {*words})
     for id, sizes in next(rivals, {}).items():
-        if id in words and (sketch := cause_sketch(case, id, sizes)):
+        if id in words and (sketch := pictures.cause_sketch(case, id, sizes)):
             cause = words.pop(id)
             text = f"How to check: {cause.instrument}. If so: {cause.advice}"
             yield doc.Section(
@@ -243,13 +219,13 @@ def _differences(
     """Each difference on one axis: as found, as expected, as measured afterwards."""
     answer = case.answer
     if left is not None:
-        return (left_figure(left),) if left.differences else ()
+        return (verification.left_figure(left),) if left.differences else ()
     if not answer.deviations or answer.as_found is None or answer.expected is None:
         return ()
     rows = [(e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations]
     sizes = (answer.as_found.rms_mm, answer.expected.rms_mm)
     ends = answer.check is not None and answer.check.ends
-    return (differences_figure(rows, sizes, ends, limit_mm),)
+    return (pictures.differences_figure(rows, sizes, ends, limit_mm),)
 
 
 def _other(case: Case) -> doc.Section:
@@ -270,8 +246,8 @@ def _evidence(case: Case, when: str) -> Iterator[doc.Section]:
     """Residuals, diagnosis, uncertainty and conditions of one measurement, named by `when`."""
     answer, sections = case.answer, [_conditions(case, when)]
     if answer.parameters:
-        left = doc.Section("Residuals (measured − model)", *residual_blocks(case, when))
-        budget = budget_sections(case.machine, answer.budget, answer.total)
+        left = doc.Section("Residuals (measured − model)", *pictures.residual_blocks(case, when))
+        budget = solution.budget_sections(case.machine, answer.budget, answer.total)
         sections = [diagnosis_section(case), left, *budget, *sections]
     for section in sections:
         yield doc.Section(f"{section.title}, {when}".removesuffix(", "), *section.blocks)
@@ -358,7 +334,7 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
         rows.append(("Traceability", None))
     rows.append(("Software", identity.software))
     if left is not None:
-        rows += compared_inputs(left)
+        rows += verification.compared_inputs(left)
     else:
         rows += [
             ("Input", doc.given(file_words(answer.input.path))),
@@ -369,7 +345,7 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
     if model.accepted:
         rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.remaining())))
     if answer.method is not None and answer.noise is not None:
-        rows += fit_facts(case)
+        rows += solution.fit_facts(case)
     new = (warning for warning in answer.warnings if warning not in answer.notes)
     notes = (doc.small(case.says(warning)) for warning in new)
     return doc.Section("Traceability", doc.Facts(rows), *notes)

@@ -220,15 +220,12 @@ def paper_document(reproduction: "Reproduction") -> doc.Document:
             {**vars(row), "reproduced": None if row.computed is None else row.reproduced}
             for row in reproduction.rows
         ]
-        title = {
+        return {
+            "schema_version": 1,
             "table": reproduction.table,
             "title": reproduction.title,
             "columns": reproduction.columns,
             "rows": rows,
-        }
-        return {
-            "schema_version": 1,
-            **title,
             "reproduced": reproduction.reproduced,
             "notes": reproduction.notes,
         }

@@ -11,10 +11,11 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
 from orthoglide_cal.inference.result import Explanation
-from orthoglide_cal.model.machine import Machine, Origin
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import DataKind, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, comparison_words, decision_notice, to_do
+from orthoglide_cal.report.sentences import SOURCES
 from orthoglide_cal.report.terminal import height
 from orthoglide_cal.results import Answer, Parameter
 from orthoglide_cal.words import (
@@ -45,34 +46,6 @@ _MOST_DIFFERENCES = 6
 _LARGEST_DIFFERENCES = 3
 # `measure` says before them where it has written, and after them what a simulation hid.
 _MOST_LINES = 23
-# Source → in words, and what would reduce it.
-_SOURCES: Mapping[str, tuple[str, str]] = {
-    Origin.NOISE: (
-        "scatter of the readings",
-        "{words.repeat}; if the residuals are larger than noise, first see what diagnose says.",
-    ),
-    Origin.RESOLUTION: (
-        "resolution of the {words.noise}",
-        "{words.repeat}, or {words.finer}.",
-    ),
-    Origin.GAUGE_SCALE: (
-        "scale of the gauge",
-        "State what its certificate says as scale_u of the gauge in the machine file.",
-    ),
-    Origin.GAUGE_PLACEMENT: (
-        "gauge position",
-        "Measure where the gauges stand, and state how well as placement_mm of the gauge.",
-    ),
-    Origin.BED_TEXTURE: (
-        "local shape of the bed",
-        "Probe more places; state how rough the bed is as texture_mm of the probe.",
-    ),
-    Origin.TEMPERATURE: ("temperature, off 20 °C (steel)", "Measure nearer to 20 °C."),
-    Origin.EXPLANATIONS: (
-        "undecided causes",
-        "The data leave them open: see what diagnose says.",
-    ),
-}
 # What reduces a cause that may be there, and one whose size no reading shows.
 _OPEN = (
     "These readings hardly show it: measure with other {words.positions}, or state under"
@@ -312,7 +285,7 @@ def _largest_words(case: Case) -> str:
     """The largest contribution to U in one line."""
     largest = max(case.answer.budget, key=_adds)
     name, size = largest.source, _size(largest).replace(" (assumed)", ", assumed")
-    if name in _SOURCES:
+    if name in SOURCES:
         name = source_words(name, case.machine)[0]
     source = f"{name}{', if present' * largest.possible}"
     contribution = ", ± ".join(filter(None, (source, size)))
@@ -381,9 +354,9 @@ def budget_sections(
 def source_words(source: str, machine: Machine, possible: bool = False) -> tuple[str, str]:
     """A source in words, and what would reduce it; `possible` if it may be there or not."""
     words = machine.vocabulary
-    if source in _SOURCES:
-        name, remedy = _SOURCES[source]
-        return name.format(words=words), remedy.format(words=words)
+    if source in SOURCES:
+        name, remedy = (text.format(words=words) for text in SOURCES[source].values())
+        return name, remedy
     causes = [CAUSES[id].words(machine) for id in source.split(" and ")]
     name = " and ".join(cause.title for cause in causes)
     if possible:

@@ -21,7 +21,7 @@ from orthoglide_cal.report.case import (
 )
 from orthoglide_cal.report.documents.pictures import differences_figure
 from orthoglide_cal.report.documents.solution import common_unit, deviations_grid, sizes, sizes_grid
-from orthoglide_cal.report.sentences import sentence
+from orthoglide_cal.report.sentences import RESPONSES, sentence
 from orthoglide_cal.results import Identity, Parameter
 from orthoglide_cal.results.verification import (
     Coefficient,
@@ -225,43 +225,29 @@ def _answer(result: Verification) -> str:
     apart, both = result.apart_mm or 0.0, result.apart_expanded_mm or 0.0
     differ = f", yet they differ by {plain(apart, 3)} mm, U of both {plain(both, 3)} mm"
     was = "entered" if any(result.entered) else "corrected"
-    size = f"moved by {_interval(result.response)} times what was {was}"
-    acted_as = _triple(result.acted_as_mm or {}, result)
     moves = [
         f"{axis.upper()} moved {signed(row.found_mm, 3)} of {signed(row.applied_mm, 3)} mm"
         for axis, row in result.axes.items()
         if row.otherwise
     ]
-    return {
-        Behaviour.AS_MODELLED: f"The machine {size}, as modelled{'' if result.kept else differ}.",
-        Behaviour.OPPOSITE: f"The correction acted with the opposite sign ({size}).",
-        Behaviour.EXCHANGED: f"The correction acted as if {acted_as} had been entered (x, y, z).",
-        Behaviour.NO_RESPONSE: f"The machine did not respond ({size}).",
-        Behaviour.OTHER_GAIN: f"The size of the response is wrong ({size}, expected 1).",
-        Behaviour.PARTLY: f"{'; '.join(moves)}.",
-        Behaviour.UNDETERMINED: "The correction is too small for these readings to show a response"
-        f" ({size}).",
-    }[result.answer]
+    return RESPONSES[result.answer]["answer"].format(
+        size=f"moved by {_interval(result.response)} times what was {was}",
+        differ="" if result.kept else differ,
+        acted_as=_triple(result.acted_as_mm or {}, result),
+        moves="; ".join(moves),
+    )
 
 
 def _remedy(result: Verification) -> str | None:
     """Remedy of a response that is wrong."""
-    gain = "Check the gauge against a gauge block, its plunger for tilt, and the axis scale"
-    inches, size = (
-        (MM_PER_INCH, 1.0 / MM_PER_INCH),
-        result.response.value if result.response else 1.0,
-    )
-    if any(abs(size / factor - 1.0) < 0.1 for factor in inches):
-        gain = "Enter the offsets in the controller's unit: inches and millimetres were mixed up"
+    if result.answer is None:
+        return None
+    size, remedy = result.response.value if result.response else 1.0, "remedy"
+    if any(abs(size / factor - 1.0) < 0.1 for factor in (MM_PER_INCH, 1.0 / MM_PER_INCH)):
+        remedy = "in_inches"
+    texts = RESPONSES[result.answer]
     wrong = ", ".join(axis.upper() for axis, row in result.axes.items() if row.otherwise)
-    remedies = {
-        Behaviour.OPPOSITE: "Enter the negative values",
-        Behaviour.EXCHANGED: "Check the joints",
-        Behaviour.NO_RESPONSE: "Re-home, and check that the values are active",
-        Behaviour.OTHER_GAIN: gain,
-        Behaviour.PARTLY: f"Check {wrong} in the controller, and re-home",
-    }
-    return remedies.get(result.answer) if result.answer else None
+    return texts.get(remedy, texts.get("remedy", "")).format(wrong=wrong)
 
 
 def _interval(coefficient: Coefficient) -> str:
