@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import InputError, InvalidFileError, OrthocalError, UsageError
-from orthoglide_cal.files.controller_file import controller_file, replace_file
+from orthoglide_cal.errors import InputError, OrthocalError, UsageError
+from orthoglide_cal.files.controller_file import ControllerFile, controller_file, replace_file
 from orthoglide_cal.files.linuxcnc import is_live
 from tests.fuzz.run import mutant
+
+from .helpers import problems, saved
 
 INI = """\
 # Fräse 7; HOME_OFFSET = 9 in a remark
@@ -65,17 +67,14 @@ VALUES = {"radius": 140.2, "a": 300.5, "b": 300.2, "c": 299.9}
 def test_values_are_in_the_order_of_the_joints(tmp_path: Path) -> None:
     """As a running controller takes them, wherever their sections stand."""
     head, *joints = INI.split("[JOINT_")
-    path = tmp_path / "mill.ini"
-    path.write_text("[JOINT_".join((head, *reversed(joints))), encoding="utf-8")
-    texts = [each.before for each in controller_file(str(path)).settings.values()]
+    turned = of(tmp_path, "[JOINT_".join((head, *reversed(joints))))
+    texts = [each.before for each in turned.settings.values()]
     assert texts == ["0.500", "-12.25", "0"]
 
 
 def test_what_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
-    path = tmp_path / "mill.ini"
-    path.write_text(INI.replace("-12.25", "999999"), encoding="utf-8")
     with pytest.raises(UsageError, match=r"HOME_OFFSET would become 1000000\.361"):
-        controller_file(str(path)).changed({"y": 1.361}, 3)
+        of(tmp_path, INI.replace("-12.25", "999999")).changed({"y": 1.361}, 3)
 
 
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
@@ -106,27 +105,53 @@ def test_three_values_change_and_come_back(
     assert path.read_bytes() == data
 
 
+def of(folder: Path, text: str) -> ControllerFile:
+    return controller_file(saved(folder, text, "file"))
+
+
+UNCLEAR = [
+    # replaced in the INI, by, words of the message
+    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5\nHOME_OFFSET = 0.6", "twice"),
+    ("HOME_OFFSET = 0.500", "HOME_OFFSET : 0.6\nHOME_OFFSET = 0.5", "not a number"),
+    ("HOME_OFFSET = 0.500", "HOME = 1", "missing"),
+    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0,5", "not a number"),
+    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 mm", "not a number"),
+    # As LinuxCNC's own inivar does, only the first section of a name is read.
+    ("HOME = 0.0\n", "HOME = 0.0\n[EMC]\n[JOINT_0]\n", "missing"),
+    ("LINEAR_UNITS = mm", "LINEAR_UNITS = furlong", "unknown"),
+    ("LINEAR_UNITS = mm", "", "LINEAR_UNITS: The value is missing"),
+    ("LINEAR_UNITS = mm", "LINEAR_UNITS = mm\nLINEAR_UNITS = inch", "twice"),
+    *(("HOME_OFFSET = 3\n", f"[KINS]\nKINEMATICS = {kinematics}\n", rf"line 19.*{said}")
+      for kinematics, said in (
+        *((f"trivkins coordinates={letters}", "each of X, Y and Z one joint")
+          for letters in ("XYYZ", "XZ", "XYA")),
+        ("lineardeltakins", "drives a delta"),
+    )),
+]  # fmt: skip
+LINE = "[printer]\ndelta_radius: 140.3\n"
+UNCLEAR_PRINTERS = [
+    ("300.300000\n", "300.300000\n[fan]\n", r"line 24.*ignores"),
+    ("homing_speed: 50\n", "#*# an old line\n", r"line 4.*drops what SAVE_CONFIG"),
+    ("[printer]\nkin", "\ufeff[printer]\nkin", r"line 1.*byte order mark"),
+    # Its own line is never overruled, with a remark behind it or without the block's.
+    ("[printer]\nkin", f"{LINE}kin", "line 2"),
+    ("[printer]\nkin", f"{LINE[:-1]} # 140.100000\nkin", "line 2"),
+]
+
+
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
-    [
-        ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5\nHOME_OFFSET = 0.6", "twice"),
-        ("HOME_OFFSET = 0.500", "HOME_OFFSET : 0.6\nHOME_OFFSET = 0.5", "not a number"),
-        ("HOME_OFFSET = 0.500", "HOME = 1", "missing"),
-        ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0,5", "not a number"),
-        ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 mm", "not a number"),
-        ("LINEAR_UNITS = mm", "LINEAR_UNITS = furlong", "unknown"),
-        ("LINEAR_UNITS = mm", "", "LINEAR_UNITS: The value is missing"),
-        ("LINEAR_UNITS = mm", "LINEAR_UNITS = mm\nLINEAR_UNITS = inch", "twice"),
-    ],
-)
+    ("text", "old", "new", "said"),
+    [*((INI, *row) for row in UNCLEAR), *((CFG, *row) for row in UNCLEAR_PRINTERS),
+     (CFG.replace("#*# delta_radius = 140.100000\n", ""), "[printer]\nkin", f"{LINE}kin",
+      r"line 2.*above.*140\.3")],
+)  # fmt: skip
 def test_what_is_not_clear_is_refused_with_its_place(
-    tmp_path: Path, old: str, new: str, said: str
+    tmp_path: Path, text: str, old: str, new: str, said: str
 ) -> None:
-    path = tmp_path / "mill.ini"
-    path.write_text(INI.replace(old, new), encoding="utf-8")
-    with pytest.raises(InvalidFileError, match=said) as caught:
-        controller_file(str(path))
-    fault = caught.value.problems[0]
+    assert old in text
+    with pytest.raises(InputError, match=said):
+        of(tmp_path, text.replace(old, new, 1))
+    fault = problems(of, tmp_path, text.replace(old, new, 1))[0]
     assert fault.remedy
     assert fault.line or fault.column
 
@@ -144,35 +169,12 @@ def test_what_is_not_clear_is_refused_with_its_place(
 def test_axes_are_written_to_their_joints(
     tmp_path: Path, kinematics: str, lines: tuple[int, ...]
 ) -> None:
-    path = tmp_path / "mill.ini"
-    path.write_text(f"{INI}[KINS]\n{kinematics}\n", encoding="utf-8")
-    settings = controller_file(str(path)).settings
+    settings = of(tmp_path, f"{INI}[KINS]\n{kinematics}\n").settings
     assert tuple(settings[axis].line for axis in "xyz") == lines
 
 
-@pytest.mark.parametrize(
-    ("kinematics", "problem"),
-    [(f"trivkins coordinates={letters}", "each of X, Y and Z one joint")
-     for letters in ("XYYZ", "XZ", "XYA")] + [("lineardeltakins", "drives a delta")],
-)  # fmt: skip
-def test_axes_without_a_joint_of_their_own_are_refused(
-    tmp_path: Path, kinematics: str, problem: str
-) -> None:
-    path = tmp_path / "mill.ini"
-    path.write_text(f"{INI}[KINS]\nKINEMATICS = {kinematics}\n", "utf-8")
-    with pytest.raises(InputError, match=rf"line 20.*{problem}"):
-        controller_file(str(path))
-
-
 def test_only_the_first_section_of_a_name_is_read(tmp_path: Path) -> None:
-    """As LinuxCNC's own inivar does."""
-    path = tmp_path / "mill.ini"
-    path.write_text(INI.replace("[SPINDLE_0]", "[JOINT_0]"), encoding="utf-8")
-    assert controller_file(str(path)).settings["x"].line == 11
-    second = "[JOINT_0]\nHOME = 0.0\n[EMC]\n[JOINT_0]\n"
-    path.write_text(INI.replace("[JOINT_0]\nHOME = 0.0\n", second), encoding="utf-8")
-    with pytest.raises(InvalidFileError, match="missing"):
-        controller_file(str(path))
+    assert of(tmp_path, INI.replace("[SPINDLE_0]", "[JOINT_0]")).settings["x"].line == 11
 
 
 @pytest.mark.parametrize(
@@ -182,21 +184,18 @@ def test_only_the_first_section_of_a_name_is_read(tmp_path: Path) -> None:
 def test_what_an_included_file_may_say_is_not_written_over(
     tmp_path: Path, included: str | None, fine: bool
 ) -> None:
-    path = tmp_path / "mill.ini"
-    path.write_text(INI.replace("HOME = 0.0\n", "#INCLUDE joint.inc\n", 1), encoding="utf-8")
     if included is not None:
         (tmp_path / "joint.inc").write_text(included, encoding="utf-8")
+    text = INI.replace("HOME = 0.0\n", "#INCLUDE joint.inc\n", 1)
     if fine:
-        assert controller_file(str(path)).settings["x"].before == "0.500"
+        assert of(tmp_path, text).settings["x"].before == "0.500"
         return
     with pytest.raises(InputError, match=r"line 10.*may read a value from this included file"):
-        controller_file(str(path))
+        of(tmp_path, text)
 
 
 def test_a_printer_changes_in_its_block(tmp_path: Path) -> None:
-    path = tmp_path / "printer.cfg"
-    path.write_text(CFG, encoding="utf-8")
-    before = controller_file(str(path))
+    before = of(tmp_path, CFG)
     written, data = before.changed(VALUES, 4)
     assert [(each.line, each.before, each.after) for each in written.values] == [
         (10, "140.100000", "140.200000"),
@@ -204,41 +203,7 @@ def test_a_printer_changes_in_its_block(tmp_path: Path) -> None:
         (23, "300.300000", "299.900000"),
     ]
     replace_file(before.target, before.sha256, data)
-    after = controller_file(str(path))
-    assert after.restored(written) == CFG.encode()
-
-
-def test_a_block_that_klipper_ignores_is_not_written(tmp_path: Path) -> None:
-    path = tmp_path / "printer.cfg"
-    path.write_text(CFG + "[fan]\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"line 24.*ignores"):
-        controller_file(str(path))
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (CFG.replace("homing_speed: 50\n", "#*# an old line\n"), r"line 4.*drops what SAVE_CONFIG"),
-        ("\ufeff" + CFG, r"line 1.*byte order mark"),
-    ],
-)
-def test_what_klipper_drops_or_refuses_is_not_written(tmp_path: Path, text: str, said: str) -> None:
-    path = tmp_path / "printer.cfg"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match=said):
-        controller_file(str(path))
-
-
-@pytest.mark.parametrize("line", ["delta_radius: 140.3", "delta_radius = 140.3 # 140.100000"])
-def test_a_printer_s_own_line_is_never_overruled(tmp_path: Path, line: str) -> None:
-    path = tmp_path / "printer.cfg"
-    path.write_text(CFG.replace("[printer]\n", f"[printer]\n{line}\n", 1), encoding="utf-8")
-    with pytest.raises(InvalidFileError, match="line 2"):
-        controller_file(str(path))
-    alone = CFG.replace("#*# delta_radius = 140.100000\n", "")
-    path.write_text(alone.replace("[printer]\n", f"[printer]\n{line}\n", 1), encoding="utf-8")
-    with pytest.raises(InvalidFileError, match=r"line 2.*above.*140\.3"):
-        controller_file(str(path))
+    assert controller_file(before.target).restored(written) == CFG.encode()
 
 
 @pytest.mark.parametrize(
@@ -248,27 +213,22 @@ def test_a_printer_s_own_line_is_never_overruled(tmp_path: Path, line: str) -> N
 def test_what_was_changed_since_is_not_restored(
     tmp_path: Path, old: str, new: str, said: str
 ) -> None:
-    path = tmp_path / "mill.ini"
-    path.write_text(INI, encoding="utf-8")
-    before = controller_file(str(path))
+    before = of(tmp_path, INI)
     written, data = before.changed(CHANGES, 3)
-    path.write_bytes(data.replace(old.encode(), new.encode()))
-    after = controller_file(str(path))
+    Path(before.target).write_bytes(data.replace(old.encode(), new.encode()))
     with pytest.raises(UsageError, match=said):
-        after.restored(written)
+        controller_file(before.target).restored(written)
     with pytest.raises(UsageError, match="changed meanwhile"):
         replace_file(before.target, before.sha256, data)
 
 
 def test_a_read_only_file_is_left_alone(tmp_path: Path) -> None:
-    path = tmp_path / "mill.ini"
-    path.write_text(INI, encoding="utf-8")
-    before = controller_file(str(path))
-    path.chmod(0o444)
+    before = of(tmp_path, INI)
+    Path(before.target).chmod(0o444)
     with pytest.raises(InputError, match="read-only"):
         replace_file(before.target, before.sha256, b"nothing")
-    assert path.read_text(encoding="utf-8") == INI
-    assert [each.name for each in tmp_path.iterdir()] == ["mill.ini"]
+    (left,) = tmp_path.iterdir()
+    assert left.read_text(encoding="utf-8") == INI
 
 
 @pytest.mark.parametrize(("offset", "same"), [("310.25041", True), ("310.2514", False)])
@@ -279,9 +239,7 @@ def test_a_running_linuxcnc_tells_seven_digits(
     program.write_text("#!/bin/sh\nprintf '310.2504\\n-12.25\\n0\\n'\n", encoding="utf-8")
     program.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
-    path = tmp_path / "mill.ini"
-    path.write_text(INI.replace("0.500\n", f"{offset}\n"), encoding="utf-8")
-    assert is_live(controller_file(str(path))) is same
+    assert is_live(of(tmp_path, INI.replace("0.500\n", f"{offset}\n"))) is same
 
 
 @pytest.mark.parametrize("count", [150, pytest.param(5000, marks=pytest.mark.slow)])
