@@ -164,7 +164,7 @@ def _correlations(case: Case) -> str:
     """How the parameters depend on each other."""
     names, matrix = [row.name for row in case.answer.parameters], case.answer.correlation
     pairs = [(i, k) for i in range(len(names)) for k in range(i)]
-    text = ", ".join(f"{names[i]}{names[k]} {signed(matrix[i][k], 2)}" for i, k in pairs)
+    text = ", ".join(f"{names[k]}–{names[i]} {signed(matrix[i][k], 2)}" for i, k in pairs)
     sigma = case.answer.sigma_rho_mm
     together = "" if sigma is None else f" Together: σ_ρ = {two_figures(sigma)} mm."
     return f"Correlations: {text}.{together}"
