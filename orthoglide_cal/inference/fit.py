@@ -29,16 +29,14 @@ from orthoglide_cal.estimation.gaussian import (
 )
 from orthoglide_cal.inference.candidates import Ids, ids_of
 from orthoglide_cal.inference.data import Linearised, Whitened
-from orthoglide_cal.inference.evidence import NoiseGrid
+from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
     LOG_ALL,
-    Acting,
     Hypothesis,
     Remedy,
     all_or_one,
     density_of,
-    offsets_and_seen,
     others_wrong,
     pattern_densities,
 )
@@ -171,7 +169,7 @@ class Fit(ReadOnly):
 
     def log_density(self, noise: NoiseGrid) -> Floats:
         """ln p of the data at each σ, with its weight, shape (g,)."""
-        density = noise.density(self.scaled, np.ones((1, self.scaled.shape[1])))
+        density = Gaussian(self.scaled, np.ones((1, self.scaled.shape[1])), noise)
         return np.asarray(density.by_noise(self.unexpected)[0])
 
     @cached_property
@@ -256,7 +254,6 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
 
     Of a relabelling only the place at which it was undone.
     """
-    acting: dict[_Search, Acting] = {}
     # What stays where it was scored is as likely as its score says.
     densities = {search: search.by_noise for search in group if search.by_noise is not None}
     moved = [search for search in group if search not in densities]
@@ -270,13 +267,6 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
             density = density_of(at, columns, bases, scales, seen)
             residuals = np.stack([search.linear + search.added for search in some])[..., None]
             densities |= zip(some, density.log_density(residuals)[..., 0], strict=True)
-    for search in alone:
-        if search.base:
-            width = search.width
-            mine = search.derivatives[:, width:] * at.sizes(search.base)[width:]
-            rest = offsets_and_seen(at, search.derivatives[:, :width])
-            log_all = float(log_sum(densities[search]))
-            acting[search] = Acting(search.base[0], mine, rest, search.linear, log_all)
     for search in others:
         extra = search.score.extra
         if extra is None:
@@ -296,8 +286,11 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
     logs |= {
         search: float(log_sum(densities[search])) + LOG_ALL * bool(search.base) for search in moved
     }
-    either = all_or_one(list(acting.values()), at.noise, at.scales)
-    logs.update(zip(acting, either, strict=True))
+    if acting := [search for search in alone if search.base]:
+        causes, columns = zip(*((s.base[0], s.derivatives) for s in acting), strict=True)
+        log_all = [float(log_sum(densities[search])) for search in acting]
+        either = all_or_one(at, causes, columns, [search.linear for search in acting], log_all)
+        logs.update(zip(acting, either, strict=True))
     return {search: (by_noise, logs[search]) for search, by_noise in densities.items()}
 
 
@@ -372,9 +365,8 @@ class _Search:
         rest = np.concatenate([beside, np.ones(self.seen.shape[1])])
         every = np.hstack([sizes, np.tile(rest, (len(sizes), 1))])
         shares = np.log([at.scales[s] for s, _ in tried])
-        density = at.noise.density(
-            np.hstack([self.derivatives, self.free, self.seen]), every, shares
-        )
+        columns = np.hstack([self.derivatives, self.free, self.seen])
+        density = Gaussian(columns, every, at.noise, shares)
         residual = at.residuals[self.version] - self.added
         likeliest = int(np.argmax(log_sum(density.by_noise(residual), 1)))
         return np.asarray(sizes[likeliest])

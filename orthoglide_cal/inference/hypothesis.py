@@ -22,8 +22,8 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
 from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids, ids_of
-from orthoglide_cal.inference.data import OFFSETS_MM, Extra, Linearised, Placed
-from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
+from orthoglide_cal.inference.data import Extra, Linearised, Placed
+from orthoglide_cal.inference.evidence import Gaussian
 from orthoglide_cal.model.cause import Cause, Place
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
@@ -32,7 +32,7 @@ from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
 BLUNDER_SCALES = (1.0, 6.0)
 # Share of the cases in which all parameters of a cause act.
 ALL = 0.5
-LOG_ALL = math.log(ALL)
+LOG_ALL, LOG_ONE = math.log(ALL), math.log(1.0 - ALL)
 # A log density this far below another one adds nothing to their sum.
 LOST = 100.0
 # No more shapes of a pattern count, and none below this share.
@@ -287,7 +287,7 @@ def others_wrong(at: Linearised, extra: Extra) -> tuple[Floats, float]:
 
 def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
     """Scores of all sets of which every relabelling can be undone in the data."""
-    machine, residual = at.white.machine, at.residuals[0]
+    residual = at.residuals[0]
     broad, pairs = at.candidates.broad, at.candidates.pairs
     bases = [(), *((cause,) for cause in broad)]
     columns = [at.columns(base) for base in bases]
@@ -295,17 +295,12 @@ def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
     for some in _together(at, bases):
         density = density_of(at, columns[some], bases[some], at.scales)
         scores |= _alone(at, bases[some], density.by_noise(residual))
-    if broad:
-        others = offsets_and_seen(at, at.jacobian)
-        acting = [
-            Acting(cause, scaled, others, residual, scores[(cause.id,)].log_evidence)
-            for cause in broad
-            for scaled in [at.jacobians[cause.id] * cause.prior_std(machine)]
-        ]
-        for some in _together(at, broad):
-            means = all_or_one(acting[some], at.noise, at.scales)
-            for cause, mean in zip(broad[some], means, strict=True):
-                scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
+    for some in _together(at, broad):
+        log_all = [scores[(cause.id,)].log_evidence for cause in broad[some]]
+        residuals = [residual] * len(log_all)
+        means = all_or_one(at, broad[some], columns[1:][some], residuals, log_all)
+        for cause, mean in zip(broad[some], means, strict=True):
+            scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
     for some in _together(at, bases):
         density = density_of(at, columns[some], bases[some], at.usual)
         for placed in at.extras.values():
@@ -332,14 +327,6 @@ def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Hypothesis]:
         ids_of(*base): Hypothesis(at, value, base, scale, by_noise=by_noise)
         for base, value, scale, by_noise in rows
     }
-
-
-def offsets_and_seen(at: Linearised, jacobian: Floats) -> Floats:
-    """Columns of all that acts without any cause, (k, r) [mm].
-
-    Offsets, from their derivatives (k, 3), and what is uncertain of the data and shows.
-    """
-    return np.hstack([OFFSETS_MM * jacobian, at.seen])
 
 
 def density_of(
@@ -371,50 +358,45 @@ def density_of(
         padded[number, :, end : end + more.shape[1]] = more
         sizes[number, :, :end] = at.sizes(base)
         sizes[number, :, first:end] *= np.array(list(scales))[:, None]
-    return at.noise.density(padded, sizes, np.log(list(scales.values())))
-
-
-class Acting(NamedTuple):
-    """A cause that may act with all its parameters, or with any one of them."""
-
-    cause: Cause
-    scaled: Floats  # its columns, scaled by their plausible sizes, shape (k, p) [mm]
-    others: Floats  # scaled columns of everything else, shape (k, r) [mm]; as many of each cause
-    residual: Floats  # data minus the model without the cause, shape (k,) [mm]
-    log_all: float  # its log evidence if all its parameters act
+    return Gaussian(padded, sizes, at.noise, np.log(list(scales.values())))
 
 
 def all_or_one(
-    acting: Sequence[Acting], noise: NoiseGrid, scales: Mapping[float, float]
+    at: Linearised,
+    causes: Sequence[Cause],
+    columns: Sequence[Floats],
+    residuals: Sequence[Floats],
+    log_all: Sequence[float],
 ) -> list[float]:
     """Log evidence of causes of which all parameters act, or any one of them.
 
-    `scales` are of their sizes, with the share of each.
+    Args:
+        at, causes: the linear model, and which of its causes.
+        columns: derivatives by the offsets and the parameters of each, shape (k, 3 + p).
+        residuals: data minus the model without the cause, shape (k,) [mm].
+        log_all: log evidence if all its parameters act.
     """
-    if not acting:
-        return []
-    k, always = acting[0].others.shape
-    nuisance = max(len(one.cause.nuisance) for one in acting)
-    named = max(len(one.cause.names) for one in acting)
-    columns = np.zeros((len(acting), k, always + nuisance))
-    ones = np.zeros((len(acting), k, named))
-    for one, filled, scaled in zip(acting, columns, ones, strict=True):
-        mine, others = np.split(one.scaled, [len(one.cause.names)], axis=1)
-        scaled[:, : mine.shape[1]] = mine
-        filled[:, : always + others.shape[1]] = np.hstack([one.others, others])
-    tried = np.array(list(scales))[:, None]
-    sizes = np.ones((len(scales), columns.shape[-1]))
+    width = at.jacobian.shape[1]
+    always, nuisance = width + at.seen.shape[1], max(len(cause.nuisance) for cause in causes)
+    others = np.zeros((len(causes), len(at.white), always + nuisance))
+    ones = np.zeros((*others.shape[:2], max(len(cause.names) for cause in causes)))
+    for cause, derivatives, filled, scaled in zip(causes, columns, others, ones, strict=True):
+        end = width + len(cause.names)
+        parts = np.split(derivatives * at.sizes((cause,)), [width, end], axis=1)
+        by_offsets, named, more = parts
+        scaled[:, : named.shape[1]] = named
+        filled[:, : always + more.shape[1]] = np.hstack([by_offsets, at.seen, more])
+    tried = np.array(list(at.scales))[:, None]
+    sizes = np.ones((len(tried), others.shape[-1]))
     sizes[:, always:] = tried
-    density = noise.density(columns, sizes, np.log(list(scales.values())))
-    residuals = np.stack([one.residual for one in acting])
-    weighed = density.against(density.overlap(ones, residuals), residuals)
-    log = of_any_size(*weighed, tried[:, None] ** 2)
-    log += density.log_density(residuals[..., None])
+    density = Gaussian(others, sizes, at.noise, np.log(list(at.scales.values())))
+    data = np.stack(residuals)
+    log = of_any_size(*density.against(density.overlap(ones, data), data), tried[:, None] ** 2)
+    log += density.log_density(data[..., None])
     by_one = log_sum(log, (1, 2))
     return [
-        float(np.logaddexp(one.log_all + LOG_ALL, log_mean(scaled) + math.log(1.0 - ALL)))
-        for one, row in zip(acting, by_one, strict=True)
-        for scaled in (row[: len(one.cause.names)],)
+        float(np.logaddexp(log + LOG_ALL, log_mean(row[: len(cause.names)]) + LOG_ONE))
+        for cause, log, row in zip(causes, log_all, by_one, strict=True)
     ]
 
 
