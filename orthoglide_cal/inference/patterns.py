@@ -33,6 +33,7 @@ from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
     Hypothesis,
     Pattern,
+    of_any_size,
 )
 from orthoglide_cal.model.plan import (
     AT_ONCE,
@@ -336,16 +337,15 @@ def _gains(fit: Fit, one: Tried) -> Floats:
         turned = own.swapaxes(-1, -2)
         power[some], match[some] = turned @ own, turned @ left
     noise2 = ((fit.noise.sigma / fit.noise.stated) ** 2)[:, None]
-    size2 = ((sizes * fit.noise.stated) ** 2)[:, None, None] / noise2
+    variance = ((sizes * fit.noise.stated) ** 2)[:, None, None]
     gains = np.full((*one.chosen.shape[:2], len(sizes), len(noise2)), ABSENT)
     for where, number, shown in one.by_width:
         inner = power[:, number[:, :, None], number[:, None]].swapaxes(0, 1)
         inner, axes = np.linalg.eigh(inner * (shown[..., None] & shown[..., None, :]))
         along = axes.swapaxes(-1, -2) @ (match[:, number].swapaxes(0, 1) * shown)[..., None]
-        widened = 1.0 + np.maximum(inner, 0.0)[:, :, None, None] * size2
-        log = along[:, :, None, None, :, 0] ** 2 * size2 / (noise2 * widened) - np.log(widened)
-        shows = np.asarray(shown.any(axis=2))
-        gains[where] = np.where(shows[..., None, None], 0.5 * log.sum(axis=-1), ABSENT)
+        weights, matches = np.maximum(inner, 0.0)[:, :, None, None], along[:, :, None, None, :, 0]
+        log = of_any_size(weights / noise2, matches / noise2, variance).sum(axis=-1)
+        gains[where] = np.where(shown.any(axis=2)[..., None, None], log, ABSENT)
     return gains
 
 
