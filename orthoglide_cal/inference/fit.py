@@ -73,19 +73,12 @@ class Fit(ReadOnly):
     # As of `Hypothesis`; how much likelier the data make it than the prior does that widths are
     # positive is part of it.
     log_evidence: float
-    # ln p of the data at the fit, without its constant; the sizes of causes do not count, but that
-    # widths are positive does.
-    log_likelihood: float
-    # What noise must have left, σ²·χ² [mm²]: residuals, and how far what is uncertain of the data
-    # had to be stretched; of k − 3 degrees of freedom, of the offsets alone.
-    square: float
+    log_positive: float  # that part
     effects: tuple[Effect, ...]  # causes with their best parameters and own covariance
     offsets: Floats  # shape (3,) [mm]
     covariance: Floats  # of all unknowns, shape (q, q), internal units
     slots: tuple[slice, ...]  # unknowns of each effect; none without a size, or with a known one
     linear: Floats  # whitened data minus the linearised model at zero unknowns, shape (k,) [mm]
-    residual: Floats  # whitened data minus prediction, shape (k,) [mm]
-    local: Floats  # what of it is attributed to a local shape, shape (k,) [mm]
     columns: Floats  # whitened derivatives by the unknowns, shape (k, q)
     centre: Floats  # what they are before there are data, shape (q,): zero but for widths
     sizes: Floats  # their plausible sizes about that, shape (q,)
@@ -113,11 +106,6 @@ class Fit(ReadOnly):
             for e, slot in zip(self.effects, self.slots, strict=True)
         )
         return replace(self, effects=tuple(effects), covariance=np.diag(self.sizes**2))
-
-    @property
-    def left(self) -> Floats:
-        """Remainder after offsets and causes, a local shape included, shape (k,) [mm]."""
-        return self.residual + self.local
 
     @property
     def wrong_readings(self) -> tuple[int, ...]:
@@ -161,6 +149,35 @@ class Fit(ReadOnly):
     def moved(self) -> Floats:
         """The unknowns, from where they were expected, shape (q,)."""
         return read_only(condition(self.columns, self.unexpected, self.sizes, self.stated)[0])
+
+    @cached_property
+    def residual(self) -> Floats:
+        """Whitened data minus prediction, shape (k,) [mm]."""
+        return read_only(self.unexpected - self.columns @ self.moved)
+
+    @property
+    def left(self) -> Floats:
+        """Remainder after offsets and causes, a local shape included, shape (k,) [mm]."""
+        return self.residual + self.columns[:, self.is_local] @ self.moved[self.is_local]
+
+    @property
+    def square(self) -> float:
+        """Sum of squares that noise must have left, σ²·χ² [mm²].
+
+        Of residuals, and how far what is uncertain of the data had to be stretched; of k − 3
+        degrees of freedom, of the offsets alone.
+        """
+        stretched = self.stated * (self.moved / self.sizes)[self.first_uncertain :]
+        square = float(self.residual @ self.residual + stretched @ stretched)
+        return square * (self.noise.stated / self.stated) ** 2
+
+    @property
+    def log_likelihood(self) -> float:
+        """ln p of the data at the fit, without its constant.
+
+        The sizes of causes do not count, but that widths are positive does.
+        """
+        return self.log_positive - 0.5 * self.square / self.noise.stated**2
 
     @cached_property
     def scaled(self) -> Floats:
@@ -470,25 +487,17 @@ class _Search:
             log_evidence = -math.inf
         if score.replanned is not None:
             log_evidence += score.log_evidence - score.replanned.log_evidence
-        residual = linear - columns @ unknowns
-        carried = self.derivatives.shape[1] + self.free.shape[1]
-        stretched = self.stated * ((unknowns - centre) / sizes)[carried:]
-        square = float(residual @ residual + stretched @ stretched)
-        square *= (at.noise.stated / self.stated) ** 2
         return Fit(
             at=score.at,
             white=score.at.white,
             noise=score.at.noise,
             log_evidence=log_evidence + bounds,
-            log_likelihood=bounds - 0.5 * square / at.noise.stated**2,
-            square=square,
+            log_positive=bounds,
             effects=tuple(effects),
             offsets=self.offsets + (unknowns - self.unknowns)[: self.width],
             covariance=covariance,
             slots=slots,
             linear=linear,
-            residual=residual,
-            local=columns[:, self.local] @ unknowns[self.local],
             columns=columns,
             centre=centre,
             sizes=sizes,

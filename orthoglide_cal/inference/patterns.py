@@ -437,18 +437,9 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> tuple[Fit, slice]:
         draft = replace(draft, sizes=sizes, scale_factor=size)
     log = draft.by_noise - log_sum(draft.by_noise)
     sigma = float(np.sqrt(np.exp(log) @ noise.sigma**2 + draft.rest))
-    residual = unexpected - columns @ draft.moved
-    stretched = draft.stated * (draft.moved / sizes)[start:]
-    kept = replace(
-        draft,
-        offsets=fit.offsets + draft.moved[:width] - fit.moved[:width],
-        covariance=condition(columns, unexpected, sizes, sigma)[1],
-        residual=residual,
-        local=columns[:, local] @ draft.moved[local],
-        sigma=sigma,
-        square=float(residual @ residual + stretched @ stretched),
-    )
-    return kept, slice(start, end)
+    offsets = fit.offsets + draft.moved[:width] - fit.moved[:width]
+    covariance = condition(columns, unexpected, sizes, sigma)[1]
+    return replace(draft, offsets=offsets, covariance=covariance, sigma=sigma), slice(start, end)
 
 
 def scores_of(fit: Fit, every: Sequence[Tried]) -> list[Hypothesis]:

@@ -40,7 +40,9 @@ def decision(
         evidence = log(share) - session().hypotheses[ids].log_prior
         made[ids] = replace(session().hypotheses[ids], log_evidence=evidence)
         likelihood = len(ids) * log(likelier)
-        fits[ids] = replace(fit, log_evidence=evidence, log_likelihood=likelihood, residual=left)
+        # No unknown follows what is left.
+        leaves = {"linear": left, "columns": 0.0 * fit.columns, "log_positive": likelihood}
+        fits[ids] = replace(fit, log_evidence=evidence, **leaves)
     words, pattern = next(iter(session().patterns.items()))
     evidence = log(unlisted or 1e-300) - pattern.log_prior
     return Decision(Belief(at, made, {words: replace(pattern, log_evidence=evidence)}, fits))
