@@ -345,7 +345,8 @@ def _gains(fit: Fit, one: Tried) -> Floats:
         along = axes.swapaxes(-1, -2) @ (match[:, number].swapaxes(0, 1) * shown)[..., None]
         weights, matches = np.maximum(inner, 0.0)[:, :, None, None], along[:, :, None, None, :, 0]
         log = of_any_size(weights / noise2, matches / noise2, variance).sum(axis=-1)
-        gains[where] = np.where(shown.any(axis=2)[..., None, None], log, ABSENT)
+        shows = np.asarray(shown.any(axis=2))
+        gains[where] = np.where(shows[..., None, None], log, ABSENT)
     return gains
 
 
