@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtrc, log_ndtr
 
-from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.causes import RelabelCause
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
@@ -292,11 +292,11 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
         if isinstance(extra.cause, RelabelCause):
             densities[search] = densities[search] + placed.log_weight[extra.place]
             continue
-        wrong, price = others_wrong(at, extra)
+        wrong, price = others_wrong(at, placed, search.score.wrong_readings[:-1])
         more = np.hstack((search.seen, wrong))
         density = density_of(at, [search.derivatives], [search.base], at.usual, [more])
         residual = search.linear + search.added
-        by_noise = density.by_noise(residual) if extra.others else densities[search][None]
+        by_noise = density.by_noise(residual) if wrong.size else densities[search][None]
         blocks = pattern_densities(at, placed, density, residual, by_noise)
         by_block = [log_sum(log[0] + placed.weights[where], (-2, -1)) for where, log in blocks]
         densities[search] = log_sum(np.stack(by_block), 0) + price
@@ -321,15 +321,15 @@ class _Search:
         self.added, self.free = np.zeros(len(at.white)), np.zeros((len(at.white), 0))
         free_size = np.zeros(0)
         if extra is not None:
-            cause, number, machine = extra.cause, extra.number, at.white.machine
-            if isinstance(cause, RelabelCause):
-                self.version = number
-            elif extra.count is None:
-                self.free = at.pattern(extra)
-                free_size = cause.prior_std(machine) * max(BLUNDER_SCALES)
+            placed, machine = at.extras[extra.cause.id], at.white.machine
+            if isinstance(placed.cause, RelabelCause):
+                self.version = placed.first + placed.tried.index(extra.place)
+            elif extra.theta.size:
+                size = extra.theta * placed.cause.millimetres(machine)
+                self.added = placed.columns(extra.place) @ size
             else:
-                size = extra.count * cause.millimetres(machine)
-                self.added = size * at.pattern(extra)[:, 0]
+                self.free = placed.columns(extra.place)
+                free_size = extra.cause.prior_std(machine) * max(BLUNDER_SCALES)
         self.at, self.score, self.derivatives = at, score, at.columns(self.base)
         self.by_noise = score.by_noise  # as long as it stays where it was scored
         # A cause of this explanation is not counted as uncertain again.
@@ -476,12 +476,11 @@ class _Search:
         ]
         slots = self.slots[: len(effects)]
         if score.extra is not None:
-            cause, place, count = score.extra.cause, score.extra.place, score.extra.count
-            slot = self.slots[-1]
-            if isinstance(cause, PatternCause) and count is None:
-                effects.append(Effect(cause, unknowns[slot], place, covariance[slot, slot]))
-            else:
-                effects.append(cause.at(np.array([count] if count else [], np.float64), place))
+            extra, slot = score.extra, self.slots[-1]
+            if slot.start < slot.stop:
+                known = covariance[slot, slot]
+                extra = replace(extra, theta=unknowns[slot], covariance=known)
+            effects.append(extra)
             slots = (*slots, slot)
         if any(round(effect.times(at.white.machine)) > LARGEST for effect in effects):
             log_evidence = -math.inf

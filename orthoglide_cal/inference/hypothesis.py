@@ -16,15 +16,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.causes import PatternCause
 from orthoglide_cal.causes.record import Misread
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
 from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids, ids_of
-from orthoglide_cal.inference.data import Extra, Linearised, Placed
+from orthoglide_cal.inference.data import Linearised, Placed
 from orthoglide_cal.inference.evidence import Gaussian
-from orthoglide_cal.model.cause import Cause, Place
+from orthoglide_cal.model.cause import Cause, Effect, Place
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
 
@@ -103,7 +103,7 @@ class Hypothesis:
     log_evidence: float  # with the prior of places, without its own; averaged over sizes
     base: tuple[Cause, ...] = ()  # its causes with many parameters
     scale: float = 1.0  # of their sizes, the likeliest one
-    extra: Extra | None = None  # its cause at one place, if any
+    extra: Effect | None = None  # its cause at one place, if any; without parameters of any value
     # Where the extra is an exchange that the data cannot undo, the score of the base under the plan
     # of what was really read.
     replanned: Hypothesis | None = None
@@ -126,6 +126,11 @@ class Hypothesis:
         """ln prior weight."""
         listed = self.at.candidates.log_prior[self.ids] if self.ids or not self.patterns else 0.0
         return listed + sum(pattern.log_prior for pattern in self.patterns)
+
+    @property
+    def wrong_readings(self) -> Place:
+        """Numbers of the readings that it calls wrong, each by itself."""
+        return self.extra.place if self.extra and self.extra.cause.hides_reading else ()
 
     @property
     def label(self) -> str:
@@ -160,7 +165,7 @@ class Hypothesis:
 
 # The same with every base.
 @functools.lru_cache(maxsize=64)
-def _to_read_again(cause: PatternCause | RelabelCause, plan: Plan, place: Place) -> tuple[int, ...]:
+def _to_read_again(cause: Cause, plan: Plan, place: Place) -> tuple[int, ...]:
     return cause.to_read_again(plan, place)
 
 
@@ -190,7 +195,7 @@ def score_all(at: Linearised) -> dict[Ids, Hypothesis]:
                 ids = ids_of(*score.base, cause)
                 log = score.log_evidence + placed.log_weight[place]
                 if ids not in scores or log > scores[ids].log_evidence:
-                    extra = Extra(cause, place, 0)
+                    extra = cause.at(np.zeros(0), place)
                     scores[ids] = replace(
                         score, at=at, log_evidence=log, extra=extra, replanned=score
                     )
@@ -216,8 +221,8 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis]) -> dict[Ids, Hypoth
             likelier += _at_best_place(at, pairs[some], placed, both).values()
         likelier.sort(key=lambda score: -score.log_evidence - score.log_prior)
         best = [_several_wrong(at, score) for score in likelier[:SEARCHED]]
-        extra = max(best, key=lambda score: score.log_evidence + score.log_prior).extra
-        others = extra.others if extra else ()
+        likeliest = max(best, key=lambda score: score.log_evidence + score.log_prior)
+        others = likeliest.wrong_readings[:-1]
         for score in likelier[SEARCHED:]:
             more = (_further(at, score, others),) if others else ()
             best.append(max((score, *more), key=lambda one: one.log_evidence))
@@ -232,30 +237,27 @@ def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
     """
     most, best = min(len(at.white.plan) // SHARE_WRONG, MOST_WRONG), score
     for count in range(2, most + 1):
-        assert score.extra is not None
-        score = _further(at, score, (*score.extra.others, score.extra.number))
+        score = _further(at, score, score.wrong_readings)
         if score.log_evidence > best.log_evidence:
             best = score
-        elif best.extra and count > len(best.extra.others) + 2:
+        elif count > len(best.wrong_readings) + 1:
             break
     score = best
     # What stood for others at first may be right.
-    for number in score.extra.others if score.extra else ():
-        extra = score.extra
-        kept = [n for n in (*extra.others, extra.number) if n != number] if extra else []
-        score = max(score, _further(at, score, tuple(kept[:-1])), key=lambda s: s.log_evidence)
+    for number in best.wrong_readings[:-1]:
+        kept = tuple(other for other in score.wrong_readings if other != number)
+        score = max(score, _further(at, score, kept[:-1]), key=lambda s: s.log_evidence)
     return score
 
 
-def _further(at: Linearised, score: Hypothesis, others: tuple[int, ...]) -> Hypothesis:
+def _further(at: Linearised, score: Hypothesis, others: Place) -> Hypothesis:
     """The score with these readings wrong, and one more, which may be any."""
-    base, extra, residual = score.base, score.extra, at.residuals[0]
-    assert extra is not None
-    placed = at.extras[extra.cause.id]
+    base, residual = score.base, at.residuals[0]
+    assert score.extra is not None
+    placed = at.extras[score.extra.cause.id]
     cause = placed.cause
     assert isinstance(cause, Misread)
-    extra = replace(extra, others=others)
-    wrong, price = others_wrong(at, extra)
+    wrong, price = others_wrong(at, placed, others)
     seen = [np.hstack((at.seen, wrong))]
     density = density_of(at, [at.columns(base)], [base], at.usual, seen)
     by_noise = density.by_noise(residual)
@@ -265,24 +267,22 @@ def _further(at: Linearised, score: Hypothesis, others: tuple[int, ...]) -> Hypo
     by_place[:, list(others)] = -math.inf
     log_evidence = float(log_sum(by_place)) + price + (LOG_ALL if base else 0.0)
     scale, number = (int(k) for k in np.unravel_index(by_place.argmax(), by_place.shape))
-    place = tuple(placed.tried[n][0] for n in (*others, number))
     if others:
-        cause = cause.several(len(place))
-    extra = replace(extra, cause=cause, place=place, number=number)
-    size = [*at.usual][scale]
+        cause = cause.several(len(others) + 1)
+    extra, size = cause.at(np.zeros(0), (*others, number)), [*at.usual][scale]
     return replace(score, log_evidence=log_evidence, scale=size, extra=extra, by_place=None)
 
 
-def others_wrong(at: Linearised, extra: Extra) -> tuple[Floats, float]:
-    """All but the last of several wrong readings: columns (k, p − 1) [mm], ln of their prior.
+def others_wrong(at: Linearised, placed: Placed, others: Place) -> tuple[Floats, float]:
+    """Wrong readings besides one more: columns (k, p) [mm], ln of their prior.
 
     Each as large as the larger of `BLUNDER_SCALES`, and at a place of its own.
     """
-    placed, count = at.extras[extra.cause.id], len(extra.others)
-    size = placed.cause.prior_std(at.white.machine).max(initial=0.0) * max(BLUNDER_SCALES)
-    weights = placed.weights[list(extra.others)].sum()
-    price = float(weights) + count * (LOG_FURTHER - math.log(len(BLUNDER_SCALES)))
-    return size * at.pattern(extra)[:, :count], price
+    if not others:
+        return np.zeros((len(at.white), 0)), 0.0
+    size = placed.cause.prior_std(at.white.machine)[0] * max(BLUNDER_SCALES)
+    price = len(others) * (LOG_FURTHER - math.log(len(BLUNDER_SCALES)))
+    return size * placed.columns(others), price + float(placed.weights[list(others)].sum())
 
 
 def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
