@@ -176,11 +176,11 @@ class _OneRatio(NamedTuple):
     general: float  # σ² D⁻¹ in general
     more: Floats  # and in addition along each axis, shape (m,)
     along: Floats  # Bᵀ along the axes, by the latter, (..., r, m)
-    turn: Floats  # takes Bᵀ D⁻¹ v to its components along those of D^(−1/2) B, (..., s, r, r)
+    turn: Floats  # takes σ² Bᵀ D⁻¹ v to components along singular vectors of B, (..., s, r, r)
     shrink: Floats  # share of each that B explains, (..., s, g, r)
 
     def turned(self, columns: Overlap) -> Floats:
-        """Those components of columns, shape (..., s, r, q)."""
+        """Components of columns, shape (..., s, r, q)."""
         inside = self.general * columns.inside + self.along @ columns.along
         return np.asarray(self.turn @ inside[..., None, :, :])
 
@@ -202,8 +202,8 @@ class Gaussian:
     def __init__(
         self, columns: Floats, sizes: Floats, noise: NoiseGrid, log_share: Floats | float = 0.0
     ) -> None:
-        nothing = np.zeros((columns.shape[-2], 0))
-        texture = noise.texture or Texture(nothing, nothing[0], 0.0, assumed=False)
+        without = Texture(np.zeros((columns.shape[-2], 0)), np.zeros(0), 0.0, assumed=False)
+        texture = noise.texture or without
         self._columns, self._axes = columns, texture.axes
         gram, along = np.swapaxes(columns, -1, -2) @ columns, texture.axes.T @ columns
         leading = np.broadcast_shapes(columns.shape[:-2], sizes.shape[:-2])
@@ -254,7 +254,7 @@ class Gaussian:
         return power, match
 
     def _weigh(self, columns: Overlap, *others: tuple[Floats, Overlap]) -> list[Floats]:
-        """cᵀ S⁻¹ v of columns c with others v, given cᵀ v (..., q), shape (..., s, g, q)."""
+        """cᵀ S⁻¹ v of columns c with as many others v, or one, (..., s, g, q); of cᵀ v (..., q)."""
         shape = self._log_share.shape
         weighed = [np.empty((*shape, plain.shape[-1])) for plain, _ in others]
         across = [columns.along * other.along for _, other in others]
