@@ -240,33 +240,28 @@ def unit_of(effects: Sequence[Effect]) -> float:
 
 
 @dataclass(frozen=True)
-class Extra:
-    """One cause at one place, with a base."""
-
-    cause: PatternCause | RelabelCause
-    place: Place
-    number: int  # of its place in `Placed.tried`, or of the version of the data to be fitted
-    count: int | None = None  # its size where that is a whole number; None for a size of any value
-    others: tuple[int, ...] = ()  # of several places, each by itself, those before it
-
-
-@dataclass(frozen=True)
 class Placed:
     """An extra cause on these data."""
 
     cause: PatternCause | RelabelCause
     tried: tuple[Place, ...]  # where it may act; of a relabelling only where the data can undo it
-    first: int  # number of the first of them, as in `Extra`
+    first: int  # number of the version of the data with the first of them undone
     log_weight: Mapping[Place, float]  # ln of what the density of the data is multiplied by
     replanned: tuple[Place, ...] = ()  # where the data cannot undo a relabelling
     # W·pattern of one unit at each place of a pattern cause [mm per unit]; None of others.
     patterns: Places | None = None
 
-    def numbered(self, number: int) -> Extra:
-        """One size and place, all places in turn for each size."""
+    def numbered(self, number: int) -> Effect:
+        """One size and place, all places in turn for each size; empty if it may have any size."""
         size, at = divmod(number, len(self.tried))
-        count = [*self.cause.counts][size] if self.cause.counts else None
-        return Extra(self.cause, self.tried[at], self.first + at, count)
+        count = np.array([*self.cause.counts][size : size + 1], np.float64)
+        return self.cause.at(count, self.tried[at])
+
+    def columns(self, place: Place) -> Floats:
+        """W·pattern of one unit at a place, of several readings for each, (k, p) [mm]."""
+        assert self.patterns is not None
+        numbers = place if self.cause.hides_reading else (self.tried.index(place),)
+        return np.hstack([self.patterns.columns(slice(n, n + 1)) for n in numbers])
 
     @cached_property
     def weights(self) -> Floats:
@@ -390,14 +385,6 @@ class Linearised(ReadOnly):
             },
             uncertain=tuple(uncertain),
         )
-
-    def pattern(self, extra: Extra) -> Floats:
-        """Columns of one unit of each parameter of a pattern cause, (k, p) [mm]."""
-        patterns = self.extras[extra.cause.id].patterns
-        if patterns is None:
-            return np.zeros((len(self.white), 1))
-        numbers = *extra.others, extra.number
-        return np.hstack([patterns.columns(slice(n, n + 1)) for n in numbers])
 
     @property
     def local(self) -> bool:

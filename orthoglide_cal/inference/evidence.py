@@ -13,6 +13,7 @@ different size comparable.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -63,10 +64,16 @@ class Texture(ReadOnly):
         """Its parts along the axes, shape (k, m) [mm]."""
         return np.asarray(self.axes * np.sqrt(self.spectrum))
 
+    def precision(self, ratio: float) -> tuple[float, Floats, float]:
+        """(1 + ratio²·shape)⁻¹: in general, and how much more along each axis; ln det before."""
+        general, along = 1.0 + ratio**2 * self.rest, 1.0 + ratio**2 * self.spectrum
+        log_det = np.log(along).sum() + (len(self.axes) - along.size) * math.log(general)
+        return 1.0 / general, 1.0 / along - 1.0 / general, float(log_det)
+
     def whitened(self, noise_mm: float) -> tuple[float, Floats]:
         """Factors that make the data independent, of unit noise: in general, along each axis."""
-        general = 1.0 / math.sqrt(1.0 + self.rest / noise_mm**2)
-        return general, 1.0 / np.sqrt(1.0 + self.spectrum / noise_mm**2) / general
+        general, more, _ = self.precision(1.0 / noise_mm)
+        return math.sqrt(general), np.sqrt(1.0 + more / general)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,14 +118,13 @@ class NoiseGrid(ReadOnly):
         scale = None if self.scale_factor is None else np.tile(self.scale_factor, times)
         return NoiseGrid(sigma, np.tile(self.log_weight, times), self.texture, scale)
 
-    def density(self, columns: Floats, sizes: Floats, log_share: Floats | float = 0.0) -> Gaussian:
-        """Density of residuals under the same columns (..., k, r) at several sizes.
-
-        `sizes` are the plausible ones of the unknown of each column, shape (..., s, r); `log_share`
-        is ln of their prior shares, shape (s,).
-        """
-        kind = Gaussian if self.texture is None else Patchy
-        return kind(columns, sizes, self, log_share)
+    @cached_property
+    def by_ratio(self) -> Sequence[tuple[float, Ints | slice]]:
+        """How large that shape is next to the noise, and the numbers of which σ that is so of."""
+        if self.scale_factor is None:
+            return [(0.0, slice(None))]
+        ratios, number = np.unique(self.scale_factor / self.sigma, return_inverse=True)
+        return [(ratio, np.flatnonzero(number == k)) for k, ratio in enumerate(ratios.tolist())]
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,33 +168,66 @@ class Overlap(NamedTuple):
         return Overlap(*(part[..., chosen] for part in self))
 
 
-class Gaussian:
-    """Density of residuals under B at several sizes for each σ of a grid: S = σ² I + B Bᵀ.
+class _OneRatio(NamedTuple):
+    """What the densities for several σ share if a local shape is a multiple of each."""
 
-    Arguments as of `NoiseGrid.density`: columns of zeros add nothing, and leading axes (...) are
-    many densities at once. All follows from products of columns: nothing is of shape (k, k).
+    rows: Ints | slice  # numbers of these σ, shape (g,)
+    variance: Floats  # their squares, (g, 1) [mm²]
+    general: float  # σ² D⁻¹ in general
+    more: Floats  # and in addition along each axis, shape (m,)
+    along: Floats  # Bᵀ along the axes, by the latter, (..., r, m)
+    turn: Floats  # takes σ² Bᵀ D⁻¹ v to components along singular vectors of B, (..., s, r, r)
+    shrink: Floats  # share of each that B explains, (..., s, g, r)
+
+    def turned(self, columns: Overlap) -> Floats:
+        """Components of columns, shape (..., s, r, q)."""
+        inside = self.general * columns.inside + self.along @ columns.along
+        return np.asarray(self.turn @ inside[..., None, :, :])
+
+
+class Gaussian:
+    """Density of residuals under B at several sizes for each noise of a grid: S = D + B Bᵀ.
+
+    D = σ² (1 + ρ² texture) of noise and of a local shape, ρ times as large as the noise; for one ρ
+    all σ have the same axes. All follows from products of columns: nothing is of shape (k, k).
+
+    Args:
+        columns: B without sizes, (..., k, r); columns of zeros add nothing, and leading axes (...)
+            are many densities at once.
+        sizes: plausible ones of the unknown of each column, shape (..., s, r).
+        noise: σ and ρ.
+        log_share: ln of the prior shares of the sizes, shape (s,).
     """
 
     def __init__(
         self, columns: Floats, sizes: Floats, noise: NoiseGrid, log_share: Floats | float = 0.0
     ) -> None:
-        self._columns, self._axes = columns, np.zeros((columns.shape[-2], 0))
-        gram = np.swapaxes(columns, -1, -2) @ columns
-        scaled = sizes[..., :, None] * gram[..., None, :, :] * sizes[..., None, :]
-        size2, axes = np.linalg.eigh(scaled)
-        size2 = np.where(size2 > _ROUNDING * size2[..., -1:], size2, 0.0)[..., None, :]
-        stretch = np.divide(1.0, np.sqrt(size2), out=np.zeros_like(size2), where=size2 > 0.0)
-        # Takes Bᵀ v to its components along the left singular vectors of B, (..., s, r, r).
-        self._turn = np.swapaxes(axes * stretch, -1, -2) * sizes[..., None, :]
-        self._sigma2 = noise.sigma[:, None] ** 2
-        self._shrink = size2 / (self._sigma2 + size2)  # (..., s, g, r)
-        constant = columns.shape[-2] * np.log(self._sigma2[:, 0])
-        log_det = np.log1p(size2 / self._sigma2).sum(axis=-1) + constant
+        without = Texture(np.zeros((columns.shape[-2], 0)), np.zeros(0), 0.0, assumed=False)
+        texture = noise.texture or without
+        self._columns, self._axes = columns, texture.axes
+        gram, along = np.swapaxes(columns, -1, -2) @ columns, texture.axes.T @ columns
+        leading = np.broadcast_shapes(columns.shape[:-2], sizes.shape[:-2])
+        log_det = np.empty((*leading, sizes.shape[-2], len(noise.sigma)))
+        self._by_ratio: list[_OneRatio] = []
+        for ratio, rows in noise.by_ratio:
+            general, more, log_texture = texture.precision(ratio)
+            weighted, variance = np.swapaxes(along, -1, -2) * more, noise.sigma[rows, None] ** 2
+            scaled = sizes[..., :, None] * (general * gram + weighted @ along)[..., None, :, :]
+            size2, axes = np.linalg.eigh(scaled * sizes[..., None, :])
+            size2 = np.where(size2 > _ROUNDING * size2[..., -1:], size2, 0.0)[..., None, :]
+            stretch = np.divide(1.0, np.sqrt(size2), out=np.zeros_like(size2), where=size2 > 0.0)
+            turn = np.swapaxes(axes * stretch, -1, -2) * sizes[..., None, :]
+            shrink = size2 / (variance + size2)
+            one = _OneRatio(rows, variance, general, more, weighted, turn, shrink)
+            self._by_ratio.append(one)
+            log_det[..., rows] = np.log1p(size2 / variance).sum(axis=-1) + log_texture
+        log_det += len(texture.axes) * np.log(noise.sigma**2)
         self._log_share = np.asarray(log_share)[..., None] + noise.log_weight - 0.5 * log_det
 
     def log_density(self, residuals: Floats) -> Floats:
         """ln p of columns (..., k, q) with each σ's weight, (..., s, g, q); without constant."""
-        quadratic = self._quadratic(self.overlap(residuals, residuals[..., 0]))
+        columns = self.overlap(residuals, residuals[..., 0])
+        (quadratic,) = self._weigh(columns, (columns.power, columns))
         return np.asarray(self._log_share[..., None] - 0.5 * quadratic)
 
     def by_noise(self, residual: Floats) -> Floats:
@@ -210,79 +249,19 @@ class Gaussian:
         Returns:
             cᵀ S⁻¹ c and cᵀ S⁻¹ r, each of shape (..., s, g, q).
         """
-        turned = self._turned(columns)
-        along = self._turned(self.overlap(residual[..., None], residual))
-        match = columns.match[..., None, None, :] - self._shrink @ (turned * along)
-        match /= self._sigma2
-        return self._quadratic(columns, turned), match
+        data = self.overlap(residual[..., None], residual)
+        power, match = self._weigh(columns, (columns.power, columns), (columns.match, data))
+        return power, match
 
-    def _turned(self, columns: Overlap) -> Floats:
-        """Components along the left singular vectors of B, shape (..., s, r, q)."""
-        return np.asarray(self._turn @ columns.inside[..., None, :, :])
-
-    def _quadratic(self, columns: Overlap, turned: Floats | None = None) -> Floats:
-        """cᵀ S⁻¹ c, shape (..., s, g, q)."""
-        turned = self._turned(columns) if turned is None else turned
-        power = columns.power[..., None, None, :]
-        return np.asarray((power - self._shrink @ turned**2) / self._sigma2)
-
-
-class Patchy(Gaussian):
-    """The same of data that also share a local shape: S = σ² I + rough²·texture + B Bᵀ.
-
-    By the lemma of Woodbury, with M = I + Bᵀ D⁻¹ B and D what is left without B.
-    """
-
-    def __init__(
-        self, columns: Floats, sizes: Floats, noise: NoiseGrid, log_share: Floats | float = 0.0
-    ) -> None:
-        texture, factor = noise.texture, noise.scale_factor
-        assert texture is not None
-        assert factor is not None
-        self._columns, self._axes = columns, texture.axes
-        general = noise.sigma**2 + factor**2 * texture.rest
-        variance = noise.sigma[:, None] ** 2 + factor[:, None] ** 2 * texture.spectrum
-        self._general = 1.0 / general  # D⁻¹ in general, (g,)
-        self._more = 1.0 / variance - self._general[:, None]  # and in addition along each axis
-        self._along = texture.axes.T @ columns  # (..., m, r)
-        gram = np.swapaxes(columns, -1, -2) @ columns
-        inner = np.stack(
-            [self._between(g, gram, self._along) for g in range(len(general))], axis=-3
-        )
-        both = sizes[..., :, None] * sizes[..., None, :]
-        root = np.linalg.cholesky(
-            np.eye(columns.shape[-1]) + both[..., None, :, :] * inner[..., None, :, :, :]
-        )
-        self._turn = np.linalg.inv(root) * sizes[..., None, None, :]  # (..., s, g, r, r)
-        log_det = 2.0 * np.log(np.einsum("...ii->...i", root)).sum(axis=-1)
-        other = columns.shape[-2] - len(texture.spectrum)
-        log_det += np.log(variance).sum(axis=-1) + other * np.log(general)
-        self._log_share = np.asarray(log_share)[..., None] + noise.log_weight - 0.5 * log_det
-
-    def against(self, columns: Overlap, residual: Floats) -> tuple[Floats, Floats]:
-        """As of `Gaussian`."""
-        data, match = self.overlap(residual[..., None], residual), []
-        for g, (general, more) in enumerate(zip(self._general, self._more, strict=True)):
-            plain = general * columns.match + ((more[:, None] * data.along) * columns.along).sum(-2)
-            inside = (self._inside(g, columns) * self._inside(g, data)).sum(axis=-2)
-            match.append(plain[..., None, :] - inside)
-        return self._quadratic(columns), np.stack(match, axis=-2)
-
-    def _between(self, g: int, inside: Floats, along: Floats) -> Floats:
-        """Bᵀ D⁻¹ c at one σ without sizes, shape (..., r, q)."""
-        more = np.swapaxes(self._along, -1, -2) @ (self._more[g][:, None] * along)
-        return np.asarray(self._general[g] * inside + more)
-
-    def _inside(self, g: int, columns: Overlap) -> Floats:
-        """L⁻¹ Bᵀ D⁻¹ c with M = L Lᵀ at one σ, shape (..., s, r, q)."""
-        between = self._between(g, columns.inside, columns.along)
-        return np.asarray(self._turn[..., g, :, :] @ between[..., None, :, :])
-
-    def _quadratic(self, columns: Overlap, turned: Floats | None = None) -> Floats:
-        """As of `Gaussian`."""
-        along2, squares = columns.along**2, []
-        for g, (general, more) in enumerate(zip(self._general, self._more, strict=True)):
-            plain = general * columns.power + more @ along2
-            inside = (self._inside(g, columns) ** 2).sum(axis=-2)
-            squares.append(plain[..., None, :] - inside)
-        return np.stack(squares, axis=-2)
+    def _weigh(self, columns: Overlap, *others: tuple[Floats, Overlap]) -> list[Floats]:
+        """cᵀ S⁻¹ v of columns c with as many others v, or one, (..., s, g, q); of cᵀ v (..., q)."""
+        shape = self._log_share.shape
+        weighed = [np.empty((*shape, plain.shape[-1])) for plain, _ in others]
+        across = [columns.along * other.along for _, other in others]
+        for one in self._by_ratio:
+            turned = one.turned(columns)
+            for filled, along, (plain, other) in zip(weighed, across, others, strict=True):
+                taken = one.shrink @ (turned * (turned if other is columns else one.turned(other)))
+                left = (one.general * plain + one.more @ along)[..., None, None, :]
+                filled[..., one.rows, :] = np.subtract(left, taken, out=taken) / one.variance
+        return weighed

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtrc, log_ndtr
 
-from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.causes import RelabelCause
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
@@ -29,16 +29,14 @@ from orthoglide_cal.estimation.gaussian import (
 )
 from orthoglide_cal.inference.candidates import Ids, ids_of
 from orthoglide_cal.inference.data import Linearised, Whitened
-from orthoglide_cal.inference.evidence import NoiseGrid
+from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
     LOG_ALL,
-    Acting,
     Hypothesis,
     Remedy,
     all_or_one,
     density_of,
-    offsets_and_seen,
     others_wrong,
     pattern_densities,
 )
@@ -75,19 +73,12 @@ class Fit(ReadOnly):
     # As of `Hypothesis`; how much likelier the data make it than the prior does that widths are
     # positive is part of it.
     log_evidence: float
-    # ln p of the data at the fit, without its constant; the sizes of causes do not count, but that
-    # widths are positive does.
-    log_likelihood: float
-    # What noise must have left, σ²·χ² [mm²]: residuals, and how far what is uncertain of the data
-    # had to be stretched; of k − 3 degrees of freedom, of the offsets alone.
-    square: float
+    log_positive: float  # that part
     effects: tuple[Effect, ...]  # causes with their best parameters and own covariance
     offsets: Floats  # shape (3,) [mm]
     covariance: Floats  # of all unknowns, shape (q, q), internal units
     slots: tuple[slice, ...]  # unknowns of each effect; none without a size, or with a known one
     linear: Floats  # whitened data minus the linearised model at zero unknowns, shape (k,) [mm]
-    residual: Floats  # whitened data minus prediction, shape (k,) [mm]
-    local: Floats  # what of it is attributed to a local shape, shape (k,) [mm]
     columns: Floats  # whitened derivatives by the unknowns, shape (k, q)
     centre: Floats  # what they are before there are data, shape (q,): zero but for widths
     sizes: Floats  # their plausible sizes about that, shape (q,)
@@ -115,11 +106,6 @@ class Fit(ReadOnly):
             for e, slot in zip(self.effects, self.slots, strict=True)
         )
         return replace(self, effects=tuple(effects), covariance=np.diag(self.sizes**2))
-
-    @property
-    def left(self) -> Floats:
-        """Remainder after offsets and causes, a local shape included, shape (k,) [mm]."""
-        return self.residual + self.local
 
     @property
     def wrong_readings(self) -> tuple[int, ...]:
@@ -165,13 +151,42 @@ class Fit(ReadOnly):
         return read_only(condition(self.columns, self.unexpected, self.sizes, self.stated)[0])
 
     @cached_property
+    def residual(self) -> Floats:
+        """Whitened data minus prediction, shape (k,) [mm]."""
+        return read_only(self.unexpected - self.columns @ self.moved)
+
+    @property
+    def left(self) -> Floats:
+        """Remainder after offsets and causes, a local shape included, shape (k,) [mm]."""
+        return self.residual + self.columns[:, self.is_local] @ self.moved[self.is_local]
+
+    @property
+    def square(self) -> float:
+        """Sum of squares that noise must have left, σ²·χ² [mm²].
+
+        Of residuals, and how far what is uncertain of the data had to be stretched; of k − 3
+        degrees of freedom, of the offsets alone.
+        """
+        stretched = self.stated * (self.moved / self.sizes)[self.first_uncertain :]
+        square = float(self.residual @ self.residual + stretched @ stretched)
+        return square * (self.noise.stated / self.stated) ** 2
+
+    @property
+    def log_likelihood(self) -> float:
+        """ln p of the data at the fit, without its constant.
+
+        The sizes of causes do not count, but that widths are positive does.
+        """
+        return self.log_positive - 0.5 * self.square / self.noise.stated**2
+
+    @cached_property
     def scaled(self) -> Floats:
         """Columns of unknowns of unit size, without a local shape: part of the noise, (k, r)."""
         return read_only((self.columns * self.sizes)[:, ~self.is_local])
 
     def log_density(self, noise: NoiseGrid) -> Floats:
         """ln p of the data at each σ, with its weight, shape (g,)."""
-        density = noise.density(self.scaled, np.ones((1, self.scaled.shape[1])))
+        density = Gaussian(self.scaled, np.ones((1, self.scaled.shape[1])), noise)
         return np.asarray(density.by_noise(self.unexpected)[0])
 
     @cached_property
@@ -256,7 +271,6 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
 
     Of a relabelling only the place at which it was undone.
     """
-    acting: dict[_Search, Acting] = {}
     # What stays where it was scored is as likely as its score says.
     densities = {search: search.by_noise for search in group if search.by_noise is not None}
     moved = [search for search in group if search not in densities]
@@ -270,13 +284,6 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
             density = density_of(at, columns, bases, scales, seen)
             residuals = np.stack([search.linear + search.added for search in some])[..., None]
             densities |= zip(some, density.log_density(residuals)[..., 0], strict=True)
-    for search in alone:
-        if search.base:
-            width = search.width
-            mine = search.derivatives[:, width:] * at.sizes(search.base)[width:]
-            rest = offsets_and_seen(at, search.derivatives[:, :width])
-            log_all = float(log_sum(densities[search]))
-            acting[search] = Acting(search.base[0], mine, rest, search.linear, log_all)
     for search in others:
         extra = search.score.extra
         if extra is None:
@@ -285,19 +292,22 @@ def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Fl
         if isinstance(extra.cause, RelabelCause):
             densities[search] = densities[search] + placed.log_weight[extra.place]
             continue
-        wrong, price = others_wrong(at, extra)
+        wrong, price = others_wrong(at, placed, search.score.wrong_readings[:-1])
         more = np.hstack((search.seen, wrong))
         density = density_of(at, [search.derivatives], [search.base], at.usual, [more])
         residual = search.linear + search.added
-        by_noise = density.by_noise(residual) if extra.others else densities[search][None]
+        by_noise = density.by_noise(residual) if wrong.size else densities[search][None]
         blocks = pattern_densities(at, placed, density, residual, by_noise)
         by_block = [log_sum(log[0] + placed.weights[where], (-2, -1)) for where, log in blocks]
         densities[search] = log_sum(np.stack(by_block), 0) + price
     logs |= {
         search: float(log_sum(densities[search])) + LOG_ALL * bool(search.base) for search in moved
     }
-    either = all_or_one(list(acting.values()), at.noise, at.scales)
-    logs.update(zip(acting, either, strict=True))
+    if acting := [search for search in alone if search.base]:
+        causes, columns = zip(*((s.base[0], s.derivatives) for s in acting), strict=True)
+        log_all = [float(log_sum(densities[search])) for search in acting]
+        either = all_or_one(at, causes, columns, [search.linear for search in acting], log_all)
+        logs.update(zip(acting, either, strict=True))
     return {search: (by_noise, logs[search]) for search, by_noise in densities.items()}
 
 
@@ -311,15 +321,15 @@ class _Search:
         self.added, self.free = np.zeros(len(at.white)), np.zeros((len(at.white), 0))
         free_size = np.zeros(0)
         if extra is not None:
-            cause, number, machine = extra.cause, extra.number, at.white.machine
-            if isinstance(cause, RelabelCause):
-                self.version = number
-            elif extra.count is None:
-                self.free = at.pattern(extra)
-                free_size = cause.prior_std(machine) * max(BLUNDER_SCALES)
+            placed, machine = at.extras[extra.cause.id], at.white.machine
+            if isinstance(placed.cause, RelabelCause):
+                self.version = placed.first + placed.tried.index(extra.place)
+            elif extra.theta.size:
+                size = extra.theta * placed.cause.millimetres(machine)
+                self.added = placed.columns(extra.place) @ size
             else:
-                size = extra.count * cause.millimetres(machine)
-                self.added = size * at.pattern(extra)[:, 0]
+                self.free = placed.columns(extra.place)
+                free_size = extra.cause.prior_std(machine) * max(BLUNDER_SCALES)
         self.at, self.score, self.derivatives = at, score, at.columns(self.base)
         self.by_noise = score.by_noise  # as long as it stays where it was scored
         # A cause of this explanation is not counted as uncertain again.
@@ -372,9 +382,8 @@ class _Search:
         rest = np.concatenate([beside, np.ones(self.seen.shape[1])])
         every = np.hstack([sizes, np.tile(rest, (len(sizes), 1))])
         shares = np.log([at.scales[s] for s, _ in tried])
-        density = at.noise.density(
-            np.hstack([self.derivatives, self.free, self.seen]), every, shares
-        )
+        columns = np.hstack([self.derivatives, self.free, self.seen])
+        density = Gaussian(columns, every, at.noise, shares)
         residual = at.residuals[self.version] - self.added
         likeliest = int(np.argmax(log_sum(density.by_noise(residual), 1)))
         return np.asarray(sizes[likeliest])
@@ -467,36 +476,27 @@ class _Search:
         ]
         slots = self.slots[: len(effects)]
         if score.extra is not None:
-            cause, place, count = score.extra.cause, score.extra.place, score.extra.count
-            slot = self.slots[-1]
-            if isinstance(cause, PatternCause) and count is None:
-                effects.append(Effect(cause, unknowns[slot], place, covariance[slot, slot]))
-            else:
-                effects.append(cause.at(np.array([count] if count else [], np.float64), place))
+            extra, slot = score.extra, self.slots[-1]
+            if slot.start < slot.stop:
+                known = covariance[slot, slot]
+                extra = replace(extra, theta=unknowns[slot], covariance=known)
+            effects.append(extra)
             slots = (*slots, slot)
         if any(round(effect.times(at.white.machine)) > LARGEST for effect in effects):
             log_evidence = -math.inf
         if score.replanned is not None:
             log_evidence += score.log_evidence - score.replanned.log_evidence
-        residual = linear - columns @ unknowns
-        carried = self.derivatives.shape[1] + self.free.shape[1]
-        stretched = self.stated * ((unknowns - centre) / sizes)[carried:]
-        square = float(residual @ residual + stretched @ stretched)
-        square *= (at.noise.stated / self.stated) ** 2
         return Fit(
             at=score.at,
             white=score.at.white,
             noise=score.at.noise,
             log_evidence=log_evidence + bounds,
-            log_likelihood=bounds - 0.5 * square / at.noise.stated**2,
-            square=square,
+            log_positive=bounds,
             effects=tuple(effects),
             offsets=self.offsets + (unknowns - self.unknowns)[: self.width],
             covariance=covariance,
             slots=slots,
             linear=linear,
-            residual=residual,
-            local=columns[:, self.local] @ unknowns[self.local],
             columns=columns,
             centre=centre,
             sizes=sizes,

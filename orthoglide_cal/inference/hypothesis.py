@@ -16,15 +16,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.causes import PatternCause
 from orthoglide_cal.causes.record import Misread
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
 from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids, ids_of
-from orthoglide_cal.inference.data import OFFSETS_MM, Extra, Linearised, Placed
-from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
-from orthoglide_cal.model.cause import Cause, Place
+from orthoglide_cal.inference.data import Linearised, Placed
+from orthoglide_cal.inference.evidence import Gaussian
+from orthoglide_cal.model.cause import Cause, Effect, Place
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
 
@@ -32,7 +32,7 @@ from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
 BLUNDER_SCALES = (1.0, 6.0)
 # Share of the cases in which all parameters of a cause act.
 ALL = 0.5
-LOG_ALL = math.log(ALL)
+LOG_ALL, LOG_ONE = math.log(ALL), math.log(1.0 - ALL)
 # A log density this far below another one adds nothing to their sum.
 LOST = 100.0
 # No more shapes of a pattern count, and none below this share.
@@ -103,7 +103,7 @@ class Hypothesis:
     log_evidence: float  # with the prior of places, without its own; averaged over sizes
     base: tuple[Cause, ...] = ()  # its causes with many parameters
     scale: float = 1.0  # of their sizes, the likeliest one
-    extra: Extra | None = None  # its cause at one place, if any
+    extra: Effect | None = None  # its cause at one place, if any; without parameters of any value
     # Where the extra is an exchange that the data cannot undo, the score of the base under the plan
     # of what was really read.
     replanned: Hypothesis | None = None
@@ -126,6 +126,11 @@ class Hypothesis:
         """ln prior weight."""
         listed = self.at.candidates.log_prior[self.ids] if self.ids or not self.patterns else 0.0
         return listed + sum(pattern.log_prior for pattern in self.patterns)
+
+    @property
+    def wrong_readings(self) -> Place:
+        """Numbers of the readings that it calls wrong, each by itself."""
+        return self.extra.place if self.extra and self.extra.cause.hides_reading else ()
 
     @property
     def label(self) -> str:
@@ -160,7 +165,7 @@ class Hypothesis:
 
 # The same with every base.
 @functools.lru_cache(maxsize=64)
-def _to_read_again(cause: PatternCause | RelabelCause, plan: Plan, place: Place) -> tuple[int, ...]:
+def _to_read_again(cause: Cause, plan: Plan, place: Place) -> tuple[int, ...]:
     return cause.to_read_again(plan, place)
 
 
@@ -190,7 +195,7 @@ def score_all(at: Linearised) -> dict[Ids, Hypothesis]:
                 ids = ids_of(*score.base, cause)
                 log = score.log_evidence + placed.log_weight[place]
                 if ids not in scores or log > scores[ids].log_evidence:
-                    extra = Extra(cause, place, 0)
+                    extra = cause.at(np.zeros(0), place)
                     scores[ids] = replace(
                         score, at=at, log_evidence=log, extra=extra, replanned=score
                     )
@@ -216,8 +221,8 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis]) -> dict[Ids, Hypoth
             likelier += _at_best_place(at, pairs[some], placed, both).values()
         likelier.sort(key=lambda score: -score.log_evidence - score.log_prior)
         best = [_several_wrong(at, score) for score in likelier[:SEARCHED]]
-        extra = max(best, key=lambda score: score.log_evidence + score.log_prior).extra
-        others = extra.others if extra else ()
+        likeliest = max(best, key=lambda score: score.log_evidence + score.log_prior)
+        others = likeliest.wrong_readings[:-1]
         for score in likelier[SEARCHED:]:
             more = (_further(at, score, others),) if others else ()
             best.append(max((score, *more), key=lambda one: one.log_evidence))
@@ -232,30 +237,27 @@ def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
     """
     most, best = min(len(at.white.plan) // SHARE_WRONG, MOST_WRONG), score
     for count in range(2, most + 1):
-        assert score.extra is not None
-        score = _further(at, score, (*score.extra.others, score.extra.number))
+        score = _further(at, score, score.wrong_readings)
         if score.log_evidence > best.log_evidence:
             best = score
-        elif best.extra and count > len(best.extra.others) + 2:
+        elif count > len(best.wrong_readings) + 1:
             break
     score = best
     # What stood for others at first may be right.
-    for number in score.extra.others if score.extra else ():
-        extra = score.extra
-        kept = [n for n in (*extra.others, extra.number) if n != number] if extra else []
-        score = max(score, _further(at, score, tuple(kept[:-1])), key=lambda s: s.log_evidence)
+    for number in best.wrong_readings[:-1]:
+        kept = tuple(other for other in score.wrong_readings if other != number)
+        score = max(score, _further(at, score, kept[:-1]), key=lambda s: s.log_evidence)
     return score
 
 
-def _further(at: Linearised, score: Hypothesis, others: tuple[int, ...]) -> Hypothesis:
+def _further(at: Linearised, score: Hypothesis, others: Place) -> Hypothesis:
     """The score with these readings wrong, and one more, which may be any."""
-    base, extra, residual = score.base, score.extra, at.residuals[0]
-    assert extra is not None
-    placed = at.extras[extra.cause.id]
+    base, residual = score.base, at.residuals[0]
+    assert score.extra is not None
+    placed = at.extras[score.extra.cause.id]
     cause = placed.cause
     assert isinstance(cause, Misread)
-    extra = replace(extra, others=others)
-    wrong, price = others_wrong(at, extra)
+    wrong, price = others_wrong(at, placed, others)
     seen = [np.hstack((at.seen, wrong))]
     density = density_of(at, [at.columns(base)], [base], at.usual, seen)
     by_noise = density.by_noise(residual)
@@ -265,29 +267,27 @@ def _further(at: Linearised, score: Hypothesis, others: tuple[int, ...]) -> Hypo
     by_place[:, list(others)] = -math.inf
     log_evidence = float(log_sum(by_place)) + price + (LOG_ALL if base else 0.0)
     scale, number = (int(k) for k in np.unravel_index(by_place.argmax(), by_place.shape))
-    place = tuple(placed.tried[n][0] for n in (*others, number))
     if others:
-        cause = cause.several(len(place))
-    extra = replace(extra, cause=cause, place=place, number=number)
-    size = [*at.usual][scale]
+        cause = cause.several(len(others) + 1)
+    extra, size = cause.at(np.zeros(0), (*others, number)), [*at.usual][scale]
     return replace(score, log_evidence=log_evidence, scale=size, extra=extra, by_place=None)
 
 
-def others_wrong(at: Linearised, extra: Extra) -> tuple[Floats, float]:
-    """All but the last of several wrong readings: columns (k, p − 1) [mm], ln of their prior.
+def others_wrong(at: Linearised, placed: Placed, others: Place) -> tuple[Floats, float]:
+    """Wrong readings besides one more: columns (k, p) [mm], ln of their prior.
 
     Each as large as the larger of `BLUNDER_SCALES`, and at a place of its own.
     """
-    placed, count = at.extras[extra.cause.id], len(extra.others)
-    size = placed.cause.prior_std(at.white.machine).max(initial=0.0) * max(BLUNDER_SCALES)
-    weights = placed.weights[list(extra.others)].sum()
-    price = float(weights) + count * (LOG_FURTHER - math.log(len(BLUNDER_SCALES)))
-    return size * at.pattern(extra)[:, :count], price
+    if not others:
+        return np.zeros((len(at.white), 0)), 0.0
+    size = placed.cause.prior_std(at.white.machine)[0] * max(BLUNDER_SCALES)
+    price = len(others) * (LOG_FURTHER - math.log(len(BLUNDER_SCALES)))
+    return size * placed.columns(others), price + float(placed.weights[list(others)].sum())
 
 
 def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
     """Scores of all sets of which every relabelling can be undone in the data."""
-    machine, residual = at.white.machine, at.residuals[0]
+    residual = at.residuals[0]
     broad, pairs = at.candidates.broad, at.candidates.pairs
     bases = [(), *((cause,) for cause in broad)]
     columns = [at.columns(base) for base in bases]
@@ -295,17 +295,12 @@ def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
     for some in _together(at, bases):
         density = density_of(at, columns[some], bases[some], at.scales)
         scores |= _alone(at, bases[some], density.by_noise(residual))
-    if broad:
-        others = offsets_and_seen(at, at.jacobian)
-        acting = [
-            Acting(cause, scaled, others, residual, scores[(cause.id,)].log_evidence)
-            for cause in broad
-            for scaled in [at.jacobians[cause.id] * cause.prior_std(machine)]
-        ]
-        for some in _together(at, broad):
-            means = all_or_one(acting[some], at.noise, at.scales)
-            for cause, mean in zip(broad[some], means, strict=True):
-                scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
+    for some in _together(at, broad):
+        log_all = [scores[(cause.id,)].log_evidence for cause in broad[some]]
+        residuals = [residual] * len(log_all)
+        means = all_or_one(at, broad[some], columns[1:][some], residuals, log_all)
+        for cause, mean in zip(broad[some], means, strict=True):
+            scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
     for some in _together(at, bases):
         density = density_of(at, columns[some], bases[some], at.usual)
         for placed in at.extras.values():
@@ -332,14 +327,6 @@ def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Hypothesis]:
         ids_of(*base): Hypothesis(at, value, base, scale, by_noise=by_noise)
         for base, value, scale, by_noise in rows
     }
-
-
-def offsets_and_seen(at: Linearised, jacobian: Floats) -> Floats:
-    """Columns of all that acts without any cause, (k, r) [mm].
-
-    Offsets, from their derivatives (k, 3), and what is uncertain of the data and shows.
-    """
-    return np.hstack([OFFSETS_MM * jacobian, at.seen])
 
 
 def density_of(
@@ -371,50 +358,45 @@ def density_of(
         padded[number, :, end : end + more.shape[1]] = more
         sizes[number, :, :end] = at.sizes(base)
         sizes[number, :, first:end] *= np.array(list(scales))[:, None]
-    return at.noise.density(padded, sizes, np.log(list(scales.values())))
-
-
-class Acting(NamedTuple):
-    """A cause that may act with all its parameters, or with any one of them."""
-
-    cause: Cause
-    scaled: Floats  # its columns, scaled by their plausible sizes, shape (k, p) [mm]
-    others: Floats  # scaled columns of everything else, shape (k, r) [mm]; as many of each cause
-    residual: Floats  # data minus the model without the cause, shape (k,) [mm]
-    log_all: float  # its log evidence if all its parameters act
+    return Gaussian(padded, sizes, at.noise, np.log(list(scales.values())))
 
 
 def all_or_one(
-    acting: Sequence[Acting], noise: NoiseGrid, scales: Mapping[float, float]
+    at: Linearised,
+    causes: Sequence[Cause],
+    columns: Sequence[Floats],
+    residuals: Sequence[Floats],
+    log_all: Sequence[float],
 ) -> list[float]:
     """Log evidence of causes of which all parameters act, or any one of them.
 
-    `scales` are of their sizes, with the share of each.
+    Args:
+        at, causes: the linear model, and which of its causes.
+        columns: derivatives by the offsets and the parameters of each, shape (k, 3 + p).
+        residuals: data minus the model without the cause, shape (k,) [mm].
+        log_all: log evidence if all its parameters act.
     """
-    if not acting:
-        return []
-    k, always = acting[0].others.shape
-    nuisance = max(len(one.cause.nuisance) for one in acting)
-    named = max(len(one.cause.names) for one in acting)
-    columns = np.zeros((len(acting), k, always + nuisance))
-    ones = np.zeros((len(acting), k, named))
-    for one, filled, scaled in zip(acting, columns, ones, strict=True):
-        mine, others = np.split(one.scaled, [len(one.cause.names)], axis=1)
-        scaled[:, : mine.shape[1]] = mine
-        filled[:, : always + others.shape[1]] = np.hstack([one.others, others])
-    tried = np.array(list(scales))[:, None]
-    sizes = np.ones((len(scales), columns.shape[-1]))
+    width = at.jacobian.shape[1]
+    always, nuisance = width + at.seen.shape[1], max(len(cause.nuisance) for cause in causes)
+    others = np.zeros((len(causes), len(at.white), always + nuisance))
+    ones = np.zeros((*others.shape[:2], max(len(cause.names) for cause in causes)))
+    for cause, derivatives, filled, scaled in zip(causes, columns, others, ones, strict=True):
+        end = width + len(cause.names)
+        parts = np.split(derivatives * at.sizes((cause,)), [width, end], axis=1)
+        by_offsets, named, more = parts
+        scaled[:, : named.shape[1]] = named
+        filled[:, : always + more.shape[1]] = np.hstack([by_offsets, at.seen, more])
+    tried = np.array(list(at.scales))[:, None]
+    sizes = np.ones((len(tried), others.shape[-1]))
     sizes[:, always:] = tried
-    density = noise.density(columns, sizes, np.log(list(scales.values())))
-    residuals = np.stack([one.residual for one in acting])
-    weighed = density.against(density.overlap(ones, residuals), residuals)
-    log = of_any_size(*weighed, tried[:, None] ** 2)
-    log += density.log_density(residuals[..., None])
+    density = Gaussian(others, sizes, at.noise, np.log(list(at.scales.values())))
+    data = np.stack(residuals)
+    log = of_any_size(*density.against(density.overlap(ones, data), data), tried[:, None] ** 2)
+    log += density.log_density(data[..., None])
     by_one = log_sum(log, (1, 2))
     return [
-        float(np.logaddexp(one.log_all + LOG_ALL, log_mean(scaled) + math.log(1.0 - ALL)))
-        for one, row in zip(acting, by_one, strict=True)
-        for scaled in (row[: len(one.cause.names)],)
+        float(np.logaddexp(log + LOG_ALL, log_mean(row[: len(cause.names)]) + LOG_ONE))
+        for cause, log, row in zip(causes, log_all, by_one, strict=True)
     ]
 
 

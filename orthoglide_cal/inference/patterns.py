@@ -32,6 +32,7 @@ from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
     Hypothesis,
     Pattern,
+    of_any_size,
 )
 from orthoglide_cal.model.plan import (
     AT_ONCE,
@@ -335,16 +336,16 @@ def _gains(fit: Fit, one: Tried) -> Floats:
         turned = own.swapaxes(-1, -2)
         power[some], match[some] = turned @ own, turned @ left
     noise2 = ((fit.noise.sigma / fit.noise.stated) ** 2)[:, None]
-    size2 = ((sizes * fit.noise.stated) ** 2)[:, None, None] / noise2
+    variance = ((sizes * fit.noise.stated) ** 2)[:, None, None]
     gains = np.full((*one.chosen.shape[:2], len(sizes), len(noise2)), ABSENT)
     for where, number, shown in one.by_width:
         inner = power[:, number[:, :, None], number[:, None]].swapaxes(0, 1)
         inner, axes = np.linalg.eigh(inner * (shown[..., None] & shown[..., None, :]))
         along = axes.swapaxes(-1, -2) @ (match[:, number].swapaxes(0, 1) * shown)[..., None]
-        widened = 1.0 + np.maximum(inner, 0.0)[:, :, None, None] * size2
-        log = along[:, :, None, None, :, 0] ** 2 * size2 / (noise2 * widened) - np.log(widened)
+        weights, matches = np.maximum(inner, 0.0)[:, :, None, None], along[:, :, None, None, :, 0]
+        log = of_any_size(weights / noise2, matches / noise2, variance).sum(axis=-1)
         shows = np.asarray(shown.any(axis=2))
-        gains[where] = np.where(shows[..., None, None], 0.5 * log.sum(axis=-1), ABSENT)
+        gains[where] = np.where(shows[..., None, None], log, ABSENT)
     return gains
 
 
@@ -436,18 +437,9 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> tuple[Fit, slice]:
         draft = replace(draft, sizes=sizes, scale_factor=size)
     log = draft.by_noise - log_sum(draft.by_noise)
     sigma = float(np.sqrt(np.exp(log) @ noise.sigma**2 + draft.rest))
-    residual = unexpected - columns @ draft.moved
-    stretched = draft.stated * (draft.moved / sizes)[start:]
-    kept = replace(
-        draft,
-        offsets=fit.offsets + draft.moved[:width] - fit.moved[:width],
-        covariance=condition(columns, unexpected, sizes, sigma)[1],
-        residual=residual,
-        local=columns[:, local] @ draft.moved[local],
-        sigma=sigma,
-        square=float(residual @ residual + stretched @ stretched),
-    )
-    return kept, slice(start, end)
+    offsets = fit.offsets + draft.moved[:width] - fit.moved[:width]
+    covariance = condition(columns, unexpected, sizes, sigma)[1]
+    return replace(draft, offsets=offsets, covariance=covariance, sigma=sigma), slice(start, end)
 
 
 def scores_of(fit: Fit, every: Sequence[Tried]) -> list[Hypothesis]:

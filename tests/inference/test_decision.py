@@ -45,7 +45,9 @@ def decision(
         evidence = log(share) - session().hypotheses[ids].log_prior
         made[ids] = replace(session().hypotheses[ids], log_evidence=evidence)
         likelihood = len(ids) * log(likelier)
-        fits[ids] = replace(fit, log_evidence=evidence, log_likelihood=likelihood, residual=left)
+        # No unknown follows what is left.
+        leaves = {"linear": left, "columns": 0.0 * fit.columns, "log_positive": likelihood}
+        fits[ids] = replace(fit, log_evidence=evidence, **leaves)
     patterns = {}
     for words, share in (("repeats leg x", returning or 1e-300), ("settles leg x", passing)):
         if share:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orthoglide_cal.inference.evidence import NoiseGrid, Texture
+from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid, Texture
 
 
 @pytest.mark.parametrize("shape", [(9, 4), (6, 6), (5, 11)], ids=str)
@@ -13,7 +13,7 @@ def test_densities_are_those_of_the_dense_covariance(shape: tuple[int, int]) -> 
     columns, sizes = rng.normal(size=shape), 10.0 ** rng.uniform(-3.0, 1.0, (1, shape[1]))
     columns[:, 1] = 2.0 * columns[:, 0]
     vectors, residual = rng.normal(0.0, 0.01, (shape[0], 3)), rng.normal(0.0, 0.02, shape[0])
-    density = grid.density(columns, sizes)
+    density = Gaussian(columns, sizes, grid)
     (power,), (match,) = density.against(density.overlap(vectors, residual), residual)
     (logs,) = density.log_density(vectors)
     for g, sigma in enumerate(grid.sigma):
@@ -42,7 +42,7 @@ def test_a_shared_shape_is_a_dense_covariance(known: int) -> None:
     shape = rest * np.eye(9) + axes * (spectrum - rest) @ axes.T
     grid = NoiseGrid.around(0.01, Texture(axes, spectrum, rest, assumed=False))
     assert grid.scale_factor is not None
-    density = grid.density(columns, sizes, shares)
+    density = Gaussian(columns, sizes, grid, shares)
     log, overlap = density.by_noise(residual), density.overlap(patterns, residual)
     power, match = density.against(overlap, residual)
     assert log.shape == (2, 2, grid.sigma.size)
