@@ -231,7 +231,7 @@ class Decision:
             if self.repeats and (self.shape,) in belief.hypotheses:
                 return Verdict.NAMED
             # Evidence alone lets noise be as large as it must.
-            too_large = belief.at.local and self._chance(belief.fit(())) < SUSPICIOUS
+            too_large = belief.at.local and self.chance(belief.fit(())) < SUSPICIOUS
             return Verdict.UNEXPLAINED if too_large else Verdict.CONSISTENT
         best = self.best
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
@@ -336,16 +336,11 @@ class Decision:
 
     # --- what follows from it ---
 
-    def _chance(self, fit: Fit) -> float:
+    def chance(self, fit: Fit) -> float:
         """Chance that noise as stated leaves more than a fit of the parameters alone does."""
         white = self.belief.at.white
         noise, dof = white.machine.instrument.noise_mm, len(white) - fit.offsets.size
         return chance_of_residual(fit.square, dof, noise)
-
-    @property
-    def chance(self) -> float:
-        """Chance that noise as stated leaves more than the calibrated parameters alone do."""
-        return self._chance(self.alone)
 
     @cached_property
     def alone(self) -> Fit:

@@ -465,7 +465,7 @@ def _lack_of_fit(decision: Decision, alone: Solution) -> LackOfFit:
     noise, dof, size = white.machine.instrument.noise_mm, alone.dof, alone.sigma_residuals_mm or 0.0
     p_value = 1.0 if alone.lack_of_fit_p is None else alone.lack_of_fit_p
     if white.texture is not None:
-        dof, p_value = len(white) - alone.offsets_mm.size, decision.chance
+        dof, p_value = len(white) - alone.offsets_mm.size, decision.chance(decision.alone)
         size = math.sqrt(decision.alone.square / dof) if dof else 0.0
     repeats, chance = alone.repeats, None
     if repeats is not None and repeats.sigma_mm > 0.0 and dof > repeats.dof:

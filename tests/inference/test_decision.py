@@ -88,7 +88,6 @@ def said(found: Decision) -> str:
          "named bar_skew"),
         # To name what is beyond the list costs a wrong name for each cause.
         ({"returning": 20.0, "axis_gap": 1.0}, "unexplained"),
-        ({"returning": 1.0, "axis_gap": 1.0}, "ambiguous axis_gap"),
         ({"returning": 0.03, "axis_gap": 1.0}, "ambiguous axis_gap"),
         ({"returning": 0.0005, "axis_gap": 1.0}, "named axis_gap"),
         # No part is replaced because of a stand: its name costs much only if offsets are false.
