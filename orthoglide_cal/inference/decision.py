@@ -231,7 +231,7 @@ class Decision:
             if self.repeats and (self.shape,) in belief.hypotheses:
                 return Verdict.NAMED
             # Evidence alone lets noise be as large as it must.
-            too_large = belief.at.local and self._chance(belief.fit(())) < SUSPICIOUS
+            too_large = belief.at.local and self.chance(belief.fit(())) < SUSPICIOUS
             return Verdict.UNEXPLAINED if too_large else Verdict.CONSISTENT
         best = self.best
         # If it is beyond the list, an open question costs a measurement in vain; if it is not, to
@@ -256,13 +256,13 @@ class Decision:
         bearable, risk = OPEN_ANSWER * belief.something, 0.0
         if (len(best) * WRONG_NAME + FALSE_RELEASE) * belief.beyond <= bearable:
             return True  # whatever they do: no pattern has to be fitted
-        for probability, one in self.beyond_list:
+        for one in self.beyond_list:
             hows = {pattern.how for pattern in one.patterns}
             loss = sum(map(loss_of_name, set(best) - {*one.ids} - hows))
             moved = self._moves(one, fit.offsets, fit.offsets_covariance)
             if moved or hows - CAUSES.keys() - PASSING:
                 loss += FALSE_RELEASE
-            risk += probability * loss
+            risk += belief.unlisted[one.label] * loss
         return risk <= bearable
 
     @property
@@ -336,16 +336,11 @@ class Decision:
 
     # --- what follows from it ---
 
-    def _chance(self, fit: Fit) -> float:
+    def chance(self, fit: Fit) -> float:
         """Chance that noise as stated leaves more than a fit of the parameters alone does."""
         white = self.belief.at.white
         noise, dof = white.machine.instrument.noise_mm, len(white) - fit.offsets.size
         return chance_of_residual(fit.square, dof, noise)
-
-    @property
-    def chance(self) -> float:
-        """Chance that noise as stated leaves more than the calibrated parameters alone do."""
-        return self._chance(self.alone)
 
     @cached_property
     def alone(self) -> Fit:
@@ -458,39 +453,28 @@ class Decision:
         return mean, covariance
 
     @cached_property
-    def beyond_list(self) -> tuple[tuple[float, Hypothesis], ...]:
-        """Patterns that remain of those beyond the list, best first, and their probabilities."""
-        unlisted, patterns = self.belief.unlisted, self.belief.patterns
+    def beyond_list(self) -> Mapping[Hypothesis, float]:
+        """Patterns that remain of those beyond the list, best first, and their shares, 1 in all."""
+        weight = {one: weight_of(one) for one in self.belief.patterns.values()}
         # Of weights: all probabilities may be too small for a number.
-        ordered = sorted(patterns, key=lambda label: -weight_of(patterns[label]))
-        least = max(map(weight_of, patterns.values())) + math.log(DISMISSED)
-        kept = (label for label in ordered if weight_of(patterns[label]) >= least)
-        return tuple((unlisted[label], patterns[label]) for label in kept)
-
-    @property
-    def _shares(self) -> dict[Hypothesis, float]:
-        """Their probabilities, 1 in all."""
-        return probabilities({one: weight_of(one) for _, one in self.beyond_list})
+        least = max(weight.values()) + math.log(DISMISSED)
+        return probabilities({one: value for one, value in weight.items() if value >= least})
 
     @cached_property
     def patterned(self) -> tuple[tuple[float, Fit], ...]:
         """Fits with these patterns and their shares, the likeliest first."""
         return tuple(
             (probability * share, fit)
-            for hypothesis, probability in self._shares.items()
-            for share, fit in self._fits(hypothesis)
+            for hypothesis, probability in self.beyond_list.items()
+            for share, fit, _ in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
         )
-
-    def _fits(self, hypothesis: Hypothesis) -> list[tuple[float, Fit]]:
-        fits = fits_of(hypothesis, self.belief.fit(hypothesis.ids))
-        return [(share, fit) for share, fit, _ in fits]
 
     @property
     def enterable(self) -> float:
         """Probability that what is not listed falsifies no offsets; 0 if more than noise stays."""
         if not self.described:
             return 0.0
-        passing = sum(share for one, share in self._shares.items() if self._passes(one))
+        passing = sum(share for one, share in self.beyond_list.items() if self._passes(one))
         return passing * self.belief.beyond
 
     def _passes(self, hypothesis: Hypothesis) -> bool:
@@ -503,9 +487,8 @@ class Decision:
         if not {one.how for one in unlisted} <= PASSING:
             return False
         alone = self.belief.patterns[", ".join(one.label for one in unlisted)]
-        if alone is hypothesis:
-            return True
-        return not self._moves(hypothesis, self._offsets_under(alone), self.offsets[1])
+        beside = self._offsets_under(alone), self.offsets[1]
+        return alone is hypothesis or not self._moves(hypothesis, *beside)
 
     def _moves(self, hypothesis: Hypothesis, offsets: Floats, covariance: Floats) -> bool:
         """Return whether the offsets under a hypothesis differ from others by more than their U."""
@@ -513,7 +496,8 @@ class Decision:
         return bool(np.any(moved > NORMAL_K * np.sqrt(np.diag(covariance))))
 
     def _offsets_under(self, hypothesis: Hypothesis) -> Floats:
-        return np.asarray(sum(share * fit.offsets for share, fit in self._fits(hypothesis)))
+        fits = fits_of(hypothesis, self.belief.fit(hypothesis.ids))
+        return np.asarray(sum(share * fit.offsets for share, fit, _ in fits))
 
     @property
     def described(self) -> bool:

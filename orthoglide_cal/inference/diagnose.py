@@ -399,23 +399,20 @@ def _patterns(decision: Decision, alone: Solution) -> Iterator[FoundPattern]:
     """Patterns beyond the list, those that act together first."""
     if decision.verdict is not Verdict.UNEXPLAINED or decision.refuted is not None:
         return
-    best = {pattern.label for pattern in decision.beyond_list[0][1].patterns}
+    best = {pattern.label for pattern in next(iter(decision.beyond_list)).patterns}
     total: dict[str, float] = {}
-    for probability, hypothesis in decision.beyond_list:
-        for pattern in hypothesis.patterns:
-            total[pattern.label] = total.get(pattern.label, 0.0) + probability
-    seen = set()
-    for _, hypothesis in decision.beyond_list:
-        for pattern in hypothesis.patterns:
-            if pattern.label in seen or pattern.how in CAUSES:
-                continue
-            seen.add(pattern.label)
+    first: dict[str, Hypothesis] = {}
+    for hypothesis in decision.beyond_list:
+        probability = decision.belief.unlisted[hypothesis.label]
+        for pattern in (one for one in hypothesis.patterns if one.how not in CAUSES):
             others = tuple(one for one in hypothesis.patterns if one is not pattern)
-            last, label = replace(hypothesis, patterns=(*others, pattern)), pattern.label
-            of_it = alone.measured, total[label], label in best, alone.rms_after_mm
-            numbers = described(last, decision.belief, *of_it)
-            if numbers is not None:
-                yield numbers
+            first.setdefault(pattern.label, replace(hypothesis, patterns=(*others, pattern)))
+            total[pattern.label] = total.get(pattern.label, 0.0) + probability
+    for label, last in first.items():
+        of_it = alone.measured, total[label], label in best, alone.rms_after_mm
+        numbers = described(last, decision.belief, *of_it)
+        if numbers is not None:
+            yield numbers
 
 
 def _with_patterns(decision: Decision, measured: Measured) -> tuple[Floats, tuple[int, ...]]:
@@ -423,7 +420,7 @@ def _with_patterns(decision: Decision, measured: Measured) -> tuple[Floats, tupl
 
     More noise predicts nothing.
     """
-    hypothesis = decision.beyond_list[0][1]
+    hypothesis = next(iter(decision.beyond_list))
     fit = decision.belief.fit(hypothesis.ids)
     acting = tuple(one for one in hypothesis.patterns if one.how != "scatters")
     left = fit.left
@@ -436,7 +433,7 @@ def _with_patterns(decision: Decision, measured: Measured) -> tuple[Floats, tupl
 
 def _beside_patterns(decision: Decision) -> Iterator[tuple[Cause, Place]]:
     """Listed causes of the likeliest explanation beyond the list, and where they act."""
-    hypothesis = decision.beyond_list[0][1]
+    hypothesis = next(iter(decision.beyond_list))
     for effect in decision.belief.fit(hypothesis.ids).effects:
         yield effect.cause, effect.place
     for one in hypothesis.patterns:
@@ -461,7 +458,7 @@ def _lack_of_fit(decision: Decision, alone: Solution) -> LackOfFit:
     noise, dof, size = white.machine.instrument.noise_mm, alone.dof, alone.sigma_residuals_mm or 0.0
     p_value = 1.0 if alone.lack_of_fit_p is None else alone.lack_of_fit_p
     if white.texture is not None:
-        dof, p_value = len(white) - alone.offsets_mm.size, decision.chance
+        dof, p_value = len(white) - alone.offsets_mm.size, decision.chance(decision.alone)
         size = math.sqrt(decision.alone.square / dof) if dof else 0.0
     repeats, chance = alone.repeats, None
     if repeats is not None and repeats.sigma_mm > 0.0 and dof > repeats.dof:

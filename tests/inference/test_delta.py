@@ -120,12 +120,10 @@ def test_few_touches_of_a_recalibrated_machine_are_predicted_as_well_as_is_state
     causes = CAUSES["backlash"], CAUSES["tower_lean"]
     squares = []
     for seed in range(40):
-        before = given(day(seed, V400, LEANING, seed))
-        white = Whitened.of(before.measured, before.model)
+        days = day(seed, V400, LEANING, seed), day(100 + seed, MOVED, HOMED, seed, Layout(16))
+        white, later = (Whitened.of(one.measured, one.model) for one in map(given, days))
         at = Linearised.of(white, Candidates(causes, (), (), {}))
         (fit,) = fit_explanations([Hypothesis(at, 0.0, causes)])
-        few = given(day(100 + seed, MOVED, HOMED, seed, Layout(16)))
-        later = Whitened.of(few.measured, few.model)
         squares.append(predict_later(later, fit, np.zeros(6), free=6).ratio ** 2)
     assert np.mean(squares) == pytest.approx(1.0, abs=0.25)
 
