@@ -258,8 +258,10 @@ class ProbePlan(Plan):
         finer than that it counts as noise.
         """
         touches = np.flatnonzero(self.touches)
-        place = self.place[touches, :2]
-        knots = place if len(place) <= MOST_TOUCHES else _knots(place)
+        knots = place = self.place[touches, :2]
+        if len(place) > MOST_TOUCHES:
+            once = np.unique(place.round(3), axis=0)
+            knots = once[_spread(once, KNOTS)]
         size2, vectors = np.linalg.eigh(_alikeness(knots, knots))
         size = np.sqrt(np.maximum(size2, 0.0))
         shape = vectors * size
@@ -670,8 +672,9 @@ class LinearDelta(Machine):
 def _spread(place: Floats, count: int) -> Ints:
     """Some places that are as far from each other as can be, indices (count,) of (n, 2)."""
     chosen = [int(np.argmin(np.linalg.norm(place, axis=1)))]
+    apart = np.full(len(place), np.inf)
     while len(chosen) < min(count, len(place)):
-        apart = np.linalg.norm(place[:, None] - place[chosen], axis=-1).min(axis=1)
+        apart = np.minimum(apart, np.linalg.norm(place - place[chosen[-1]], axis=1))
         chosen.append(int(np.argmax(apart)))
     return np.sort(np.array(chosen, dtype=np.intp))
 
@@ -680,17 +683,6 @@ def _alikeness(place: Floats, other: Floats) -> Floats:
     """Covariance of the local shape at places (n, 2) and others (m, 2), of unit size, (n, m)."""
     apart = np.hypot(*(place[:, None, axis] - other[:, axis] for axis in (0, 1)))
     return np.asarray(np.exp(-apart / GRAIN_MM))
-
-
-def _knots(place: Floats) -> Floats:
-    """Middles of the touches (n, 2) in each square of the finest grid of no more than `KNOTS`."""
-    side = float(np.ptp(place, axis=0).max()) / KNOTS
-    while True:
-        square, count = np.unique(np.floor(place / side), axis=0, return_inverse=True)
-        if len(square) <= KNOTS:
-            sums = [np.bincount(count.reshape(-1), weights=along) for along in place.T]
-            return np.stack(sums, axis=1) / np.bincount(count.reshape(-1))[:, None]
-        side *= 1.05
 
 
 def _on_circle(radius: Numbers | float, angles: Numbers) -> Numbers:

@@ -41,7 +41,9 @@ def _block(block: doc.Block) -> str:
         case doc.Figure():
             return "\n\n".join(map(_block, block.in_characters))
         case doc.Listing():
-            return _fenced(block.lines)
+            shown = [visible(line) for line in block.lines]
+            fence = _fence(shown, 3)
+            return "\n".join([f"{fence}text", *shown, fence])
         case doc.Instructions():
             return "\n".join(
                 f"{n}. {_line(item.content)}" + (f" {_code(item.command)}" if item.command else "")
@@ -70,13 +72,6 @@ def _code(content: str) -> str:
     fence = _fence((shown,), 1)
     pad = " " if "`" in shown else ""
     return f"{fence}{pad}{shown}{pad}{fence}"
-
-
-def _fenced(lines: Iterable[str]) -> str:
-    """Lines as they stand, which no backticks in them can end."""
-    shown = [visible(line) for line in lines]
-    fence = _fence(shown, 3)
-    return "\n".join([f"{fence}text", *shown, fence])
 
 
 def _fence(lines: Iterable[str], least: int) -> str:

@@ -52,6 +52,10 @@ def _with_zone(at: str) -> str:
 _Planned = Annotated[PlannedReading, PlainSerializer(lambda reading: reading._asdict())]
 
 
+# Exactly these types. Named tuples would not be held to it if the schema were built later.
+_STRICT = ConfigDict(strict=True, defer_build=False)
+
+
 class GaugeLabel(Schema):
     """A gauge as the operator named it."""
 
@@ -61,6 +65,8 @@ class GaugeLabel(Schema):
 
 class Following(Schema):
     """How a session continues earlier readings."""
+
+    model_config = _STRICT
 
     data: FileText  # the file of the first readings, whole
     what: str  # the instruction that is carried out
@@ -77,7 +83,7 @@ class Following(Schema):
 class Event(Schema):
     """Base of all records; `at` is the time of day, ISO 8601 with the offset from UTC."""
 
-    model_config = ConfigDict(strict=True)
+    model_config = _STRICT
 
     kind: str
     at: Annotated[str, AfterValidator(_with_zone)]
