@@ -41,13 +41,6 @@ def test_its_kind_is_told_by_its_keys_too(name, made):
     assert hash(machine) == hash(read(silent))
 
 
-def test_one_length_stands_for_all_arms_and_a_missing_offset_for_none():
-    (one,) = {read(keys("linear_delta", arm_length_mm="300.5")).arm_length_mm}
-    assert one == (300.5, 300.5, 300.5)
-    machine = read(keys("orthoglide_prototype", offsets_mm={"y": "−0.25"}))
-    assert machine.active == (0.0, -0.25, 0.0)
-
-
 def test_a_changed_machine_has_the_fields_of_its_kind():
     assert PROTOTYPE.changed(leg_length_mm=300.0).nominal_rails.lengths.tolist() == [300.0] * 3
     with pytest.raises(TypeError, match="arm_length_mm"):
