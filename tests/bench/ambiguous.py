@@ -4,7 +4,7 @@ The truth goes on measuring at the same machine exactly what is recommended; bot
 written to one file, read and diagnosed as any other.
 """
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import product
@@ -21,8 +21,6 @@ from tests.truth.separation import STANDS_OUT
 from .cases import SLOW, SLOW_PACE
 from .scoring import showing
 
-Pair = tuple[str, str]
-
 
 @dataclass(frozen=True, eq=False)
 class Ambiguous:
@@ -33,7 +31,7 @@ class Ambiguous:
     following: tuple[NextMeasurement, ...]
 
     @property
-    def pair(self) -> Pair:
+    def pair(self) -> tuple[str, str]:
         """What is accepted, and what it cannot be told from, or what beside it would not show."""
         accepted = "+".join(sorted(cause.id for cause in self.found.causes))
         unshown = (fault.id for fault in self.found.unshown if fault.matters)
@@ -111,45 +109,28 @@ def draw(
 class Tally:
     """How often the recommendation decides, and one from the bottom half of the ranking.
 
-    Counted for each pair are sessions that are `asked` to go on, those that end `named` (the right
-    name, and nothing open) or `answered` (see `is_answered`), those that the `bottom` option names,
-    and `silent` ones: nothing is recommended, because nothing would tell.
+    Counted are sessions that are `asked` to go on, those that end `named` (the right name, and
+    nothing open) or `answered` (see `is_answered`), those that the `bottom` option names, and
+    `silent` ones: nothing is recommended, because nothing would tell.
     """
 
-    counts: dict[str, Counter[tuple[str, str]]] = field(
-        default_factory=lambda: defaultdict(Counter)
-    )
+    counts: Counter[str] = field(default_factory=Counter)
     chance: float = 0.0
     """Sum of what the program foretells."""
 
-    def total(self, what: str) -> int:
-        return self.counts[what].total()
-
     def share(self, what: str = "named") -> float:
         """Of the recommendations."""
-        return self.total(what) / self.total("asked")
-
-    @property
-    def share_of_all(self) -> float:
-        """Of all that is ambiguous, also where nothing is recommended, what ends in its name."""
-        return self.total("named") / (self.total("asked") + self.total("silent"))
+        return self.counts[what] / self.counts["asked"]
 
     def __str__(self) -> str:
-        columns, asked = ("asked", "named", "answered", "bottom", "silent"), self.counts["asked"]
-        pairs = sorted({*asked, *self.counts["silent"]}, key=lambda pair: -asked[pair])
-        rows = [
-            " ".join(f"{self.counts[what][pair]:{len(what)}d}" for what in columns)
-            + f"  {' / '.join(pair)}"
-            for pair in pairs
-        ]
-        total = (
-            f"{self.total('asked')} recommendations: {self.share():.1%} lead to the right name,"
+        asked, silent = self.counts["asked"], self.counts["silent"]
+        return (
+            f"{asked} recommendations: {self.share():.1%} lead to the right name,"
             f" {self.share('answered'):.1%} to the right answer under any of its names (foretold"
-            f" {self.chance / self.total('asked'):.1%}), {self.share('bottom'):.1%} from the bottom"
-            f" half name it; {self.total('silent')} sessions without one: no reading can tell. Of"
-            f" all that is ambiguous, these included, {self.share_of_all:.1%} end in the right name"
+            f" {self.chance / asked:.1%}), {self.share('bottom'):.1%} from the bottom half name it;"
+            f" {silent} sessions without one: no reading can tell. Of all that is ambiguous, these"
+            f" included, {self.counts['named'] / (asked + silent):.1%} end in the right name"
         )
-        return "\n".join((" ".join(columns) + "  accepted / open with", *rows, total))
 
 
 def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = print) -> Tally:
@@ -159,15 +140,14 @@ def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = p
     for n, case in enumerate(cases):
         best, ranking = case.recommended, case.following
         if best is None:
-            found.counts["silent"][case.pair] += 1
+            found.counts["silent"] += 1
             continue
         low = ranking[int(rng.integers(len(ranking) // 2, len(ranking)))]
         found.chance += best.chance
         after, bottom = (joined_diagnosis(case.session, each, n) for each in (best, low))
         named = is_named(case.session, after)
         answered, worse = is_answered(case.session, after), is_named(case.session, bottom)
-        for what, yes in ("asked", 1), ("named", named), ("answered", answered), ("bottom", worse):
-            found.counts[what][case.pair] += yes
+        found.counts.update(asked=1, named=named, answered=answered, bottom=worse)
         if not named:
             said = [(each.id, *each.aliases) for each in after.causes], after.ambiguous_with
             said = *said, [fault.id for fault in after.unshown if fault.matters]

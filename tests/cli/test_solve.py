@@ -18,7 +18,6 @@ from tests.cli.program import (
     SIX,
     answer,
     lines,
-    refused,
     run,
 )
 
@@ -107,18 +106,3 @@ def test_what_is_refused_shows_the_papers_numbers_too(number: int, printed: str)
     assert told[3:] == paper[3:]
     assert "measured" in shown
     assert "if entered" in shown
-
-
-def test_standard_input_is_a_file_like_others() -> None:
-    text = Path(DOUBLE).read_text(encoding="utf-8")
-    piped, named = answer("solve", "-", text=text), answer("solve", DOUBLE)
-    assert piped["input"]["path"] == "-"
-    assert piped["input"]["sha256"] == named["input"]["sha256"]
-    assert piped["parameters"] == named["parameters"]
-
-
-def test_a_method_that_cannot_use_a_file_says_which_can() -> None:
-    said = refused(2, "solve", "--method", "readings", SIX)
-    assert "Choose one of six-linear, six." in said
-    assert answer("solve", "--method", "six", DOUBLE)["method"] == "six"
-    assert "six" in run("solve", "--method", "six", DOUBLE).stdout

@@ -212,28 +212,6 @@ def test_a_grid_without_a_place_in_reach_holds_no_heights(own: Path) -> None:
     assert "holds no probed heights with their places" in fault.what
 
 
-@pytest.mark.parametrize("value", ["0.000000", "0.250000"])
-def test_a_mesh_of_one_value_is_a_placeholder_in_printer_cfg_too(own: Path, value: str) -> None:
-    cfg = printer_cfg(made.UNEVEN, OFF)
-    line = re.compile(r"^(#\*# \t  ).*$", re.MULTILINE)
-    path = put(own, "p.cfg", line.sub(lambda m: m[1] + ", ".join([value] * 9), cfg))
-    assert read_input(path).measured.source.excerpt.data == "calibration"
-    [fault] = problems(read_input, path, None, default_machine, "mesh")
-    assert PLACEHOLDER in fault.what
-    assert fault.line == cfg[: line.search(cfg).start()].count("\n") + 1
-
-
-def test_a_calibration_stored_behind_a_mesh_may_be_newer(own: Path) -> None:
-    cfg = printer_cfg(made.UNEVEN, OFF)
-    path = put(own, "p.cfg", cfg)
-    assert "older" not in remarks(path, None, default_machine, "mesh")
-    parts = [cfg.index(f"#*# [{name}]") for name in ("delta_calibrate", "bed_mesh default")]
-    turned = cfg[: parts[0]] + cfg[parts[1] :] + cfg[parts[0] : parts[1]]
-    path = put(own, "p.cfg", turned)
-    assert "the mesh is older" in remarks(path, None, default_machine, "mesh")
-    assert "older" not in remarks(path)
-
-
 def test_of_several_dates_each_says_what_is_older_or_was_not_used(own: Path) -> None:
     cfg = printer_cfg(made.UNEVEN, OFF)
     parts = [cfg.index(f"#*# [{name}]") for name in ("delta_calibrate", "bed_mesh default")]

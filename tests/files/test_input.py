@@ -12,10 +12,10 @@ from orthoglide_cal.files.input import check_file, latest_session, read_input, s
 from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.files.session_file import Session, session_text
-from tests.cli.program import SIX, run
+from tests.cli.program import SESSION, SIX, run
 from tests.machines import ROOT
 
-from .helpers import MACHINE, MODEL
+from .helpers import MODEL
 
 READINGS = [{"leg": "x", "posture": "iso", "direction": "y", "reading_mm": 0.1}]
 
@@ -41,15 +41,6 @@ def test_the_conditions_of_a_table_are_those_of_its_columns(tmp_path):
     )
 
 
-def test_nothing_is_invented_for_a_bare_session_or_for_differences(tmp_path):
-    write(tmp_path, "bare.yaml")
-    (tmp_path / "d.csv").write_text("difference,value_mm\ndx_y,0.1\n")
-    for name in ("bare.yaml", "d.csv"):
-        given = read_input(str(tmp_path / name))
-        assert given.is_session == (name == "bare.yaml")
-        assert given.conditions == Conditions()
-
-
 def test_the_latest_session_by_content_and_time(tmp_path):
     with pytest.raises(InputError, match="no session"):
         latest_session(tmp_path)
@@ -72,22 +63,6 @@ def test_the_latest_session_by_content_and_time(tmp_path):
         found = sessions_in(tmp_path)
         assert [path.name for path in found] == order
         assert latest_session(tmp_path).name == order[-1]
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "kind", "count"),
-    [
-        ("r.csv", "leg,posture,direction,reading_mm\nx,iso,y,0.1\n", "readings", 1),
-        ("m.yaml", machine_text(MODEL), "machine", 0),
-        ("s.yaml", session_text(Session(machine=MODEL, readings=READINGS)),
-         "session", 1),
-    ],
-)  # fmt: skip
-def test_a_check_names_the_kind(tmp_path, name, text, kind, count):
-    (tmp_path / name).write_text(text)
-    check, _ = check_file(str(tmp_path / name))
-    assert check.valid
-    assert (check.input.kind, check.input.readings, check.machine) == (kind, count, MACHINE.name)
 
 
 def test_a_machine_file_that_lacks_its_first_key_is_still_checked_as_one(tmp_path):
@@ -140,10 +115,10 @@ def test_all_faults_are_shown_in_lines_that_are_not_wrapped(bad):
 
 
 def test_json_one_object_per_file_in_order(bad):
-    result = run("validate", "--json", SIX, bad, "/none/there", LARGE, "-", text=BAD)
+    result = run("validate", "--json", SIX, bad, "/none/there", LARGE, SESSION, "-", text=BAD)
     assert result.exit_code == 3
     lines = [json.loads(line) for line in result.stdout.splitlines()]
-    good, wrong, missing, machine, stdin = lines
+    good, wrong, missing, machine, session, stdin = lines
     assert good["valid"] is True
     assert good["problems"] == []
     assert good["input"]["path"] == SIX
@@ -158,5 +133,7 @@ def test_json_one_object_per_file_in_order(bad):
     assert missing["input"]["path"] == "/none/there"
     assert "no such file" in missing["error"]
     assert machine["input"]["kind"] == "machine"
+    assert machine["machine"] == "Orthoglide large"
+    assert (session["input"]["kind"], session["input"]["readings"]) == ("session", 60)
     assert stdin["input"]["path"] == "-"
     assert stdin["problems"] == wrong["problems"]

@@ -191,6 +191,8 @@ def test_an_unknown_kind_is_the_only_fault():
         (fault,) = problems(read, changed(PRINTER, ("kind: linear_delta", f"kind: {kind}")))
         assert places([fault]) == [(4, "kind", kind)]
         assert wanted in fault.remedy
+    missing, _ = problems(read, changed(PRINTER, ("kind: linear_delta", "kinds: linear_delta")))
+    assert missing.remedy == "Add a line `kind: linear_delta`."
 
 
 def test_optional_parts():

@@ -291,6 +291,7 @@ BROKEN = [
     ("delta_radius: 130.5", "delta_radius: 13O.5", "delta_radius", "not a number"),
     ("delta_radius: 130.5", "delta_radius 130.5", "delta_radius 1", "not an option"),
     ("arm_length: 250.25", "arm_length: 100", "arm_length: 100", "outside"),
+    ("arm_length: 250.25", "arm_length: 250,25", "arm_length: 250,25", "decimal comma"),
     ("position_endstop = 300.5", "#", "[stepper_a]", "missing"),
     ("rotation_distance: 40\n", "", "[stepper_a]", "missing"),
     ("microsteps: 16", "microsteps: 0", "microsteps: 0", "whole number"),
@@ -342,6 +343,9 @@ def test_what_an_included_file_holds_is_asked_for():
     assert "included" in problems(read, text)[0].remedy
     text = text.replace("[include macros.cfg]\n", "")
     assert "included" not in problems(read, text)[0].remedy
+    # Or it was cut off.
+    (fault, *_) = problems(read, printer_cfg(V400, OFF).partition("#*#")[0])
+    assert "The block that SAVE_CONFIG writes is missing." in fault.remedy
 
 
 def klipper_fit(machine: Delta, text: str) -> Floats:

@@ -96,6 +96,7 @@ BAD = [
     ("x_mm,y_mm,reading_um\n1,2,3\n", (1, "reading_mm", None), "column is missing", "Multiply"),
     ("x_mm,y_mm,reading_mm\n", (None, None, None), "no reading", "under the header"),
     (H + "1,2,\n", (3, "reading_mm", None), "missing", "remove the row"),
+    (H[:-4] + "\n1,2,\n", (2, "reading_mm", None), "No reading was filled in", ""),
     (H + "190,2,0.2\n", (3, "x_mm", "190"), "190 mm from the middle", "bed_radius_mm (150)"),
     (H + "1500,2,0.2\n", (3, "x_mm", "1500"), "larger than the bed is wide", "in mm"),
     (H + "1,2,9999\n", (3, "reading_mm", "9999"), "larger than an arm is long", "in mm"),

@@ -316,16 +316,6 @@ def parted(folder, rows=PARTED):
     return readings(folder, "\n".join([WITH_PARTS, *rows, ""]))
 
 
-def test_the_columns_of_parts_are_read(tmp_path):
-    read = parted(tmp_path)
-    plan = read.plan
-    assert plan.part.tolist() == [0, 0, 0, 1, 1]
-    assert read.cycle.tolist() == [1] * 5  # counted anew in each part
-    assert plan.turned.tolist() == [False, False, False, True, True]
-    assert plan.entered.tolist() == [[0, 0, 0]] * 2 + [[0.5, 0, -0.25], [0, 0, 0], [0.5, 0, -0.25]]
-    assert plan.setup.tolist() == [0, 0, 0, 1, 1]
-
-
 def test_decimal_commas_are_read_in_what_was_entered(tmp_path):
     text = "leg;posture;direction;reading_mm;entered\nx;iso;y;0,1;0,5 0 -0,25\n"
     assert readings(tmp_path, text).plan.entered.tolist() == [[0.5, 0.0, -0.25]]

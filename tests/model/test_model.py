@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import fit_offsets, solve
 from orthoglide_cal.estimation.accuracy import half_width
 from orthoglide_cal.inference import diagnose
@@ -17,7 +18,7 @@ from orthoglide_cal.model.cause import Effect, Place
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import simulate, synthetic_session
-from orthoglide_cal.model.orthoglide import double_posture
+from orthoglide_cal.model.orthoglide import Orthoglide, double_posture
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.workspace import compensation, workspace_error
 from tests.machines import NOMINAL, PROTOTYPE, extended
@@ -62,6 +63,14 @@ def test_the_size_of_a_cause_is_the_machine_file_s_else_its_kind_s() -> None:
     assert CAUSES["backlash"].prior_std(PROTOTYPE) == pytest.approx([0.02] * 3 + [0.006] * 3)
     assert CAUSES["axis_squareness"].prior_std(PROTOTYPE) == pytest.approx([1e-3] * 3)
     assert CAUSES["sign_flip"].prior_std(PROTOTYPE).shape == (0,)
+
+
+def test_a_changed_machine_has_the_fields_of_its_kind() -> None:
+    assert PROTOTYPE.changed(leg_length_mm=300.0).nominal_rails.lengths.tolist() == [300.0] * 3
+    with pytest.raises(TypeError, match="arm_length_mm"):
+        PROTOTYPE.changed(arm_length_mm=300.0)
+    with pytest.raises(UsageError, match="linear_delta"):
+        Orthoglide.require(PRINTER)
 
 
 # --- effects ----------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.cli.plan import write_program
-from orthoglide_cal.errors import InputError, InvalidFileError, UsageError
+from orthoglide_cal.errors import InvalidFileError
 from orthoglide_cal.planning.program import posture_program
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order
 from tests.cli.program import run
@@ -164,19 +164,6 @@ def test_a_code_that_is_taken_back_or_only_looks_wrong_is_no_fault(tmp_path: Pat
     assert "N10 G1" in gcode(tmp_path, template=template)
 
 
-def test_files_that_cannot_be_written_are_said(tmp_path: Path) -> None:
-    program = posture_program(NOMINAL, steps_of(NOMINAL), SESSION)
-    there = tmp_path / "there.nc"
-    there.write_text("mine", encoding="utf-8")
-    with pytest.raises(UsageError, match="exists and is not overwritten"):
-        write_program(program, there)
-    assert there.read_text(encoding="utf-8") == "mine"
-    with pytest.raises(UsageError, match="--template is for G-code"):
-        write_program(program, tmp_path / "made.csv", there)
-    with pytest.raises(InputError, match="no such file"):
-        write_program(program, tmp_path / "made.nc", tmp_path / "missing.nc")
-
-
 def test_the_command_writes_the_program_of_measure(tmp_path: Path) -> None:
     """The blocks and steps are those of a session with the same options."""
     target = tmp_path / "made.nc"
@@ -196,12 +183,16 @@ def test_the_command_writes_the_program_of_measure(tmp_path: Path) -> None:
     assert run("plan", *common, *moves, "--program", str(table)).exit_code == 0
     shown = run("plan", *common, *moves, "--program", "-")
     assert shown.stdout == table.read_text(encoding="utf-8")
+    shown = run("plan", *common, *moves, "--program", str(table))
+    assert (shown.exit_code, "exists and is not overwritten" in shown.stderr) == (2, True)
 
 
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
         (("--program", "made.txt"), 2, "does not say what to write"),
+        (("--program", "made.csv", "--template", "mine.nc"), 2, "--template is for G-code"),
+        (("--program", "made.nc", "--template", "mine.nc"), 3, "no such file"),
         (("--template", "mine.nc"), 2, "--program FILE"),
         (("--travel", "-105", "65"), 2, "--program FILE"),
         (("--program", "-", "--json"), 2, "Leave out --json"),

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines
-from orthoglide_cal.files.input import check_file
 from orthoglide_cal.files.machine_file import machine_text, read_machine_file
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
@@ -19,13 +18,12 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.documents.plan import plan_document
-from orthoglide_cal.report.documents.short import check_document
 from orthoglide_cal.report.documents.solution import budget_sections, solution_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import identify
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.words import two_figures
-from tests.machines import NOMINAL, ROOT, SAMPLES
+from tests.machines import NOMINAL, ROOT
 from tests.report.cases import documents, report_of
 from tests.results import cases
 from tests.results.cases import GAPED, case_of
@@ -174,16 +172,6 @@ def test_values_for_programs_are_plain_json(kind: str) -> None:
     data = documents()[kind]().data()
     shown = json.dumps(data, allow_nan=False)
     assert json.loads(shown)["schema_version"] in (1, 2)
-
-
-def test_each_fault_is_named_with_its_place_and_remedy() -> None:
-    sound = check_document(*check_file(str(SAMPLES / "experiment2.csv"))[:1])
-    faulty = documents()["faulty"]()
-    assert (sound.data()["valid"], faulty.data()["valid"]) == (True, False)
-    none, lines = (each.page().sections[0].blocks[0].lines for each in (sound, faulty))
-    assert (len(none), len(lines)) == (1, 1 + 2 + 1 + len(cases.HOSTILE))
-    assert "line 2, column leg" in lines[1]
-    assert [problem["line"] for problem in faulty.data()["problems"]] == [2, None]
 
 
 # --- a plan's page -----------------------------------------------------------------------------

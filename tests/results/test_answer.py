@@ -16,7 +16,6 @@ from pydantic import ValidationError
 from scipy.stats import t as student
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import OffsetEstimate, promise, solve
 from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
@@ -27,7 +26,6 @@ from orthoglide_cal.model.orthoglide import single_posture
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.results import Answer, Parameter, answer_to, identify, making
 from orthoglide_cal.results.making import release
 from tests.machines import NOMINAL, PROTOTYPE, sure
@@ -368,16 +366,6 @@ def test_every_reading_stands_beside_what_is_modelled() -> None:
     # 60 readings, less 3 offsets and 6 zeros: what the gauge's noise leaves of itself.
     noise = np.sqrt(51.0 / 60.0) * FINE.machine.gauge.noise_mm
     assert named.rms.after_mm == pytest.approx(noise, rel=0.3)
-
-
-def test_no_result_has_nothing_to_show() -> None:
-    case = cases.failed()
-    answer = case.answer
-    assert (answer.parameters, answer.release.usable) == ((), False)
-    for name in ("method", "verdict", "as_found", "expected", "workspace", "check"):
-        assert getattr(answer, name) is None
-    with pytest.raises(UnusableResultError, match="do not determine"):
-        solution_document(case).page()
 
 
 def test_a_number_says_what_a_report_shows_and_not_when():

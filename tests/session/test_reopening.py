@@ -11,8 +11,7 @@ from orthoglide_cal.session.dialogue import Dialogue
 from orthoglide_cal.session.events import Retake
 
 from .going_on import events_of
-from .terminal import Terminal, run_program
-from .virtual import SINGLE, a_dialogue, answered, opened, readings_of, steps_of, typed, values
+from .virtual import a_dialogue, answered, opened, readings_of, steps_of, typed, values
 
 RIGHT, SHORT = (typed(readings_of(steps_of(cycles=cycles))) for cycles in (3, 1))
 ENDED = "the session was ended"
@@ -64,21 +63,6 @@ def test_a_session_file_that_somebody_changed_is_not_replaced(ended: Path) -> No
     with pytest.raises(UsageError, match="not overwritten"):
         reopened(ended, SHORT[18:])
     assert file.read_bytes() == before
-
-
-def test_resume_offers_what_is_missing(tmp_path: Path) -> None:
-    right = typed(readings_of(steps_of(SINGLE, 1)))
-    options = ("s.yaml", "--protocol", "single", "--cycles", "1")
-    stdin = "\n".join([*right[:-1], "s cable in the way", ""])
-    assert run_program(tmp_path, *options, stdin=stdin).returncode in (0, 4)
-    with Terminal(tmp_path, "s.yaml", "--resume", agreed=False) as terminal:
-        terminal.expect("1 reading is left out")
-        terminal.expect("y/n > ")
-        terminal.type("y")
-        assert terminal.step() == len(right)
-        terminal.type(right[-1])
-        assert terminal.finish() in (0, 4)
-        assert f"{len(right)} readings" in terminal.seen
 
 
 def test_skipped_steps_of_another_set_up_bring_its_readings_with_them(tmp_path: Path) -> None:

@@ -137,21 +137,6 @@ def test_what_happened_to_a_gauge_ends_with_its_part(cause: str) -> None:
         assert (going_on[60:] - usual) == pytest.approx(knocked * effect.parameters[0], abs=1e-9)
 
 
-def test_carriages_come_from_where_they_were() -> None:
-    first = drawn("backlash")
-    # From the last posture (leg z at iso) to leg x at min, then back by an offset at iso.
-    rows = [(0, PROTOTYPE.lower, 0.0), (0, 0.0, 0.0), (0, 0.0, 0.5)]
-    leg, displacement, step = (np.array(column) for column in zip(*rows, strict=True))
-    none = np.zeros(3, dtype=int)
-    both = continue_session(
-        first, 1, leg=leg, direction=none + 1, displacement=displacement, gauge_at=none + 0.5,
-        order=np.arange(3), hours=2.0 + np.arange(3) / 60.0, part=none, turned=none,
-        entered=np.outer(step, [1.0, 0.0, 0.0]),
-    )  # fmt: skip
-    assert both.plan.approach[:60].tolist() == first.plan.approach.tolist()
-    assert both.plan.approach[60:].tolist() == [[-1, -1, -1], [1, 1, 1], [-1, 1, 1]]
-
-
 def test_a_set_up_may_lack_the_isotropic_posture() -> None:
     first = drawn("axis_squareness", "encoder_scale")
     whole = again(first, gauge_at=0.25)
