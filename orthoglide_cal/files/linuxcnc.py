@@ -131,7 +131,7 @@ def is_live(ini: ControllerFile, *, anew: bool = False) -> bool:
 
     With `anew` they are set before; they are in force at the next homing.
     """
-    if str(running_ini() or ini.target) != ini.target:
+    if str(running_ini()) != ini.target:  # nor one whose INI nobody can tell
         return False
     held = ini.settings.values()
     pins = [_JOINT.sub(r"ini.\1.home_offset", value.key) for value in held]

@@ -27,7 +27,8 @@ HOME = 0.0
 HOME_OFFSET = 0.500
 HOME_OFFSET_EXTRA = 7
 [JOINT_1]
-HOME_OFFSET=-12.25   # the switch; 0.500 behind it
+HOME_OFFSET=-12.25
+# the switch; 0.500 behind it
 [JOINT_2]
   HOME_OFFSET = 0
 [SPINDLE_0]
@@ -96,7 +97,7 @@ def test_three_values_change_and_come_back(
     assert path.stat().st_mode & 0o777 == 0o640
     lines = zip(data.split(b"\n"), path.read_bytes().split(b"\n"), strict=True)
     differing = [number for number, (old, new) in enumerate(lines, start=1) if old != new]
-    assert differing == [11, 14, 16] == [each.line for each in written.values]
+    assert differing == [11, 14, 17] == [each.line for each in written.values]
     for each, old, name in zip(written.values, (0.5, -12.25, 0.0), "xyz", strict=True):
         rounding = 0.5e-3 if factor == 1.0 else 0.5e-5
         assert float(each.after) == pytest.approx(old + CHANGES[name] / factor, abs=rounding)
@@ -114,6 +115,9 @@ def test_three_values_change_and_come_back(
         ("HOME_OFFSET = 0.500", "HOME = 1", "missing"),
         ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0,5", "not a number"),
         ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 mm", "not a number"),
+        # LinuxCNC 2.9 does not start with either.
+        ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 # mm", "not a number"),
+        ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5\nMAX_LIMIT = 9 ; mm", "not a number"),
         ("LINEAR_UNITS = mm", "LINEAR_UNITS = furlong", "unknown"),
         ("LINEAR_UNITS = mm", "", "LINEAR_UNITS: The value is missing"),
         ("LINEAR_UNITS = mm", "LINEAR_UNITS = mm\nLINEAR_UNITS = inch", "twice"),
@@ -134,11 +138,12 @@ def test_what_is_not_clear_is_refused_with_its_place(
 @pytest.mark.parametrize(
     ("kinematics", "lines"),
     [
-        ("KINEMATICS = trivkins coordinates=ZYX", (16, 14, 11)),
-        ("KINEMATICS = trivkins coordinates=yxzA kinstype=BOTH", (14, 11, 16)),
-        ("KINEMATICS = trivkins", (11, 14, 16)),
-        ("KINEMATICS = orthoglidekins", (11, 14, 16)),
-        ("# KINEMATICS = trivkins coordinates=ZYX", (11, 14, 16)),
+        ("KINEMATICS = trivkins coordinates=ZYX", (17, 14, 11)),
+        ('KINEMATICS = trivkins coordinates="zyx"', (17, 14, 11)),
+        ("KINEMATICS = trivkins coordinates=yxzA kinstype=BOTH", (14, 11, 17)),
+        ("KINEMATICS = trivkins", (11, 14, 17)),
+        ("KINEMATICS = orthoglidekins", (11, 14, 17)),
+        ("# KINEMATICS = trivkins coordinates=ZYX", (11, 14, 17)),
     ],
 )
 def test_axes_are_written_to_their_joints(
@@ -160,7 +165,7 @@ def test_axes_without_a_joint_of_their_own_are_refused(
 ) -> None:
     path = tmp_path / "mill.ini"
     path.write_text(f"{INI}[KINS]\nKINEMATICS = {kinematics}\n", "utf-8")
-    with pytest.raises(InputError, match=rf"line 20.*{problem}"):
+    with pytest.raises(InputError, match=rf"line 21.*{problem}"):
         controller_file(str(path))
 
 
@@ -271,9 +276,17 @@ def test_a_read_only_file_is_left_alone(tmp_path: Path) -> None:
     assert [each.name for each in tmp_path.iterdir()] == ["mill.ini"]
 
 
-@pytest.mark.parametrize(("offset", "same"), [("310.25041", True), ("310.2514", False)])
-def test_a_running_linuxcnc_tells_seven_digits(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, offset: str, same: bool
+@pytest.mark.parametrize(
+    ("offset", "by", "same"),
+    [
+        ("310.25041", "mill.ini", True),
+        ("310.2514", "mill.ini", False),
+        ("310.25041", "other.ini", False),
+        ("310.25041", None, False),  # its pins answer, but nobody can tell its INI
+    ],
+)
+def test_a_running_linuxcnc_of_this_ini_tells_seven_digits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, offset: str, by: str | None, same: bool
 ) -> None:
     program = tmp_path / "halcmd"
     program.write_text("#!/bin/sh\nprintf '310.2504\\n-12.25\\n0\\n'\n", encoding="utf-8")
@@ -281,6 +294,8 @@ def test_a_running_linuxcnc_tells_seven_digits(
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
     path = tmp_path / "mill.ini"
     path.write_text(INI.replace("0.500\n", f"{offset}\n"), encoding="utf-8")
+    runs = by and tmp_path / by
+    monkeypatch.setattr("orthoglide_cal.files.linuxcnc.running_ini", lambda: runs)
     assert is_live(controller_file(str(path))) is same
 
 
