@@ -263,7 +263,7 @@ def _check_recordable(given: Input, file: StoredMachine) -> None:
         raise UsageError(
             f"This measurement was applied already, on {earlier.date}.",
             "Measure again; or take it back, if it was not entered: "
-            + command("apply", source.path, options="--undo"),
+            + command("apply", source.path, machine=Path(path), options="--undo"),
         )
     active = given.model.machine.corrected
     if (before, active) != (machine.active, machine.corrected) and not _newer(
@@ -309,7 +309,7 @@ def take_back(
     if written is None and controller is not None:
         raise UsageError(f"{path} records that nothing was written.", "Leave out --to.")
     if written and (controller is None or controller.target != written.target):
-        again = command("apply", options=f"--undo --to {written.target}")
+        again = command("apply", machine=Path(path), options=f"--undo --to {written.target}")
         problem = f"The last entry of {path} was written to {written.target}."
         raise UsageError(problem, f"Restore that, too: {again}")
     if written and controller and controller.sha256 == written.sha256_before:

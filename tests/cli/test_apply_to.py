@@ -47,15 +47,17 @@ def to_enter() -> list[float]:
 def test_what_is_found_is_added_and_recorded_and_comes_back() -> None:
     machine = Path("machine.yaml").read_text(encoding="utf-8")
     found = to_enter()
-    said = done("apply", "before.csv", "--to", "mill.ini", "--yes")
-    assert "first time" in " ".join(said.split())
+    by = "--machine", "machine.yaml"
+    said = " ".join(done("apply", "before.csv", "--to", "mill.ini", "--yes", *by).split())
+    assert "first time" in said
+    assert all(f"{typed} --machine machine.yaml" in said for typed in ("measure", "csv AFTER"))
     expected = [a + b for a, b in zip((0.5, -12.25, 0.0), found, strict=True)]
     assert offsets() == pytest.approx(expected, abs=1e-9)
     (entry,) = history()
     assert entry["written"]["target"] == str(Path("mill.ini").resolve())
     assert [float(each["after"]) for each in entry["written"]["values"]] == offsets()
     assert "--to" in refused(2, "apply", "--undo", "--yes")
-    done("apply", "--undo", "--to", "mill.ini", "--yes")
+    assert "Restart LinuxCNC" in done("apply", "--undo", "--to", "mill.ini", "--yes")
     assert Path("mill.ini").read_text(encoding="utf-8") == INI
     assert not history()
     assert machine.splitlines()[0] in Path("machine.yaml").read_text(encoding="utf-8")
