@@ -44,7 +44,7 @@ def adjust(
     diagnosis = diagnose(given.measured, given.model)
     if cause == HOME_SWITCH.id:
         if not known.adds_to_joints:
-            fault = "The firmware holds the endstops of this machine as numbers: no switch is moved."
+            fault = "Its firmware holds the endstops as numbers: no switch is moved."
             raise UsageError(fault, f"See them: {command('solve', session, machine=machine)}")
         released(given, machine, diagnosed=diagnosis)
     id, adjustments = choose_adjustments(diagnosis, cause, machine)
