@@ -365,7 +365,13 @@ def headline(case: Case) -> str:
             return f"{left}: {' and '.join(ids)}, {percent(share, 1)}"
         if len(ids) > 1:
             return f"Causes found: {' and '.join(ids)} ({percent(share, 1)})"
-        return f"Cause found: {titles[0]} ({ids[0]}, {percent(share, 1)})"
+        # What looks the same to these readings, such as a stand that was knocked before the last.
+        named = [(ids[0], share)]
+        for other in answer.explanations:
+            if len(other.ids) == 1 and other.ids[0] in answer.causes[0].aliases:
+                named += [(other.ids[0], other.probability)] * (2.0 * other.probability > share)
+        shares = ", or ".join(f"{id}, {percent(probability, 1)}" for id, probability in named)
+        return f"Cause found: {titles[0]} ({shares})"
     if answer.verdict is Verdict.AMBIGUOUS:
         return f"Undecided: {_shares(answer)}"
     if answer.refuted is not None:
