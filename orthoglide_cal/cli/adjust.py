@@ -39,7 +39,7 @@ def adjust(
     given = common.read_input(session, machine)
     known = given.model.machine
     if given.keeper and given.keeper.model.machine.entered_from(given.measured.source.sha256):
-        fault = f"The offsets of {session} were entered: that is not the machine any more."
+        fault = f"The offsets of {session} were entered: its readings are out of date."
         raise UnusableResultError(fault, "Measure again, then adjust by the new session.")
     diagnosis = diagnose(given.measured, given.model)
     if cause == HOME_SWITCH.id:

@@ -69,7 +69,7 @@ class JointTable:
                     raise ValueError
             except ValueError:
                 problem = (
-                    "LinuxCNC ignores this line, or all from here on: not 3 numbers, ascending."
+                    "LinuxCNC ignores this line, or the rest: not 3 numbers, or not ascending."
                 )
                 remedy = "Correct the table, or remove COMP_FILE from the INI."
                 raise InputError(problem, remedy, file=str(path), line=number, value=text) from None

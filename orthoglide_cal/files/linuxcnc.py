@@ -105,14 +105,14 @@ class Standing:
 def running(ini: ControllerFile) -> str | None:
     """None if no LinuxCNC runs on this computer; "" if one has this INI and the offsets it holds.
 
-    Else why that one is not told, in a sentence.
+    Else why nothing is set there, in a sentence.
     """
     if is_live(ini):
         return ""
     if (path := running_ini()) is None:
         return None
-    otherwise = "with other home offsets than its INI" if str(path) == ini.target else f"by {path}"
-    return f"A LinuxCNC runs on this computer {otherwise}: it is not told, nor changed."
+    other = "home offsets than its INI" if str(path) == ini.target else f"settings, {path}"
+    return f"A LinuxCNC runs on this computer with other {other}: nothing is set there."
 
 
 def running_ini() -> Path | None:

@@ -370,8 +370,7 @@ _SENTENCES: Mapping[str, str | Callable[[Machine, Data], str]] = {
     "shown_in_all": "{id} shows in all sessions: one size is found from all of them.",
     "shown_in": lambda _, data: f"{data['id']} shows in {listed(data['paths'])}.",
     "one_more_session": "Measure once more: one further session decides between them.",
-    "home_repeatedly": "Home three times and measure one cycle after each: that decides between"
-    " them.",
+    "home_repeatedly": "Home three times and measure once after each: that decides between them.",
     "changed": "Look for a collision, a loose carriage or an exchanged part.",
     "drifting": "Look for wear or warming up; calibrate again before the drift matters.",
     "scattering": "Check home switches and couplings: calibration cannot be better than homing.",

@@ -52,7 +52,7 @@ Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
 Every reading is on the disk before the next prompt."""
 
 BEGUN = """\
-The gauge stands where it stood, and the machine, too, while anything is loose.
+Leave the gauge and the machine where they stand while anything is loose.
 If one of them was moved: q, and measure again."""
 
 HOMED = """
@@ -232,7 +232,7 @@ class AdjustingDialogue(Dialogue):
         asked = "Are the drives off, and is every axis secured so that none can fall? y/n > "
         if drives_off and not self._safe:
             while not self._agrees(asked):
-                asker.say("Nothing is loosened before that. q saves and quits.", Style.BAD)
+                asker.say("Loosen nothing until then. q saves and quits.", Style.BAD)
             text = "drives off, no axis can fall: confirmed"
             self.write(events.Noted(at=self.now(), step=step.number, text=text))
         self._safe = drives_off
@@ -300,7 +300,7 @@ def open_adjustments(
     target = session.with_suffix(f".{cause}{ADJUSTMENT}")
     if target.exists() and not resume:
         raise UsageError(
-            f"{session} was adjusted already, or that was begun: {target.name} is there.",
+            f"{session} was adjusted already, or this was begun: {target.name} exists.",
             "Measure again before you adjust again, or continue with --resume.",
         )
     if gauge := serial_gauge(source):
@@ -359,7 +359,7 @@ def _begun(source: Source) -> Iterator[tuple[Path, State, events.Following]]:
 def check_not_adjusted(source: Source, machine_file: Path | None) -> None:
     """Raise UnusableResultError if a screw was turned since, or may be loose."""
     for journal, state, following in _begun(source):
-        problem = f"It was adjusted since ({journal.name}): that is not the machine any more."
+        problem = f"It was adjusted since then ({journal.name}): these readings are out of date."
         remedy = "Measure again, and apply the new session."
         if state.ended is None:
             problem = f"An adjustment was begun ({journal.name}): something may be loose."

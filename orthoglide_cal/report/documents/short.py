@@ -193,7 +193,7 @@ def _corrections(application: Application) -> doc.Grid:
     why = {
         "": "corrected",
         "no_place": "the controller has no place for it",
-        "no_origin": "its limits do not tell 0 from the isotropic posture",
+        "no_origin": "MIN_LIMIT and MAX_LIMIT do not show where the isotropic posture is",
         "below_u": "not corrected: within U",
     }
     rows = []
