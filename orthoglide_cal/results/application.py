@@ -124,17 +124,21 @@ def apply(
     written, data, decimals = None, b"", answer.decimals
     amounts = {p.name: p.change(decimals) for p in answer.parameters}
     if controller is not None:
-        expected = {value.key: value.after for value in known.values} if known else {}
+        # A file that was moved or copied holds what was written; that of another machine does not.
+        stood = known or (_last_written(file) if adds else None)
+        expected = {value.key: value.after for value in stood.values} if stood else {}
         if not adds:
             stands = controller.settings
             expected |= {stands[p.name].key: f"{p.active:.9g}" for p in answer.parameters}
-        elif not known:
+        elif not stood:
             controller = replace(controller, remarks=(Reason.of("first_written"),))
         if differing := controller.differing(expected):
-            raise UsageError(
-                f"{controller.target}: {differing} Somebody changed it since.",
-                "Restore it, or measure again with the present values.",
-            )
+            since, remedy = "Somebody changed it since.", "Restore it, or"
+            if stood and not known:
+                since, remedy = f"The last entry was written to {stood.target}.", "Name that, or"
+            by_hand = "enter the offsets by hand, and record them without --to."
+            by_hand = by_hand if adds else "measure again with the present values."
+            raise UsageError(f"{controller.target}: {differing} {since}", f"{remedy} {by_hand}")
         tables = _tables(made, controller, machine) if adds else {}
         written, data = controller.changed(amounts if adds else values(made), decimals, tables)
     after = None

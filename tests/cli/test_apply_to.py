@@ -73,12 +73,19 @@ def test_what_somebody_changed_since_is_not_written_over() -> None:
     done("apply", "before.csv", "--to", "mill.ini", "--yes")
     after = truth.second_session(FIRST, 7)
     truth.write_readings(after, Path("after.csv"))
-    text = Path("mill.ini").read_text(encoding="utf-8").replace("-12", "-13").replace("-11", "-13")
+    written = Path("mill.ini").read_bytes()
+    text = written.decode().replace("-12", "-13").replace("-11", "-13")
     Path("mill.ini").write_text(text, encoding="utf-8")
     assert "Somebody changed it" in refused(2, "apply", "after.csv", "--to", "mill.ini", "--yes")
     assert "changed since" in refused(2, "apply", "--undo", "--to", "mill.ini", "--yes")
     assert Path("mill.ini").read_text(encoding="utf-8") == text
+    # Nor is the INI of another machine; one that was moved holds what was written.
+    Path("other.ini").write_text(INI, encoding="utf-8")
+    assert "written to" in refused(2, "apply", "after.csv", "--to", "other.ini", "--yes")
+    assert Path("other.ini").read_text(encoding="utf-8") == INI
     assert len(history()) == 1
+    Path("other.ini").write_bytes(written)
+    assert "first time" not in done("apply", "after.csv", "--to", "other.ini", "--yes")
 
 
 @pytest.mark.parametrize(
