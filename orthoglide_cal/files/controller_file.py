@@ -60,10 +60,7 @@ _HEADER = """
 #*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
 #*#
 """
-_ADD = (
-    "Write {1} = {2} once in [{0}], without a comment behind it; values in included files are not"
-    " read."
-)
+_ADD = "Write {1} = {2} once in [{0}], no comment behind it; included files are not read."
 _SAVE = (
     "Run DELTA_CALIBRATE and SAVE_CONFIG once: Klipper then keeps it in its block. If it is in"
     " both places, delete the upper line."

@@ -133,12 +133,13 @@ def apply(
         elif not stood:
             controller = replace(controller, remarks=(Reason.of("first_written"),))
         if differing := controller.differing(expected):
-            since, remedy = "Somebody changed it since.", "Restore it, or"
+            since = "Somebody changed it since."
             if stood and not known:
-                since, remedy = f"The last entry was written to {stood.target}.", "Name that, or"
-            by_hand = "enter the offsets by hand, and record them without --to."
-            by_hand = by_hand if adds else "measure again with the present values."
-            raise UsageError(f"{controller.target}: {differing} {since}", f"{remedy} {by_hand}")
+                since = f"The last entry was written to another file: {stood.target}"
+            instead = "enter the offsets by hand, and record them without --to."
+            instead = instead if adds else "measure again with the present values."
+            fault = f"{controller.target}: {differing} {since}"
+            raise UsageError(fault, f"Restore it, or {instead}")
         tables = _tables(made, controller, machine) if adds else {}
         written, data = controller.changed(amounts if adds else values(made), decimals, tables)
     after = None

@@ -1,5 +1,6 @@
 """The document of `orthocal adjust`: what was adjusted, whether the check agrees, what is next."""
 
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
@@ -15,11 +16,16 @@ def adjustment_document(
     answer: AdjustmentAnswer, given: Input, machine_file: Path | None
 ) -> doc.Document:
     """The document; `given` is what was adjusted, by the machine file as the user gave it."""
-    page = partial(_page, answer, given, machine_file)
-    return doc.Document(partial(answer.model_dump, mode="json"), page)
+    again = measure_again(given.conditions, machine_file)
+    compare = command("verify", answer.input.path, "AFTER", machine=machine_file)
+    steps = (
+        doc.Instruction("Measure again in the same way.", again),
+        doc.Instruction("Compare the two.", compare),
+    )
+    return doc.Document(partial(answer.model_dump, mode="json"), partial(_page, answer, steps))
 
 
-def _page(answer: AdjustmentAnswer, given: Input, machine_file: Path | None) -> doc.Page:
+def _page(answer: AdjustmentAnswer, steps: Iterable[doc.Instruction]) -> doc.Page:
     head = ("parameter", "", "target", "reached", "check: expected", "measured")
     rows = []
     for one in answer.adjustments:
@@ -37,13 +43,6 @@ def _page(answer: AdjustmentAnswer, given: Input, machine_file: Path | None) -> 
     if answer.failed:
         failure = "A check failed: something did not move as intended"
         notice = doc.Notice(doc.Tone.BAD, failure)
-    typed = command("verify", answer.input.path, "AFTER", machine=machine_file)
-    steps = (
-        doc.Instruction(
-            "Measure again in the same way.", measure_again(given.conditions, machine_file)
-        ),
-        doc.Instruction("Compare the two.", typed),
-    )
     section = doc.Section(None, doc.Grid(head, rows, words=(0, 1), caption=caption))
     sections = [section, doc.next_steps(steps)]
     return doc.Page("Adjustment", answer.machine.name, notice=notice, sections=sections)

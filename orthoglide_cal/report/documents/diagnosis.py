@@ -366,12 +366,10 @@ def headline(case: Case) -> str:
         if len(ids) > 1:
             return f"Causes found: {' and '.join(ids)} ({percent(share, 1)})"
         # What looks the same to these readings, such as a stand that was knocked before the last.
-        named = [(ids[0], share)]
-        for other in answer.explanations:
-            if len(other.ids) == 1 and other.ids[0] in answer.causes[0].aliases:
-                named += [(other.ids[0], other.probability)] * (2.0 * other.probability > share)
-        shares = ", or ".join(f"{id}, {percent(probability, 1)}" for id, probability in named)
-        return f"Cause found: {titles[0]} ({shares})"
+        alike = [(one.ids[0], one.probability) for one in answer.explanations if len(one.ids) == 1]
+        alike = [(id, p) for id, p in alike if id in answer.causes[0].aliases and 2.0 * p > share]
+        named = ", or ".join(f"{id}, {percent(p, 1)}" for id, p in ((ids[0], share), *alike))
+        return f"Cause found: {titles[0]} ({named})"
     if answer.verdict is Verdict.AMBIGUOUS:
         return f"Undecided: {_shares(answer)}"
     if answer.refuted is not None:
