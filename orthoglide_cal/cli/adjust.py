@@ -8,7 +8,7 @@ from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
 from orthoglide_cal.cli.export import released
 from orthoglide_cal.cli.measure import saved_when_interrupted, session_display
-from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.errors import UnusableResultError, UsageError, command
 
 
 def adjust(
@@ -27,7 +27,6 @@ def adjust(
     from orthoglide_cal.causes import HOME_SWITCH
     from orthoglide_cal.inference import diagnose
     from orthoglide_cal.planning.adjustment import choose_adjustments
-    from orthoglide_cal.report.case import measure_again
     from orthoglide_cal.report.documents.adjustment import adjustment_document
     from orthoglide_cal.results.answer import InputFile, MachineName
     from orthoglide_cal.results.validity import validity
@@ -40,12 +39,15 @@ def adjust(
     given = common.read_input(session, machine)
     known = given.model.machine
     if given.keeper and given.keeper.model.machine.entered_from(given.measured.source.sha256):
-        fault = f"The offsets of {session} were entered: that is not the machine any more."
+        fault = f"The offsets of {session} were entered: its readings are out of date."
         raise UnusableResultError(fault, "Measure again, then adjust by the new session.")
     diagnosis = diagnose(given.measured, given.model)
     if cause == HOME_SWITCH.id:
+        if not known.adds_to_joints:
+            fault = "Its firmware holds the endstops as numbers: no switch is moved."
+            raise UsageError(fault, f"See them: {command('solve', session, machine=machine)}")
         released(given, machine, diagnosed=diagnosis)
-    id, adjustments = choose_adjustments(diagnosis, cause)
+    id, adjustments = choose_adjustments(diagnosis, cause, machine)
     if validity(given).simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")
     show = session_display(json)
@@ -64,6 +66,6 @@ def adjust(
             cause=id,
             adjustments=dialogue.adjusted,
         )
-        common.deliver(adjustment_document(answer, measure_again(given.conditions)), as_json=json)
+        common.deliver(adjustment_document(answer, given, machine), as_json=json)
         if answer.failed:
             raise typer.Exit(UnusableResultError.exit_code)

@@ -73,7 +73,7 @@ def apply(
         controller = entry.controller
         otherwise = running(controller) if controller and controller.adds else None
         live = otherwise == "" and not entry.tables
-        document = application_document(entry, path, live)
+        document = application_document(entry, path, machine, live)
         if not entry.changes:
             if json:
                 common.deliver(document, as_json=True)
@@ -175,7 +175,7 @@ def _entered(
         raise UsageError("Its firmware keeps what it is given; nothing is recorded here.", remedy)
     given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)
-    check_not_adjusted(given.measured.source)
+    check_not_adjusted(given.measured.source, machine)
     measured_on = given.model.machine
     corrects = [id for id, cause in CAUSES.items() if to and not to.hindrance(cause, measured_on)]
     answer = (case := released(given, machine, corrects=corrects)).answer

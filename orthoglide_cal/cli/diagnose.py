@@ -6,7 +6,7 @@ from pathlib import Path
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Offsets, Text, Texts, flag, option
-from orthoglide_cal.errors import OrthocalError, UsageError
+from orthoglide_cal.errors import OrthocalError, UnusableResultError, UsageError
 
 
 def diagnose(
@@ -71,15 +71,21 @@ def diagnose(
         by = named if isinstance(named, PrinterFile) else given.model
         later = read_input(holdout, by, stored=data) if holdout else None
         with common.working(path):
-            diagnosed = inference.diagnose(
-                given.measured,
-                given.model,
-                holdout=later.measured if later else None,
-                applied=np.array(applied or (0.0, 0.0, 0.0)),
-                then=later.model if later else None,
-                sensitivity=full,
-                recalibrated=True if recalibrated else None,
-            )
+            try:
+                diagnosed = inference.diagnose(
+                    given.measured,
+                    given.model,
+                    holdout=later.measured if later else None,
+                    applied=np.array(applied or (0.0, 0.0, 0.0)),
+                    then=later.model if later else None,
+                    sensitivity=full,
+                    recalibrated=True if recalibrated else None,
+                )
+            except UnusableResultError as error:
+                if not json or later:
+                    raise
+                common.print_json(Case(given, answer_to(given, details=True), machine).data())
+                return error.exit_code
             answer = answer_to(
                 given, diagnosed=diagnosed, holdout=holdout, details=full, promised=full
             )

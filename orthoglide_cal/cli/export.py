@@ -105,7 +105,7 @@ def released(
         if force is not None and answer.parameters:
             remedies.append("To export it anyway, marked as FORCED: --force")
         raise UnusableResultError(
-            f"{'Do not use these offsets' if force is None else 'Export refused'}."
+            f"{f'Do not use these {case.words.many}' if force is None else 'Export refused'}."
             f" {' '.join(map(case.says, answer.release.reasons))}",
             "\n".join(remedies),
         )

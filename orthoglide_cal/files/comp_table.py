@@ -69,7 +69,7 @@ class JointTable:
                     raise ValueError
             except ValueError:
                 problem = (
-                    "LinuxCNC ignores this line, or all from here on: not 3 numbers, ascending."
+                    "LinuxCNC ignores this line, or the rest: not 3 numbers, or not ascending."
                 )
                 remedy = "Correct the table, or remove COMP_FILE from the INI."
                 raise InputError(problem, remedy, file=str(path), line=number, value=text) from None
@@ -123,7 +123,9 @@ class JointTable:
         digest = hashlib.sha256(text.encode()).hexdigest()
         section = self.home.key.partition("]")[0] + "]"
         name = f"{section[1:-1].lower()}-{digest[:8]}.comp"
-        wanted = {FILE: name, TYPE: "1"} | ({BACKLASH: "0"} if BACKLASH in self.options else {})
+        wanted = {FILE: name, TYPE: "1"}
+        if BACKLASH in self.options and FILE not in self.options:  # else it is ignored already
+            wanted[BACKLASH] = "0"
         new = [self.home.changed(after=plain(home, decimals))]
         for option, after in wanted.items():
             # A new line stands above the home offset, where a line surely ends.

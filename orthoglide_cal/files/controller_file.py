@@ -41,7 +41,7 @@ _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imp
 # What is read of a file → its section and option.
 _UNIT = "unit"
 _LINEAR_UNITS = ("TRAJ", "LINEAR_UNITS")
-_COORDINATES = re.compile(r"\bcoordinates\s*=\s*(\S+)", re.IGNORECASE)
+_COORDINATES = re.compile(r"\bcoordinates\s*=\s*[\"']?(\w+)", re.IGNORECASE)
 # An included file with a section changes what the lines behind it belong to.
 _INCLUDED = re.compile(
     r"^\s*(\[|#INCLUDE|(KINEMATICS|LINEAR_UNITS|HOME_OFFSET|HOME_\w+_VEL|(MIN|MAX)_LIMIT|BACKLASH"
@@ -60,7 +60,7 @@ _HEADER = """
 #*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
 #*#
 """
-_ADD = "Write {1} = {2} once in [{0}]; values in included files are not read."
+_ADD = "Write {1} = {2} once in [{0}], no comment behind it; included files are not read."
 _SAVE = (
     "Run DELTA_CALIBRATE and SAVE_CONFIG once: Klipper then keeps it in its block. If it is in"
     " both places, delete the upper line."
@@ -319,9 +319,10 @@ def _entries(text: str, signs: str, *, first_only: bool = False) -> Places:
             section = "" if first_only and head[1] in seen else head[1]
             seen.add(head[1])
         elif entry := _ENTRY.fullmatch(line):
-            # Behind another sign LinuxCNC reads nothing, nor in the lines that follow.
-            value = entry[3] if entry[2] in signs else entry[2] + entry[3]
-            places[section, entry[1]].append((number, value))
+            # To LinuxCNC a comment behind a value is a part of it: with such a number it does not
+            # start. Behind another sign it reads nothing, nor in the lines that follow.
+            value = line[entry.end(2) :].strip() if first_only else entry[3]
+            places[section, entry[1]].append((number, entry[2] * (entry[2] not in signs) + value))
     return places
 
 

@@ -105,14 +105,14 @@ class Standing:
 def running(ini: ControllerFile) -> str | None:
     """None if no LinuxCNC runs on this computer; "" if one has this INI and the offsets it holds.
 
-    Else why that one is not told, in a sentence.
+    Else why nothing is set there, in a sentence.
     """
     if is_live(ini):
         return ""
     if (path := running_ini()) is None:
         return None
-    otherwise = "with other home offsets than its INI" if str(path) == ini.target else f"by {path}"
-    return f"A LinuxCNC runs on this computer {otherwise}: it is not told, nor changed."
+    other = "home offsets than its INI" if str(path) == ini.target else f"settings, {path}"
+    return f"A LinuxCNC runs on this computer with other {other}: nothing is set there."
 
 
 def running_ini() -> Path | None:
@@ -131,7 +131,7 @@ def is_live(ini: ControllerFile, *, anew: bool = False) -> bool:
 
     With `anew` they are set before; they are in force at the next homing.
     """
-    if str(running_ini() or ini.target) != ini.target:
+    if str(running_ini()) != ini.target:  # nor one whose INI nobody can tell
         return False
     held = ini.settings.values()
     pins = [_JOINT.sub(r"ini.\1.home_offset", value.key) for value in held]

@@ -12,6 +12,7 @@ which the gauge's zero has no part, shows whether the part moved as it was meant
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 
@@ -71,7 +72,9 @@ class MovedAlone(Cause):
         return Geometry(points, directions, geometry.lengths)
 
 
-def choose_adjustments(diagnosis: Diagnosis, id: str | None) -> tuple[str, tuple[Adjustment, ...]]:
+def choose_adjustments(
+    diagnosis: Diagnosis, id: str | None, machine_file: Path | None = None
+) -> tuple[str, tuple[Adjustment, ...]]:
     """Choose the named cause to be corrected, the first one if none is asked for, and how.
 
     The offsets themselves, as `home_switch`, if they are asked for. Each parameter beyond its U,
@@ -98,7 +101,8 @@ def choose_adjustments(diagnosis: Diagnosis, id: str | None) -> tuple[str, tuple
         having = [other.id for other in (*CAUSES.values(), HOME_SWITCH) if other.adjustable]
         raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(having)}.")
     problem = f"{path} does not name {id or 'anything that a screw corrects'} beyond its U."
-    raise UnusableResultError(problem, f"See what it says: {command('diagnose', path)}")
+    shown = command("diagnose", path, machine=machine_file)
+    raise UnusableResultError(problem, f"See what it says: {shown}")
 
 
 def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:

@@ -250,7 +250,7 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
         from orthoglide_cal.session.adjusting import check_not_adjusted
 
         try:
-            check_not_adjusted(case.source)
+            check_not_adjusted(case.source, case.machine_file)
         except UnusableResultError as error:
             yield doc.Instruction(str(error))
             return

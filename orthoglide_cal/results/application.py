@@ -124,17 +124,22 @@ def apply(
     written, data, decimals = None, b"", answer.decimals
     amounts = {p.name: p.change(decimals) for p in answer.parameters}
     if controller is not None:
-        expected = {value.key: value.after for value in known.values} if known else {}
+        # A file that was moved or copied holds what was written; that of another machine does not.
+        stood = known or (_last_written(file) if adds else None)
+        expected = {value.key: value.after for value in stood.values} if stood else {}
         if not adds:
             stands = controller.settings
             expected |= {stands[p.name].key: f"{p.active:.9g}" for p in answer.parameters}
-        elif not known:
+        elif not stood:
             controller = replace(controller, remarks=(Reason.of("first_written"),))
         if differing := controller.differing(expected):
-            raise UsageError(
-                f"{controller.target}: {differing} Somebody changed it since.",
-                "Restore it, or measure again with the present values.",
-            )
+            since = "Somebody changed it since."
+            if stood and not known:
+                since = f"The last entry was written to another file: {stood.target}"
+            instead = "enter the offsets by hand, and record them without --to."
+            instead = instead if adds else "measure again with the present values."
+            fault = f"{controller.target}: {differing} {since}"
+            raise UsageError(fault, f"Restore it, or {instead}")
         tables = _tables(made, controller, machine) if adds else {}
         written, data = controller.changed(amounts if adds else values(made), decimals, tables)
     after = None
@@ -263,7 +268,7 @@ def _check_recordable(given: Input, file: StoredMachine) -> None:
         raise UsageError(
             f"This measurement was applied already, on {earlier.date}.",
             "Measure again; or take it back, if it was not entered: "
-            + command("apply", source.path, options="--undo"),
+            + command("apply", source.path, machine=Path(path), options="--undo"),
         )
     active = given.model.machine.corrected
     if (before, active) != (machine.active, machine.corrected) and not _newer(
@@ -309,7 +314,7 @@ def take_back(
     if written is None and controller is not None:
         raise UsageError(f"{path} records that nothing was written.", "Leave out --to.")
     if written and (controller is None or controller.target != written.target):
-        again = command("apply", options=f"--undo --to {written.target}")
+        again = command("apply", machine=Path(path), options=f"--undo --to {written.target}")
         problem = f"The last entry of {path} was written to {written.target}."
         raise UsageError(problem, f"Restore that, too: {again}")
     if written and controller and controller.sha256 == written.sha256_before:

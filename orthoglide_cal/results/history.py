@@ -337,7 +337,8 @@ def compare(
     if len(inputs) < 2:
         without = ", without simulated ones" * len(notes)
         raise UsageError(
-            f"A history needs two sessions or more{without}.", "Name files, or their folder."
+            f"A history needs two sessions or more{without}.",
+            "Name files; or the folder of sessions: of tables (CSV) it takes none.",
         )
     if limit_mm is not None and limit_mm <= 0.0:
         raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")

@@ -182,10 +182,7 @@ def answer_to(
             left_mm = diagnosis.causes[0].rms_after_mm
         elif any(pattern.accepted for pattern in diagnosis.patterns):
             left_mm = rms(measured.weight * (measured.value - diagnosis.explained_mm))
-    judged = solution.lack_of_fit_p, solution.sigma_residuals_mm, solution.stated_mm
-    if fitted is not None and diagnosis is not None and solution.dof:
-        lack = diagnosis.lack_of_fit
-        judged = lack.p_value, lack.residual_mm, lack.noise_mm
+    judged = _left_over(solution, diagnosis)
     shift = np.abs(alone.offsets_mm - chosen.offsets_mm)
     lines, total = budget_lines(budget)
     correlation = budget.covariance_mm2 / np.outer(std, std)
@@ -538,14 +535,29 @@ def release(
 def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[Reason]:
     """Cautions about offsets that are released."""
     rough = 1.0 if diagnosis is None else diagnosis.left_open[0][1].scale_factor
-    if solution.suspicious and rough > 1.0:
+    judged = judgement_of(*_left_over(solution, diagnosis))
+    suspicious = judged.code == "residuals_too_large"
+    if suspicious and rough > 1.0:
         yield Reason.of("local_shape", factor=rough)
     elif not solution.dof or (
-        solution.suspicious and (diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT)
+        suspicious and (diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT)
     ):
         # Without spare readings nothing can contradict or support the offsets. What a named
         # cause explains does not.
-        yield solution.judgement
+        yield judged
+
+
+def _left_over(
+    solution: Solution, diagnosis: Diagnosis | None
+) -> tuple[float | None, float | None, float]:
+    """Return p, and scatter and stated noise [mm], of what a solution leaves.
+
+    They are those of the diagnosis where that made the solution: one answer has one judgement.
+    """
+    if diagnosis is None or solution is not diagnosis.alone or not solution.dof:
+        return solution.lack_of_fit_p, solution.sigma_residuals_mm, solution.stated_mm
+    lack = diagnosis.lack_of_fit
+    return lack.p_value, lack.residual_mm, lack.noise_mm
 
 
 def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[Reason, Remedy]]:

@@ -41,7 +41,7 @@ from orthoglide_cal.session.opening import (
     setting_in,
 )
 from orthoglide_cal.session.readings import PriorReadings
-from orthoglide_cal.words import decimals_for
+from orthoglide_cal.words import decimals_for, with_uncertainty
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -52,7 +52,7 @@ Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
 Every reading is on the disk before the next prompt."""
 
 BEGUN = """\
-The gauge stands where it stood, and the machine, too, while anything is loose.
+Leave the gauge and the machine where they stand while anything is loose.
 If one of them was moved: q, and measure again."""
 
 HOMED = """
@@ -74,7 +74,7 @@ PHASES = tuple(Phase)
 _ASKED = {
     Phase.LOOSE: "Gauge before anything is loosened",
     Phase.HERE: "Gauge here, tightened, drives on",
-    Phase.THERE: "Gauge there",
+    Phase.THERE: "Gauge at this second posture",
 }
 
 
@@ -220,9 +220,9 @@ class AdjustingDialogue(Dialogue):
             rule, text = wording.set_up(self.setting, step.setup, begun, asker.columns)
             asker.say(f"\n{rule}", Style.TITLE)
             asker.say(
-                f"{BEGUN if begun else text}\n{plan.name} is {plan.value:+.3g} ±"
-                f" {plan.expanded:.2g} {plan.unit}: each {plan.unit} moves this gauge by"
-                f" {plan.sensitivity:+.3f} mm."
+                f"{BEGUN if begun else text}\n{plan.name} is"
+                f" {with_uncertainty(plan.value, plan.expanded)} {plan.unit}: each {plan.unit}"
+                f" moves this gauge by {plan.sensitivity:+.3f} mm."
             )
             self._safe = False
         if phase is Phase.HERE:
@@ -232,7 +232,7 @@ class AdjustingDialogue(Dialogue):
         asked = "Are the drives off, and is every axis secured so that none can fall? y/n > "
         if drives_off and not self._safe:
             while not self._agrees(asked):
-                asker.say("Nothing is loosened before that. q saves and quits.", Style.BAD)
+                asker.say("Loosen nothing until then. q saves and quits.", Style.BAD)
             text = "drives off, no axis can fall: confirmed"
             self.write(events.Noted(at=self.now(), step=step.number, text=text))
         self._safe = drives_off
@@ -261,9 +261,9 @@ class AdjustingDialogue(Dialogue):
         if key in ("r", "?"):
             self.asker.say(HELP)
         else:
-            super()._obey(key, words, step)
-            if key == "s" and self._safe:
+            if key in ("s", "q") and self._safe:
                 self.asker.say("Tighten what is loose before the drives are on.", Style.BAD)
+            super()._obey(key, words, step)
 
 
 def _lines(one: Adjusted) -> tuple[str, str]:
@@ -300,7 +300,7 @@ def open_adjustments(
     target = session.with_suffix(f".{cause}{ADJUSTMENT}")
     if target.exists() and not resume:
         raise UsageError(
-            f"{session} was adjusted already, or that was begun: {target.name} is there.",
+            f"{session} was adjusted already, or this was begun: {target.name} exists.",
             "Measure again before you adjust again, or continue with --resume.",
         )
     if gauge := serial_gauge(source):
@@ -356,14 +356,15 @@ def _begun(source: Source) -> Iterator[tuple[Path, State, events.Following]]:
             yield path, state, following
 
 
-def check_not_adjusted(source: Source) -> None:
+def check_not_adjusted(source: Source, machine_file: Path | None) -> None:
     """Raise UnusableResultError if a screw was turned since, or may be loose."""
     for journal, state, following in _begun(source):
-        problem = f"It was adjusted since ({journal.name}): that is not the machine any more."
+        problem = f"It was adjusted since then ({journal.name}): these readings are out of date."
         remedy = "Measure again, and apply the new session."
         if state.ended is None:
             problem = f"An adjustment was begun ({journal.name}): something may be loose."
-            finish = command("adjust", source.path, options=f"--cause {following.what} --resume")
+            options = f"--cause {following.what} --resume"
+            finish = command("adjust", source.path, machine=machine_file, options=options)
             remedy = "Delete that file, if nothing was loosened. Or finish it, then measure again:"
             remedy += f" {finish}"
         raise UnusableResultError(problem, remedy)

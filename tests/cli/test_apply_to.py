@@ -47,15 +47,17 @@ def to_enter() -> list[float]:
 def test_what_is_found_is_added_and_recorded_and_comes_back() -> None:
     machine = Path("machine.yaml").read_text(encoding="utf-8")
     found = to_enter()
-    said = done("apply", "before.csv", "--to", "mill.ini", "--yes")
-    assert "first time" in " ".join(said.split())
+    by = "--machine", "machine.yaml"
+    said = " ".join(done("apply", "before.csv", "--to", "mill.ini", "--yes", *by).split())
+    assert "first time" in said
+    assert all(f"{typed} --machine machine.yaml" in said for typed in ("measure", "csv AFTER"))
     expected = [a + b for a, b in zip((0.5, -12.25, 0.0), found, strict=True)]
     assert offsets() == pytest.approx(expected, abs=1e-9)
     (entry,) = history()
     assert entry["written"]["target"] == str(Path("mill.ini").resolve())
     assert [float(each["after"]) for each in entry["written"]["values"]] == offsets()
     assert "--to" in refused(2, "apply", "--undo", "--yes")
-    done("apply", "--undo", "--to", "mill.ini", "--yes")
+    assert "Restart LinuxCNC" in done("apply", "--undo", "--to", "mill.ini", "--yes")
     assert Path("mill.ini").read_text(encoding="utf-8") == INI
     assert not history()
     assert machine.splitlines()[0] in Path("machine.yaml").read_text(encoding="utf-8")
@@ -71,12 +73,19 @@ def test_what_somebody_changed_since_is_not_written_over() -> None:
     done("apply", "before.csv", "--to", "mill.ini", "--yes")
     after = truth.second_session(FIRST, 7)
     truth.write_readings(after, Path("after.csv"))
-    text = Path("mill.ini").read_text(encoding="utf-8").replace("-12", "-13").replace("-11", "-13")
+    written = Path("mill.ini").read_bytes()
+    text = written.decode().replace("-12", "-13").replace("-11", "-13")
     Path("mill.ini").write_text(text, encoding="utf-8")
     assert "Somebody changed it" in refused(2, "apply", "after.csv", "--to", "mill.ini", "--yes")
     assert "changed since" in refused(2, "apply", "--undo", "--to", "mill.ini", "--yes")
     assert Path("mill.ini").read_text(encoding="utf-8") == text
+    # Nor is the INI of another machine; one that was moved holds what was written.
+    Path("other.ini").write_text(INI, encoding="utf-8")
+    assert "written to" in refused(2, "apply", "after.csv", "--to", "other.ini", "--yes")
+    assert Path("other.ini").read_text(encoding="utf-8") == INI
     assert len(history()) == 1
+    Path("other.ini").write_bytes(written)
+    assert "first time" not in done("apply", "after.csv", "--to", "other.ini", "--yes")
 
 
 @pytest.mark.parametrize(

@@ -179,6 +179,7 @@ def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
         assert rise == pytest.approx(share * stands["endstops_mm"][tower], abs=0.01)
     done("apply", "--undo", "--machine", "machine.yaml", "--to", "printer.cfg", "--yes")
     assert Path("printer.cfg").read_text() == printer
+    assert "no switch is moved" in refused(2, "adjust", *options, "--cause", "home_switch")
     lines = done("export", *options, "--format", "linuxcnc").split("\n")
     assert "setp lineardeltakins.L 344.1000" in lines
     # Joint 0 is the tower at 90 degrees: its carriage at the switch stands over the nozzle.

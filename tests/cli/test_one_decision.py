@@ -19,7 +19,7 @@ from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.results import answer_to
-from tests.cli.program import DOUBLE, SAMPLES, SINGLE, SIX, answer, lines, run
+from tests.cli.program import DOUBLE, SAMPLES, SINGLE, SIX, UNDETERMINED, answer, lines, run
 from tests.machines import NOMINAL
 from tests.printer_files import OFF, printer_cfg
 from tests.results import cases
@@ -129,6 +129,15 @@ def test_every_command_says_the_same(
         applied = run("apply", name, "--yes", "--machine", "machine.yaml")
     assert applied.exit_code == (0 if usable else 4), applied.stderr
     assert ("Nothing was changed" in applied.stderr) is (usable and not needed)
+
+
+def test_data_without_a_solution_have_the_same_answer() -> None:
+    """JSON says why; on a screen both end with the reason."""
+    both = [run(verb, "-", "--json", text=UNDETERMINED) for verb in ("solve", "diagnose")]
+    assert [shown.exit_code for shown in both] == [4, 4]
+    (solved,), (diagnosed,) = map(lines, both)
+    assert diagnosed == solved
+    assert solved["release"]["codes"] == ["refused"]
 
 
 def test_where_nothing_is_needed_nothing_is_asked_of_the_record(

@@ -29,7 +29,8 @@ HOME = 0.0
 HOME_OFFSET = 0.500
 HOME_OFFSET_EXTRA = 7
 [JOINT_1]
-HOME_OFFSET=-12.25   # the switch; 0.500 behind it
+HOME_OFFSET=-12.25
+# the switch; 0.500 behind it
 [JOINT_2]
   HOME_OFFSET = 0
 [SPINDLE_0]
@@ -95,7 +96,7 @@ def test_three_values_change_and_come_back(
     assert path.stat().st_mode & 0o777 == 0o640
     lines = zip(data.split(b"\n"), path.read_bytes().split(b"\n"), strict=True)
     differing = [number for number, (old, new) in enumerate(lines, start=1) if old != new]
-    assert differing == [11, 14, 16] == [each.line for each in written.values]
+    assert differing == [11, 14, 17] == [each.line for each in written.values]
     for each, old, name in zip(written.values, (0.5, -12.25, 0.0), "xyz", strict=True):
         rounding = 0.5e-3 if factor == 1.0 else 0.5e-5
         assert float(each.after) == pytest.approx(old + CHANGES[name] / factor, abs=rounding)
@@ -116,12 +117,15 @@ UNCLEAR = [
     ("HOME_OFFSET = 0.500", "HOME = 1", "missing"),
     ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0,5", "not a number"),
     ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 mm", "not a number"),
+    # LinuxCNC 2.9 does not start with either.
+    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 # mm", "not a number"),
+    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5\nMAX_LIMIT = 9 ; mm", "not a number"),
     # As LinuxCNC's own inivar does, only the first section of a name is read.
     ("HOME = 0.0\n", "HOME = 0.0\n[EMC]\n[JOINT_0]\n", "missing"),
     ("LINEAR_UNITS = mm", "LINEAR_UNITS = furlong", "unknown"),
     ("LINEAR_UNITS = mm", "", "LINEAR_UNITS: The value is missing"),
     ("LINEAR_UNITS = mm", "LINEAR_UNITS = mm\nLINEAR_UNITS = inch", "twice"),
-    *(("HOME_OFFSET = 3\n", f"[KINS]\nKINEMATICS = {kinematics}\n", rf"line 19.*{said}")
+    *(("HOME_OFFSET = 3\n", f"[KINS]\nKINEMATICS = {kinematics}\n", rf"line 20.*{said}")
       for kinematics, said in (
         *((f"trivkins coordinates={letters}", "each of X, Y and Z one joint")
           for letters in ("XYYZ", "XZ", "XYA")),
@@ -159,11 +163,12 @@ def test_what_is_not_clear_is_refused_with_its_place(
 @pytest.mark.parametrize(
     ("kinematics", "lines"),
     [
-        ("KINEMATICS = trivkins coordinates=ZYX", (16, 14, 11)),
-        ("KINEMATICS = trivkins coordinates=yxzA kinstype=BOTH", (14, 11, 16)),
-        ("KINEMATICS = trivkins", (11, 14, 16)),
-        ("KINEMATICS = orthoglidekins", (11, 14, 16)),
-        ("# KINEMATICS = trivkins coordinates=ZYX", (11, 14, 16)),
+        ("KINEMATICS = trivkins coordinates=ZYX", (17, 14, 11)),
+        ('KINEMATICS = trivkins coordinates="zyx"', (17, 14, 11)),
+        ("KINEMATICS = trivkins coordinates=yxzA kinstype=BOTH", (14, 11, 17)),
+        ("KINEMATICS = trivkins", (11, 14, 17)),
+        ("KINEMATICS = orthoglidekins", (11, 14, 17)),
+        ("# KINEMATICS = trivkins coordinates=ZYX", (11, 14, 17)),
     ],
 )
 def test_axes_are_written_to_their_joints(
@@ -231,14 +236,24 @@ def test_a_read_only_file_is_left_alone(tmp_path: Path) -> None:
     assert left.read_text(encoding="utf-8") == INI
 
 
-@pytest.mark.parametrize(("offset", "same"), [("310.25041", True), ("310.2514", False)])
-def test_a_running_linuxcnc_tells_seven_digits(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, offset: str, same: bool
+@pytest.mark.parametrize(
+    ("offset", "by", "same"),
+    [
+        ("310.25041", "file", True),
+        ("310.2514", "file", False),
+        ("310.25041", "other.ini", False),
+        ("310.25041", None, False),  # its pins answer, but nobody can tell its INI
+    ],
+)
+def test_a_running_linuxcnc_of_this_ini_tells_seven_digits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, offset: str, by: str | None, same: bool
 ) -> None:
     program = tmp_path / "halcmd"
     program.write_text("#!/bin/sh\nprintf '310.2504\\n-12.25\\n0\\n'\n", encoding="utf-8")
     program.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    runs = by and tmp_path / by
+    monkeypatch.setattr("orthoglide_cal.files.linuxcnc.running_ini", lambda: runs)
     assert is_live(of(tmp_path, INI.replace("0.500\n", f"{offset}\n"))) is same
 
 

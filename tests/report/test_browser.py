@@ -20,7 +20,7 @@ from tests.results import cases
 PROGRAM = find_chromium()
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="there is no Chromium on this machine")
 
-WIDTHS = (390, 1280)
+WIDTHS = (390, 500, 1280)
 # Content of an A4 page with the margins of the style sheet, at 96 dots per inch.
 A4_CONTENT = round((210 - 30) / 25.4 * 96)
 # Documents that a command writes as a page.

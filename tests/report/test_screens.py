@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.documents.diagnosis import diagnosis_document
+from orthoglide_cal.report.documents.diagnosis import diagnosis_document, headline
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.solution import solution_document
 from orthoglide_cal.report.documents.verification import verification_document
@@ -28,7 +29,7 @@ from tests.inference.sessions import given
 from tests.inference.test_printers import quartic
 from tests.machines import NOMINAL, SAMPLES
 from tests.report.test_terminal import shown, unwrapped
-from tests.results.cases import as_left, identity_of
+from tests.results.cases import as_left, identity_of, named_in_machine, named_in_measurement
 from tests.results.sessions import TRUE, session, write
 from tests.truth import delta
 
@@ -133,6 +134,30 @@ def test_what_is_undecided_adds_up(number: int) -> None:
     assert (unlisted in title) == bool(patterns)
     head = next(k for k, line in enumerate(lines) if "r.m.s. left" in line)
     assert lines[head + 1].startswith("  offsets only ")
+
+
+def test_a_headline_says_what_looks_the_same() -> None:
+    """The last reading of a gauge is wrong, or its stand was knocked before it."""
+    case = named_in_measurement()
+    (cause, *_), (first, *_) = case.answer.causes, case.answer.explanations
+    rivals = (
+        first.changed(ids=("stand_shift",), probability=0.51),
+        first.changed(ids=(cause.id,), probability=0.46),
+    )
+    cause = cause.changed(aliases=("stand_shift",), probability=0.46)
+    answer = case.answer.changed(causes=(cause,), explanations=rivals)
+    said = headline(replace(case, answer=answer))
+    assert said.endswith("is wrong (misread, 46.0 %, or stand_shift, 51.0 %)")
+
+
+def test_residuals_of_a_named_cause_are_not_those_after_entering() -> None:
+    answer = named_in_machine().answer
+    assert answer.alone is not None
+    assert answer.rms is not None
+    sizes = answer.rms.before_mm, answer.alone.rms_after_mm, answer.rms.after_mm
+    before, alone, left = (f"{mm:.4f}" for mm in sizes)
+    said = " ".join(" ".join(screen(solution_document(named_in_machine()), 20)).split())
+    assert f"{before} mm r.m.s. before, {alone} with offsets only, {left} with axis_gap." in said
 
 
 def test_what_a_named_cause_asks_for() -> None:

@@ -235,6 +235,14 @@ def test_a_cause_that_moves_nothing_does_not_bar_the_offsets() -> None:
     assert not release(solution, replace(near, offsets_mm=solution.offsets_mm + 0.1)).usable
 
 
+def test_cautions_judge_the_residuals_as_the_answer_does() -> None:
+    """By the fit of the diagnosis: arms that distances free leave less than the parameters."""
+    diagnosis = diagnosis_of(cases.healthy())
+    judged = replace(diagnosis, lack_of_fit=diagnosis.lack_of_fit.changed(p_value=1e-9))
+    assert release(diagnosis.alone, judged).codes == ("residuals_too_large",)
+    assert release(diagnosis.alone, diagnosis).codes == ()
+
+
 def test_without_a_diagnosis_unexplained_residuals_bar_the_offsets() -> None:
     assert not release(solve(session(TRUE, 5, GAPED), FINE), None).usable
     assert release(solve(session(TRUE, 5, FINE), FINE), None).usable

@@ -1,19 +1,31 @@
 """The document of `orthocal adjust`: what was adjusted, whether the check agrees, what is next."""
 
+from collections.abc import Iterable
 from functools import partial
+from pathlib import Path
 
 from orthoglide_cal.errors import command
+from orthoglide_cal.files.input import Input
 from orthoglide_cal.report import document as doc
+from orthoglide_cal.report.case import measure_again
 from orthoglide_cal.session.adjusting import AdjustmentAnswer, Phase
 from orthoglide_cal.words import decimals_for, plain, signed
 
 
-def adjustment_document(answer: AdjustmentAnswer, again: str) -> doc.Document:
-    """The document; `again` is the command that measures in the same way."""
-    return doc.Document(partial(answer.model_dump, mode="json"), lambda: _page(answer, again))
+def adjustment_document(
+    answer: AdjustmentAnswer, given: Input, machine_file: Path | None
+) -> doc.Document:
+    """The document; `given` is what was adjusted, by the machine file as the user gave it."""
+    again = measure_again(given.conditions, machine_file)
+    compare = command("verify", answer.input.path, "AFTER", machine=machine_file)
+    steps = (
+        doc.Instruction("Measure again in the same way.", again),
+        doc.Instruction("Compare the two.", compare),
+    )
+    return doc.Document(partial(answer.model_dump, mode="json"), partial(_page, answer, steps))
 
 
-def _page(answer: AdjustmentAnswer, again: str) -> doc.Page:
+def _page(answer: AdjustmentAnswer, steps: Iterable[doc.Instruction]) -> doc.Page:
     head = ("parameter", "", "target", "reached", "check: expected", "measured")
     rows = []
     for one in answer.adjustments:
@@ -31,10 +43,6 @@ def _page(answer: AdjustmentAnswer, again: str) -> doc.Page:
     if answer.failed:
         failure = "A check failed: something did not move as intended"
         notice = doc.Notice(doc.Tone.BAD, failure)
-    steps = (
-        doc.Instruction("Measure again in the same way.", again),
-        doc.Instruction("Compare the two.", command("verify", answer.input.path, "AFTER")),
-    )
     section = doc.Section(None, doc.Grid(head, rows, words=(0, 1), caption=caption))
     sections = [section, doc.next_steps(steps)]
     return doc.Page("Adjustment", answer.machine.name, notice=notice, sections=sections)

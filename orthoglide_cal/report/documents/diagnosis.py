@@ -365,7 +365,11 @@ def headline(case: Case) -> str:
             return f"{left}: {' and '.join(ids)}, {percent(share, 1)}"
         if len(ids) > 1:
             return f"Causes found: {' and '.join(ids)} ({percent(share, 1)})"
-        return f"Cause found: {titles[0]} ({ids[0]}, {percent(share, 1)})"
+        # What looks the same to these readings, such as a stand that was knocked before the last.
+        alike = [(one.ids[0], one.probability) for one in answer.explanations if len(one.ids) == 1]
+        alike = [(id, p) for id, p in alike if id in answer.causes[0].aliases and 2.0 * p > share]
+        named = ", or ".join(f"{id}, {percent(p, 1)}" for id, p in ((ids[0], share), *alike))
+        return f"Cause found: {titles[0]} ({named})"
     if answer.verdict is Verdict.AMBIGUOUS:
         return f"Undecided: {_shares(answer)}"
     if answer.refuted is not None:

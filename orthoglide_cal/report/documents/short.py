@@ -113,9 +113,9 @@ def check_document(
 
 
 def application_document(
-    application: Application, session: str, live: bool = False
+    application: Application, session: str, machine_file: Path | None, live: bool
 ) -> doc.Document:
-    """The offsets in the controller from now on, and what comes next; `session` as given.
+    """The offsets in the controller from now on, and what comes next; paths as they were given.
 
     As data what changes in the machine file; lengths in mm. A controller that is `live` can be
     told without a restart.
@@ -170,15 +170,13 @@ def application_document(
                 first = f"Restart LinuxCNC: it reads its INI only then. {first}"
         again = doc.Instruction("Probe it again in the same way.")
         if machine.vocabulary.measure:
-            typed = measure_again(given.conditions if given else None)
+            typed = measure_again(given.conditions if given else None, machine_file)
             again = doc.Instruction("Measure again in the same way.", typed)
-        compare = doc.Instruction(
-            "Compare with the prediction.", command("verify", session, "AFTER")
-        )
+        typed = command("verify", session, "AFTER", machine=machine_file)
+        compare = doc.Instruction("Compare with the prediction.", typed)
         title, steps = "To be recorded", [doc.Instruction(first), again, compare]
         if application.undone:
-            title = "To be taken back"
-            steps = [doc.Instruction("The controller must hold the last column again; re-home.")]
+            title, steps = "To be taken back", steps[:1]
         grid = doc.Grid(head, rows, caption=caption)
         sections = [doc.Section(None, grid)]
         if application.corrections:
@@ -195,7 +193,7 @@ def _corrections(application: Application) -> doc.Grid:
     why = {
         "": "corrected",
         "no_place": "the controller has no place for it",
-        "no_origin": "its limits do not tell 0 from the isotropic posture",
+        "no_origin": "MIN_LIMIT and MAX_LIMIT do not show where the isotropic posture is",
         "below_u": "not corrected: within U",
     }
     rows = []

@@ -127,8 +127,12 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
     paper = offsets_only(answer) if answer.input.kind == DataKind.SIX and refused else None
     if full or paper is None:
         of_what = f"{'readings' if raw else 'differences'}{weighing(case.given.measured)}"
-        before, left = (plain(mm, 4) for mm in (answer.rms.before_mm, answer.rms.after_mm))
-        yield f"Residuals of the {of_what}: {before} mm r.m.s. before, {left} after."
+        sizes = [(answer.rms.after_mm, "after")]
+        if answer.alone is not None:  # the causes stay when the parameters are entered
+            sizes = [(answer.alone.rms_after_mm, f"with {case.words.many} only")]
+            sizes.append((answer.rms.after_mm, f"with {' and '.join(answer.named)}"))
+        before, left = plain(answer.rms.before_mm, 4), (f"{plain(mm, 4)} {of}" for mm, of in sizes)
+        yield f"Residuals of the {of_what}: {before} mm r.m.s. before, {', '.join(left)}."
     if paper is not None:
         values = " ".join(signed(row.found or 0.0, 2) for row in paper.parameters)
         rms = " → ".join(plain(mm, 3) for mm in (answer.rms.before_mm, paper.rms_mm or 0.0))
