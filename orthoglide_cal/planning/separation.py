@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import compress, product
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 
 import numpy as np
 
@@ -65,11 +65,11 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
     places = places_of(white.problem, candidates.extras)
     extras = {placed.cause.id: placed for placed in places if placed.tried}
     possible = (*candidates.broad, *(placed.cause for placed in extras.values()))
-    # Of the machine first, then of the measurement.
+    # Of the machine first, then of the measurement; by their ids.
     causes = tuple(
         cause
         for stage in Stage
-        for cause in possible
+        for cause in sorted(possible, key=attrgetter("id"))
         if cause.stage is stage and (among is None or cause.id in among)
     )
     total = np.zeros((len(causes), len(causes) + 1))
