@@ -15,7 +15,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.estimation.gaussian import unexplained, whiten_shared
 from orthoglide_cal.inference.candidates import Candidates
 from orthoglide_cal.inference.data import Placed, Whitened, places_of
@@ -69,8 +69,8 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
     causes = tuple(
         cause
         for stage in Stage
-        for cause in possible
-        if cause.stage is stage and (among is None or cause.id in among)
+        for id, cause in CAUSES.items()
+        if cause in possible and cause.stage is stage and (among is None or id in among)
     )
     total = np.zeros((len(causes), len(causes) + 1))
     if causes:
