@@ -11,11 +11,11 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import compress, product
-from operator import attrgetter, itemgetter
+from operator import itemgetter
 
 import numpy as np
 
-from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
 from orthoglide_cal.estimation.gaussian import unexplained, whiten_shared
 from orthoglide_cal.inference.candidates import Candidates
 from orthoglide_cal.inference.data import Placed, Whitened, places_of
@@ -65,12 +65,12 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
     places = places_of(white.problem, candidates.extras)
     extras = {placed.cause.id: placed for placed in places if placed.tried}
     possible = (*candidates.broad, *(placed.cause for placed in extras.values()))
-    # Of the machine first, then of the measurement; by their ids.
+    # Of the machine first, then of the measurement.
     causes = tuple(
         cause
         for stage in Stage
-        for cause in sorted(possible, key=attrgetter("id"))
-        if cause.stage is stage and (among is None or cause.id in among)
+        for id, cause in CAUSES.items()
+        if cause in possible and cause.stage is stage and (among is None or id in among)
     )
     total = np.zeros((len(causes), len(causes) + 1))
     if causes:
