@@ -123,9 +123,8 @@ def _next(
         if machine and machine.practice and machine.vocabulary.measure:
             yield Instruction("Practise without a machine", common.PRACTISE)
             return
-        for text, verb, usual, options in kind.first_steps:
-            data = filter(None, [here.get(usual, usual)])
-            yield Instruction(text, command(verb, *data, options=options))
+        for text, verb, usual in kind.first_steps:
+            yield Instruction(text, command(verb, *filter(None, [here.get(usual, usual)])))
     elif applied == last:
         again = measure_again(read_input(last).conditions)
         yield Instruction("Its offsets are entered: measure again", again)

@@ -198,11 +198,6 @@ class Solution(OffsetEstimate):
         return determined(self.model, self.expanded_mm)
 
     @property
-    def suspicious(self) -> bool:
-        """True if the residuals are larger than this gauge's noise would give."""
-        return self.lack_of_fit_p is not None and self.lack_of_fit_p < SUSPICIOUS
-
-    @property
     def judgement(self) -> Reason:
         """Statement on whether the residuals are what this gauge's noise would give."""
         return judgement_of(self.lack_of_fit_p, self.sigma_residuals_mm, self.stated_mm)

@@ -123,9 +123,8 @@ class JointTable:
         digest = hashlib.sha256(text.encode()).hexdigest()
         section = self.home.key.partition("]")[0] + "]"
         name = f"{section[1:-1].lower()}-{digest[:8]}.comp"
-        wanted = {FILE: name, TYPE: "1"}
-        if BACKLASH in self.options and FILE not in self.options:  # else it is ignored already
-            wanted[BACKLASH] = "0"
+        moved = {BACKLASH: "0"} if BACKLASH in self.options and FILE not in self.options else {}
+        wanted = {FILE: name, TYPE: "1"} | moved
         new = [self.home.changed(after=plain(home, decimals))]
         for option, after in wanted.items():
             # A new line stands above the home offset, where a line surely ends.

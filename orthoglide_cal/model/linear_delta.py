@@ -375,9 +375,9 @@ class LinearDelta(Machine):
         further="more places, and on blocks of two known heights",
     )
     first_steps = (
-        ("How to probe it, and what to bring", "guide delta", "", ""),
-        ("See the parameters", "solve", "printer.cfg", ""),
-        ("Check the model", "diagnose", "printer.cfg", "--data mesh"),
+        ("How to probe it, and what to bring", "guide delta", ""),
+        ("See the parameters", "solve", "printer.cfg"),
+        ("Check the model", "diagnose", "printer.cfg"),
     )
     geometry_keys = ("arm_length_mm", "delta_radius_mm", "tower_angles_deg", "endstops_mm")
 

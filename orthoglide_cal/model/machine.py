@@ -324,8 +324,8 @@ class Machine(Schema):
     recommended: ClassVar[tuple[str, ...]] = ()
     decimals: ClassVar[int | None] = None  # of what is entered; None for as many as U asks for
     # Where nothing was measured yet: what to do, the verb of the program, a file as it is usually
-    # called, options; "" for none.
-    first_steps: ClassVar[tuple[tuple[str, str, str, str], ...]]
+    # called; "" for none.
+    first_steps: ClassVar[tuple[tuple[str, str, str], ...]]
     has_cube: ClassVar[bool] = False  # the error of its tool is shown over a cube of its workspace
     adds_to_joints: ClassVar[bool] = False  # LinuxCNC adds its parameters, and tables, at joints
     keeps_entered: ClassVar[bool] = True  # its machine file, not its controller, has `active`

@@ -105,8 +105,8 @@ class Orthoglide(Machine):
         further="two more postures of each leg between the isotropic one and its limits",
     )
     first_steps = (
-        ("Measure", "measure", "", ""),
-        ("Or practise first, in a folder of its own", "machine new", "", "--practice"),
+        ("Measure", "measure", ""),
+        ("Or practise first, in a folder of its own", "machine new --practice", ""),
     )
     noted = ("date", "operator", "temperature", "gauges")
     geometry_keys = ("leg_length_mm", "parallelogram_width_mm", "tool_offset_mm", "joint_limits_mm")

@@ -579,7 +579,7 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
     for doubt in solution.doubts:
         remedy = Remedy(sentence=Reason.of("check_gauge", doubt=doubt))
         yield Reason.of("gauge_doubt", doubt=doubt), remedy
-    if diagnosis is None and solution.suspicious:
+    if diagnosis is None and solution.judgement.code == "residuals_too_large":
         yield solution.judgement, more
 
 

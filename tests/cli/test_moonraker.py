@@ -157,6 +157,7 @@ def test_how_the_nozzle_moves_is_said_before_it_is_entered() -> None:
     stands = "For the same Z the nozzle stands 0."
     assert stands in words(run("report", "printer.cfg").stdout)
     said = done("apply", "printer.cfg", "--to", "printer.cfg", "--yes")
+    assert "orthocal verify BEFORE AFTER" in said, "the file itself is another afterwards"
     assert stands in words(said)
     assert words(said).index(stands) < words(said).index("1. Restart the firmware")
 

@@ -222,7 +222,9 @@ def test_what_is_better_is_not_yet_what_was_promised(
     compared = answer(*both)
     assert compared["rms_after_mm"] == pytest.approx(left * compared["rms_before_mm"], abs=0.02)
     assert (compared["kept"], compared["moved"]) == (kept, moved)
-    assert said in words(run(*both).stdout)
+    shown = run(*both)
+    assert (shown.exit_code, shown.stdout[0]) == (4, "✘"), "mark and exit code are one decision"
+    assert said in words(shown.stdout)
 
 
 def test_no_better_than_before_is_not_as_promised() -> None:

@@ -78,7 +78,7 @@ class TiltTable(Machine):
     usual_sizes = MappingProxyType({"misread": 0.1, "bed_shape": 0.1, "probe_drift": 0.05})
     controller_formats = ("text",)
     vocabulary = replace(LinearDelta.vocabulary, one="height", many="heights", title="Heights")
-    first_steps = (("Solve it", "solve", "touches.csv", ""),)
+    first_steps = (("Solve it", "solve", "touches.csv"),)
     geometry_keys = ("bed_radius_mm",)
 
     kind: Literal["tilt_table"] = "tilt_table"

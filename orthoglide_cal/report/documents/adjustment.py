@@ -41,8 +41,7 @@ def _page(answer: AdjustmentAnswer, steps: Iterable[doc.Instruction]) -> doc.Pag
     caption = "Readings of the gauge, mm; the check is the difference between two postures."
     notice = doc.Notice(doc.Tone.INFO, f"Adjusted: {answer.cause}")
     if answer.failed:
-        failure = "A check failed: something did not move as intended"
-        notice = doc.Notice(doc.Tone.BAD, failure)
+        notice = doc.Notice(doc.Tone.BAD, "A check failed: something did not move as intended")
     section = doc.Section(None, doc.Grid(head, rows, words=(0, 1), caption=caption))
     sections = [section, doc.next_steps(steps)]
     return doc.Page("Adjustment", answer.machine.name, notice=notice, sections=sections)

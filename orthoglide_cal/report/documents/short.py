@@ -172,13 +172,14 @@ def application_document(
         if machine.vocabulary.measure:
             typed = measure_again(given.conditions if given else None, machine_file)
             again = doc.Instruction("Measure again in the same way.", typed)
-        typed = command("verify", session, "AFTER", machine=machine_file)
-        compare = doc.Instruction("Compare with the prediction.", typed)
-        title, steps = "To be recorded", [doc.Instruction(first), again, compare]
+        compare, path = "Compare with the prediction.", session
+        if application.controller and application.controller.sha256 == entry.data_sha256:
+            compare, path = f"{compare} BEFORE: a copy of this file as it was.", "BEFORE"
+        compared = doc.Instruction(compare, command("verify", path, "AFTER", machine=machine_file))
+        title, steps = "To be recorded", [doc.Instruction(first), again, compared]
         if application.undone:
             title, steps = "To be taken back", steps[:1]
-        grid = doc.Grid(head, rows, caption=caption)
-        sections = [doc.Section(None, grid)]
+        sections = [doc.Section(None, doc.Grid(head, rows, caption=caption))]
         if application.corrections:
             sections.append(doc.Section(None, _corrections(application)))
         sections.append(doc.Section(None, doc.Instructions(steps)))

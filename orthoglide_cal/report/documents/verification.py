@@ -131,7 +131,7 @@ def verification_notice(result: Verification) -> doc.Notice:
             title = "The machine has moved: nothing was entered, and the touches agree worse"
             advice = "Look for a part that was hit or came loose; then calibrate and probe again."
             lines = (*lines, advice)
-        tone = doc.Tone.GOOD if result.kept else doc.Tone.WARN
+        tone = doc.Tone.GOOD if result.kept else doc.Tone.BAD
     elif not result.kept:
         tone, title = doc.Tone.BAD, "The correction did not work as predicted"
         if result.answer is Behaviour.AS_MODELLED:
