@@ -3,8 +3,6 @@
 Written after the firmwares' documents, not after the program that reads them.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np
@@ -68,8 +66,8 @@ def height_map(machine: Delta, truth: Truth, version: int = 2, noise: float = 0.
     return "\n".join((title, *head, *rows)) + "\n"
 
 
-def disc(count: int = 37, radius: float = 80.0) -> tuple[Floats, Floats]:
-    turn, away = np.arange(count) * 2.4, radius * np.sqrt((np.arange(count) + 0.5) / count)
+def disc(count: int = 37) -> tuple[Floats, Floats]:
+    turn, away = np.arange(count) * 2.4, 80.0 * np.sqrt((np.arange(count) + 0.5) / count)
     return (away * np.cos(turn)).round(2), (away * np.sin(turn)).round(2)
 
 

@@ -1,7 +1,5 @@
 """A stand-in of a Moonraker server, of the few paths used."""
 
-from __future__ import annotations
-
 import json
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer

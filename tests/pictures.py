@@ -40,7 +40,6 @@ def sample() -> Case:
 def terminal(case: Case) -> str:
     """Dark, as wide as its longest command."""
     screen = solution_document(case).screen
-    assert screen is not None
     lines = [f"$ orthocal solve {SAMPLE}", "", *shown(screen()).rstrip("\n").split("\n")]
     longest = max(map(len, lines))
     width, height = longest * LETTER + 2 * EDGE, len(lines) * LINE + 2 * EDGE

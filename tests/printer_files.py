@@ -1,7 +1,5 @@
 """Files of a printer whose truth is known: touches as a CSV, and what Klipper saves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -30,13 +28,6 @@ def exact(machine: Delta, truth: Truth, layout: Layout) -> str:
     """A CSV of touches without noise."""
     session = probe_bed(machine, truth, (), layout, np.random.default_rng(1))
     return delta_csv(replace(session, readings=session.clean))
-
-
-def mesh_places(bed: float) -> Floats:
-    """Places of the mesh, row by row, shape (GRID², 2)."""
-    side = np.linspace(-bed + 10.0, bed - 10.0, GRID)
-    x, y = np.meshgrid(side, side)
-    return np.stack((x.ravel(), y.ravel()), axis=1)
 
 
 def printer_cfg(
@@ -78,7 +69,8 @@ def printer_cfg(
     for k, (one, other) in enumerate(zip(steps(first), steps(second), strict=True)):
         lines += [f"distance{k} = {apart[k]:.{4 if noise else 6}f}", f"distance{k}_pos1 = {one}"]
         lines += [f"distance{k}_pos2 = {other}"]
-    places = mesh_places(machine.bed)
+    side = np.linspace(10.0 - machine.bed, machine.bed - 10.0, GRID)
+    places = np.stack([along.ravel() for along in np.meshgrid(side, side)], axis=1)
     inside = np.hypot(*places.T) <= machine.bed - 10.0
     still = np.full(inside.sum(), surface)
     # What lies outside was not probed; it repeats what lies next to it.

@@ -18,7 +18,6 @@ UNEVEN = Delta("uneven", (300.0, 301.5, 299.25), 150.0, (209.0, 331.5, 90.0), (3
 
 
 def printer(machine: Delta, tolerances: dict[str, float] | None = None) -> LinearDelta:
-    """The program's machine of the truth's."""
     return LinearDelta(
         name=machine.name,
         arm_length_mm=machine.arms,

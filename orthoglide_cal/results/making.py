@@ -537,7 +537,8 @@ def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[Reaso
     rough = 1.0 if diagnosis is None else diagnosis.left_open[0][1].scale_factor
     judged = judgement_of(*_left_over(solution, diagnosis))
     suspicious = judged.code == "residuals_too_large"
-    if suspicious and rough > 1.0:
+    # As stated, not as widened by the diagnosis to cover what is left.
+    if rough > 1.0 and solution.judgement.code == "residuals_too_large":
         yield Reason.of("local_shape", factor=rough)
     elif not solution.dof or (
         suspicious and (diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT)

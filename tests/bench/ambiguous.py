@@ -5,7 +5,7 @@ written to one file, read and diagnosed as any other.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields
 from itertools import product
 
@@ -44,14 +44,10 @@ class Ambiguous:
         return best if best.between else None
 
 
-def continued(
-    session: Session, option: NextMeasurement, seed: int, rest_min: float = 0.0
-) -> Session:
-    """The session with an option measured by the truth, some minutes later than planned."""
+def continued(session: Session, option: NextMeasurement, seed: int) -> Session:
+    """The session with an option measured by the truth."""
     names = {item.name for item in fields(GaugePlan)} - {"contact", "setup", "date", "precision"}
-    arrays = {name: getattr(option.plan, name) for name in names}
-    arrays["hours"] = arrays["hours"] + rest_min / 60.0
-    return continue_session(session, seed, **arrays)
+    return continue_session(session, seed, **{name: getattr(option.plan, name) for name in names})
 
 
 def joined_diagnosis(session: Session, option: NextMeasurement, seed: int) -> Diagnosis:
@@ -133,7 +129,7 @@ class Tally:
         )
 
 
-def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = print) -> Tally:
+def tally(cases: Iterable[Ambiguous], seed: int) -> Tally:
     """Let the truth measure what is recommended, and an option drawn from the bottom half."""
     found = Tally()
     rng = np.random.default_rng([seed, 6])
@@ -152,5 +148,5 @@ def tally(cases: Iterable[Ambiguous], seed: int, tell: Callable[[str], None] = p
             said = [(each.id, *each.aliases) for each in after.causes], after.ambiguous_with
             said = *said, [fault.id for fault in after.unshown if fault.matters]
             what = f"{best.what} ({best.chance:.2f})"
-            tell(f"{case.session.label} {case.pair}: {what}; then {said}")
+            print(f"{case.session.label} {case.pair}: {what}; then {said}")
     return found

@@ -111,7 +111,6 @@ def draw_beds(count: int, seed: int) -> Iterator[tuple[str, Hidden]]:
 
 
 def run_beyond(drawn: Iterator[tuple[str, Hidden]], keep: Path | None = None) -> list[Described]:
-    """Ask about each session and its twin."""
     hidden = dict(drawn)
     cases = [
         Case(name + end, session, None)

@@ -8,8 +8,6 @@ as here, and by the firmware's own further freedom, three arms, which is compute
 independent truth. Two processes share the machines.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import itertools

@@ -85,7 +85,6 @@ class Judged:
 
     @cached_property
     def right(self) -> bool:
-        """Whether the answer is what the data allow one to say."""
         answer, far, causes = self.answer, self.case.separation, self.case.session.causes
         match self.kind:
             case "healthy":

@@ -34,7 +34,6 @@ def test_a_knock_that_nothing_can_show_is_one_wrong_reading() -> None:
             shown += 1
             assert found.verdict is Verdict.AMBIGUOUS
             following = best_next(found)
-            assert following is not None
             assert set(following.between) == {("misread",), ("stand_shift",)}
             assert is_named(session, joined_diagnosis(session, following, n))
         else:

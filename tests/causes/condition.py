@@ -26,9 +26,8 @@ SIZES = {
 }
 
 
-def standard(machine: truth.Machine, seed: int = 12) -> truth.Plan:
-    """The independent simulator's own standard session."""
-    return truth.standard_plan(machine, np.random.default_rng(seed))
+def standard(machine: truth.Machine) -> truth.Plan:
+    return truth.standard_plan(machine, np.random.default_rng(12))
 
 
 def with_stands_at_rest(plan: truth.Plan) -> truth.Plan:

@@ -10,7 +10,6 @@ from tests.cli.program import COMMENT, FIRST
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The present folder."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

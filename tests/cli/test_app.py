@@ -262,8 +262,6 @@ def test_a_reader_that_stops_reading_is_no_failure(enough: bool) -> None:
     """As `orthocal … | head -1`, with little output (buffered to the end) and with much."""
     files = (DOUBLE,) if enough else (DOUBLE,) * 12
     with started("solve", *files) as program:
-        assert program.stdout is not None
-        assert program.stderr is not None
         program.stdout.close()
         said = program.stderr.read()
     assert program.returncode == 0

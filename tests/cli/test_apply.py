@@ -29,7 +29,6 @@ def history() -> list[dict[str, Any]]:
 
 
 def active() -> np.ndarray:
-    """Offsets in the controller, says the machine file."""
     return np.array(list(machine_file()["offsets_mm"].values()))
 
 

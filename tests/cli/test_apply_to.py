@@ -29,18 +29,15 @@ TRUE = np.array([0.21, -0.34, 0.12])  # true joint offsets of a machine with a r
 
 @pytest.fixture(autouse=True)
 def controller(to_apply: None) -> None:
-    """A controller's file beside them."""
     Path("mill.ini").write_text(INI, encoding="utf-8")
 
 
 def offsets() -> list[float]:
-    """The three home offsets, as another reader takes them."""
     joints, _ = Path("mill.ini").read_text(encoding="utf-8").split("[SPINDLE_0]")
     return [float(text) for text in re.findall(r"^ *HOME_OFFSET ?= ?(\S+)", joints, re.MULTILINE)]
 
 
 def to_enter() -> list[float]:
-    """What is found in the first measurement."""
     return [each["enter"] for each in answer("solve", "before.csv")["parameters"]]
 
 

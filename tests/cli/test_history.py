@@ -1,7 +1,5 @@
 """`history` from the command line: a folder, one screen, a page, JSON, what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +8,6 @@ import pytest
 from rich.cells import cell_len
 
 from orthoglide_cal.files.session_file import session_of_readings, session_text
-from orthoglide_cal.model.measured import Readings
 from tests.cli.program import DOUBLE, SESSION, answer, done, refused, run, words
 from tests.results.histories import draw
 from tests.truth.delta import KOSSEL, Layout, delta_csv, delta_yaml, make_delta_session, probe_bed
@@ -22,9 +19,7 @@ KEYS = {
 
 
 def written(story: str, count: int) -> None:
-    """The sessions of a drawn history in the present folder, a file for each day."""
     for given in draw(story, 5, count).inputs:
-        assert isinstance(given.measured, Readings)
         day = given.conditions.started
         session = session_of_readings(given.measured, given.model, {})
         text = session_text(session.model_copy(update={"started": day}))

@@ -3,8 +3,6 @@
 Files that tests only read are made once; what reads them is run once.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable
@@ -98,10 +96,6 @@ def series(count: int, rate: float) -> str:
     return "\n".join(("seq,minutes,x_mm,y_mm,reading_mm", *rows)) + "\n"
 
 
-def alternating(size: float) -> Callable[[int, list[float]], float]:
-    return lambda k, _: size * (-1) ** (k // 2 % 3) if k % 2 == 0 else 0.0
-
-
 def tilted(tilt: float) -> str:
     """A printer that stands as its firmware has it, but for a tilt of its bed."""
     return touched(Truth(endstops=np.array([tilt, 0.0, -tilt])), Layout(places=81), 4)
@@ -127,7 +121,9 @@ FILES: dict[str, Callable[[], str]] = {
     "t41.csv": lambda: exact(V400, OFF, Layout(places=41)),
     "belt.csv": lambda: touched(STRETCHED, Layout(25, THREE)),
     "lost.csv": lambda: touched(replace(OFF, lost=np.array([0.12, 0.0, 0.1])), Layout(81)),
-    "noisy.csv": lambda: off_by(exact(V400, OFF, Layout(places=41)), alternating(0.3)),
+    "noisy.csv": lambda: off_by(
+        exact(V400, OFF, Layout(places=41)), lambda k, _: 0.3 * (-1) ** (k // 2 % 3) * (k % 2 == 0)
+    ),
     "right.csv": lambda: tilted(0.0),
     "tilted.csv": lambda: tilted(0.06),
     "seven.csv": lambda: seven(0.033),
@@ -300,7 +296,6 @@ def test_causes_of_the_rails_have_the_names_of_the_towers() -> None:
     std = cause["parameters"][1]["std"]
     said = page("diagnose", "belt.csv", *MACHINE, "--details")
     shown = re.search(r"encoder_scale, mm/m a [^b]+ b −[\d.]+ ± ([\d.]+)", said)
-    assert shown is not None
     assert float(shown[1]) == pytest.approx(1.96 * std, rel=0.06)
     assert "± U, 95 %" in said
 
@@ -564,9 +559,6 @@ def test_places_that_determine_nothing_are_no_failed_search(verb: str, file: str
     told = refused(4, verb, file, *MACHINE)
     assert "do not determine a, b, c, radius, angle_a, angle_b. Touch at least seven places" in told
     assert not re.search("offsets|search", told)
-
-
-# --- beside them ------------------------------------------------------------------------------
 
 
 def test_a_new_machine_file_of_a_printer() -> None:

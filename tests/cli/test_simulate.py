@@ -26,15 +26,12 @@ CAUSES = (
 
 
 def session(*arguments: str) -> Readings:
-    """The readings of a simulated session."""
     shown = run("simulate", "--seed", "5", *arguments)
     assert shown.exit_code == 0, shown.stderr
     assert shown.stderr == ""
     path = Path("session.csv")
     path.write_text(shown.stdout, encoding="utf-8")
-    measured = read_input(str(path), NOMINAL).measured
-    assert isinstance(measured, Readings)
-    return measured
+    return read_input(str(path), NOMINAL).measured
 
 
 def test_the_seed_decides_and_is_told() -> None:
@@ -124,8 +121,6 @@ def test_a_session_holds_the_machine_and_the_same_readings(form: str) -> None:
     Path("made.csv").write_text(plain, encoding="utf-8")
     made, table = read_input(str(target)), read_input("made.csv", NOMINAL_LARGE).measured
     assert made.model.machine == LARGE
-    assert isinstance(made.measured, Readings)
-    assert isinstance(table, Readings)
     assert np.array_equal(made.measured.value, table.value)
     assert len(table) == 6 * (3 * 2 + 1)
     assert set(table.plan.gauge_at.tolist()) == {0.4}

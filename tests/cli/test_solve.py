@@ -10,16 +10,7 @@ import pytest
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine, machine_text
 from orthoglide_cal.results import Answer
-from tests.cli.program import (
-    DOUBLE,
-    SAMPLES,
-    SESSION,
-    SINGLE,
-    SIX,
-    answer,
-    lines,
-    run,
-)
+from tests.cli.program import DOUBLE, SAMPLES, SESSION, SINGLE, SIX, answer, lines, run
 
 
 @pytest.mark.parametrize("file", [SIX, DOUBLE, SINGLE, SESSION])

@@ -89,9 +89,6 @@ def test_topics_of_the_guide_complete() -> None:
     assert said.split() == ["axis_gap", "axis_squareness"]
 
 
-# ---- the verdict remembers
-
-
 @pytest.fixture(scope="module")
 def doubtful(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """A session with two wrong readings, each questioned and kept; and what the screen showed."""

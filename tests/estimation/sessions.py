@@ -51,7 +51,6 @@ def readings(
 
 
 def problem_of(kind: DataKind, model: Model) -> Problem:
-    """The problem of one cycle of differences."""
     plan = ideal_plan(kind, model.machine)
     return Problem(model, plan, reduction(kind, DIFFERENCES[kind], model.machine, plan))
 
@@ -62,7 +61,6 @@ def of_values(kind: DataKind, values: Floats | list[float]) -> Differences:
 
 
 def differences(kind: DataKind, model: Model, offsets: Floats = OFFSETS) -> Differences:
-    """Exact differences of one kind."""
     return of_values(kind, problem_of(kind, model).predict(offsets))
 
 

@@ -71,7 +71,6 @@ def test_what_does_not_repeat_has_no_sigma_of_repeats() -> None:
     """Joint end and tool end do not repeat each other, nor does a single cycle itself."""
     ends = single_posture(PROTOTYPE, 2)
     found = scatter_of_repeats(ends, 5.0 * ends.contact + 0.3 * ends.setup)
-    assert found is not None
     assert (found.sigma_mm, found.dof) == (pytest.approx(0.0, abs=1e-12), 12)
     plan = double_posture(PROTOTYPE, cycles=1, closing=False)
     assert scatter_of_repeats(plan, np.zeros(len(plan))) is None
@@ -86,7 +85,6 @@ def test_a_distance_scatters_by_as_much_more_as_it_is_less_precise() -> None:
     plan = replace(joined(once, once), precision=np.tile(weights, 2))
     apart = 0.03 / weights
     found = scatter_of_repeats(plan, 50.0 + np.concatenate((apart, -apart)))
-    assert found is not None
     assert (found.sigma_mm, found.dof) == (pytest.approx(0.03 * 2.0**0.5), 6)
 
 
@@ -128,7 +126,6 @@ def test_the_gauges_resolution_is_the_floor() -> None:
     """A gauge of 0.01 mm that always shows the same number has not measured to a nanometre."""
     session = readings(NOMINAL, double_posture(PROTOTYPE), np.zeros(3), seed=None)
     solution = solve(session, NOMINAL)
-    assert solution.sigma_residuals_mm is not None
     assert solution.sigma_residuals_mm < 1e-9
     assert solution.noise.sigma_mm == pytest.approx(0.01 / np.sqrt(12.0), rel=1e-14)
     assert any("resolution" in warning for warning in sentences(solution.warnings))

@@ -45,7 +45,6 @@ def true_difference(kind: DataKind, difference: Difference, offsets: Floats) -> 
         return float(read[plan.of(series) & there & (plan.contact == contact)][0])
 
     if kind is SINGLE:
-        assert posture is not None
         return at(posture, Contact.TOOL) - at(posture, Contact.JOINT)
     first, second = (posture, Posture.ISO) if posture else (Posture.MAX, Posture.MIN)
     return at(first) - at(second)

@@ -1,7 +1,5 @@
 """Shared by the tests of files: text in, faults out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from orthoglide_cal.errors import InputError, InvalidFileError
@@ -20,7 +18,6 @@ def document(text: str, path: str = "data.csv") -> FileText:
 
 
 def saved(folder: Path, text: str, name: str = "data.csv") -> str:
-    """Path of a file with this text."""
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return str(path)
@@ -43,7 +40,6 @@ def differences(folder: Path, text: str) -> Differences:
 
 
 def problems(call, *args) -> list[InputError]:
-    """What a reader says is wrong."""
     try:
         call(*args)
     except InvalidFileError as error:

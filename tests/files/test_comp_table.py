@@ -1,7 +1,5 @@
 """LinuxCNC's table of a joint: with it a carriage goes where the controller says, however homed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +67,7 @@ class Joint:
         return (1.0 + EXCESS) * (motor - way * WIDTH / 2.0)
 
 
-def corrected(path: Path, unit: float, decimals: int = 6) -> ControllerFile:
+def corrected(path: Path, unit: float) -> ControllerFile:
     """Its file with table, as what was measured at its joint makes it; it is written."""
     before, joint = controller_file(str(path)), Joint(path, unit)
     at = np.array([-40.0, 0.0, 40.0])
@@ -88,7 +86,7 @@ def corrected(path: Path, unit: float, decimals: int = 6) -> ControllerFile:
         ]
         return np.asarray(sum(parts))
 
-    written, data = before.changed({"x": float(offset)}, decimals, {"x": added})
+    written, data = before.changed({"x": float(offset)}, 6, {"x": added})
     for table in written.tables:
         Path(table.path).write_text(table.text)
     path.write_bytes(data)

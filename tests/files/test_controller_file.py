@@ -1,7 +1,5 @@
 """A controller's file: three values change, every other byte stays, and all of it comes back."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 

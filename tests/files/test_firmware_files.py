@@ -40,10 +40,10 @@ def put(folder: Path, name: str, text: str) -> str:
     return saved(folder, text, name)
 
 
-def with_settings(folder: Path, machine: made.Delta = made.UNEVEN) -> None:
+def with_settings(folder: Path) -> None:
     """config.g, and a printer.cfg with the probe's offsets."""
-    put(folder, "config.g", made.config_g(machine))
-    cfg = printer_cfg(machine, made.Truth(), sections="")
+    put(folder, "config.g", made.config_g(made.UNEVEN))
+    cfg = printer_cfg(made.UNEVEN, made.Truth(), sections="")
     x, y, z = made.OFFSET
     probe = f"[probe]\nx_offset: {x}\ny_offset: {y}\nz_offset: {z}\n"
     put(folder, "printer.cfg", cfg.replace("[bed_mesh]", probe + "[bed_mesh]"))
@@ -64,7 +64,6 @@ def remarks(*given) -> str:
 
 @pytest.fixture
 def own(tmp_path: Path) -> Path:
-    """A folder with config.g and printer.cfg."""
     with_settings(tmp_path)
     return tmp_path
 

@@ -11,8 +11,8 @@ from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.machine_file import default_machine, machine_from_text, read_machine_file
 from orthoglide_cal.files.probe_readings import REPEATABILITY_MM
-from orthoglide_cal.model.linear_delta import CALLIPER_MM, MINUTES_PER_TOUCH, Endstops, LinearDelta
-from orthoglide_cal.model.measured import NOZZLE, Readings
+from orthoglide_cal.model.linear_delta import CALLIPER_MM, MINUTES_PER_TOUCH, Endstops
+from orthoglide_cal.model.measured import NOZZLE
 from orthoglide_cal.model.model import Model
 from tests.printer_files import printer_cfg
 from tests.printers import CONFIG, UNEVEN, printer, true_values
@@ -35,7 +35,6 @@ def test_a_file_of_an_independent_program_is_read_as_it_was_taken(tmp_path: Path
     session = make_delta_session(3, UNEVEN, (), layout)
     given = read_input(saved(tmp_path, delta_csv(session)), Model(printer(UNEVEN)))
     read = given.measured
-    assert isinstance(read, Readings)
     plan = read.plan
     expected = np.stack((session.x, session.y, session.readings), axis=1)
     assert plan.place == pytest.approx(expected, abs=1e-12)
@@ -55,7 +54,6 @@ def test_a_file_of_an_independent_program_is_read_as_it_was_taken(tmp_path: Path
 def test_what_is_optional_in_any_order(tmp_path: Path) -> None:
     text = "note;colour;y_mm;reading_mm;x_mm\nfoil;red;1,5;0,02;-3\n;;2;-0,01;4,25\n"
     read = read_input(saved(tmp_path, text), MODEL).measured
-    assert isinstance(read, Readings)
     assert read.plan.place.tolist() == [[-3.0, 1.5, 0.02], [4.25, 2.0, -0.01]]
     assert read.plan.surface.tolist() == [0.0, 0.0]
     assert read.value.tolist() == [0.02, -0.01]
@@ -77,7 +75,6 @@ def test_a_line_with_a_hash_is_a_comment_also_below_a_header_of_places(tmp_path:
 def test_the_order_in_time_is_that_of_the_numbers(tmp_path: Path) -> None:
     text = "seq,x_mm,y_mm,reading_mm\n7,0,0,0.1\n3,1,0,0.2\n5,2,0,0.3\n"
     read = read_input(saved(tmp_path, text), MODEL).measured
-    assert isinstance(read, Readings)
     assert read.plan.order.tolist() == [2, 0, 1]
     assert read.plan.hours == pytest.approx(np.array([2, 0, 1]) * MINUTES_PER_TOUCH / 60.0)
 
@@ -139,12 +136,10 @@ def cfg(sections: str = "cm", truth: Truth = TRUTH) -> str:
 
 
 def taken(folder: Path, text: str, **options) -> Input:
-    """What a command reads of it."""
     return read_input(saved(folder, text, "printer.cfg"), **options)
 
 
 def fault_of(folder: Path, text: str, **options) -> InputError:
-    """The only fault."""
     (fault,) = problems(lambda: taken(folder, text, **options))
     return fault
 
@@ -185,7 +180,6 @@ def test_what_else_is_known_comes_from_the_machine_file(tmp_path: Path) -> None:
     assert machine.tolerances == {"leg_length": 0.1}
     assert machine.endstops_mm == UNEVEN.endstops
     bare = taken(tmp_path, cfg()).model.machine
-    assert isinstance(bare, LinearDelta)
     assert (bare.name, bare.arm_length_mm, bare.endstops_mm) == (
         "printer.cfg", UNEVEN.arms, UNEVEN.endstops,
     )  # fmt: skip

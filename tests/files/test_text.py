@@ -7,11 +7,7 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.errors import InputError, UsageError
-from orthoglide_cal.files.text import (
-    document_from_bytes,
-    read_document,
-    write_text,
-)
+from orthoglide_cal.files.text import document_from_bytes, read_document, write_text
 
 
 def test_bom_and_line_ends():

@@ -23,7 +23,6 @@ deviation."""
 
 
 def texts_of(session: truth.Session | DeltaSession) -> tuple[str, str]:
-    """Machine file and record."""
     if isinstance(session, DeltaSession):
         return delta_yaml(session.machine), delta_csv(session)
     return truth.machine_yaml(session.machine, session.gauge), truth.readings_csv(session)
@@ -40,10 +39,7 @@ def model_of(hidden: truth.Machine, gauge: truth.Gauge) -> Model:
 
 
 def read(text: str, model: Model) -> Readings:
-    document = document_from_bytes(text.encode(), "session.csv")
-    measured = read_input(document, model).measured
-    assert isinstance(measured, Readings)
-    return measured
+    return read_input(document_from_bytes(text.encode(), "session.csv"), model).measured
 
 
 def readings_of(session: truth.Session) -> Readings:
@@ -58,7 +54,6 @@ def given(session: truth.Session | DeltaSession) -> Input:
 
 
 def known(session: truth.Session) -> tuple[Readings, Model]:
-    """Record and model of a session."""
     return readings_of(session), model_of(session.machine, session.gauge)
 
 

@@ -41,7 +41,6 @@ def test_a_shared_shape_is_a_dense_covariance(known: int) -> None:
     spectrum, rest = rng.uniform(0.0, 0.001, size=known), 2e-4
     shape = rest * np.eye(9) + axes * (spectrum - rest) @ axes.T
     grid = NoiseGrid.around(0.01, Texture(axes, spectrum, rest, assumed=False))
-    assert grid.scale_factor is not None
     density = Gaussian(columns, sizes, grid, shares)
     log, overlap = density.by_noise(residual), density.overlap(patterns, residual)
     power, match = density.against(overlap, residual)

@@ -25,7 +25,6 @@ class GivenRails(Cause):
         self.rails = rails
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
-        """The given ones."""
         return self.rails
 
 
@@ -34,9 +33,9 @@ def on_rails(machine: Machine, rails: Geometry) -> Model:
     return Model(machine, (GivenRails(rails).at(np.zeros(0)),))
 
 
-def bent_rails(machine: Machine, seed: int = 8) -> Geometry:
+def bent_rails(machine: Machine) -> Geometry:
     """Rails that neither meet nor are orthogonal, unequal legs: degrees and millimetres."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(8)
     directions = np.eye(3) + rng.normal(0.0, 0.05, (3, 3))
     return Geometry(
         points=rng.normal(0.0, 5.0, (3, 3)),

@@ -11,7 +11,6 @@ from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series
 from tests.machines import PROTOTYPE
 
 OFFSETS = np.array([0.4, -0.9, 0.6])
-KINDS = (DataKind.SIX, DataKind.TWELVE, DataKind.SINGLE)
 NAMES = {
     DataKind.SIX: "dx_y dx_z dy_x dy_z dz_x dz_y",
     DataKind.TWELVE: "dx_y+ dx_y- dx_z+ dx_z- dy_x+ dy_x- dy_z+ dy_z- dz_x+ dz_x- dz_y+ dz_y-",
@@ -19,12 +18,7 @@ NAMES = {
 }
 
 
-def plan_for(kind: DataKind) -> GaugePlan:
-    """Three cycles of the readings from which this kind is made."""
-    return single_posture(PROTOTYPE, 3) if kind is DataKind.SINGLE else double_posture(PROTOTYPE)
-
-
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", NAMES)
 def test_differences_are_named_as_the_paper_prints_them(kind: DataKind) -> None:
     """Direction first, leg second, in the order of Table 4."""
     assert [difference.name for difference in DIFFERENCES[kind]] == NAMES[kind].split()
@@ -44,8 +38,9 @@ def test_what_each_difference_subtracts(
     kind: DataKind, posture: Posture | None, ends: tuple[tuple[float, Contact], ...]
 ) -> None:
     """Max − min, that posture − iso, tool end − joint end: means of repeats."""
-    series = Series(0, 2) if kind is DataKind.SINGLE else Series(2, 1)
-    plan = plan_for(kind)
+    series, plan = Series(2, 1), double_posture(PROTOTYPE)
+    if kind is DataKind.SINGLE:
+        series, plan = Series(0, 2), single_posture(PROTOTYPE, 3)
     values = np.random.default_rng(5).normal(0.0, 1.0, len(plan))
     first, second = (
         values[plan.of(series) & (plan.displacement == moved) & (plan.contact == contact)].mean()

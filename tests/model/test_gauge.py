@@ -209,9 +209,6 @@ def test_differences_of_means_are_allowed_their_decimals_but_not_those_of_inches
     assert sum(doubts(np.round(each / 25.4, 4)) for each in shown[:100, :, 0]) >= 95
 
 
-# --- what follows -----------------------------------------------------------------------------
-
-
 def test_every_command_says_so(tmp_path: Path) -> None:
     session, path = truth.make_session(1, truth.PROTOTYPE, truth.DIAL), tmp_path / "inches.csv"
     text = in_inches(session, 0.0001)

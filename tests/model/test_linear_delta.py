@@ -73,9 +73,6 @@ def missed(machine: Delta, truth: Truth, values: Floats, effects: Sequence[Effec
     return float(np.abs(found - read).max())
 
 
-# --- kinematics -------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("number", [7, 11, 24])
 def test_finer_terms_of_a_bed_are_zernike_polynomials(number: int) -> None:
     """By Jacobi polynomials, less height and slope in the middle, which are the endstops'."""

@@ -105,7 +105,6 @@ def test_accepting_keeps_the_named_parameters_with_their_correlations() -> None:
     found = Effect(CAUSES["backlash"], theta, covariance=spread)
     kept = found.accepted("2026-03-04", "ab" * 32)
     assert kept.theta.tolist() == [0.03, 0.0, 0.02, 0.0, 0.0, 0.0]
-    assert kept.covariance is not None
     assert np.array_equal(kept.covariance[:3, :3], spread[:3, :3])
     assert not kept.covariance[3:].any()
     assert not kept.covariance[:, 3:].any()
@@ -175,7 +174,6 @@ def test_values_hold_copies_of_what_they_are_given() -> None:
     machine = type(PROTOTYPE)(**{**dict(PROTOTYPE), "tolerances": tolerances})
     theta[0] = spread[0, 0] = given[0] = hours[0] = tolerances["axis_gap"] = 99.0
     assert effect.theta[0] == 0.1
-    assert effect.covariance is not None
     assert effect.covariance[0, 0] != 99.0
     assert data.value[0] == plan.hours[0] == 0.0
     assert machine.tolerances["axis_gap"] == 0.5

@@ -12,20 +12,6 @@ from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, number_se
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 
 
-def small_plan() -> GaugePlan:
-    """Four readings, given out of their order in time."""
-    return GaugePlan(
-        leg=[0, 0, 1, 0],
-        direction=[1, 1, 2, 2],
-        displacement=[60.0, 0.0, -100.0, 60.0],
-        contact=[Contact.FIXED] * 4,
-        gauge_at=[0.5, 0.5, 0.4, 0.5],
-        setup=[0, 0, 2, 1],
-        order=[1, 0, 3, 2],
-        hours=[0.1, 0.0, 0.3, 0.1],
-    )
-
-
 def groups(kind: np.ndarray) -> list[list[int]]:
     """Indices of what is of one kind."""
     return sorted(np.flatnonzero(kind == each).tolist() for each in np.unique(kind))
@@ -38,7 +24,7 @@ def approach(plan: GaugePlan) -> Floats:
 
 def test_a_wrong_shape_names_the_array() -> None:
     with pytest.raises(ValueError, match="hours has shape"):
-        replace(small_plan(), hours=[0.0])
+        replace(double_posture(PROTOTYPE), hours=[0.0])
 
 
 def test_stands_stay_where_they_were_used_last() -> None:
@@ -98,9 +84,6 @@ def test_the_papers_sessions(machine: Machine) -> None:
     assert single.contact.tolist() == [Contact.JOINT, Contact.TOOL] * 12
     assert (single.setups, single.fixed) == (2, False)
     assert np.diff(60.0 * single.hours) == pytest.approx([*[0.4] * 11, 4.4, *[0.4] * 11])
-
-
-# --- where the controller sends the carriages -------------------------------------------------
 
 
 def test_approach_follows_time_not_the_order_of_the_rows() -> None:

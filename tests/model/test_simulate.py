@@ -16,21 +16,13 @@ from orthoglide_cal.model.model import (
     simulate_with_jacobian,
     synthetic_session,
 )
-from orthoglide_cal.model.orthoglide import (
-    PlannedReading,
-    double_posture,
-    plan_of,
-    single_posture,
-)
+from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan_of, single_posture
 from orthoglide_cal.model.plan import zero_free
 from orthoglide_cal.model.readings import Contact, GaugePlan, Posture
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model.geometries import bent_rails, mixed_plan, on_rails
 
 OFFSETS = np.array([1.7, -2.9, 0.8])
-
-
-# --- derivatives by the offsets ---------------------------------------------------------------
 
 
 def stepped_within(plan: GaugePlan) -> GaugePlan:
@@ -66,9 +58,6 @@ def test_the_closed_form_of_the_jacobian(
     assert (np.abs(slope - nominal).max() > 1e-4) == (made is not Model)
 
 
-# --- postures that cannot be taken ------------------------------------------------------------
-
-
 def test_an_unreachable_session_is_an_error_or_nan() -> None:
     plan = double_posture(PROTOTYPE, cycles=1)
     offsets = np.array([[0.1, 0.2, 0.3], [300.0, 300.0, 300.0]])
@@ -96,9 +85,6 @@ def test_postures_without_a_tool_position_are_named() -> None:
     short = replace(nominal, lengths=np.full(3, 250.0))
     with pytest.raises(PostureError, match="Isotropic posture: The legs do not reach"):
         simulate(on_rails(PROTOTYPE, short), OFFSETS, low)
-
-
-# --- synthetic sessions: noise, zeros and steps of the gauge ------------------------------------
 
 
 def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:

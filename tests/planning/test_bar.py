@@ -36,7 +36,6 @@ def test_off_the_bar_is_refused_and_near_its_end_is_said() -> None:
         require_on_bar(double_posture(SHORT), SHORT)
     assert SHORT.bar_warning(single_posture(SHORT)) is None
     warning = require_on_bar(double_posture(NEAR), NEAR)
-    assert warning is not None
     assert "25.1 mm from it with carriage x at -130 mm" in warning.what
     assert "[-124, 60]" in warning.remedy
 
@@ -48,7 +47,6 @@ def test_advised_limits_are_safe(length: float, low: float, high: float) -> None
         leg_length_mm=length, joint_limits_mm=(-low * length, high * length)
     )
     warning = machine.bar_warning(double_posture(machine))
-    assert warning is not None
     limits = tuple(map(float, re.findall(r"\[(\S+), (\S+)\]", warning.remedy)[0]))
     safe = machine.changed(joint_limits_mm=limits)
     assert safe.bar_warning(double_posture(safe)) is None

@@ -76,7 +76,6 @@ def test_it_takes_at_most_65_percent_of_the_readings(model: Model) -> None:
     costs = [max(each.noise_std_mm.values()) ** 2 * len(each.plan) for each in forecasts]
     assert costs[0] / costs[1] == pytest.approx(share, rel=0.01)
     best = measurement_plan(model, Wanted()).design
-    assert best is not None
     assert best.share_of_readings == pytest.approx(share, rel=1e-12)
 
 
@@ -108,7 +107,6 @@ def trace(found: Separations, id: str) -> float:
 def test_what_it_gives_up_is_what_is_said(model: Model) -> None:
     """`GIVES_UP`, part by part, for the same U."""
     plan = measurement_plan(model, Wanted())
-    assert plan.design is not None
     usual, best = (separations(model, each.plan) for each in (plan.chosen, plan.design))
     left = {id: trace(best, id) / trace(usual, id) for id in ("encoder_scale", "backlash",
             "gauge_drift", "stand_shift", "thermal_drift")}  # fmt: skip

@@ -97,7 +97,6 @@ def test_spare_readings_are_the_degrees_of_freedom(protocol: MeasuringProtocol) 
 def test_no_number_of_cycles_reaches_below_the_floor() -> None:
     longest = forecast(NOMINAL, DOUBLE, MOST_CYCLES)
     floor = longest.floor
-    assert floor is not None
     assert floor.largest.source == "leg_length"
     below = 0.99 * float(floor.expanded_mm.max())
     found = fewest_cycles(NOMINAL, DOUBLE, Method.READINGS, 2, below)
@@ -107,7 +106,6 @@ def test_no_number_of_cycles_reaches_below_the_floor() -> None:
     assert floor.expanded_mm.max() == pytest.approx(1.96 * 0.01, rel=0.03)
     # Of a shorter session more is left beside noise, for its readings tell less of it.
     shorter = forecast(NOMINAL, DOUBLE, 3).floor
-    assert shorter is not None
     assert np.all(shorter.std_mm > floor.std_mm)
     assert forecast(sure(NOMINAL), DOUBLE, 3).floor is None
 

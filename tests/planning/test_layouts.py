@@ -13,26 +13,14 @@ from orthoglide_cal.model.machine import SimulationOptions
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.forecast import SessionForecast
-from orthoglide_cal.planning.plan import (
-    MeasurementPlan,
-    Wanted,
-    measurement_plan,
-)
+from orthoglide_cal.planning.plan import MeasurementPlan, Wanted, measurement_plan
 from orthoglide_cal.planning.separation import separations
 from tests.decisions import new_plan
 from tests.estimation.sessions import solved
 from tests.inference.sessions import model_from
 from tests.machines import NOMINAL
 from tests.printers import readings_of_touches, true_values
-from tests.truth.delta import (
-    TOLERANCES,
-    V400,
-    Delta,
-    Truth,
-    delta_yaml,
-    distances,
-    touches,
-)
+from tests.truth.delta import TOLERANCES, V400, Delta, Truth, delta_yaml, distances, touches
 from tests.truth.delta_separation import GRAIN
 from tests.truth.plan import frozen
 
@@ -106,7 +94,6 @@ def test_the_expected_uncertainty_is_what_solve_gives() -> None:
 
 def test_a_flat_bed_does_not_tell_and_the_telling_layout_does() -> None:
     best = usual().design
-    assert best is not None
     assert usual().chosen is best
     assert best.reached
     enough = best.wanted_sigma
@@ -131,7 +118,6 @@ def test_where_nothing_tells_the_best_is_named(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(LinearDelta, "distinguishing_layouts", lambda machine: every(machine)[::9])
     rough = V400_MODEL.machine.changed(probe=V400_MODEL.machine.probe.changed(texture_mm=0.2))
     design = new_plan(Model(rough), Wanted()).design
-    assert design is not None
     assert not design.reached
     best = max(
         separations(Model(rough), layout.plan, rough.rivals).sigma[0, 1]

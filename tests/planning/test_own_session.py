@@ -44,7 +44,6 @@ def test_a_gap_and_a_skewed_bar_are_told_apart_afterwards(cause: str, seed: int)
     found = diagnose(reduced(DataKind.SIX, readings, model), model)
     assert found.verdict is Verdict.AMBIGUOUS
     following = best_next(found)
-    assert following is not None
     assert following.session is not None
     assert following.between
     assert following.chance > 0.96

@@ -39,12 +39,10 @@ def changed(model: Model, **new: object) -> Model:
 
 
 def report_of(case: Case) -> Document:
-    """The calibration report."""
     return calibration_document(case, identity_of(case))
 
 
 def as_left() -> Document:
-    """The report of a machine that was adjusted and measured again."""
     case, left, after = cases.as_left()
     return calibration_document(case, identity_of(case), left, after=after)
 
@@ -110,7 +108,6 @@ def planned() -> Document:
 
 
 def reproduced() -> Document:
-    """The paper's Table 5."""
     return paper_document(table_5(NOMINAL))
 
 

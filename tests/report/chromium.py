@@ -134,7 +134,6 @@ class Browser:
         return [e["params"] for e in self.events if e.get("method") in methods]
 
     def requests(self) -> list[str]:
-        """Addresses that the page asked for."""
         return [event["request"]["url"] for event in self.of("Network.requestWillBeSent")]
 
     def complaints(self) -> list[dict[str, Any]]:
@@ -142,14 +141,12 @@ class Browser:
         return self.of("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")
 
     def pdf(self) -> bytes:
-        """The page as it prints."""
         answer = self.call("Page.printToPDF", preferCSSPageSize=True, printBackground=True)
         return base64.b64decode(answer["data"])
 
 
 @contextlib.contextmanager
 def browser(program: str) -> Iterator[Browser]:
-    """A browser with a profile of its own, gone afterwards."""
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         running = Browser(program, Path(folder))
         try:

@@ -106,7 +106,6 @@ COLOURS = """(() => {
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
-    assert PROGRAM is not None
     with browser(PROGRAM) as running:
         yield running
 

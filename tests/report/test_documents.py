@@ -174,9 +174,6 @@ def test_values_for_programs_are_plain_json(kind: str) -> None:
     assert json.loads(shown)["schema_version"] in (1, 2)
 
 
-# --- a plan's page -----------------------------------------------------------------------------
-
-
 def test_a_way_that_takes_longer_is_shown_as_less_sure() -> None:
     sections = plan_document(measurement_plan(NOMINAL, Wanted())).page().sections
     grid = grid_of(next(s for s in sections if s.title == "Other ways to the same uncertainty"))

@@ -43,7 +43,6 @@ MOST = {"solve": 24, "refused": 20, "diagnose": 30, "undecided": 20, "plan": 24,
 
 def screen(document: doc.Document, most: int) -> list[str]:
     """The lines of the screen, which are few, and none too wide but what is typed."""
-    assert document.screen is not None
     page = document.screen()
     lines, kept = shown(page).splitlines(), unwrapped(page)
     text = "\n".join(lines)
@@ -240,7 +239,6 @@ def test_on_one_height_a_shape_is_not_called_a_cause() -> None:
     assert re.search(
         r"! A smooth shape is left \(\d\d µm\): bed_shape, \d\d\.\d %", both_screens(case)
     )
-    assert case.answer.baselines is not None
     better = case.answer.baselines.changed(quartic_mm=0.001)
     said = both_screens(Case(case.given, case.answer.changed(baselines=better)))
     assert "1. Make a bed mesh: a quartic surface predicts within 1.0 µm" in said

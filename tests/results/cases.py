@@ -1,7 +1,5 @@
 """Inputs of every kind with their answers, from simulated sessions; shared by the tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -52,8 +50,8 @@ HOSTILE = (
 )
 
 
-def case_of(read: Input, method: str | None = None) -> Case:
-    return Case(read, answer_to(read, method, details=True))
+def case_of(read: Input) -> Case:
+    return Case(read, answer_to(read, details=True))
 
 
 def identity_of(case: Case) -> Identity:

@@ -4,8 +4,6 @@ Each session is measured by `tests.truth` on the same machine (legs and gauge sc
 stands placed again; the program sees the text of the tables and nothing else.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 

@@ -1,7 +1,5 @@
 """Synthetic sessions in memory, as inputs; shared by the tests of results and verification."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

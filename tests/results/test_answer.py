@@ -3,8 +3,6 @@
 Formats and pages are tested where they are made.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
@@ -101,7 +99,6 @@ def test_the_budget_holds_what_the_data_leave_open() -> None:
     assert np.sum([np.square(each.std) for each in answer.budget], axis=0) == pytest.approx(std**2)
     assert np.all(std > solution.std_mm)
     minor = np.sum([np.square(each.std) for each in answer.budget if each.minor], axis=0)
-    assert answer.total is not None
     assert np.square(answer.total.minor) == pytest.approx(minor)
     assert np.all(minor < 0.01 * len(answer.budget) * std**2)
 
@@ -113,7 +110,6 @@ def test_new_values_add_to_what_is_active() -> None:
     assert answer.decimals == 4
     for each, previous in zip(answer.parameters, active, strict=True):
         assert each.active == previous
-        assert each.found is not None
         assert each.enter == pytest.approx(previous + each.found, abs=5.1e-5)
         assert each.enter == pytest.approx(previous + each.change(4), abs=1e-12)
         assert len(str(each.enter).partition(".")[2]) <= 4
@@ -129,7 +125,6 @@ def test_the_check_is_where_the_offsets_show_most() -> None:
     """Expected difference after the adjustment, from an independent machine that was adjusted."""
     answer = cases.healthy().answer
     check = answer.check
-    assert check is not None
     assert (check.what, check.leg, check.direction) == ("dz_x", "x", "z")
     assert check.first_mm == (-100.0, 0.0, 0.0)
     assert check.second_mm == (60.0, 0.0, 0.0)
@@ -155,7 +150,6 @@ def test_the_check_is_where_the_offsets_show_most() -> None:
     # At least 95 %; with 99 % true, fewer than 190 of 200 happen once in 10,000 times.
     assert inside >= 190
     ends = answer_to(given(session(TRUE, 8, plan=single_posture(PROTOTYPE, cycles=3)))).check
-    assert ends is not None
     assert ends.ends
     assert ends.first_mm == ends.second_mm
     assert ends.what[-1] in "0+-"
@@ -166,7 +160,6 @@ def test_the_promise_takes_what_was_found_into_account() -> None:
     case = cases.named_in_machine()
     answer, measured, diagnosis = case.answer, case.given.measured, diagnosis_of(case)
     check = answer.check
-    assert check is not None
     known = OffsetEstimate(
         making.with_causes(case.given.model, diagnosis),
         diagnosis.offsets_mm,
@@ -255,7 +248,6 @@ def test_under_a_named_cause_the_parameters_are_those_with_it() -> None:
     assert answer.named == ("axis_gap",)
     assert found(answer) == pytest.approx(diagnosis_of(case).offsets_mm)
     assert np.all(np.abs(found(answer) - TRUE) < 2.0 * expanded(answer))
-    assert answer.alone is not None
     alone = np.array([each.found for each in answer.alone.parameters])
     assert alone == pytest.approx(solution.offsets_mm)
     assert np.abs(alone - TRUE).max() > 0.05
@@ -304,7 +296,6 @@ def test_the_offsets_keep_their_correlations() -> None:
     def at_most(spread: np.ndarray) -> float:
         return workspace_error(model, found(answer), spread, answer.k or 0.0).after_mm
 
-    assert answer.workspace is not None
     assert answer.workspace.after_mm == pytest.approx(at_most(covariance), rel=1e-9)
     assert at_most(np.diag(np.diag(covariance))) != pytest.approx(at_most(covariance), rel=1e-3)
 
@@ -337,7 +328,6 @@ def test_one_input_is_solved_and_diagnosed_once(monkeypatch: pytest.MonkeyPatch)
     assert (plain.sensitivity, plain.workspace) == (None, None)
     full = answer_to(given, details=True)
     assert made[1:] == ["diagnose", "workspace_error"]
-    assert full.sensitivity is not None
     assert list(full.sensitivity) == ["halved", "doubled"]
     unseen = {"sensitivity": None, "workspace": None}
     assert full.model_copy(update=unseen).model_dump() == plain.model_dump()
@@ -347,8 +337,6 @@ def test_as_found_and_expected() -> None:
     case, *_ = cases.as_left()
     answer, solution = case.answer, solve(case.given.measured, case.given.model)
     measured = [row.measured_mm for row in solution.promised()]
-    assert answer.as_found is not None
-    assert answer.expected is not None
     assert answer.as_found.rms_mm == pytest.approx(np.sqrt(np.mean(np.square(measured))))
     assert abs(answer.as_found.largest_mm) == max(abs(value) for value in measured)
     assert answer.as_found.largest == "dz_x"
@@ -363,13 +351,11 @@ def test_every_reading_stands_beside_what_is_modelled() -> None:
         assert [row.measured_mm for row in rows] == case.given.measured.value.tolist()
         assert sorted(row.order for row in rows) == list(range(1, len(rows) + 1))
         left = np.array([row.measured_mm - row.modelled_mm for row in rows])
-        assert answer.lack_of_fit is not None
         assert np.sqrt(np.mean(left**2)) == pytest.approx(answer.lack_of_fit.left_mm)
     assert {row.end for row in cases.single().answer.residuals} == {"joint", "tool"}
     assert cases.ambiguous().answer.residuals[0].posture == "dx_y"
     named = cases.named_in_machine().answer
     explained = [row.measured_mm - (row.with_causes_mm or 0.0) for row in named.residuals]
-    assert named.rms is not None
     assert np.sqrt(np.mean(np.square(explained))) == pytest.approx(named.rms.after_mm)
     # 60 readings, less 3 offsets and 6 zeros: what the gauge's noise leaves of itself.
     noise = np.sqrt(51.0 / 60.0) * FINE.machine.gauge.noise_mm

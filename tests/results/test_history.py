@@ -1,7 +1,5 @@
 """Histories against the independent truth: the story, when, how much; circumstances; refusals."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 
@@ -20,7 +18,6 @@ from tests.truth.session import Setting
 
 
 def places(found: History) -> tuple[int, ...]:
-    """Numbers of the sessions before a change."""
     paths = [each.path for each in found.sessions]
     return tuple(paths.index(change.before) for change in found.changes)
 

@@ -94,7 +94,6 @@ def test_a_cause_from_the_same_readings_takes_its_part_of_their_noise() -> None:
     session = truth.make_session(3, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
     measured, model = known(session)
     extended = accepted(measured, model, session, 3)
-    assert extended is not None
     other = replace(measured, source=replace(measured.source, sha256="f" * 64))
     assert [solve(each, extended).dof for each in (measured, other)] == [48, 51]
 

@@ -19,12 +19,7 @@ from orthoglide_cal.model.plan import without_zeros
 from orthoglide_cal.model.readings import GaugePlan, Posture
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import identify
-from orthoglide_cal.results.verification import (
-    Outcome,
-    _respond,
-    shared_contrasts,
-    verify,
-)
+from orthoglide_cal.results.verification import Outcome, _respond, shared_contrasts, verify
 from tests import truth
 from tests.estimation.sessions import of_values
 from tests.inference.sessions import known
@@ -65,7 +60,6 @@ def test_the_papers_experiments_two_and_three():
     assert result.kept
     # The residuals of the paper are far above the gauge's noise, and so is their change.
     assert result.other_change.found
-    assert result.decision is not None
     assert result.decision.outcome is Outcome.PASS
     promised = {d.difference: round(d.promised_mm, 2) for d in result.differences}
     expected = dict(
@@ -213,7 +207,6 @@ def test_an_axis_that_was_not_touched_has_no_coefficient():
 def test_decision_rule_with_guard_band(limit, outcome):
     """The largest deviation is 0.34 mm with U = 1.96·√2·noise = 0.018 mm."""
     result = verify(paper(2), paper(3), TRUE, limit_mm=limit)
-    assert result.decision is not None
     assert result.decision.largest_difference == "dy_x"
     assert result.decision.largest_mm == pytest.approx(0.34)
     noise = PROTOTYPE.gauge.noise_mm
@@ -224,7 +217,6 @@ def test_decision_rule_with_guard_band(limit, outcome):
 
 def test_a_limit_below_u_can_never_be_kept():
     result = verify(paper(2), paper(3), TRUE, limit_mm=0.018)
-    assert result.decision is not None
     assert not result.decision.passable
     page = verification_document(result, identify([], issued=ISSUED)).page()
     assert "Nothing can pass: U exceeds the limit." in str(page.notice.lines)

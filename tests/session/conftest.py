@@ -11,7 +11,6 @@ from .terminal import SerialLine, finished
 
 @pytest.fixture(scope="session")
 def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A simulated session of one cycle."""
     folder = tmp_path_factory.mktemp("first")
     finished(folder, "a.yaml", "--cycles", "1", *SIMULATED)
     return folder / "a.yaml"

@@ -18,9 +18,7 @@ SIMULATED = ("--gauge", "simulated", "--seed", "7", "--yes")
 
 
 def read(path: Path) -> Readings:
-    measured = read_input(str(path)).measured
-    assert isinstance(measured, Readings)
-    return measured
+    return read_input(str(path)).measured
 
 
 @functools.cache

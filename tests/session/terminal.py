@@ -71,7 +71,7 @@ def forked(
 class Terminal(contextlib.AbstractContextManager["Terminal"]):
     """One run of a command.
 
-    Of `measure`, `agreed`: nothing is asked before the first reading. `anew`: by a new Python.
+    Of `measure`, `agreed`: nothing is asked before the first reading.
     """
 
     def __init__(
@@ -82,7 +82,6 @@ class Terminal(contextlib.AbstractContextManager["Terminal"]):
         colour: bool = False,
         agreed: bool = True,
         program: str = AT_ONCE,
-        anew: bool = False,
     ) -> None:
         here = dict(os.environ)
         for name in ("COLUMNS", "LINES", "NO_COLOR"):
@@ -97,7 +96,7 @@ class Terminal(contextlib.AbstractContextManager["Terminal"]):
             dimensions=(24, 80),
             encoding="utf-8",
             timeout=PATIENCE_S,
-            preexec_fn=None if anew else forked(program, words, here, lambda: None),
+            preexec_fn=forked(program, words, here, lambda: None),
         )
         self.child.delaybeforesend = None
         self.seen = ""
@@ -112,9 +111,7 @@ class Terminal(contextlib.AbstractContextManager["Terminal"]):
         compiled = re.compile(pattern) if isinstance(pattern, str) else pattern
         self.child.expect(compiled)
         self.seen += (self.child.before or "") + (self.child.after or "")
-        match = self.child.match
-        assert isinstance(match, re.Match)
-        return match
+        return self.child.match
 
     def step(self) -> int:
         """Wait for the prompt of a step; its number."""

@@ -74,8 +74,6 @@ class Scene:
 
 
 class Gauge(LiveGauge):
-    """The scene's gauge."""
-
     hint = "press it"
     silence = "Is it on?"
 
@@ -151,7 +149,6 @@ def test_a_lost_gauge_is_tried_again_now_and_then_until_it_is_back() -> None:
     asker, screen, scene = at(*looks)
     assert asker.ask(ASKED, STEP) == READ
     gauge = asker.gauge
-    assert isinstance(gauge, Gauge)
     # At every second look it is time for another attempt; the third one succeeds.
     assert gauge.attempts == 3
     assert scene.log.count(f"read {POLL_S}") == 8

@@ -7,18 +7,17 @@ from pathlib import Path
 import pytest
 
 from orthoglide_cal.session.asking import BETWEEN_GAUGES_S, BY_HAND_S, DeadTime
-from orthoglide_cal.session.events import State, replay
+from orthoglide_cal.session.events import replay
 
 from .going_on import events_of
 from .terminal import PROGRAM, Terminal
 
 
-def state_in(folder: Path) -> State:
-    return replay(events_of(folder / "s.journal"))
-
-
 def kept(folder: Path) -> dict[int, float]:
-    return {number: item.take.value_mm for number, item in state_in(folder).accepted.items()}
+    return {
+        number: item.take.value_mm
+        for number, item in replay(events_of(folder / "s.journal")).accepted.items()
+    }
 
 
 def test_a_number_begun_before_its_prompt_is_not_taken_for_its_end(tmp_path: Path) -> None:
@@ -43,9 +42,6 @@ def test_what_is_ignored_is_said_on_standard_error(tmp_path: Path) -> None:
     assert "ignored" not in terminal.seen
     said = (tmp_path / "e").read_text().splitlines()[0]
     assert re.fullmatch(r"ignored: -0\.64 came \d\.\d\d s after the one before; .+", said)
-
-
-# ---- the rule itself
 
 
 def test_what_came_before_its_prompt_follows_no_reading() -> None:

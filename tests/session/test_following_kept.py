@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.session.events import RECORD, Opened, Planned, replay
+from orthoglide_cal.session.events import RECORD, replay
 
 from .going_on import choice, events_of, is_step
 from .terminal import Terminal, finished, refused, run_program
@@ -43,11 +43,8 @@ def test_a_killed_session_needs_nothing_but_its_journal(first: Path, tmp_path: P
 def test_what_is_read_comes_back_as_it_was_written(first: Path, tmp_path: Path) -> None:
     finished(tmp_path, "s.yaml", *choice(first, is_step))
     begun, planned, *_ = events_of(tmp_path / "s.journal")
-    assert isinstance(begun, Opened)
     assert begun.version == 2
-    assert isinstance(planned, Planned)
     assert RECORD.validate_json(json.dumps(planned.model_dump())) == planned
-    assert planned.following is not None
     assert planned.following.data.text == first.read_text()
     assert {reading.entered for reading in planned.readings} == {(0.3, 0.0, 0.0)}
     record = planned.model_dump()
@@ -72,5 +69,4 @@ def test_journals_of_version_1_go_on_to_the_session_that_their_program_wrote(
     expected = without_times((HERE / "whole_version_1.yaml").read_text())
     assert without_times((tmp_path / "s.yaml").read_text()) == expected
     first = events_of(tmp_path / "s.journal")[0]
-    assert isinstance(first, Opened)
     assert replay([first]).planned is None

@@ -30,7 +30,6 @@ SIZES = 3.0 ** np.arange(-3, 2)
 
 
 def in_full(plan: GaugePlan, fresh: np.ndarray | None = None) -> Mixture:
-    """The forecast of a whole plan."""
     outlook = PlanForecast(NOMINAL, plan)
     return outlook.forecast(np.arange(len(plan)), plan.setup, plan.order, plan.hours, fresh=fresh)
 

@@ -8,7 +8,6 @@ import pytest
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
-from orthoglide_cal.session.events import Opened
 from orthoglide_cal.session.journal import encode
 from orthoglide_cal.session.opening import MOST_CYCLES, session_file, session_path
 from tests.machines import NOMINAL
@@ -165,9 +164,7 @@ def test_no_reading_at_all_ends_without_a_number(tmp_path: Path) -> None:
 
 
 def held(folder: Path) -> tuple[float, ...]:
-    """Offsets in the session's copy of the machine file."""
     first = events_of(folder / "s.journal")[0]
-    assert isinstance(first, Opened)
     return machine_from_text(first.machine, "s.journal").machine.offsets_mm
 
 
@@ -220,9 +217,6 @@ def test_the_offsets_of_the_file_or_of_the_option_are_the_session_s(tmp_path: Pa
     assert (again.returncode, "X +0.4  Y -0.3  Z +0.9" in again.stdout) == (130, True)
     other = ("--offsets-active", "0.4", "-0.3", "0")
     assert "machine, offsets_mm: " in refused(2, tmp_path, "s.yaml", "--resume", *other)
-
-
-# ---- names
 
 
 def test_names(tmp_path: Path) -> None:

@@ -11,17 +11,9 @@ from scipy import stats
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.session_file import session_text
-from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning.steps import MeasuringProtocol
-from orthoglide_cal.session.events import (
-    Answered,
-    Doubt,
-    Event,
-    GaugeLabel,
-    Taken,
-    replay,
-)
+from orthoglide_cal.session.events import Answered, Doubt, Event, GaugeLabel, Taken, replay
 from orthoglide_cal.session.readings import ReadingsSoFar
 
 from .virtual import (
@@ -64,7 +56,6 @@ def test_live_readings_are_those_of_the_file(
     (tmp_path / "s.yaml").write_text(session_text(so_far.session), encoding="utf-8")
     read = read_input(str(tmp_path / "s.yaml"))
     filed = read.measured
-    assert isinstance(filed, Readings)
     assert len(live) == len(so_far.state.accepted) > 15
     assert set(live.temperature) == {20.5}
     for item in fields(GaugePlan):
@@ -74,7 +65,6 @@ def test_live_readings_are_those_of_the_file(
         assert np.array_equal(one, other, equal_nan=True), name
     assert (live.posture, live.gauge, live.timed) == (filed.posture, filed.gauge, filed.timed)
     shown, solved = so_far.solution, solve(filed, read.model)
-    assert shown is not None
     assert shown.offsets_mm.tolist() == solved.offsets_mm.tolist()
     assert shown.expanded_mm.tolist() == solved.expanded_mm.tolist()
 

@@ -143,9 +143,6 @@ def test_a_reader_that_goes_away(tmp_path: Path) -> None:
 
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
     ) as program:  # fmt: skip
-        assert program.stdin is not None
-        assert program.stdout is not None
-        assert program.stderr is not None
         program.stdin.write(b"-0.64\n")
         program.stdin.flush()
         while b"saved -0.640" not in program.stdout.readline():

@@ -47,7 +47,6 @@ both_protocols = pytest.mark.parametrize("protocol", [DOUBLE, SINGLE])
 
 
 def stands(protocol: MeasuringProtocol) -> int:
-    """Gauges side by side, as usual."""
     return 1 if protocol is SINGLE else 2
 
 
@@ -91,7 +90,6 @@ def readings_of(
 
 
 def typed(values: Iterable[float]) -> list[str]:
-    """The readings as a technician types them."""
     return [f"{value:.2f}" for value in values]
 
 
@@ -181,7 +179,6 @@ class Script:
         self._lines: Iterator[str] = iter(lines)
 
     def read(self, timeout_s: float | None) -> Line | None:
-        """The next line."""
         try:
             return Line(next(self._lines))
         except StopIteration:
@@ -222,7 +219,6 @@ def a_dialogue(
     """A session in `path` (a journal; resumed if it exists) that is answered by these lines."""
     journal = Journal.resume(path) if path.exists() else Journal.create(path, first or opened())
     begun = journal.events[0]
-    assert isinstance(begun, Opened)
     steps = sequence(PROTOTYPE, begun.protocol, begun.cycles, begun.order, begun.stands)
     screen = Screen()
     asker = Asker(Script(lines), show or screen, gauge)
@@ -246,9 +242,7 @@ def values(dialogue: Dialogue) -> dict[int, float]:
 
 def offsets(dialogue: Dialogue) -> np.ndarray:
     """The offsets that the readings so far give."""
-    solution = dialogue.so_far.solution
-    assert solution is not None
-    return solution.offsets_mm
+    return dialogue.so_far.solution.offsets_mm
 
 
 def without_times(text: str) -> str:
@@ -257,5 +251,4 @@ def without_times(text: str) -> str:
 
 
 def state_of(events: Sequence[Event]) -> State:
-    """The state after these records of a session."""
     return replay([opened(), *events])

@@ -7,7 +7,7 @@ time constant are common. The same columns, with a plausible size, are the rival
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,17 +53,6 @@ class Where(NamedTuple):
         """As the answer has it; empty for everything."""
         given = ((name, value) for name, value in self._asdict().items() if value is not None)
         return {name: value if name == "posture" else AXIS_NAMES[value] for name, value in given}
-
-
-class Place(Protocol):
-    """Where an effect may act."""
-
-    @property
-    def kind(self) -> str: ...
-
-    @property
-    def names(self) -> dict[str, str]:
-        """As the answer has it; empty for everything."""
 
 
 PLACES = {
@@ -264,7 +253,7 @@ class Rival(NamedTuple):
     """The best other claim: an effect elsewhere or of another kind, or listed causes (no `how`)."""
 
     how: str
-    where: Place
+    where: Where
     sigma: float
     """Root of twice the log odds against it; doubled where its place holds the true one."""
 
@@ -278,7 +267,7 @@ class Distinction:
         nearest: the best other claim.
     """
 
-    same: frozenset[tuple[str, Place]]
+    same: frozenset[tuple[str, Where]]
     nearest: Rival
 
     @property
@@ -337,7 +326,6 @@ def distinguish(hidden: Beyond) -> Distinction:
     inverted = undone(plan, session.clean)
     others = [(values - near.centre) / sigma for records in inverted.values() for values in records]
 
-    assert session.disturbance is not None
     true, truly = alone, session.disturbance.contact / sigma
     for effect in session.effects:
         if effect.id in near.families:

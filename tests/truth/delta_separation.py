@@ -70,12 +70,6 @@ def local_shape(session: DeltaSession) -> Floats:
     return np.asarray(session.machine.texture**2 * np.exp(-apart / GRAIN))
 
 
-def noise_root(session: DeltaSession) -> Floats:
-    """Cholesky factor of the covariance of what is no error, shape (N, N)."""
-    noise = session.machine.noise**2 * np.eye(len(session.x))
-    return np.linalg.cholesky(local_shape(session) + noise)
-
-
 def _stands_out(session: DeltaSession) -> float:
     """Sigma at which its hidden parameters are as unlikely to be noise as one at STANDS_OUT."""
     families, chance = changes(session.machine.bed), float(chi2.sf(STANDS_OUT**2, 1))
@@ -102,7 +96,8 @@ class _Rivals:
             touches(machine, truth, session.x, session.y, session.block, hours)
             for truth in (replace(hidden, bed=bed), bare)
         )
-        root = noise_root(session)
+        noise = machine.noise**2 * np.eye(len(session.x))
+        root = np.linalg.cholesky(local_shape(session) + noise)
         free, _ = np.linalg.qr(np.linalg.solve(root, slopes(session, bare, 6, calibrated, 1e-3)))
 
         def seen(values: Floats) -> Floats:

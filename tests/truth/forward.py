@@ -158,12 +158,6 @@ def _deflect(plan: Plan, signal: Floats, disturbance: Disturbance) -> Floats:
     return out
 
 
-def _standing(plan: Plan, machine: Machine) -> Plan:
-    """The moments at which the gauge of each row was set up, all at the isotropic posture."""
-    home, nothing = np.full((plan.count, 3), machine.leg), np.zeros(plan.count)
-    return replace(plan.rows(plan.stand), indicated=home, displacement=nothing)
-
-
 def signals(
     plan: Plan,
     machine: Machine,
@@ -197,8 +191,9 @@ def signals(
     gauge = (foot_along + plan.gauge_at * span)[:, plan.stand]
     if plan.displacement[plan.stand].any():
         # Some set-up has no reading at the isotropic posture to tell where its gauge stands.
-        motion = extra.motion[plan.stand]
-        feet, tools = carriages_and_tool(_standing(plan, machine), machine, states, motion)
+        home, nothing = np.full((plan.count, 3), machine.leg), np.zeros(plan.count)
+        there = replace(plan.rows(plan.stand), indicated=home, displacement=nothing)
+        feet, tools = carriages_and_tool(there, machine, states, extra.motion[plan.stand])
         foot = feet[plan.leg, plan.leg, :, rows].T
         gauge = foot + plan.gauge_at * (tools[plan.leg, :, rows].T - foot)
     if misplaced is not None:

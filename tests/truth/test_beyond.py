@@ -37,7 +37,6 @@ def test_an_effect_is_what_it_says_in_its_place_and_nothing_elsewhere(how: str) 
             moved = np.diff(hidden.twin.clean[rows])
             expected = [0.0, *np.where(moved > 0.0, -1.0, 1.0) * np.abs(values[1])]
         elif how == "temperature":
-            assert hidden.session.warm is not None
             change = hidden.session.warm - hidden.session.warm[0]
             expected = change[rows] * (values[-1] / change[rows][-1])
         elif how == "drifts":

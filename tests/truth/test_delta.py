@@ -8,16 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from .delta import (
-    V400,
-    Layout,
-    Surface,
-    Truth,
-    grain,
-    make_delta_session,
-    touches,
-    ways_between,
-)
+from .delta import V400, Layout, Surface, Truth, grain, make_delta_session, touches, ways_between
 from .plan import frozen
 
 

@@ -3,16 +3,7 @@
 import numpy as np
 import pytest
 
-from . import (
-    DIAL,
-    LARGE,
-    MICRON,
-    PROTOTYPE,
-    Session,
-    expected_heldout,
-    make_session,
-    separation,
-)
+from . import DIAL, LARGE, MICRON, PROTOTYPE, Session, expected_heldout, make_session, separation
 from .forward import PARTS, prior_sd, signals
 from .plan import Floats
 from .separation import Neighbourhood
