@@ -94,7 +94,7 @@ def diagnose(
         document = diagnosis_document(Case(given, answer, machine))
         common.deliver(document, as_json=json, details=details)
         if accept is None:
-            return 0
+            return 0 if answer.verdict else UnusableResultError.exit_code
         target = output or Path(f"{machine.stem if machine else 'machine'}-{accept}.yaml")
         try:
             diagnosed.require_recommended(accept)

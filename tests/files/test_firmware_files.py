@@ -14,6 +14,7 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.report.case import Case, decision_notice
 from orthoglide_cal.results import answer_to
 from tests import firmware_files as made
+from tests.cli.program import run
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import printer, true_values
 from tests.sentences import sentences
@@ -260,6 +261,7 @@ def test_without_its_override_nothing_is_known_to_be_active(own: Path) -> None:
     assert answer.release.codes == ("settings_unknown",)
     title = decision_notice(Case(given, answer)).title
     assert title.startswith("The settings in force are not known: config.g loads")
+    assert run("diagnose", path).exit_code == 4, "it has no diagnosis"
     # The numbers of a machine file that is named are.
     known = read_machine_file(made_machine(own)).model
     assert answer_to(read_input(path, known)).parameters

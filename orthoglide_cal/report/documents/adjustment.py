@@ -35,7 +35,7 @@ def _page(answer: AdjustmentAnswer, steps: Iterable[doc.Instruction]) -> doc.Pag
             "—" if value is None else signed(value, decimals)
             for value in (one.target_mm, tight, plan.check_mm, one.check_mm)
         )
-        target += f" ± {plain(plan.expanded_mm, decimals)}"
+        target += f" ± {plain(plan.expanded_mm, decimals)}" * (one.target_mm is not None)
         expected += f" ± {plain(plan.check_expanded_mm, decimals)}"
         rows.append((plan.name, one.status, target, reached, expected, measured))
     caption = "Readings of the gauge, mm; the check is the difference between two postures."
