@@ -87,7 +87,7 @@ class RelabelCause(Cause):
 
     def inverted(self, readings: Floats, effect: Effect, plan: AnyPlan, machine: Machine) -> Floats:
         index, sign = self.relabel(plan, effect.place)
-        return np.asarray(sign * readings[index] * self.unit_mm(effect.place))
+        return np.asarray(sign * readings[..., index] * self.unit_mm(effect.place))
 
 
 class ExchangeCause(RelabelCause, ABC):

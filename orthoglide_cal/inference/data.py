@@ -153,10 +153,14 @@ class Whitened(ReadOnly):
         """
         return rms(self.weight * self.plain(residual))
 
-    def relabelled(self, values: Floats, cause: RelabelCause, place: Place) -> Floats:
-        """Whitened values (k,) or (k, q) with signs or labels exchanged, or put right again."""
-        index, sign = cause.relabel(self.plan, place)
-        return np.asarray(self.matrix @ (sign * (self.matrix.T @ values)[index].T).T)
+    def relabelled(self, values: Floats, *changes: tuple[RelabelCause, Place]) -> Floats:
+        """Whitened values (k,) with signs or labels exchanged, or put right again, (changes, k)."""
+        plain = self.matrix.T @ values
+        changed = np.empty((len(plain), len(changes)))
+        for number, (cause, place) in enumerate(changes):
+            index, sign = cause.relabel(self.plan, place)
+            changed[:, number] = sign * plain[index]
+        return np.asarray((self.matrix @ changed).T)
 
     def fit_versions(self, versions: Floats) -> LeastSquaresFit:
         """Offsets fitted to versions of the data (v, k), and what they leave of these.
@@ -198,13 +202,6 @@ class Whitened(ReadOnly):
             for point, effects in points
         )
         return [(self.matrix @ readings, self.matrix @ jacobian) for readings, jacobian in at]
-
-    def linearised_without(
-        self, offsets: Floats, causes: Sequence[Cause]
-    ) -> tuple[Floats, list[Floats]]:
-        """Prediction (k,), its derivatives by offsets (3,) and by causes that are not there."""
-        readings, slopes = differentiate_absent(self.problem.model, offsets, self.plan, causes)
-        return self.matrix @ readings, [self.matrix @ slope for slope in slopes]
 
 
 def _warming(readings: Readings) -> Floats | None:
@@ -339,8 +336,9 @@ class Linearised(ReadOnly):
             for place in tried
             if cause.unit_mm(place) in (1.0, white.unit_mm)
         ]
-        right = (white.relabelled(white.data, *one) * one[0].unit_mm(one[1]) for one in undone)
-        versions = np.stack([white.data, *right])
+        units = np.array([cause.unit_mm(place) for cause, place in undone])
+        right = white.relabelled(white.data, *undone) * units[:, None]
+        versions = np.vstack([white.data, right])
         fit = white.fit_versions(versions)
         if not fit.converged[0]:
             require_determined(white.problem)
@@ -361,7 +359,9 @@ class Linearised(ReadOnly):
                 version += len(tried)
             extras[cause.id] = placed
         offsets, broad = fit.offsets_mm[0], candidates.broad
-        _, (jacobian, *jacobians) = white.linearised_without(offsets, broad)
+        _, slopes = differentiate_absent(white.problem.model, offsets, white.plan, broad)
+        columns, ends = white.matrix @ np.hstack(slopes), np.cumsum([s.shape[1] for s in slopes])
+        jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
         weighed = {cause.id for cause in broad}
         uncertain: list[Influence] = []
         for influence in white.uncertain(offsets):

@@ -489,7 +489,7 @@ def _predicted(
     for effect in effects:
         cause, place = effect.cause, effect.place
         if isinstance(cause, RelabelCause) and cause.reversible(white.plan, place):
-            residual = white.relabelled(residual, cause, place) / cause.unit_mm(place)
+            residual = white.relabelled(residual, (cause, place))[0] / cause.unit_mm(place)
     return measured.value - white.plain(residual)[white.in_file]
 
 

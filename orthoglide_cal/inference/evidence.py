@@ -181,7 +181,9 @@ class _OneRatio(NamedTuple):
 
     def turned(self, columns: Overlap) -> Floats:
         """Components of columns, shape (..., s, r, q)."""
-        inside = self.general * columns.inside + self.along @ columns.along
+        inside = columns.inside
+        if self.more.size:
+            inside = self.general * inside + self.along @ columns.along
         return np.asarray(self.turn @ inside[..., None, :, :])
 
 

@@ -20,7 +20,7 @@ from orthoglide_cal.estimation.gaussian import unexplained, whiten_shared
 from orthoglide_cal.inference.candidates import Candidates
 from orthoglide_cal.inference.data import Placed, Whitened, places_of
 from orthoglide_cal.model.cause import Cause, Place, Stage
-from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.model import Model, differentiate_absent
 from orthoglide_cal.model.plan import Floats, Plan, ReadOnly
 
 # A cause whose trace is smaller than this cannot be seen, nor two be distinguished [σ].
@@ -72,11 +72,17 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
         for id, cause in CAUSES.items()
         if cause in possible and cause.stage is stage and (among is None or id in among)
     )
+    # What one plausible size, or one count, adds at each place, (places, n, 1) [mm].
+    columns = {}
+    for id, placed in extras.items():
+        if isinstance(one := placed.cause, PatternCause) and placed.patterns:
+            size = one.millimetres(white.machine) if one.counts else one.prior_std(white.machine)[0]
+            columns[id] = size * placed.patterns.patterns.columns(slice(None)).T[..., None]
     total = np.zeros((len(causes), len(causes) + 1))
     if causes:
-        carried = np.concatenate([one.columns for one in white.uncertain(supposed)], axis=-1)
-        for offsets, columns in zip(supposed, carried, strict=True):
-            total += _margins(white, offsets, causes, extras, columns) / len(supposed)
+        every = np.concatenate([one.columns for one in white.uncertain(supposed)], axis=-1)
+        for offsets, carried in zip(supposed, every, strict=True):
+            total += _margins(white, offsets, causes, extras, columns, carried) / len(supposed)
     sigma = np.sqrt(np.minimum(total[:, :-1], total[:, :-1].T))
     return Separations(causes, sigma, np.sqrt(total[:, -1]))
 
@@ -86,28 +92,25 @@ def _margins(
     offsets: Floats,
     causes: Sequence[Cause],
     extras: Mapping[str, Placed],
+    columns: dict[str, Floats],
     carried: Floats,
 ) -> Floats:
     """Mean cost of each rival, and of nothing wrong, above each truth's own, (c, c + 1).
 
     On a machine with these offsets, of a linear model of its readings, with what one plausible size
-    of each influence adds to the data, `carried` (k, u) [mm]. What offsets and influences of
-    plausible size imitate is taken out, and what is left counts in standard deviations.
+    of each influence adds to the whitened data, `carried` (k, u) [mm]. What is left of readings
+    counts in standard deviations: what offsets, zeros and influences of plausible size imitate has
+    been taken out. `columns` are those of causes at one of many places, (places, n, 1) [mm].
     """
-    machine, noise = white.machine, white.machine.instrument.noise_mm
+    plan, machine, noise = white.plan, white.machine, white.machine.instrument.noise_mm
     broad = [cause for cause in causes if cause.id not in extras]
-    data, (slope, *slopes) = white.linearised_without(offsets, broad)
-    # What one plausible size of each parameter, or one count, adds at each place, (places, k, p).
-    columns = {
+    readings, (slope, *slopes) = differentiate_absent(white.problem.model, offsets, plan, broad)
+    columns = columns | {
         cause.id: (by_parameter * cause.prior_std(machine))[None]
         for cause, by_parameter in zip(broad, slopes, strict=True)
     }
-    for id, placed in extras.items():
-        if isinstance(one := placed.cause, PatternCause) and placed.patterns:
-            size = one.millimetres(machine) if one.counts else one.prior_std(machine)[0]
-            columns[id] = size * placed.patterns.columns(slice(None)).T[..., None]
-    shared, every = carried / noise, np.eye(len(white)) / noise
-    leaves = unexplained(*whiten_shared(shared, slope, every))
+    contrasts = white.matrix @ np.eye(len(plan)) / noise
+    leaves = unexplained(*whiten_shared(carried / noise, white.matrix @ slope, contrasts))
 
     def steadiness(unit: Floats) -> Floats:
         """Cost of scatter that is too small or too large by a factor of 1/unit, shape (r,)."""
@@ -115,14 +118,15 @@ def _margins(
         return np.asarray(spare * (unit**-2.0 - 1.0 + 2.0 * np.log(unit)))
 
     # What each cause of plausible size does, at each place and for each choice of signs: it adds
-    # (k, r) [mm] to the data, written down in a unit (r,) [mm]; and the share of each (r,).
+    # (n, r) [mm] to the readings, written down in a unit (r,) [mm]; and the share of each (r,).
     truths = []
     for cause in causes:
         if isinstance(cause, RelabelCause):
             tried = extras[cause.id].tried
             unit, share = np.array([(cause.unit_mm(at), cause.share(at)) for at in tried]).T
-            recorded = [white.relabelled(data, cause, at) for at in tried]
-            added = np.stack(recorded, axis=1) / unit - data[:, None]
+            effects = (cause.at(np.zeros(0), at) for at in tried)
+            recorded = [cause.record(readings, effect, plan, machine) for effect in effects]
+            added = np.stack(recorded, axis=1) - readings[:, None]
         else:
             added = np.hstack([*(columns[cause.id] @ _signs(cause).T)])
             unit = share = np.ones(added.shape[1])
@@ -130,13 +134,13 @@ def _margins(
     changes, units = (np.concatenate([t[k] for t in truths], axis=-1) for k in (0, 1))
     left = leaves @ changes
     plain = (left**2).sum(axis=0) + steadiness(units)
-    changed = data[:, None] + changes
+    changed = readings + changes.T
 
     def undone(cause: RelabelCause, place: Place) -> Floats:
         """Cost of each change if this exchange is behind it, shape (r,)."""
-        unit = cause.unit_mm(place)
-        rest = leaves @ (white.relabelled(changed, cause, place) * unit - data[:, None])
-        return np.asarray((rest**2).sum(axis=0) + steadiness(units / unit))
+        right = cause.inverted(changed, cause.at(np.zeros(0), place), plan, machine)
+        rest = leaves @ (right - readings).T
+        return np.asarray((rest**2).sum(axis=0) + steadiness(units / cause.unit_mm(place)))
 
     costs = [
         np.min([undone(cause, place) for place in extras[cause.id].tried], axis=0)
