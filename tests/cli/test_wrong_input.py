@@ -158,7 +158,7 @@ def test_the_end_of_measure_is_one_screen(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("words", "code"),
-    [("diagnose {} --details", 0), ("report {} --markdown -", 4), ("history {six} {}", 4)],
+    [("diagnose {} --details", 4), ("report {} --markdown -", 4), ("history {six} {}", 4)],
 )  # fmt: skip
 def test_where_nothing_is_determined_no_table_is_empty(words: str, code: int) -> None:
     """One number is of another place. Nor does a history follow such a session."""
