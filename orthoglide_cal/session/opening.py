@@ -199,6 +199,8 @@ def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
             break
         if text in ("q", "quit"):
             raise EOFError
+        if text in ("?", "help"):
+            continue  # machine and question once more
         if text in ("n", "no"):
             raise UsageError(
                 "Nothing was begun.",

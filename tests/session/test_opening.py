@@ -178,6 +178,8 @@ def test_the_machine_is_named_and_confirmed_before_anything_is_written(tmp_path:
         terminal.expect(r"Offsets  X \+0  Y \+0  Z \+0 mm are in the controller now")
         terminal.expect("three offsets > ")
         assert not (tmp_path / "s.journal").exists()
+        terminal.type("help")
+        terminal.expect("Is it this machine")
         terminal.type("0.4 -0.3")
         terminal.expect("not three joint offsets")
         terminal.type("0,412 -0.3 x")
