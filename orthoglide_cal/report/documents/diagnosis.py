@@ -258,7 +258,9 @@ def _open_grid(case: Case) -> doc.Grid:
     """Residuals and parameters under each open state."""
     rows = []
     names = [row.name for row in case.answer.parameters]
-    others = [state for state in _open(case.answer) if not state.sound][:_MOST_OPEN]
+    # Where nearly any cause fits, one of them shows what they may do.
+    most = 1 if "few_readings" in case.answer.release.codes else _MOST_OPEN
+    others = [state for state in _open(case.answer) if not state.sound][:most]
     for state in (*filter(None, [offsets_only(case.answer)]), *others):
         values = {
             one.name: signed(one.found, decimals_for(2.0 * one.std))
