@@ -233,7 +233,8 @@ def test_a_real_linuxcnc_moves_by_what_was_promised() -> None:
         assert machine.ini.read_bytes() == original
         # Of another file, or of a file that was changed since it started, it is told nothing.
         other = Path("mill.ini")
-        for path, said in ((other, f"by {machine.ini}"), (machine.ini, "other home offsets")):
+        unlike = (other, f"settings, {machine.ini}"), (machine.ini, "other home offsets")
+        for path, said in unlike:
             path.write_bytes(original.replace(b"= 0.5", b"= 0.75"))
             told = run("apply", "before.csv", "--to", str(path), "--yes")
             assert told.exit_code == 0
