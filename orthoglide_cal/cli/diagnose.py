@@ -46,6 +46,7 @@ def diagnose(
     from orthoglide_cal.files.text import write_text
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
+    from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.results import answer_to, with_dates
 
     if together and len(files) < 2:
@@ -82,9 +83,11 @@ def diagnose(
                     recalibrated=True if recalibrated else None,
                 )
             except UnusableResultError as error:
-                if not json or later:
+                if later or accept:
                     raise
-                common.print_json(Case(given, answer_to(given, details=True), machine).data())
+                # Without a diagnosis the answer is that of solve.
+                document = solution_document(Case(given, answer_to(given, details=full), machine))
+                common.deliver(document, as_json=json, details=details)
                 return error.exit_code
             answer = answer_to(
                 given, diagnosed=diagnosed, holdout=holdout, details=full, promised=full

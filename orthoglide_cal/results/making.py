@@ -42,7 +42,7 @@ from orthoglide_cal.estimation.losses import (
     NEEDLESS_HOLD,
     is_likely,
 )
-from orthoglide_cal.estimation.solution import judgement_of
+from orthoglide_cal.estimation.solution import judgement_of, require_settings
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
     Diagnosis,
@@ -111,13 +111,14 @@ def answer_to(
         # Numbers out of all proportion: the solution's own check is all there is.
         diagnosis = None
     try:
+        require_settings(measured)
         fitted = diagnosis.alone if diagnosis and method is None else None
         solution = fitted or fit_parameters(measured, model, method)
         solution.require_possible()
     except UnusableResultError as error:
         remedy = (Remedy(sentence=Reason.of("do", what=error.remedy)),) if error.remedy else ()
         excerpt = measured.source.excerpt
-        unknown = excerpt is not None and error.what == excerpt.unknown
+        unknown = excerpt is not None and excerpt.unknown
         reason = Reason.of("settings_unknown" if unknown else "refused", what=error.what)
         refused = Release(reasons=(reason,), remedies=remedy, sound=False)
         return schema.Answer(input=file, machine=name, release=refused, validity=conditions)
