@@ -43,7 +43,9 @@ def visible_lines(text: str) -> str:
     return "\n".join(visible(line) for line in text.split("\n"))
 
 
-def command(verb: str, *paths: str, machine: Path | None = None, options: str = "") -> str:
+def command(
+    verb: str, *paths: str, machine: Path | None = None, options: str = "", **named: str
+) -> str:
     """A command to type.
 
     Args:
@@ -51,15 +53,21 @@ def command(verb: str, *paths: str, machine: Path | None = None, options: str = 
         paths: of its input files, as the user gave them.
         machine: machine file, as the user gave it.
         options: further ones, as they are typed.
+        named: options whose value is a file, e.g. after="later.yaml".
 
     >>> command("diagnose", "my data.csv", options="--accept axis_gap")
     "orthocal diagnose 'my data.csv' --accept axis_gap"
     """
+
     # What came from standard input has to be a file by then; a name that begins with a dash would
     # be taken for an option.
-    plain = ["FILE" if path == "-" else path for path in paths]
-    files = [shlex.quote(f"./{path}" if path.startswith("-") else path) for path in plain]
+    def quoted(path: str) -> str:
+        path = "FILE" if path == "-" else path
+        return shlex.quote(f"./{path}" if path.startswith("-") else path)
+
     given = ["--machine", shlex.quote(str(machine))] if machine else []
+    given += (f"--{name} {quoted(path)}" for name, path in named.items())
+    files = map(quoted, paths)
     return " ".join(("orthocal", verb, *files, *given, *([options] if options else [])))
 
 

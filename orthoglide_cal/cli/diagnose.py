@@ -6,7 +6,7 @@ from pathlib import Path
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Offsets, Text, Texts, flag, option
-from orthoglide_cal.errors import OrthocalError, UnusableResultError, UsageError
+from orthoglide_cal.errors import OrthocalError, UnusableResultError, UsageError, command
 
 
 def diagnose(
@@ -48,6 +48,7 @@ def diagnose(
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
     from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.results import answer_to, with_dates
+    from orthoglide_cal.results.history import in_time, wrong_order
 
     if together and len(files) < 2:
         raise UsageError("--together needs several files.", "Name each date, the latest last.")
@@ -66,11 +67,15 @@ def diagnose(
 
     def judge(path: str) -> int:
         inputs = files if together else [path]
-        dates = [common.read_input(name, machine, data, rule_out) for name in inputs]
+        dates = in_time([common.read_input(name, machine, data, rule_out) for name in inputs])
         given = as_one(dates) if together else dates[0]
         named = common.known_machine(machine) if holdout else None
         by = named if isinstance(named, PrinterFile) else given.model
         later = read_input(holdout, by, stored=data) if holdout else None
+        if holdout and later and in_time([given, later])[0] is later:
+            options = common.again(applied=applied)
+            right = command("diagnose", holdout, machine=machine, options=options, holdout=path)
+            raise wrong_order(later, given, right)
         with common.working(path):
             try:
                 diagnosed = inference.diagnose(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import MEASURED, File, Number, Offsets, Text, Texts, argument, option
-from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.errors import UnusableResultError, UsageError, command
 
 
 def report(
@@ -54,12 +54,14 @@ def report(
                 )
             with common.working(f"{path}, {after}"):
                 left = Case(later, answer_to(later, details=True), machine)
-                compared = verify(given, later, applied, limit, adjusted_since(given))
+                options = common.again(applied=applied, limit=limit)
+                right = command("report", after, machine=machine, options=options, after=path)
+                compared = verify(given, later, applied, limit, adjusted_since(given), right)
                 verification = compared.changed(workspace=left.answer.workspace)
-        inputs, options = (verification.inputs, verification.options) if verification else ((), ())
-        options = options or (() if limit is None else (limit,))
+        inputs, chosen = (verification.inputs, verification.options) if verification else ((), ())
+        chosen = chosen or (() if limit is None else (limit,))
         judged = [(one.source, one.given.model) for one in (case, *case.others)]
-        identity = identify([*judged, *inputs], case.answer.method, machine, *options)
+        identity = identify([*judged, *inputs], case.answer.method, machine, *chosen)
         document = calibration_document(case, identity, verification, limit, left)
         common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
         failed = verification is not None and verification.failed

@@ -2,7 +2,7 @@
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import MEASURED, File, Number, Offsets, argument
-from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.errors import UnusableResultError, command
 
 
 def verify(
@@ -29,7 +29,9 @@ def verify(
     def judge(path: str) -> int:
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
         with common.working(f"{path}, {after}"):
-            result = verified(*inputs, applied, limit, adjusted_since(inputs[0]))
+            options = common.again(applied=applied, limit=limit)
+            right = command("verify", after, path, machine=machine, options=options)
+            result = verified(*inputs, applied, limit, adjusted_since(inputs[0]), right)
         page = verification_document(result, identify(result.inputs, *result.options))
         common.deliver(
             page, as_json=json, html=html, markdown=markdown, details=details, overwrite=overwrite

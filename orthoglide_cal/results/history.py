@@ -11,6 +11,7 @@ from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import chain, compress, pairwise, zip_longest
+from operator import itemgetter
 from pathlib import PurePath
 from types import MappingProxyType
 from typing import Literal
@@ -304,6 +305,19 @@ def moment_of(given: Input, stated: str | None = None) -> datetime | None:
             return None
         raise UsageError(f"{stated!r} is no date.", "Write --dates 2026-03-02,2026-04-07") from None
     return moment.replace(tzinfo=moment.tzinfo or UTC)
+
+
+def in_time(inputs: Sequence[Input]) -> list[Input]:
+    """The inputs in order of time; as given unless all have a date."""
+    dated = [(at, given) for given in inputs if (at := moment_of(given))]
+    ordered = [given for _, given in sorted(dated, key=itemgetter(0))]
+    return ordered if len(ordered) == len(inputs) else [*inputs]
+
+
+def wrong_order(first: Input, second: Input, right: str) -> UsageError:
+    """The error for two inputs named in the other order, with the right command."""
+    paths = first.measured.source.path, second.measured.source.path
+    return UsageError("{} was measured before {}.".format(*paths), f"Name it first: {right}")
 
 
 def compare(

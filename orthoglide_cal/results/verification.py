@@ -29,7 +29,7 @@ from pydantic import Field, computed_field
 from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import HOME_SWITCH, correcting
-from orthoglide_cal.errors import UnusableResultError, UsageError, command
+from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
@@ -48,7 +48,7 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import InputFile, Spread
-from orthoglide_cal.results.history import moment_of
+from orthoglide_cal.results.history import moment_of, wrong_order
 from orthoglide_cal.results.making import remainder, spread
 from orthoglide_cal.results.validity import Validity, compare_reservations, validity
 from orthoglide_cal.schema import Reason, Schema, Sentence
@@ -223,6 +223,7 @@ def verify(
     applied_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
     adjusted: Removed = (),
+    right: str = "",
 ) -> Verification:
     """Compare the predicted effect of a correction with the measured one.
 
@@ -232,6 +233,7 @@ def verify(
             None takes what the inputs say, or the machine file that records it.
         limit_mm: largest deviation allowed in any difference; None for no decision.
         adjusted: what screws removed between the two, in addition.
+        right: the command with the two in the other order, for a refusal.
 
     Raises:
         UsageError: the second was measured first, different machines, nobody says what was applied
@@ -240,9 +242,7 @@ def verify(
         UnusableResultError: one of them does not determine the parameters.
     """
     if swapped := _swapped(before, after):
-        paths = [given.measured.source.path for given in (after, before)]
-        remedy = f"Name it first: {command('verify', *paths)}"
-        raise UsageError("{} was measured before {}.".format(*paths), remedy)
+        raise wrong_order(after, before, right)
     # Heights are compared where no differences can be made of what was read.
     heights = [given.measured.kinds == (DataKind.READINGS,) for given in (before, after)]
     if all(heights):

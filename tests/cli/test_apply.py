@@ -78,8 +78,10 @@ def test_new_values_are_absolute_and_nobody_says_what_was_applied() -> None:
         assert joint["enter"] == pytest.approx(FIRST.offsets[k], abs=0.01)
         assert abs(parameters(solved)[axis]["found"]) < 0.01
     verified = answer("verify", "before.csv", "after.csv")
-    said = refused(2, "verify", "after.csv", "before.csv")
-    assert said.endswith("Name it first: orthocal verify before.csv after.csv")
+    said = refused(2, "verify", "after.csv", "before.csv", "--limit", "0.05")
+    assert said.endswith("first: orthocal verify before.csv after.csv --limit 0.05")
+    said = refused(2, "report", "after.csv", "--after", "before.csv", "--html", "-")
+    assert said.endswith("first: orthocal report before.csv --after after.csv")
     np.testing.assert_allclose(list(verified["applied_mm"].values()), active(), atol=1e-9)
     assert verified["answer"] == "as modelled"
     again = answer("verify", "before.csv", "after.csv", "--applied", *map(str, active()))

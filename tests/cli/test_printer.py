@@ -511,6 +511,10 @@ def test_other_data_that_contradict_hold_the_release() -> None:
 def test_touches_of_a_csv_are_held_out_from_a_mesh() -> None:
     """What --data chooses is of the printer.cfg; the other file has nothing to choose."""
     held = found("diagnose", "printer.cfg", "--data", "mesh", "--holdout", "later.csv")
+    for name, date in (("printer.cfg", "2026-03-02.cfg"), ("later.csv", "2026-03-01.csv")):
+        Path(date).write_bytes(Path(name).read_bytes())
+    said = refused(2, "diagnose", "2026-03-02.cfg", "--holdout", "2026-03-01.csv")
+    assert said.endswith("first: orthocal diagnose 2026-03-01.csv --holdout 2026-03-02.cfg")
     assert held["input"]["data"] == "mesh"
     for verb in ("solve", "validate"):
         said = refused(2, verb, "later.csv", *MACHINE, "--data", "mesh")

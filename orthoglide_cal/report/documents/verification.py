@@ -176,20 +176,22 @@ def verification_steps(
 
     `brief` is for a screen, which says the answer above and is no report.
     """
+    before, after = result.before.path, result.after.path
     if not result.kept:
         if any(reason.code == "order_as_given" for reason in result.reservations):
-            typed = command("verify", result.after.path, result.before.path, machine=machine_file)
-            yield doc.Instruction(f"If {result.after.path} was measured first", typed)
+            typed = command("report", after, machine=machine_file, after=before)
+            typed = command("verify", after, before) if brief else typed
+            yield doc.Instruction(f"If {after} was measured first", typed)
         if remedy := _remedy(result):
             yield doc.Instruction(remedy)
         elif result.answer is Behaviour.AS_MODELLED:
-            typed = command("diagnose", result.after.path, machine=machine_file)
+            typed = command("diagnose", after, machine=machine_file)
             yield doc.Instruction("Find what else changed, or what was wrong before", typed)
         yield doc.Instruction("Measure again, and compare again")
     elif result.decision is not None and result.decision.outcome is Outcome.FAIL:
         yield doc.Instruction(
             "The offsets are right, but a deviation is beyond the limit: find its cause",
-            command("diagnose", result.after.path, machine=machine_file),
+            command("diagnose", after, machine=machine_file),
         )
     else:
         undecided = result.decision is not None and result.decision.outcome is Outcome.UNDECIDED
@@ -197,10 +199,8 @@ def verification_steps(
             again = command("measure", machine=machine_file, options="--cycles 10")
             yield doc.Instruction("To decide by the limit, lower U: measure more cycles", again)
         if brief and result.differences:
-            options = f"--after {command('', result.after.path).split(maxsplit=1)[1]}"
-            if result.decision is not None:
-                options += f" --limit {result.decision.limit_mm:g}"
-            write = command("report", result.before.path, machine=machine_file, options=options)
+            limit = "" if result.decision is None else f"--limit {result.decision.limit_mm:g}"
+            write = command("report", before, machine=machine_file, options=limit, after=after)
             yield doc.Instruction("Write the report, and keep it with the machine", write)
         elif not undecided:
             yield doc.Instruction("Nothing more: keep this report with the machine.")
