@@ -49,6 +49,7 @@ def apply(
     from orthoglide_cal.files.input import machine_of_controller, read_input
     from orthoglide_cal.files.linuxcnc import is_live, running
     from orthoglide_cal.files.moonraker import restart, server
+    from orthoglide_cal.files.text import check_writable
     from orthoglide_cal.report.case import NOT_NEEDED
     from orthoglide_cal.report.documents.short import application_document
     from orthoglide_cal.results import take_back
@@ -79,9 +80,12 @@ def apply(
                 common.deliver(document, as_json=True)
             common.tell(f"{NOT_NEEDED}. Nothing was changed.")
             return
+        target = entry.file.document.path
+        for written in (target, *([controller.target] if controller else [])):
+            if not server(written):
+                check_writable(Path(written).resolve())
         if not json:
             common.deliver(document)
-        target = entry.file.document.path
         action = "Take them back" if undo else "Record them"
         question = f"Does the controller hold these values now? {action} in {target}"
         if otherwise:

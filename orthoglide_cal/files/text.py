@@ -1,7 +1,6 @@
 """A file's text, read and written."""
 
 import codecs
-import errno
 import hashlib
 import os
 import re
@@ -113,12 +112,7 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
         there = path.exists()
         if there and not overwrite:
             raise FileExistsError
-        if there and not path.stat().st_mode & stat.S_IWUSR:
-            raise PermissionError(errno.EACCES, "it is read-only")
-        if there and path.stat().st_nlink > 1:
-            several = "The file has other names (hard links), which would keep the old content."
-            remedy = f"Remove them; to list them: find FOLDER -samefile {path.name}"
-            raise InputError(several, remedy, file=str(path))
+        check_writable(path)
         with temporary.open("xb") as file:
             file.write(text if isinstance(text, bytes) else text.encode())
             file.flush()
@@ -143,6 +137,21 @@ def write_text(path: Path, text: str | bytes, *, overwrite: bool = False) -> Non
     finally:
         with suppress(OSError):  # a folder that cannot be written to says so above
             temporary.unlink(missing_ok=True)
+
+
+def check_writable(path: Path) -> None:
+    """Raise InputError for a file that is read-only or has other names, or a read-only folder."""
+    known = path.stat() if path.exists() else None
+    if known and not known.st_mode & stat.S_IWUSR:
+        problem, remedy = "The file is read-only.", "Make it writable, or ask its owner."
+    elif known and known.st_nlink > 1:
+        problem = "The file has other names (hard links), which would keep the old content."
+        remedy = f"Remove them; to list them: find FOLDER -samefile {path.name}"
+    elif path.parent.is_dir() and not os.access(path.parent, os.W_OK):
+        problem, remedy = "Its folder is read-only.", "Make the folder writable, or ask its owner."
+    else:
+        return
+    raise InputError(problem, remedy, file=str(path))
 
 
 def free_path(folder: Path, stem: str, suffix: str, *others: str) -> Path:

@@ -63,6 +63,11 @@ def test_what_is_found_is_added_and_recorded_and_comes_back() -> None:
 def test_nothing_is_written_without_consent() -> None:
     before = {path.name: path.read_bytes() for path in Path().iterdir()}
     assert "--yes" in refused(2, "apply", "before.csv", "--to", "mill.ini")
+    for path in map(Path, ("mill.ini", "machine.yaml")):  # nor shown, where it cannot be
+        path.chmod(0o444)
+        said = refused(3, "apply", "before.csv", "--to", "mill.ini", "--yes")
+        assert f"{path}: The file is read-only. Make it writable" in said
+        path.chmod(0o644)
     assert {path.name: path.read_bytes() for path in Path().iterdir()} == before
 
 
