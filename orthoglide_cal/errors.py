@@ -110,7 +110,8 @@ class InputError(OrthocalError, ValueError):
     _: KW_ONLY
     file: str | None = None  # path as the user gave it
     line: int | None = None  # in the file, from 1
-    column: str | None = None  # header (CSV) or dotted path (YAML)
+    column: str | None = None  # header (CSV), dotted path (YAML), or section and option (INI)
+    of_table: bool = False  # which that is: a table's columns are called so
     value: str | None = None  # the offending text
 
     exit_code = 3
@@ -120,14 +121,17 @@ class InputError(OrthocalError, ValueError):
         self.problems: tuple[InputError, ...] = (self,)
 
     @property
+    def place(self) -> str:
+        """`line 7, column posture`, or `line 12, [JOINT_0] HOME_OFFSET`; empty if unknown."""
+        line = f"line {self.line}" if self.line is not None else ""
+        column = f"{'column ' * self.of_table}{self.column}" if self.column is not None else ""
+        return ", ".join(filter(None, (line, column)))
+
+    @property
     def where(self) -> str:
-        """File, line and column as `data.csv, line 7, column posture`; empty if unknown."""
-        parts = [
-            file_words(self.file) if self.file is not None else None,
-            f"line {self.line}" if self.line is not None else None,
-            f"column {self.column}" if self.column is not None else None,
-        ]
-        return ", ".join(part for part in parts if part)
+        """The same behind the file."""
+        file = file_words(self.file) if self.file is not None else ""
+        return ", ".join(filter(None, (file, self.place)))
 
     def __str__(self) -> str:
         value = f" ({self.value!r})" if self.value is not None else ""

@@ -63,6 +63,8 @@ class FaultPlace(NamedTuple):
 class Faults:
     """The faults of one file, in the order found; its path is as the user gave it."""
 
+    of_table = False
+
     def __init__(self, file: str) -> None:
         self.file = file
         self.problems: list[InputError] = []
@@ -80,6 +82,7 @@ class Faults:
             rest = InputError("There are more faults like these.", _FIRST, file=self.file)
             raise InvalidFileError((*self.error().problems, rest), file=self.file)
         fault = InputError(what, remedy, file=self.file, line=line, column=column, value=value)
+        fault.of_table = self.of_table
         self.problems.append(fault)
 
     @contextmanager

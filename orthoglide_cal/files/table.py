@@ -31,6 +31,8 @@ class Table(Content):
     Each is column → text without blanks around it, of cells that are not empty.
     """
 
+    of_table = True
+
     def __init__(self, document: FileText) -> None:
         super().__init__(document)
         self.columns: tuple[str, ...] = ()  # names in lower case, in order; "" where there is none

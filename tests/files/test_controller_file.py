@@ -113,7 +113,7 @@ UNCLEAR = [
     ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5\nHOME_OFFSET = 0.6", "twice"),
     ("HOME_OFFSET = 0.500", "HOME_OFFSET : 0.6\nHOME_OFFSET = 0.5", "not a number"),
     ("HOME_OFFSET = 0.500", "HOME = 1", "missing"),
-    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0,5", "not a number"),
+    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0,5", r", \[JOINT_0\] HOME_OFFSET: This is not a"),
     ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 mm", "not a number"),
     # LinuxCNC 2.9 does not start with either.
     ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 # mm", "not a number"),

@@ -98,11 +98,9 @@ def check_document(
         lines = [f"{path}: {data}, {word} (for {check.machine})"]
     kinds, others = fault_kinds(check.problems)
     for problem, often in kinds:
-        line = f"line {problem.line}" if problem.line is not None else ""
-        column = f"column {problem.column}" if problem.column is not None else ""
-        where = ", ".join(filter(None, (line, column)))
         value = f" ({problem.value!r})" if problem.value is not None else ""
-        lines.append(f"  {where}{': ' if where else ''}{problem.what}{value}")
+        where = f"{problem.place}: " if problem.place else ""
+        lines.append(f"  {where}{problem.what}{value}")
         advice = f"{problem.remedy} {often}".strip()
         lines += [f"    → {advice}"] if advice else []
     lines += [f"  {text}" for text in others]
