@@ -69,7 +69,7 @@ def diagnose(
             file and the data are too far apart.
     """
     with _weighable(model):
-        decision = _decided(measured, model)
+        decision = decided(measured, model)
         white = decision.belief.at.white
         changed = model.machine.differing(then.machine) if then is not None else ()
         known = then if then is not None and changed else model
@@ -105,7 +105,7 @@ def diagnose(
             )
             # Whoever adjusted the machine may have removed what acted before.
             if later is not None and decision.verdict is Verdict.NAMED and not entered.any():
-                refuted = _refuted_later(decision, later, decision.carried, nothing, free)
+                refuted = refuted_later(decision, later, decision.carried, nothing, free)
                 decision = replace(decision, refuted=refuted)
                 accepted = decision.fit
             # Without the cause the errors are in the unit that was written down, too.
@@ -191,7 +191,7 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
             "Give it a size there if the machine may have it.",
         )
     with _weighable(model):
-        decision = _decided(measured, model)
+        decision = decided(measured, model)
         verdict, accepted = decision.verdict, decision.accepted
         if not accepted:
             raise UnusableResultError(
@@ -222,7 +222,7 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
         return model.accepting(effect.accepted(on.isoformat(), measured.source.sha256))
 
 
-def _decided(measured: Measured, model: Model) -> Decision:
+def decided(measured: Measured, model: Model) -> Decision:
     """Decide what the data say; maps of several dates that repeat are no noise.
 
     A name has to predict what is left out of its fit, and each date from those before it.
@@ -239,7 +239,7 @@ def _decided(measured: Measured, model: Model) -> Decision:
     return replace(decision, refuted=Reason.of("refuted_left_out", ids=decision.accepted, **sizes))
 
 
-def _refuted_later(
+def refuted_later(
     decision: Decision, later: Whitened, fit: Fit, alone: Fit, free: int
 ) -> Reason | None:
     """How later data refute the named causes, of which a fit is; None if they do not.
@@ -270,7 +270,7 @@ def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
         at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
         bases = (Hypothesis(at, 0.0, base, hypothesis.scale) for base in (lasting, ()))
         shaped, bare = fit_explanations([*bases])
-        refuted = _refuted_later(decision, later, shaped, bare, fit.offsets.size)
+        refuted = refuted_later(decision, later, shaped, bare, fit.offsets.size)
         if refuted is not None:
             return refuted
     return None

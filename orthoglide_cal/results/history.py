@@ -9,7 +9,7 @@ import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from functools import partial
+from functools import cached_property, partial
 from itertools import chain, compress, pairwise, zip_longest
 from operator import itemgetter
 from pathlib import PurePath
@@ -38,7 +38,8 @@ from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.belief import Belief, mixture, probabilities
 from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened
-from orthoglide_cal.inference.decision import decide, state
+from orthoglide_cal.inference.decision import Decision, state
+from orthoglide_cal.inference.diagnose import decided, refuted_later
 from orthoglide_cal.inference.fit import Fit, fit_explanations
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
@@ -69,6 +70,7 @@ class DatedSession(Schema):
     own_expanded: tuple[float, ...]  # U of what does not cancel between them
     fitted: tuple[float, ...]  # by the explanation that is named
     causes: Ids = ()  # lasting causes that it shows
+    refuted: Sentence | None = None  # how causes that it named were refuted
     temperature_c: float | None = None
     gauges: tuple[str, ...] = ()
 
@@ -144,23 +146,52 @@ class _DiagnosedSession:
         self.white = white = Whitened.of(given.measured, last.judging(given.model))
         noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
         at = Linearised.of(white, Candidates((), (), (), {(): 0.0}))
-        self.belief = Belief(at, {(): Hypothesis(at, 0.0)}, {})
-        self.alone = self.belief.fit(())
-        self.unexplained: Floats | None = None  # covariance of the offsets, shape (3, 3)
+        self.plain = Belief(at, {(): Hypothesis(at, 0.0)}, {})
+        self.alone = self.plain.fit(())
+        self.decision: Decision | None = None
         if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:
             solve(given.measured, white.problem.model)  # refuses what is out of all proportion
-            decision = decide(white)
-            if decision.verdict is Verdict.UNEXPLAINED:
-                values, spread = decision.offsets
-                moved = values - self.alone.offsets
-                self.unexplained = spread + np.outer(moved, moved)
-            else:
-                self.belief = decision.belief
-        # Set of lasting causes → probabilities of the explanations with it.
-        self.by_lasting: dict[Ids, dict[Ids, float]] = {}
+            self.decision = decided(given.measured, white.problem.model)
+
+    def refuse(self, later: "_DiagnosedSession") -> None:
+        """Withdraw what is named here if a later session refutes it; its parameters are its own."""
+        decision = self.decision
+        if decision and decision.verdict is Verdict.NAMED:
+            fits = decision.carried, decision.belief.fit(())
+            refuted = refuted_later(decision, later.white, *fits, self.alone.offsets.size)
+            self.decision = replace(decision, refuted=refuted)
+
+    @property
+    def refuted(self) -> Reason | None:
+        """How what would be named here was refuted."""
+        refuted = self.decision.refuted if self.decision else None
+        path = PurePath(self.given.measured.source.path).name
+        return refuted and refuted.changed(data={**refuted.data, "of_file": path})
+
+    @cached_property
+    def unexplained(self) -> Floats | None:
+        """Covariance of the offsets where nothing explains the readings, shape (3, 3)."""
+        if self.decision is None or self.decision.verdict is not Verdict.UNEXPLAINED:
+            return None
+        values, spread = self.decision.offsets
+        moved = values - self.alone.offsets
+        return np.asarray(spread + np.outer(moved, moved))
+
+    @cached_property
+    def belief(self) -> Belief:
+        """The offsets alone where nothing is named, or is unexplained."""
+        if self.decision is None or self.unexplained is not None:
+            return self.plain
+        return self.decision.belief
+
+    @cached_property
+    def by_lasting(self) -> Mapping[Ids, Mapping[Ids, float]]:
+        """Set of lasting causes → probabilities of the explanations with it."""
+        by_lasting: dict[Ids, dict[Ids, float]] = {}
         for ids, probability in self.belief.listed.items():
             lasting = tuple(id for id in ids if CAUSES[id].lasting)
-            self.by_lasting.setdefault(lasting, {})[ids] = probability
+            by_lasting.setdefault(lasting, {})[ids] = probability
+        return by_lasting
 
     @property
     def log_weight(self) -> dict[Ids, float]:
@@ -373,6 +404,9 @@ def compare(
         except UnusableResultError as error:
             path = given.measured.source.path
             raise UnusableResultError(f"{path}: {error.what}", error.remedy) from error
+    for before, after in pairwise(diagnosed):
+        if not _was_adjusted(before.given, after.given, adjusted):
+            before.refuse(after)
     standing = _standing(diagnosed)
     causes = tuple(cause for id, cause in CAUSES.items() if any(id in ids for ids in standing))
     for session, ids in zip(diagnosed, standing, strict=True):
@@ -404,6 +438,7 @@ def compare(
             own_expanded=tuple((NORMAL_K * np.sqrt(session.covariance.diagonal())).tolist()),
             fitted=tuple(fit.state(k)[0].tolist()),
             causes=standing[k],
+            refuted=session.refuted,
             temperature_c=conditions.mean_temperature_c,
             gauges=tuple(gauge.id for gauge in conditions.gauges),
         )
@@ -423,6 +458,7 @@ def compare(
     homing = fit.homing[scattering]
     scatter = sized(0.0 * homing, np.diag(homing**2), scattering.tolist())
     now, last = sized(*fit.state(-1)), moments[-1] if dated else None
+    refuted = any(session.refuted for session in sessions)
     homing_decides = Trend.SCATTERING in (verdict, *rivals)
     decides = Reason.of("home_repeatedly" if homing_decides else "one_more_session")
     return History(
@@ -446,7 +482,7 @@ def compare(
         also=also,
         limit=None if limit_mm is None else _reached(limit_mm, now, drift, scatter, last),
         notes=(*notes, *_circumstances(sessions, diagnosed)),
-        next=decides if rivals else Reason.of(verdict),
+        next=decides if rivals else Reason.of("refuted" if refuted else verdict),
         newest=machine,
         shapes=tuple(
             _shape(diagnosed[k]) for k in (0, -1) if diagnosed[k].white.plan.touches.any()
@@ -489,6 +525,14 @@ def _one_machine(models: Sequence[Model]) -> list[Reason]:
         model.machine.check_same(last.machine)
     other -= {"offsets_mm", "history", "gauges", "report"}
     return [Reason.of("judged_by_last", names=sorted(other))] if other else []
+
+
+def _was_adjusted(before: Input, after: Input, adjusted: Mapping[str, Removed]) -> bool:
+    """Whether it is recorded that the machine was adjusted between two sessions."""
+    old, new = before.model.machine, after.model.machine
+    entered = old.active != new.active and not old.differing(new)  # nor calibrated anew
+    pushed = bool(adjusted.get(before.measured.source.sha256))
+    return entered or pushed or old.corrected != new.corrected
 
 
 def _put_right(

@@ -223,7 +223,7 @@ def verify(
     applied_mm: Sequence[float] | None = None,
     limit_mm: float | None = None,
     adjusted: Removed = (),
-    right: str = "",
+    typed: str = "",
 ) -> Verification:
     """Compare the predicted effect of a correction with the measured one.
 
@@ -233,7 +233,7 @@ def verify(
             None takes what the inputs say, or the machine file that records it.
         limit_mm: largest deviation allowed in any difference; None for no decision.
         adjusted: what screws removed between the two, in addition.
-        right: the command with the two in the other order, for a refusal.
+        typed: the command with the two in the other order, for a refusal.
 
     Raises:
         UsageError: the second was measured first, different machines, nobody says what was applied
@@ -242,7 +242,7 @@ def verify(
         UnusableResultError: one of them does not determine the parameters.
     """
     if swapped := _swapped(before, after):
-        raise wrong_order(after, before, right)
+        raise wrong_order(after, before, typed)
     # Heights are compared where no differences can be made of what was read.
     heights = [given.measured.kinds == (DataKind.READINGS,) for given in (before, after)]
     if all(heights):

@@ -2,12 +2,15 @@
 
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.inference.trends import Trend
+from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.report.documents.history import history_document
 from orthoglide_cal.results.history import History, compare, moment_of
 from orthoglide_cal.results.verification import verify
 from tests import truth
@@ -137,6 +140,27 @@ def test_a_recorded_adjustment_is_no_change_and_an_unrecorded_one_is():
     checked = verify(*changed, TRUE)
     assert checked.kept
     assert not checked.other_change.found
+
+
+def test_a_name_that_the_next_session_refutes_is_withdrawn():
+    """Unless an adjustment is recorded in between; a sound machine then has no gap."""
+    rng, gap = np.random.default_rng(3), truth.Effect("axis_gap", parameters=(0.4, -0.3, 0.5))
+    of = partial(measured, truth.PROTOTYPE, truth.MICRON, TRUE)
+    before, after = (of(e, Setting.exact(), rng, f"{len(e)}.csv") for e in ((gap,), ()))
+    found = compare([before, after])
+    assert found.sessions[0].refuted.code == "refuted_later"
+    assert (found.sessions[0].causes, found.next.code) == ((), "refuted")
+    shown = str(history_document(found).screen().notice)
+    assert "1.csv: axis_" in shown
+    assert "later readings refute it" in shown
+    pushed = {
+        before.measured.source.sha256: [
+            ("axis_gap", Estimate(name="xy", unit="mm", value=0.3, std=0.01))
+        ]
+    }
+    for known in (compare([before, after], adjusted=pushed), compare([before, before])):
+        assert known.sessions[0].refuted is None
+        assert known.sessions[0].causes
 
 
 def test_order_and_dates():

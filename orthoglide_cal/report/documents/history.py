@@ -119,10 +119,14 @@ def _notice(history: History) -> doc.Notice:
             when = f"{limit.parameter} reaches it on {limit.date} at the earliest (95 %), if the"
             when += " best values are entered now"
         lines.append(f"Limit {limit.limit_mm:g} mm: {when}.")
-    tone = doc.Tone.GOOD if history.verdict is Trend.UNCHANGED else doc.Tone.WARN
+    refuted = [session.refuted for session in history.sessions if session.refuted]
+    good = history.verdict is Trend.UNCHANGED and not refuted
+    tone = doc.Tone.GOOD if good else doc.Tone.WARN
     tone = doc.Tone.OPEN if history.ambiguous_with else tone
     sure = percent(min(history.probability, 0.9999), 1)
-    return doc.Notice(tone, f"{title} ({sure})", tuple(lines), aside=history.machine)
+    shown = [sentence(reason, history.newest) for reason in refuted]
+    title, *lines = [*shown, f"{title} ({sure})", *lines]
+    return doc.Notice(tone, title, tuple(lines), aside=history.machine)
 
 
 def _sizes(values: Sequence[Estimate], by: str = "") -> str:
@@ -167,7 +171,10 @@ def _table(history: History, most: int) -> doc.Grid:
     same = len(set(units)) == 1
     rows = [] if same else [("", *units)]
     for at, after in zip(shown, (*shown[1:], count), strict=True):
-        rows.append(row(_label(history, at), history.sessions[at].parameters))
+        session = history.sessions[at]
+        rows.append(row(_label(history, at), session.parameters))
+        if session.refuted and at < count - 1:  # far less sure than the others
+            rows.append(row("± U", session.parameters, uncertain=True))
         if any(at <= change.at < after for change in history.changes):
             rows.append(tuple("-" * len(cell) for cell in rows[-1]))
         if after > at + 1:
