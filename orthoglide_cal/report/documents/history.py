@@ -124,9 +124,8 @@ def _notice(history: History) -> doc.Notice:
     tone = doc.Tone.GOOD if good else doc.Tone.WARN
     tone = doc.Tone.OPEN if history.ambiguous_with else tone
     sure = percent(min(history.probability, 0.9999), 1)
-    shown = [sentence(reason, history.newest) for reason in refuted]
-    title, *lines = [*shown, f"{title} ({sure})", *lines]
-    return doc.Notice(tone, title, tuple(lines), aside=history.machine)
+    first = [*(sentence(reason, history.newest) for reason in refuted), f"{title} ({sure})"]
+    return doc.Notice(tone, first[0], (*first[1:], *lines), aside=history.machine)
 
 
 def _sizes(values: Sequence[Estimate], by: str = "") -> str:
