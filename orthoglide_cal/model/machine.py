@@ -329,7 +329,7 @@ class Machine(Schema):
     has_cube: ClassVar[bool] = False  # the error of its tool is shown over a cube of its workspace
     adds_to_joints: ClassVar[bool] = False  # LinuxCNC adds its parameters, and tables, at joints
     keeps_entered: ClassVar[bool] = True  # its machine file, not its controller, has `active`
-    controller_formats: ClassVar[tuple[str, ...]]
+    controller_formats: ClassVar[tuple[str, ...]]  # of its usual controller's file first
     vocabulary: ClassVar[Vocabulary]
     # What a technician writes down with its readings; where it is missing, pages leave a blank.
     noted: ClassVar[tuple[str, ...]] = ()

@@ -93,9 +93,7 @@ def apply(
     """
     source, adds = given.measured.source, controller is None or controller.adds
     machine = file.model.machine
-    if controller is not None and not (
-        controller.format in machine.controller_formats and adds == machine.adds_to_joints
-    ):
+    if controller is not None and controller.format != machine.controller_formats[0]:
         kind = "a LinuxCNC" if adds else "Klipper"
         raise UsageError(
             f"{controller.target} is of {kind} machine; {machine.name} is of kind {machine.kind}.",

@@ -337,10 +337,7 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
     """Touches of a bed, each judged with the parameters that were in the controller then."""
     if applied is not None:
         active = before.model.machine.active
-        keeps = before.model.machine.keeps_entered
-        if keeps and len(applied) != len(active):
-            raise UsageError(f"--applied is for three values, not {len(active)}.", "Leave it out.")
-        held = [round(a + b, 9) for a, b in zip(active, applied, strict=keeps)]
+        held = [round(a + b, 9) for a, b in zip(active, applied, strict=False)]
         after = replace(after, model=after.model.holding(held))
     before.model.machine.check_same(after.model.machine)
     first, second = (_solved(given, given.model)[0] for given in (before, after))

@@ -319,7 +319,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         columns[name] = [
             two_figures(row["lessened"][k]) if row["determined"][k] else "–" for row in rows
         ]
-    if machine.has_cube:
+    if plan.chosen.tool_mm is not None:
         columns["tool"] = [two_figures(session.tool_mm or 0.0) for session in shown]
         meaning.append("Tool: U at the worst point of the workspace, offsets entered.")
     if machine.rivals:
