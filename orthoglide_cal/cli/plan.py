@@ -91,7 +91,7 @@ def plan(
         session = (MeasuringProtocol(chosen.name), chosen.cycles, turn, wanted.stands)
         typed = command("measure", machine=machine, options=sequence_options(*session))
         length = APPROACH_MM if approach is None else approach
-        steps = sequence(model.orthoglide, *session)
+        steps = sequence(model.machine, *session)
         write_program(posture_program(model, steps, typed, length, travel), program, template)
         return
     full = details or json or html is not None

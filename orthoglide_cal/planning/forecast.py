@@ -162,7 +162,7 @@ def session_of(
     order: Order = Order.PAPER,
 ) -> Layout:
     """A session as `measure` guides it: at least one cycle, `stands` gauges read side by side."""
-    steps = sequence(model.orthoglide, protocol, cycles, order, stands)
+    steps = sequence(model.machine, protocol, cycles, order, stands)
     plan, minutes = timed_plan(steps)
     words = f"{protocol}, {counted(cycles, 'cycle')}"
     return Layout(protocol, words, plan, minutes, cycles, gauge_moves(steps))

@@ -7,6 +7,7 @@ from enum import StrEnum
 from functools import cached_property
 
 from orthoglide_cal.files.text import number_text
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
@@ -83,7 +84,7 @@ class SessionStep:
 
 
 def sequence(
-    machine: Orthoglide, protocol: MeasuringProtocol, cycles: int, order: Order, stands: int
+    machine: Machine, protocol: MeasuringProtocol, cycles: int, order: Order, stands: int
 ) -> tuple[SessionStep, ...]:
     """All steps of a session.
 
@@ -92,6 +93,7 @@ def sequence(
         protocol, cycles: which readings; repeats of Iso, Max, Min on each leg, and a closing Iso.
         order, stands: as of `steps_of`; the single-posture protocol uses one gauge.
     """
+    machine = Orthoglide.require(machine)
     match protocol:
         case MeasuringProtocol.DOUBLE:
             plan = double_posture(machine, cycles)
@@ -117,7 +119,7 @@ def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, sta
 
 
 def steps_of(
-    plan: GaugePlan, machine: Orthoglide, order: Order, stands: int
+    plan: GaugePlan, machine: Machine, order: Order, stands: int
 ) -> tuple[SessionStep, ...]:
     """The steps of any plan.
 
@@ -129,6 +131,7 @@ def steps_of(
             the other, and slides alone between the ends of a leg.
     """
     rows, readings = plan.in_time.tolist(), planned_readings(plan)
+    machine = Orthoglide.require(machine)
     alone = stands == 1 or not plan.fixed
     if plan.fixed and alone:
         rows = _grouped(rows, plan.setup, plan.leg, plan.direction)

@@ -169,7 +169,7 @@ def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
         model.machine.check_guided()
         # One cycle of what would be measured.
         protocol = request.protocol or MeasuringProtocol.DOUBLE
-        steps = sequence(model.orthoglide, protocol, 1, Order.PAPER, 1)
+        steps = sequence(model.machine, protocol, 1, Order.PAPER, 1)
         plan = plan_of([step.cell for step in steps])
     model = _holding(model, request.offsets_mm)
     _, seed = _source(request, first)
@@ -343,10 +343,10 @@ def first_records(
     if first:
         # What others are joined to keeps the machine as it was for the first of them.
         model = first.model
-        steps = steps_of(plan, model.orthoglide, order, stands)
+        steps = steps_of(plan, model.machine, order, stands)
         cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
     elif protocol is MeasuringProtocol.BEST:
-        steps = sequence(model.orthoglide, protocol, cycles, order, stands)
+        steps = sequence(model.machine, protocol, cycles, order, stands)
     opened = events.Opened(
         at=at, version=2 if steps else 1, protocol=protocol,
         machine=machine_file.machine_text(model), cycles=cycles, order=order, stands=stands,
@@ -363,10 +363,10 @@ def setting_in(journal: Journal, state: events.State) -> Setting:
     path, opened, planned = str(journal.path), state.opened, state.planned
     model = machine_file.machine_from_text(opened.machine, path)
     if planned is not None:
-        steps = steps_of(plan_of(planned.readings), model.orthoglide, opened.order, opened.stands)
+        steps = steps_of(plan_of(planned.readings), model.machine, opened.order, opened.stands)
     else:
         cycles, order, stands = opened.cycles, opened.order, opened.stands
-        steps = sequence(model.orthoglide, opened.protocol, cycles, order, stands)
+        steps = sequence(model.machine, opened.protocol, cycles, order, stands)
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):
         raise InputError(
