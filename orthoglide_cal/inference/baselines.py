@@ -24,7 +24,8 @@ from orthoglide_cal.schema import Schema
 # Powers of x and y, in addition to what the calibrated parameters do.
 QUARTIC = tuple((i, k - i) for k in (2, 3, 4) for i in range(k + 1))
 TINY = 1e-30  # mm²
-# Maps of two dates that agree so far are no noise.
+# Correlation from which maps of two dates are no noise; a definition: what repeats then has four
+# times the variance, twice the size, of what does not.
 REPEATS = 0.8
 
 

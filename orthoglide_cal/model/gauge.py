@@ -21,7 +21,9 @@ from orthoglide_cal.model.plan import Floats, Ints, read_only
 from orthoglide_cal.schema import Number, Reason, ask
 from orthoglide_cal.words import MM, MM_PER_INCH
 
-CHANCE = 1e-6  # at which healthy readings are doubted
+# Chance below which repeats are too steady. It defines how far a statement may miss the gauge: in a
+# usual session one that repeats twice as well as stated mostly passes, one four times as well not.
+CHANCE = 1e-6
 # A value may miss the gauge's divisions by this fraction of one through rounding alone.
 OFF_SCALE = 0.02
 # Readings in mm that were converted from a column in inches are whole multiples of this.

@@ -325,8 +325,7 @@ class LinearDelta(Machine):
     # Frames and beds of printers are good or bad by a factor of ten: a plausible size is right
     # within a factor of three, and hardly decides between causes.
     tolerance_scales = _shares((0.25, 0.7, 2.0, 5.0, 12.0, 30.0), math.log(3.0))
-    # On one height several causes draw nearly the same picture, and their chances add up: of 960
-    # sound machines 6 are called faulty, of 192 without it 4.
+    # A needless hold takes three hours: cooled, looked at, heated, calibrated, probed, printed.
     caution = 1.5
     # Belts have lost motion whatever else is wrong.
     companions = MappingProxyType(

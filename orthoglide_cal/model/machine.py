@@ -317,7 +317,7 @@ class Machine(Schema):
     # Cause id → its usual size, for causes that do not state one for this kind.
     usual_sizes: ClassVar[Mapping[str, float]] = MappingProxyType({})
     homed: ClassVar[int] = 0  # so many of the parameters, the first, homing may set again
-    caution: ClassVar[float] = 1.0  # so many times more evidence is needed to name a fault
+    caution: ClassVar[float] = 1.0  # loss of a needless hold, in units of that in `losses`
     # Id of a cause that may act together with any other one → what is not claimed with it.
     companions: ClassVar[Mapping[str, str]] = MappingProxyType({})
     # Ids that no controller compensates, but that are worth knowing for what is calibrated.

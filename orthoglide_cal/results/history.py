@@ -52,7 +52,8 @@ from orthoglide_cal.results.validity import STEP_K
 from orthoglide_cal.schema import Reason, Schema, Sentence
 from orthoglide_cal.words import listed
 
-PLAIN = 0.2  # readings that noise leaves so often are not searched for causes
+# Limit of effort: where noise leaves as much so often, no search for causes names one.
+PLAIN = 0.2
 LOG_LASTING = math.log(0.03)  # log prior of a lasting cause
 LASTS = 0.7  # share of the variance of a bed's local shape that lasts for weeks
 ONE_SIDED = half_width(math.inf, 0.9)
