@@ -43,17 +43,14 @@ def visible_lines(text: str) -> str:
     return "\n".join(visible(line) for line in text.split("\n"))
 
 
-def command(
-    verb: str, *paths: str, machine: Path | None = None, options: str = "", **named: str
-) -> str:
+def command(verb: str, *paths: str, options: str = "", **named: str | Path | None) -> str:
     """A command to type.
 
     Args:
         verb: of the program, e.g. "solve".
         paths: of its input files, as the user gave them.
-        machine: machine file, as the user gave it.
         options: further ones, as they are typed.
-        named: options whose value is a file, e.g. after="later.yaml".
+        named: options whose value is a file, as the user gave it, e.g. `machine`; None for none.
 
     >>> command("diagnose", "my data.csv", options="--accept axis_gap")
     "orthocal diagnose 'my data.csv' --accept axis_gap"
@@ -62,13 +59,13 @@ def command(
     # What came from standard input has to be a file by then; a name that begins with a dash would
     # be taken for an option.
     def quoted(path: str) -> str:
-        path = "FILE" if path == "-" else path
-        return shlex.quote(f"./{path}" if path.startswith("-") else path)
+        plain = "FILE" if path == "-" else path
+        return shlex.quote(f"./{plain}" if plain.startswith("-") else plain)
 
-    given = ["--machine", shlex.quote(str(machine))] if machine else []
-    given += (f"--{name} {quoted(path)}" for name, path in named.items())
-    files = map(quoted, paths)
-    return " ".join(("orthocal", verb, *files, *given, *([options] if options else [])))
+    given = (f"--{name} {quoted(str(path))}" for name, path in named.items() if path)
+    return " ".join(
+        ("orthocal", verb, *map(quoted, paths), *given, *([options] if options else []))
+    )
 
 
 def file_words(path: str) -> str:

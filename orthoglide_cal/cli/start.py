@@ -110,8 +110,8 @@ def _next(
     if to and file:
         yield f"{file.document.path} records a change of {to}, which was not written."
         of = applied or "SESSION"
-        yield Instruction("Write it", command("apply", of, options=f"--to {to}"))
-        yield Instruction("Or take it back", command("apply", options=f"--undo --to {to}"))
+        yield Instruction("Write it", command("apply", of, to=to))
+        yield Instruction("Or take it back", command("apply", options="--undo", to=to))
     elif waiting:
         name = str(waiting[0].with_suffix(".yaml"))
         yield Instruction("Continue measuring", command("measure", name, options="--resume"))
@@ -131,7 +131,7 @@ def _next(
     elif applied and _reported(applied, last):
         yield "Nothing more to do: measured, entered, measured again and reported."
     elif applied:
-        write = command("report", applied, options=f"--after {last} --html report.html")
+        write = command("report", applied, options="--html report.html", after=last)
         yield Instruction("Compare with the prediction", command("verify", applied, last))
         yield Instruction("Write the report", write)
     else:

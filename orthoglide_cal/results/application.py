@@ -312,7 +312,7 @@ def take_back(
     if written is None and controller is not None:
         raise UsageError(f"{path} records that nothing was written.", "Leave out --to.")
     if written and (controller is None or controller.target != written.target):
-        again = command("apply", machine=Path(path), options=f"--undo --to {written.target}")
+        again = command("apply", machine=Path(path), to=written.target, options="--undo")
         problem = f"The last entry of {path} was written to {written.target}."
         raise UsageError(problem, f"Restore that, too: {again}")
     if written and controller and controller.sha256 == written.sha256_before:
