@@ -9,7 +9,7 @@ import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from functools import cached_property, partial
+from functools import partial
 from itertools import chain, compress, pairwise, zip_longest
 from operator import itemgetter
 from pathlib import PurePath
@@ -147,20 +147,39 @@ class _DiagnosedSession:
         self.white = white = Whitened.of(given.measured, last.judging(given.model))
         noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
         at = Linearised.of(white, Candidates((), (), (), {(): 0.0}))
-        self.plain = Belief(at, {(): Hypothesis(at, 0.0)}, {})
-        self.alone = self.plain.fit(())
+        self.belief = Belief(at, {(): Hypothesis(at, 0.0)}, {})
+        self.alone = self.belief.fit(())
+        self.unexplained: Floats | None = None  # covariance of the offsets, shape (3, 3)
         self.decision: Decision | None = None
         if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:
             solve(given.measured, white.problem.model)  # refuses what is out of all proportion
             self.decision = decided(given.measured, white.problem.model)
 
-    def refuse(self, later: "_DiagnosedSession") -> None:
-        """Withdraw what is named here if a later session refutes it; its parameters are its own."""
-        decision = self.decision
-        if decision and decision.verdict is Verdict.NAMED:
-            fits = decision.carried, decision.belief.fit(())
-            refuted = refuted_later(decision, later.white, *fits, self.alone.offsets.size)
-            self.decision = replace(decision, refuted=refuted)
+    def conclude(self, later: "_DiagnosedSession | None") -> None:
+        """Take over what was decided; a name only if a later session does not refute it.
+
+        What else is wrong with the later one is no evidence against a name.
+        """
+        decision, other = self.decision, later and later.decision
+        if later and decision and decision.verdict is Verdict.NAMED:
+            wrong = {*other.accepted, *other.ambiguous_with} if other else set()
+            if not (other and other.verdict is Verdict.UNEXPLAINED) and wrong <= {
+                *decision.accepted
+            }:
+                fits = decision.carried, decision.belief.fit(())
+                refuted = refuted_later(decision, later.white, *fits, self.alone.offsets.size)
+                decision = self.decision = replace(decision, refuted=refuted)
+        if decision and decision.verdict is Verdict.UNEXPLAINED:
+            values, spread = decision.offsets
+            moved = values - self.alone.offsets
+            self.unexplained = spread + np.outer(moved, moved)
+        elif decision:
+            self.belief = decision.belief
+        # Set of lasting causes → probabilities of the explanations with it.
+        self.by_lasting: dict[Ids, dict[Ids, float]] = {}
+        for ids, probability in self.belief.listed.items():
+            lasting = tuple(id for id in ids if CAUSES[id].lasting)
+            self.by_lasting.setdefault(lasting, {})[ids] = probability
 
     @property
     def refuted(self) -> Reason | None:
@@ -168,31 +187,6 @@ class _DiagnosedSession:
         refuted = self.decision.refuted if self.decision else None
         path = PurePath(self.given.measured.source.path).name
         return refuted and refuted.changed(data={**refuted.data, "of_file": path})
-
-    @cached_property
-    def unexplained(self) -> Floats | None:
-        """Covariance of the offsets where nothing explains the readings, shape (3, 3)."""
-        if self.decision is None or self.decision.verdict is not Verdict.UNEXPLAINED:
-            return None
-        values, spread = self.decision.offsets
-        moved = values - self.alone.offsets
-        return np.asarray(spread + np.outer(moved, moved))
-
-    @cached_property
-    def belief(self) -> Belief:
-        """The offsets alone where nothing is named, or is unexplained."""
-        if self.decision is None or self.unexplained is not None:
-            return self.plain
-        return self.decision.belief
-
-    @cached_property
-    def by_lasting(self) -> Mapping[Ids, Mapping[Ids, float]]:
-        """Set of lasting causes → probabilities of the explanations with it."""
-        by_lasting: dict[Ids, dict[Ids, float]] = {}
-        for ids, probability in self.belief.listed.items():
-            lasting = tuple(id for id in ids if CAUSES[id].lasting)
-            by_lasting.setdefault(lasting, {})[ids] = probability
-        return by_lasting
 
     @property
     def log_weight(self) -> dict[Ids, float]:
@@ -405,9 +399,12 @@ def compare(
         except UnusableResultError as error:
             path = given.measured.source.path
             raise UnusableResultError(f"{path}: {error.what}", error.remedy) from error
-    for before, after in pairwise(diagnosed):
-        if not _was_adjusted(before.given, after.given, adjusted):
-            before.refuse(after)
+    notes += (entered := [*_entered(inputs)])
+    recorded = {note.data["before"] for note in entered}
+    for session, later in zip_longest(diagnosed, diagnosed[1:]):
+        source = session.given.measured.source
+        known = source.path in recorded or adjusted.get(source.sha256)
+        session.conclude(None if known else later)
     standing = _standing(diagnosed)
     causes = tuple(cause for id, cause in CAUSES.items() if any(id in ids for ids in standing))
     for session, ids in zip(diagnosed, standing, strict=True):
@@ -528,12 +525,19 @@ def _one_machine(models: Sequence[Model]) -> list[Reason]:
     return [Reason.of("judged_by_last", names=sorted(other))] if other else []
 
 
-def _was_adjusted(before: Input, after: Input, adjusted: Mapping[str, Removed]) -> bool:
-    """Whether it is recorded that the machine was adjusted between two sessions."""
-    old, new = before.model.machine, after.model.machine
-    entered = old.active != new.active and not old.differing(new)  # nor calibrated anew
-    pushed = bool(adjusted.get(before.measured.source.sha256))
-    return entered or pushed or old.corrected != new.corrected
+def _entered(inputs: Sequence[Input]) -> Iterator[Reason]:
+    """What was entered, or is corrected otherwise, from one session to the next."""
+    for before, after in pairwise(inputs):
+        old, new = before.model.machine, after.model.machine
+        paths = {"before": before.measured.source.path, "after": after.measured.source.path}
+        # What a machine that is homed anew has otherwise is no adjustment of it.
+        changes = zip(new.parameter_names, np.subtract(new.active, old.active), strict=True)
+        sizes = [(name, float(by), "mm") for name, by in changes if abs(by) > 1e-9]
+        if sizes and not old.differing(new):
+            yield Reason.of("adjusted", **paths, sizes=sizes)
+        then, now = old.corrected, new.corrected
+        if ids := [id for id in {**then, **now} if then.get(id) != now.get(id)]:
+            yield Reason.of("corrected_otherwise", **paths, ids=ids)
 
 
 def _put_right(
@@ -565,16 +569,6 @@ def _circumstances(
         yield Reason.of("gauges_vary")
     if len({tuple(session.white.machine.nominal_rails.lengths) for session in diagnosed}) > 1:
         yield Reason.of("arms_vary")
-    machines = [session.given.model.machine for session in diagnosed]
-    for (one, old), (two, new) in pairwise(zip(sessions, machines, strict=True)):
-        # What a machine that is homed anew has otherwise is no adjustment of it.
-        changes = zip(new.parameter_names, np.subtract(new.active, old.active), strict=True)
-        sizes = [(name, float(by), "mm") for name, by in changes if abs(by) > 1e-9]
-        if sizes and not old.differing(new):
-            yield Reason.of("adjusted", before=one.path, after=two.path, sizes=sizes)
-        then, now = old.corrected, new.corrected
-        if ids := [id for id in {**then, **now} if then.get(id) != now.get(id)]:
-            yield Reason.of("corrected_otherwise", before=one.path, after=two.path, ids=ids)
     for id in dict.fromkeys(id for session in sessions for id in session.causes):
         shown = [session.path for session in sessions if id in session.causes]
         every = len(shown) == len(sessions)
