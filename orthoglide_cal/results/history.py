@@ -163,9 +163,8 @@ class _DiagnosedSession:
         decision, other = self.decision, later and later.decision
         if later and decision and decision.verdict is Verdict.NAMED:
             wrong = {*other.accepted, *other.ambiguous_with} if other else set()
-            if not (other and other.verdict is Verdict.UNEXPLAINED) and wrong <= {
-                *decision.accepted
-            }:
+            known = other is None or other.verdict is not Verdict.UNEXPLAINED
+            if known and wrong <= {*decision.accepted}:
                 fits = decision.carried, decision.belief.fit(())
                 refuted = refuted_later(decision, later.white, *fits, self.alone.offsets.size)
                 decision = self.decision = replace(decision, refuted=refuted)
