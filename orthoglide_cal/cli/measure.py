@@ -115,15 +115,12 @@ def measure(
         raise UsageError(
             "There are more --certificate than --gauge-id.", "Give the gauge's id with it."
         )
-    known = common.given_machine(machine)
-    if known is not None:
-        known.machine.check_guided()
     request = Request(
         path=session,
         resume=resume,
         agreed=yes,
         offsets_mm=offsets_active,
-        model=known,
+        model=common.given_machine(machine),
         otherwise=common.folder_machine,
         keeper=common.given_machine(machine or machine_in_folder(Path())) if then else None,
         following=then,
