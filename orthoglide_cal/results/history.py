@@ -160,7 +160,7 @@ class _DiagnosedSession:
 
         What else is wrong with the later one is no evidence against a name.
         """
-        decision, other = self.decision, later and later.decision
+        decision, other = self.decision, later.decision if later else None
         if later and decision and decision.verdict is Verdict.NAMED:
             wrong = {*other.accepted, *other.ambiguous_with} if other else set()
             known = other is None or other.verdict is not Verdict.UNEXPLAINED
