@@ -8,7 +8,6 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from pathlib import Path
 from typing import Any, ClassVar
 
 from orthoglide_cal.words import listed
@@ -43,29 +42,33 @@ def visible_lines(text: str) -> str:
     return "\n".join(visible(line) for line in text.split("\n"))
 
 
-def command(verb: str, *paths: str, options: str = "", **named: str | Path | None) -> str:
+def command(verb: str, *paths: str, options: str = "", **named: object) -> str:
     """A command to type.
 
     Args:
         verb: of the program, e.g. "solve".
         paths: of its input files, as the user gave them.
         options: further ones, as they are typed.
-        named: options whose value is a file, as the user gave it, e.g. `machine`; None for none.
+        named: options with a file or numbers, as the user gave them, e.g. `machine`; None for none.
 
     >>> command("diagnose", "my data.csv", options="--accept axis_gap")
     "orthocal diagnose 'my data.csv' --accept axis_gap"
     """
+    given = (f"--{name} {_typed(value)}" for name, value in named.items() if value is not None)
+    return " ".join(
+        ("orthocal", verb, *map(_typed, paths), *given, *([options] if options else []))
+    )
 
+
+def _typed(value: object) -> str:
+    if isinstance(value, tuple):
+        return " ".join(map(_typed, value))
+    if isinstance(value, float):
+        return f"{value:g}"
     # What came from standard input has to be a file by then; a name that begins with a dash would
     # be taken for an option.
-    def quoted(path: str) -> str:
-        plain = "FILE" if path == "-" else path
-        return shlex.quote(f"./{plain}" if plain.startswith("-") else plain)
-
-    given = (f"--{name} {quoted(str(path))}" for name, path in named.items() if path)
-    return " ".join(
-        ("orthocal", verb, *map(quoted, paths), *given, *([options] if options else []))
-    )
+    path = "FILE" if value == "-" else str(value)
+    return shlex.quote(f"./{path}" if path.startswith("-") else path)
 
 
 def file_words(path: str) -> str:

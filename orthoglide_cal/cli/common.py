@@ -194,14 +194,6 @@ DETAILS = flag("--details", "Show everything. Default: one screen.")
 JSON = flag("--json", "Print JSON: one object for each file, one per line.")
 
 
-def again(**options: object) -> str:
-    """Options as they were given, to be typed again; without those that were not."""
-    given = {name: value for name, value in options.items() if value is not None}
-    return " ".join(
-        f"--{name} {str(value).strip('()').replace(',', '')}" for name, value in given.items()
-    )
-
-
 def measuring_protocol(protocol: str | None, design: str | None) -> MeasuringProtocol | None:
     """The protocol of --protocol or --design; None if neither says. Raises UsageError."""
     from orthoglide_cal.planning.steps import MeasuringProtocol

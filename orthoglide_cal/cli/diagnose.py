@@ -73,8 +73,7 @@ def diagnose(
         by = named if isinstance(named, PrinterFile) else given.model
         later = read_input(holdout, by, stored=data) if holdout else None
         if holdout and later and in_time([given, later])[0] is later:
-            options = common.again(applied=applied)
-            right = command("diagnose", holdout, machine=machine, options=options, holdout=path)
+            right = command("diagnose", holdout, machine=machine, holdout=path, applied=applied)
             raise wrong_order(later, given, right)
         with common.working(path):
             try:

@@ -54,14 +54,15 @@ def report(
                 )
             with common.working(f"{path}, {after}"):
                 left = Case(later, answer_to(later, details=True), machine)
-                options = common.again(applied=applied, limit=limit)
-                right = command("report", after, machine=machine, options=options, after=path)
+                right = command(
+                    "report", after, machine=machine, after=path, applied=applied, limit=limit
+                )
                 compared = verify(given, later, applied, limit, adjusted_since(given), right)
                 verification = compared.changed(workspace=left.answer.workspace)
-        inputs, chosen = (verification.inputs, verification.options) if verification else ((), ())
-        chosen = chosen or (() if limit is None else (limit,))
+        inputs, options = (verification.inputs, verification.options) if verification else ((), ())
+        options = options or (() if limit is None else (limit,))
         judged = [(one.source, one.given.model) for one in (case, *case.others)]
-        identity = identify([*judged, *inputs], case.answer.method, machine, *chosen)
+        identity = identify([*judged, *inputs], case.answer.method, machine, *options)
         document = calibration_document(case, identity, verification, limit, left)
         common.deliver(document, as_json=json, html=html, markdown=markdown, overwrite=overwrite)
         failed = verification is not None and verification.failed

@@ -29,8 +29,7 @@ def verify(
     def judge(path: str) -> int:
         inputs = common.read_input(path, machine, data), common.read_input(after, machine, data)
         with common.working(f"{path}, {after}"):
-            options = common.again(applied=applied, limit=limit)
-            right = command("verify", after, path, machine=machine, options=options)
+            right = command("verify", after, path, machine=machine, applied=applied, limit=limit)
             result = verified(*inputs, applied, limit, adjusted_since(inputs[0]), right)
         page = verification_document(result, identify(result.inputs, *result.options))
         common.deliver(

@@ -199,8 +199,8 @@ def verification_steps(
             again = command("measure", machine=machine_file, options="--cycles 10")
             yield doc.Instruction("To decide by the limit, lower U: measure more cycles", again)
         if brief and result.differences:
-            limit = "" if result.decision is None else f"--limit {result.decision.limit_mm:g}"
-            write = command("report", before, machine=machine_file, options=limit, after=after)
+            limit = result.decision and result.decision.limit_mm
+            write = command("report", before, machine=machine_file, after=after, limit=limit)
             yield doc.Instruction("Write the report, and keep it with the machine", write)
         elif not undecided:
             yield doc.Instruction("Nothing more: keep this report with the machine.")
