@@ -14,6 +14,7 @@ from typing import Annotated, Literal, NamedTuple
 from pydantic import AfterValidator, ConfigDict, Field, PlainSerializer, TypeAdapter
 
 from orthoglide_cal.files.text import FileText
+from orthoglide_cal.model.linear_delta import PlannedTouch
 from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order
 from orthoglide_cal.schema import Schema
@@ -49,7 +50,9 @@ def _with_zone(at: str) -> str:
     return at
 
 
-_Planned = Annotated[PlannedReading, PlainSerializer(lambda reading: reading._asdict())]
+_Planned = Annotated[
+    PlannedReading | PlannedTouch, PlainSerializer(lambda reading: reading._asdict())
+]
 
 
 # Exactly these types. Named tuples would not be held to it if the schema were built later.

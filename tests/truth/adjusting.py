@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .delta import DeltaSession, probe_bed, touches
 from .effects import state_with
 from .forward import PAIRS, PARTS, _rails, tool_from_carriages
 from .plan import SETUPS, Floats, joints_at, standard_plan
@@ -63,9 +64,7 @@ class LooseMachine:
 
     def push(self, slot: int, gauge: Gauge, by: float) -> None:
         """Change one number of the condition until the surface at a gauge has moved [mm]."""
-        before = gauge()
-        self.pushed[slot] += 0.1
-        self.pushed[slot] += 0.1 * by / (gauge() - before) - 0.1
+        _push(self.pushed, slot, gauge, by)
 
     def measured_again(self) -> Session:
         """The machine as it was pushed, another day.
@@ -89,3 +88,9 @@ class LooseMachine:
         gauge, scale = self.session.gauge, self.session.setting.scale
         noisy = (1.0 + scale) * surface + self.zero + self.rng.normal(scale=gauge.noise)
         return float(np.round(noisy / gauge.resolution) * gauge.resolution)
+
+
+def _push(pushed: Floats, slot: int, gauge: Gauge, by: float) -> None:
+    before = gauge()
+    pushed[slot] += 0.1
+    pushed[slot] += 0.1 * by / (gauge() - before) - 0.1
