@@ -21,6 +21,7 @@ from orthoglide_cal.inference import Diagnosis, Verdict
 from orthoglide_cal.inference.prediction import expect
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Estimate, Screw, Stage
 from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.machine import Named
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model, differentiate, simulate
 from orthoglide_cal.model.plan import AnyCell, Floats, Numbers, Plan
@@ -36,8 +37,8 @@ class Adjustment(Estimate):
     move: str  # what is pushed then
     ways: tuple[str, str]  # in which it goes for more, and for less on the gauge, in words
     homed: bool  # the gauge shows a push only after homing
-    here: AnyCell  # what is read while it is adjusted
-    there: AnyCell  # and at the second posture, for the check
+    here: Named[AnyCell]  # what is read while it is adjusted
+    there: Named[AnyCell]  # and at the second posture, for the check
     sensitivity: float  # change of the reading, mm per unit of the parameter
     change_mm: float  # of the reading, until the parameter is zero
     expanded_mm: float  # U of that change
@@ -97,9 +98,12 @@ def choose_adjustments(
         problem = f"No screw or shim corrects {cause.id!r}. {cause.no_screw}".rstrip()
         remedy = f"See what helps: {command('guide', cause.id)}"
         raise (UsageError if id else UnusableResultError)(problem, remedy)
-    if cause is None and id not in (None, HOME_SWITCH.id):
-        having = [other.id for other in (*CAUSES.values(), HOME_SWITCH) if other.adjustable]
-        raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(having)}.")
+    kind = type(diagnosis.model.machine)
+    having = [other.id for other in CAUSES.values() if other.adjustable and other.usual(kind)]
+    having += [HOME_SWITCH.id] * diagnosis.model.machine.adds_to_joints
+    if id not in (None, *having):
+        remedy = f"Choose one of: {', '.join(having)}."
+        raise UsageError(f"There is no cause {id!r} at this machine.", remedy)
     problem = f"{path} does not name {id or 'anything that a screw corrects'} beyond its U."
     shown = command("diagnose", path, machine=machine_file)
     raise UnusableResultError(problem, f"See what it says: {shown}")

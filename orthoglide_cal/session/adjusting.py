@@ -57,8 +57,8 @@ Leave the gauge and the machine where they stand while anything is loose.
 If one of them was moved: q, and measure again."""
 
 HOMED = """
-Reading shows a push only after homing. After each push: keep clear, drives
-on, home, drive back here, read; drives off before the next."""
+The reading shows a push only after homing. After each push: keep clear,
+drives on, home, drive back here, read; drives off before the next."""
 
 PROBED = """\
 Read the height at which the probe triggers (Klipper: z of PROBE). A dial
