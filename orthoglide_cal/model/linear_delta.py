@@ -54,6 +54,7 @@ from orthoglide_cal.model.machine import (
 )
 from orthoglide_cal.model.measured import Measured, Readings, Source
 from orthoglide_cal.model.plan import (
+    AnyCell,
     Bools,
     Floats,
     Ints,
@@ -311,6 +312,12 @@ class PlannedTouch(NamedTuple):
 
     x_mm: float
     y_mm: float
+
+    @staticmethod
+    def planned(cells: Sequence[AnyCell]) -> ProbePlan:
+        """The plan of such touches in time order."""
+        place, nothing = np.array([(*cell, 0.0) for cell in cells]), np.zeros(len(cells))
+        return touching(place, nothing, np.arange(len(cells)))
 
     @property
     def stand(self) -> tuple[()]:
@@ -642,10 +649,6 @@ class LinearDelta(Machine):
         """Some of the places that were touched before: the probe can reach them."""
         touched = np.unique(plan.place[plan.touches, :2].round(DECIMALS) + 0.0, axis=0)
         return [PlannedTouch(x, y) for x, y in touched[_spread(touched, SHOWING)].tolist()]
-
-    def planned(self, cells: Sequence[PlannedTouch]) -> ProbePlan:
-        place, nothing = np.array([(*cell, 0.0) for cell in cells]), np.zeros(len(cells))
-        return touching(place, nothing, np.arange(len(cells)))
 
     def further(self, plan: ProbePlan) -> Iterator[tuple[Reason, ProbePlan, float]]:
         """Blocks under the probe, for each height.

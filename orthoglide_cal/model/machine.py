@@ -530,16 +530,12 @@ class Machine(Schema):
     def check_same(self, later: Machine) -> None:
         """Raises UsageError for a machine that calibration cannot make of this one."""
 
-    @abstractmethod
     def adjusting_cells(self, leg: int, plan: AnyPlan) -> Sequence[AnyCell]:
-        """Readings among which one shows best how a part of this leg is pushed.
+        """Readings among which one shows best how a part of this leg is pushed; none by default.
 
         The plan is of what was measured before.
         """
-
-    @abstractmethod
-    def planned(self, cells: Sequence[AnyCell]) -> Plan:
-        """The plan of readings in time order."""
+        return ()
 
     def further(self, plan: AnyPlan) -> Iterator[tuple[Reason, Plan, float]]:
         """Further measurements besides its protocols: what to do, its plan, its minutes."""

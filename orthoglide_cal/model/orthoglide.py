@@ -42,7 +42,7 @@ from orthoglide_cal.model.machine import (
     stated_or,
 )
 from orthoglide_cal.model.measured import DataKind, Difference, Readings, Source
-from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
+from orthoglide_cal.model.plan import AnyCell, Floats, Ints, Numbers, Plan, known_plan, read_only
 from orthoglide_cal.model.readings import (
     AXES,
     Contact,
@@ -315,9 +315,6 @@ class Orthoglide(Machine):
             if self.reach_mm(at)[0] <= moved <= self.reach_mm(at)[1]
         ]
 
-    def planned(self, cells: Sequence["PlannedReading"]) -> GaugePlan:
-        return plan_of(cells)
-
     def bar_warning(self, plan: GaugePlan) -> Suspicion | None:
         rows = np.flatnonzero(plan.contact == Contact.FIXED)
         if not rows.size:
@@ -500,6 +497,11 @@ class PlannedReading(NamedTuple):
     part: int = 0
     turned: bool = False
     entered: tuple[float, float, float] = (0.0, 0.0, 0.0)  # mm
+
+    @staticmethod
+    def planned(cells: Sequence[AnyCell]) -> GaugePlan:
+        """The plan of such readings in time order."""
+        return plan_of(cells)
 
     @property
     def series(self) -> Series:

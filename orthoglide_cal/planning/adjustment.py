@@ -117,10 +117,10 @@ def _adjustments(diagnosis: Diagnosis, measured: Plan, effect: Effect) -> Iterat
     for parameter in np.argsort(-np.abs(effect.theta)).tolist():
         name, std = cause.names[parameter], effect.std[parameter]
         size, screw = effect.estimates[parameter], cause.adjustment(name)
-        if screw is None:
+        cells = machine.adjusting_cells(screw.leg, measured) if screw else ()
+        if not (screw and cells):
             continue
-        cells = machine.adjusting_cells(screw.leg, measured)
-        plan, alone = machine.planned(cells), cause
+        plan, alone = cells[0].planned(cells), cause
         if cause.stage is Stage.GEOMETRY:
             alone = MovedAlone(cause, screw, machine.nominal_rails, parameter)
         readings, slopes = differentiate(now, fit.offsets, plan, [alone.at(0.0 * effect.theta)])
@@ -139,8 +139,8 @@ def _adjustments(diagnosis: Diagnosis, measured: Plan, effect: Effect) -> Iterat
         unsure = float(noise / abs(slope[here] * effect.theta[parameter]))
         sizes = [(cause.id, name, size.unit, size.value)] if cause.id in CAUSES else []
         everything = [c for leg in range(3) for c in machine.adjusting_cells(leg, measured)]
-        touched = machine.planned(everything)
-        for at, unit, moved in _moved(now, fit.offsets, touched, alone, cause, parameter):
+        whole = cells[0].planned(everything)
+        for at, unit, moved in _moved(now, fit.offsets, whole, alone, cause, parameter):
             sizes.append((HOME_SWITCH.id, at, unit, moved * float(effect.theta[parameter])))
         _, _, root = expect(fit, diagnosis.model, plan)
         # The adjustment may stop at U from its aim, which the check shows, too.

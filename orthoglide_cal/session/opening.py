@@ -370,7 +370,7 @@ def setting_in(
     if steps:
         pass
     elif planned is not None:
-        plan = GaugePlan.require(model.machine.planned(planned.readings))
+        plan = GaugePlan.require(planned.readings[0].planned(planned.readings))
         steps = steps_of(plan, model.machine, opened.order, opened.stands)
     else:
         cycles, order, stands = opened.cycles, opened.order, opened.stands
