@@ -225,10 +225,10 @@ class AdjustingDialogue(Dialogue):
         """Say, once, what has to be done before a reading; ask that nothing can fall."""
         asker, plan, begun = self.asker, one.adjustment, Phase.LOOSE in one.readings_mm
         driven = (Phase.HERE, Phase.THERE, *[Phase.LOOSE] * plan.homed)
-        drives_off = phase not in driven
+        drives_off, new = phase not in driven, step.setup != self._shown[0]
         if self._shown == (step.setup, phase):
             return
-        if step.setup != self._shown[0]:
+        if new:
             if step.cell.words:
                 rule, text = f"-- {plan.name} ".ljust(asker.columns - 2, "-"), PROBED
             else:
@@ -243,7 +243,7 @@ class AdjustingDialogue(Dialogue):
             self._safe = False
         if phase is Phase.HERE:
             asker.say("Switch the drives on; home, if the controller asks for it.", Style.TITLE)
-        if not (drives_off and begun):
+        if not (drives_off and begun) or (new and plan.homed):
             asker.say(wording.place(step, self.setting))
         asked = "Are the drives off, and is every axis secured so that none can fall? y/n > "
         if drives_off and not self._safe:

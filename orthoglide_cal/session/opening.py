@@ -367,14 +367,12 @@ def setting_in(
     """
     path, opened, planned = str(journal.path), state.opened, state.planned
     model = machine_file.machine_from_text(opened.machine, path)
-    if steps:
-        pass
-    elif planned is not None:
-        plan = GaugePlan.require(planned.readings[0].planned(planned.readings))
-        steps = steps_of(plan, model.machine, opened.order, opened.stands)
-    else:
+    if planned is None:
         cycles, order, stands = opened.cycles, opened.order, opened.stands
         steps = sequence(model.machine, opened.protocol, cycles, order, stands)
+    elif not steps:
+        plan = GaugePlan.require(planned.readings[0].planned(planned.readings))
+        steps = steps_of(plan, model.machine, opened.order, opened.stands)
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):
         raise InputError(

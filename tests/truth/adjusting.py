@@ -5,7 +5,7 @@ The frame is the base's: the other rails stay, and so does the stand, wherever t
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -16,22 +16,6 @@ from .plan import SETUPS, Floats, joints_at, standard_plan
 from .session import Session, measure
 
 Gauge = Callable[[], float]
-
-
-class Cell(Protocol):
-    """What a dial on a leg reads."""
-
-    leg: int
-    direction: int
-    gauge_at: float
-    displacement: float
-
-
-class Place(Protocol):
-    """Where a probe touches the bed [mm]."""
-
-    x_mm: float
-    y_mm: float
 
 
 @dataclass(eq=False)
@@ -71,8 +55,8 @@ class LooseMachine:
             :, 0
         ]
 
-    def surface(self, cell: Cell) -> float:
-        """Position of the bar at the dial, without its zero [mm]."""
+    def surface(self, cell: Any) -> float:
+        """Position of the bar at the dial, without its zero [mm]; a cell says where it stands."""
         leg, direction, gauge_at = cell.leg, cell.direction, cell.gauge_at
         displacement = cell.displacement
         carriages, tool = self._points(leg, 0.0, np.zeros_like(self.pushed))
@@ -138,7 +122,7 @@ class LoosePrinter:
         leans = truth.leans + np.stack((out, side), axis=1)
         return replace(truth, leans=leans, radii=truth.radii + moved[0], angles=angles)
 
-    def surface(self, cell: Place) -> float:
+    def surface(self, cell: Any) -> float:
         """Height at which the probe triggers, without its noise [mm]."""
         x, y, nothing = np.array([cell.x_mm]), np.array([cell.y_mm]), np.zeros(1)
         return float(touches(self.session.machine, self.truth, x, y, nothing, nothing)[0])
