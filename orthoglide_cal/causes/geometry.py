@@ -6,7 +6,7 @@ import numpy as np
 
 from orthoglide_cal.model.cause import Cause, Screw, Stage
 from orthoglide_cal.model.kinematics import Geometry
-from orthoglide_cal.model.linear_delta import LinearDelta
+from orthoglide_cal.model.linear_delta import TOWERS, LinearDelta
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers
@@ -158,10 +158,20 @@ class TowerLean(Cause):
         "Square the frame: measure the distances between the rails at the bottom and at the top,"
         " and shim or loosen and re-tighten the corners. No firmware has a setting for it."
     )
-    no_screw = (
-        "Heights on the bed depend on where a pushed tower pivots far more than on its lean: no"
-        " reading shows when it is straight."
-    )
+
+    def adjustment(self, name: str) -> Screw:
+        """The top of one tower is pushed; touches show by how much if its foot stays."""
+        tower, way = name.split("_")
+        sideways = "counter-clockwise", "clockwise"
+        return Screw(
+            leg=TOWERS.index(tower),
+            loosen=f"the upper corner of tower {tower.upper()}; its foot stays bolted.\n"
+            "Ways are seen from above; 0.1 mm per 100 mm of the tower's height is 1 mrad",
+            move="its top",
+            homed=True,
+            ways=("outwards", "inwards") if way == "out" else sideways,
+            about_foot=True,
+        )
 
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Lean the rails; theta (..., 6) [rad]."""

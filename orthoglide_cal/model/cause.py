@@ -64,6 +64,8 @@ class Screw(NamedTuple):
     move: str  # what is pushed then, in words
     homed: bool = False  # a push shows only after homing
     along: str = ""  # axis along which a shim as thick as the parameter moves the rail
+    ways: tuple[str, ...] = ()  # to +, to -, in words; none where the gauge's direction says it
+    about_foot: bool = False  # a rail turns where it meets the bed's plane
 
 
 PER_HOUR = "mm/h"  # unit of rates

@@ -75,6 +75,10 @@ class Gauge(Instrument):
     scale_u: Annotated[Number, Field(ge=0.0, le=1.0)] | None = None
 
     @property
+    def most_mm(self) -> float:
+        return self.range_mm
+
+    @property
     def turn_mm(self) -> float:
         return self.revolution_mm or 0.0
 

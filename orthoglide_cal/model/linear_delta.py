@@ -54,6 +54,7 @@ from orthoglide_cal.model.machine import (
 )
 from orthoglide_cal.model.measured import Measured, Readings, Source
 from orthoglide_cal.model.plan import (
+    AnyCell,
     Bools,
     Floats,
     Ints,
@@ -68,6 +69,7 @@ from orthoglide_cal.schema import Number, Reason, ask
 
 TOWERS = ("a", "b", "c")
 FEW = 13  # places, to be touched once more on blocks
+SHOWING = 49  # places, among which an adjustment is read
 UNEQUAL_MM = 0.5  # stored arms that differ by more than this are doubted
 _STEPS = 8  # in each the gap between a nozzle and the bed closes by all but some per cent
 ANOTHER = 0.05  # a printer whose arms or radius differ by a larger share is another one
@@ -303,6 +305,37 @@ class ProbePlan(Plan):
         )
         # What a smooth surface follows is its own.
         return np.asarray(fine - coarse @ np.linalg.lstsq(coarse, fine)[0])
+
+
+class PlannedTouch(NamedTuple):
+    """One touch of the bed for an adjustment, at a place as the controller has it."""
+
+    x_mm: float
+    y_mm: float
+
+    @staticmethod
+    def planned(cells: Sequence[AnyCell]) -> ProbePlan:
+        """The plan of such touches in time order."""
+        place, nothing = np.array([(*cell, 0.0) for cell in cells]), np.zeros(len(cells))
+        return touching(place, nothing, np.arange(len(cells)))
+
+    @property
+    def stand(self) -> tuple[()]:
+        """Nothing: no gauge is set up."""
+        return ()
+
+    @property
+    def series(self) -> tuple[()]:
+        return ()
+
+    @property
+    def ways(self) -> tuple[()]:
+        return ()
+
+    @property
+    def words(self) -> str:
+        """How it is taken."""
+        return f"Home, switch the bed mesh off, and probe at  X {self.x_mm:g}  Y {self.y_mm:g}  mm"
 
 
 class LinearDelta(Machine):
@@ -610,6 +643,11 @@ class LinearDelta(Machine):
         lines = np.arange(2, n + 2)
         source = Source("simulate", "", simulated=True)
         return Readings(touched, value, lines, timed=True, source=source)
+
+    def adjusting_cells(self, leg: int, plan: ProbePlan) -> list[PlannedTouch]:
+        """Some of the places that were touched before: the probe can reach them."""
+        touched = np.unique(plan.place[plan.touches, :2].round(DECIMALS) + 0.0, axis=0)
+        return [PlannedTouch(x, y) for x, y in touched[_spread(touched, SHOWING)].tolist()]
 
     def further(self, plan: ProbePlan) -> Iterator[tuple[Reason, ProbePlan, float]]:
         """Blocks under the probe, for each height.

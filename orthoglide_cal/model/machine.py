@@ -22,7 +22,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, Va
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
+from orthoglide_cal.model.plan import AnyCell, AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Day, Digest, Number, Positive, Reason, Schema, Word, ask
 
@@ -200,6 +200,11 @@ class Instrument(Schema):
     if TYPE_CHECKING:
         resolution_mm: float
         repeatability_mm: float
+
+    @property
+    def most_mm(self) -> float:
+        """Largest change of a reading that can be right [mm]."""
+        return HOMING_MM
 
     @property
     def turn_mm(self) -> float:
@@ -524,6 +529,13 @@ class Machine(Schema):
 
     def check_same(self, later: Machine) -> None:
         """Raises UsageError for a machine that calibration cannot make of this one."""
+
+    def adjusting_cells(self, leg: int, plan: AnyPlan) -> Sequence[AnyCell]:
+        """Readings among which one shows best how a part of this leg is pushed; none by default.
+
+        The plan is of what was measured before.
+        """
+        return ()
 
     def further(self, plan: AnyPlan) -> Iterator[tuple[Reason, Plan, float]]:
         """Further measurements besides its protocols: what to do, its plan, its minutes."""

@@ -42,8 +42,16 @@ from orthoglide_cal.model.machine import (
     stated_or,
 )
 from orthoglide_cal.model.measured import DataKind, Difference, Readings, Source
-from orthoglide_cal.model.plan import Floats, Ints, Numbers, Plan, known_plan, read_only
-from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, other_axes, part_words
+from orthoglide_cal.model.plan import AnyCell, Floats, Ints, Numbers, Plan, known_plan, read_only
+from orthoglide_cal.model.readings import (
+    AXES,
+    Contact,
+    GaugePlan,
+    Posture,
+    Series,
+    other_axes,
+    part_words,
+)
 from orthoglide_cal.schema import Number, ask
 from orthoglide_cal.words import plain
 
@@ -297,6 +305,16 @@ class Orthoglide(Machine):
             return ()
         return tuple(round(at * PLACE_STEP, 9) for at in sorted({near, far}))
 
+    def adjusting_cells(self, leg: int, plan: GaugePlan) -> list["PlannedReading"]:
+        """All that gauges on this leg can read at the named postures, the plunger on the bar."""
+        places = dict.fromkeys((0.5, *self.gauge_places))
+        moves = [self.displacement_mm(posture) for posture in POSTURES]
+        return [
+            PlannedReading(leg, direction, moved, Contact.FIXED, gauge_at=at)
+            for at, direction, moved in product(places, other_axes(leg), moves)
+            if self.reach_mm(at)[0] <= moved <= self.reach_mm(at)[1]
+        ]
+
     def bar_warning(self, plan: GaugePlan) -> Suspicion | None:
         rows = np.flatnonzero(plan.contact == Contact.FIXED)
         if not rows.size:
@@ -479,6 +497,32 @@ class PlannedReading(NamedTuple):
     part: int = 0
     turned: bool = False
     entered: tuple[float, float, float] = (0.0, 0.0, 0.0)  # mm
+
+    @staticmethod
+    def planned(cells: Sequence[AnyCell]) -> GaugePlan:
+        """The plan of such readings in time order."""
+        return plan_of(cells)
+
+    @property
+    def series(self) -> Series:
+        """Leg and direction."""
+        return Series(self.leg, self.direction)
+
+    @property
+    def stand(self) -> tuple[int, float]:
+        """Place of the gauge's stand at this leg."""
+        return self.direction, self.gauge_at
+
+    @property
+    def ways(self) -> tuple[str, str]:
+        """In which a bar is pushed for more, and for less on the gauge."""
+        axis = AXES[self.direction].upper()
+        return f"towards +{axis}", f"towards -{axis}"
+
+    @property
+    def words(self) -> str:
+        """How it is taken; empty: by a gauge that is set up, a session says how."""
+        return ""
 
 
 def plan_of(readings: Sequence[PlannedReading]) -> GaugePlan:

@@ -25,6 +25,7 @@ PlanT = TypeVar("PlanT", bound="Plan")
 T = TypeVar("T")
 # A plan of the kind of machine whose methods take it; these name its class, the base cannot.
 AnyPlan = Any
+AnyCell = Any  # likewise a reading to take: see `PlannedReading`
 # Where a pattern acts: leg, direction, posture, as far as these matter; empty for everywhere.
 Where = Mapping[str, str]
 

@@ -11,7 +11,6 @@ which the gauge's zero has no part, shows whether the part moved as it was meant
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -20,28 +19,26 @@ from orthoglide_cal.causes import CAUSES, HOME_SWITCH
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 from orthoglide_cal.inference import Diagnosis, Verdict
 from orthoglide_cal.inference.prediction import expect
-from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Estimate, Stage
+from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Estimate, Screw, Stage
 from orthoglide_cal.model.kinematics import Geometry
+from orthoglide_cal.model.machine import Named
+from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model, differentiate, simulate
-from orthoglide_cal.model.orthoglide import POSTURES, Orthoglide, PlannedReading, plan_of
-from orthoglide_cal.model.plan import Floats, Numbers
-from orthoglide_cal.model.readings import AXES, Contact, other_axes
+from orthoglide_cal.model.plan import AnyCell, Floats, Numbers, Plan
 
 # What screws took away: id of a cause, or home_switch for joint offsets, and by how much.
 Removed = Sequence[tuple[str, Estimate]]
 
 
 class Adjustment(Estimate):
-    """How a parameter of a cause is corrected; leg and direction are 0, 1, 2 for x, y, z."""
+    """How a parameter of a cause is corrected."""
 
     loosen: str  # what is loosened
-    move: str  # what is pushed then; the gauge reads more if it goes to +
+    move: str  # what is pushed then
+    ways: tuple[str, str]  # in which it goes for more, and for less on the gauge, in words
     homed: bool  # the gauge shows a push only after homing
-    leg: int  # whose bar the gauge touches
-    direction: int  # along which it reads
-    gauge_at: float  # place along the leg at the isotropic posture
-    here_mm: float  # displacement of its carriage while it is adjusted
-    there_mm: float  # and at the second posture, for the check
+    here: Named[AnyCell]  # what is read while it is adjusted
+    there: Named[AnyCell]  # and at the second posture, for the check
     sensitivity: float  # change of the reading, mm per unit of the parameter
     change_mm: float  # of the reading, until the parameter is zero
     expanded_mm: float  # U of that change
@@ -57,9 +54,10 @@ class MovedAlone(Cause):
     Who adjusts one leaves the others, and the gauge's stand, where they are.
     """
 
-    def __init__(self, cause: Cause, leg: int, nominal: Geometry, parameter: int) -> None:
+    def __init__(self, cause: Cause, screw: Screw, nominal: Geometry, parameter: int) -> None:
         self.id, self.stage, self.names, self._cause = cause.id, cause.stage, cause.names, cause
-        self._mine = (np.arange(3) == leg)[:, None]
+        self._mine = (np.arange(3) == screw.leg)[:, None]
+        self._shifts = self._mine & (not screw.about_foot)
         moved = cause.geometry(nominal, cause.scale * np.eye(cause.unknowns)[parameter])
         shifted = (moved.points != nominal.points) | (moved.directions != nominal.directions)
         self._sharing = max(int(shifted.any(axis=1).sum()), 1)
@@ -67,7 +65,7 @@ class MovedAlone(Cause):
     def geometry(self, geometry: Geometry, theta: Numbers) -> Geometry:
         """Move one rail by what all that share the change would; theta (..., p)."""
         moved = self._cause.geometry(geometry, self._sharing * theta)
-        points = np.where(self._mine, moved.points, geometry.points)
+        points = np.where(self._shifts, moved.points, geometry.points)
         directions = np.where(self._mine, moved.directions, geometry.directions)
         return Geometry(points, directions, geometry.lengths)
 
@@ -80,72 +78,81 @@ def choose_adjustments(
     The offsets themselves, as `home_switch`, if they are asked for. Each parameter beyond its U,
     the largest first: what is left is least, wherever one stops.
 
-    Raises UsageError: no screw corrects this cause; UnusableResultError: it is not named, or
-    nothing of it is beyond its U.
+    Raises UsageError: no screw corrects this cause, or these are no readings;
+    UnusableResultError: it is not named, or nothing of it is beyond its U.
     """
+    path = diagnosis.measured.source.path
+    if not isinstance(diagnosis.measured, Readings):
+        remedy = "Give the file of the raw readings, if you have it."
+        raise UsageError(f"{path} holds differences, no readings.", remedy)
     named = diagnosis.effects if diagnosis.verdict is Verdict.NAMED else ()
     if id == HOME_SWITCH.id:
         offsets = HOME_SWITCH.at(diagnosis.offsets_mm)
         named = (replace(offsets, covariance=diagnosis.covariance_mm2),)
     asked = [effect for effect in named if id in (None, effect.cause.id)]
     effect = next((effect for effect in asked if effect.cause.adjustable), None)
-    if effect and (made := tuple(_adjustments(diagnosis, effect))):
+    if effect and (made := tuple(_adjustments(diagnosis, diagnosis.measured.plan, effect))):
         return effect.cause.id, made
-    path = diagnosis.measured.source.path
     cause = CAUSES.get(id) if id else next((e.cause for e in asked if effect is None), None)
     if cause and not cause.adjustable:
         problem = f"No screw or shim corrects {cause.id!r}. {cause.no_screw}".rstrip()
         remedy = f"See what helps: {command('guide', cause.id)}"
         raise (UsageError if id else UnusableResultError)(problem, remedy)
-    if cause is None and id not in (None, HOME_SWITCH.id):
-        having = [other.id for other in (*CAUSES.values(), HOME_SWITCH) if other.adjustable]
-        raise UsageError(f"There is no cause {id!r}.", f"Choose one of {', '.join(having)}.")
+    kind = type(diagnosis.model.machine)
+    having = [other.id for other in CAUSES.values() if other.adjustable and other.usual(kind)]
+    having += [HOME_SWITCH.id] * diagnosis.model.machine.adds_to_joints
+    if id not in (None, *having):
+        remedy = f"Choose one of: {', '.join(having)}."
+        raise UsageError(f"There is no cause {id!r} at this machine.", remedy)
     problem = f"{path} does not name {id or 'anything that a screw corrects'} beyond its U."
     shown = command("diagnose", path, machine=machine_file)
     raise UnusableResultError(problem, f"See what it says: {shown}")
 
 
-def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
+def _adjustments(diagnosis: Diagnosis, measured: Plan, effect: Effect) -> Iterator[Adjustment]:
     """Each with the gauge whose reading changes most, and the check at the posture most unlike."""
     cause, k, fit = effect.cause, NORMAL_K, diagnosis.left_open[0][1]
-    machine, noise = diagnosis.model.orthoglide, np.sqrt(2.0) * fit.sigma  # of a difference
+    machine, noise = diagnosis.model.machine, np.sqrt(2.0) * fit.sigma  # of a difference
     now = diagnosis.model.extended(e for e in diagnosis.effects if e.cause.lasting)
     for parameter in np.argsort(-np.abs(effect.theta)).tolist():
         name, std = cause.names[parameter], effect.std[parameter]
         size, screw = effect.estimates[parameter], cause.adjustment(name)
-        if screw is None or abs(effect.theta[parameter]) <= k * std:
+        cells = machine.adjusting_cells(screw.leg, measured) if screw else ()
+        if not (screw and cells):
             continue
-        cells = _cells(machine, screw.leg)
-        plan = plan_of(cells)
-        alone = cause
+        plan, alone = cells[0].planned(cells), cause
         if cause.stage is Stage.GEOMETRY:
-            alone = MovedAlone(cause, screw.leg, machine.nominal_rails, parameter)
+            alone = MovedAlone(cause, screw, machine.nominal_rails, parameter)
         readings, slopes = differentiate(now, fit.offsets, plan, [alone.at(0.0 * effect.theta)])
         slope = slopes[:, fit.offsets.size + parameter]
         here = int(np.argmax(np.abs(slope)))
-        stands = [(cell.direction, cell.gauge_at) for cell in cells]
-        same = [row for row, stand in enumerate(stands) if stand == stands[here]]
+        same = [row for row, cell in enumerate(cells) if cell.stand == cells[here].stand]
         there = max(same, key=lambda row: abs(slope[row] - slope[here]))
-        now = now.extended([alone.at(-effect.theta * (np.arange(effect.theta.size) == parameter))])
-        corrected = simulate(now, fit.offsets, plan)
+        gone = alone.at(-effect.theta * (np.arange(effect.theta.size) == parameter))
+        corrected = simulate(now.extended([gone]), fit.offsets, plan)
+        change = float(corrected[here] - readings[here])
         expanded = k * np.hypot(slope[here] * std, noise)
+        if abs(change) <= expanded:
+            continue  # no reading shows that anything is to be pushed
+        now = now.extended([gone])
         # As well as the gauge sees it: how well a parameter is known is not how far it is pushed.
         unsure = float(noise / abs(slope[here] * effect.theta[parameter]))
         sizes = [(cause.id, name, size.unit, size.value)] if cause.id in CAUSES else []
-        for axis, moved in _moved(now, fit.offsets, alone, cause, parameter):
-            sizes.append((HOME_SWITCH.id, axis, "mm", moved * float(effect.theta[parameter])))
+        everything = [c for leg in range(3) for c in machine.adjusting_cells(leg, measured)]
+        whole = cells[0].planned(everything)
+        for at, unit, moved in _moved(now, fit.offsets, whole, alone, cause, parameter):
+            sizes.append((HOME_SWITCH.id, at, unit, moved * float(effect.theta[parameter])))
         _, _, root = expect(fit, diagnosis.model, plan)
         # The adjustment may stop at U from its aim, which the check shows, too.
         stop = abs(slope[there] / slope[here] - 1.0) * expanded
         spread = np.array([*(k * (root[there] - root[here])), k * noise, stop])
-        cell = cells[here]
+        more, less = screw.ways[:: int(np.sign(slope[here]))] or cells[here].ways
         yield Adjustment(
-            name=name, unit=size.unit, value=size.value, std=size.std, leg=screw.leg,
-            loosen=screw.loosen, move=screw.move, homed=screw.homed,
-            direction=cell.direction, gauge_at=cell.gauge_at,
-            here_mm=cell.displacement, there_mm=cells[there].displacement,
+            name=name, unit=size.unit, value=size.value, std=size.std,
+            loosen=screw.loosen, move=screw.move, ways=(more, less), homed=screw.homed,
+            here=cells[here], there=cells[there],
             sensitivity=float(slope[here] * cause.scale),
-            change_mm=float(corrected[here] - readings[here]), expanded_mm=float(expanded),
+            change_mm=change, expanded_mm=float(expanded),
             removes=[
                 (id, Estimate(name=at, unit=unit, value=by, std=abs(by) * unsure))
                 for id, at, unit, by in sizes
@@ -156,29 +163,20 @@ def _adjustments(diagnosis: Diagnosis, effect: Effect) -> Iterator[Adjustment]:
 
 
 def _moved(
-    model: Model, offsets: Floats, alone: Cause, cause: Cause, parameter: int
-) -> Iterator[tuple[str, float]]:
-    """Changes of joint offsets [mm per unit] by a push besides that of the parameter.
+    model: Model, offsets: Floats, plan: Plan, alone: Cause, cause: Cause, parameter: int
+) -> Iterator[tuple[str, str, float]]:
+    """Changes of what is calibrated, by a push besides that of the parameter: name, unit, size.
 
-    A rail that moves alone takes the frame along, in which the parameter is shared. Of a home
-    switch the offsets themselves are the parameter.
+    A rail that moves alone takes the frame along, in which the parameter is shared; one that turns
+    about its foot moves its carriage. Of a home switch the offsets themselves are the parameter.
     """
-    plan = plan_of([cell for leg in range(3) for cell in _cells(model.orthoglide, leg)])
-    nothing = np.zeros(cause.unknowns)
+    nothing, n = np.zeros(cause.unknowns), offsets.size
     _, slopes = differentiate(model, offsets, plan, [alone.at(nothing), cause.at(nothing)])
-    pushed, shared = slopes[:, 3 + parameter], slopes[:, 3 + parameter + cause.unknowns]
+    pushed, shared = slopes[:, n + parameter], slopes[:, n + parameter + cause.unknowns]
     left = pushed - (shared if cause.id in CAUSES else 0.0)
-    moved = np.linalg.lstsq(np.hstack([slopes[:, :3], plan.zeros]), left)[0]
+    moved = np.linalg.lstsq(np.hstack([slopes[:, :n], plan.zeros]), left)[0].tolist()
     least = 0.01 * np.abs(pushed).max()  # what a turned rail moves is of second order
-    yield from ((a, by) for a, by in zip(AXES, moved.tolist(), strict=False) if abs(by) > least)
-
-
-def _cells(machine: Orthoglide, leg: int) -> list[PlannedReading]:
-    """All that gauges on this leg can read at the named postures, the plunger on the bar."""
-    places = dict.fromkeys((0.5, *machine.gauge_places))
-    moves = [machine.displacement_mm(posture) for posture in POSTURES]
-    return [
-        PlannedReading(leg, direction, moved, Contact.FIXED, gauge_at=at)
-        for at, direction, moved in product(places, other_axes(leg), moves)
-        if machine.reach_mm(at)[0] <= moved <= machine.reach_mm(at)[1]
-    ]
+    machine = model.machine
+    for row in zip(machine.parameter_names, machine.parameter_units, moved, strict=False):
+        if abs(row[2]) > least:
+            yield row

@@ -70,7 +70,7 @@ class SessionStep:
     @cached_property
     def series(self) -> Series:
         """Leg and direction."""
-        return Series(self.leg, self.direction)
+        return self.cell.series
 
     @property
     def zero(self) -> tuple[int, Series]:

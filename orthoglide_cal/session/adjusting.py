@@ -15,14 +15,18 @@ from pydantic import computed_field
 
 from orthoglide_cal.errors import InputError, UnusableResultError, UsageError, command
 from orthoglide_cal.files.input import ADJUSTMENT, Input, adjustments_by
+from orthoglide_cal.files.machine_file import machine_text
 from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import Diagnosis, diagnose
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import Source
-from orthoglide_cal.model.orthoglide import PlannedReading, plan_of
-from orthoglide_cal.model.readings import AXES, Contact
 from orthoglide_cal.planning.adjustment import Adjustment, Removed, choose_adjustments
-from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
+from orthoglide_cal.planning.steps import (
+    NOTHING_ENTERED,
+    MeasuringProtocol,
+    Order,
+    SessionStep,
+)
 from orthoglide_cal.results.answer import InputFile, MachineName
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.session import events, wording
@@ -34,13 +38,10 @@ from orthoglide_cal.session.journal import Journal, decode
 from orthoglide_cal.session.opening import (
     SIMULATED,
     TYPED,
-    Request,
     clock,
-    first_records,
     serial_gauge,
     setting_in,
 )
-from orthoglide_cal.session.readings import PriorReadings
 from orthoglide_cal.words import decimals_for, with_uncertainty
 
 HELP = """\
@@ -56,8 +57,12 @@ Leave the gauge and the machine where they stand while anything is loose.
 If one of them was moved: q, and measure again."""
 
 HOMED = """
-The gauge shows a push only after homing. After each push: keep clear, drives
-on, home, drive back here, read; drives off before the next."""
+The reading shows a push only after homing. After each push: keep clear,
+drives on, home, drive back here, read; drives off before the next."""
+
+PROBED = """\
+Read the height at which the probe triggers (Klipper: z of PROBE). A dial
+indicator on the effector does as well: always at this place and one height."""
 
 
 class Phase(StrEnum):
@@ -72,9 +77,9 @@ class Phase(StrEnum):
 
 PHASES = tuple(Phase)
 _ASKED = {
-    Phase.LOOSE: "Gauge before anything is loosened",
-    Phase.HERE: "Gauge here, tightened, drives on",
-    Phase.THERE: "Gauge at this second posture",
+    Phase.LOOSE: "{} before anything is loosened",
+    Phase.HERE: "{} here, tightened, drives on",
+    Phase.THERE: "{} there, for the check",
 }
 
 
@@ -167,6 +172,11 @@ class AdjustingDialogue(Dialogue):
     _stays: bool = False  # the two lines above the cursor are those of the last reading
 
     @property
+    def _noun(self) -> str:
+        """The instrument that is read."""
+        return self.setting.model.machine.vocabulary.noise
+
+    @property
     def adjusted(self) -> tuple[Adjusted, ...]:
         """All adjustments as far as they have come."""
         numbered = enumerate(self.adjustments)
@@ -198,9 +208,10 @@ class AdjustingDialogue(Dialogue):
         one = self.adjusted[(step.number - 1) // len(PHASES)]
         self._introduce(step, phase, one)
         hint = f" ({asker.gauge.hint})" if asker.gauge else ""
-        above, now = wording.place(step, self.setting), f"{_ASKED.get(phase)} [mm]{hint}"
+        above, asked = wording.place(step, self.setting), _ASKED.get(phase, "")
+        now = f"{asked.format(self._noun.capitalize())} [mm]{hint}"
         if phase in (Phase.PUSHED, Phase.TIGHT):
-            above, now = _lines(one)
+            above, now = _lines(one, self._noun)
             stays = self._stays and not asker.pushed and asker.keyboard.live
             asker.show(above, Style.ABOVE if stays else Style.PLAIN)
         asker.pushed = False
@@ -213,21 +224,26 @@ class AdjustingDialogue(Dialogue):
     def _introduce(self, step: SessionStep, phase: Phase, one: Adjusted) -> None:
         """Say, once, what has to be done before a reading; ask that nothing can fall."""
         asker, plan, begun = self.asker, one.adjustment, Phase.LOOSE in one.readings_mm
-        drives_off = phase not in (Phase.HERE, Phase.THERE)
+        driven = (Phase.HERE, Phase.THERE, *[Phase.LOOSE] * plan.homed)
+        drives_off, new = phase not in driven, step.setup != self._shown[0]
         if self._shown == (step.setup, phase):
             return
-        if step.setup != self._shown[0]:
-            rule, text = wording.set_up(self.setting, step.setup, begun, asker.columns)
+        if new:
+            if step.cell.words:
+                rule, text = f"-- {plan.name} ".ljust(asker.columns - 2, "-"), PROBED
+            else:
+                rule, text = wording.set_up(self.setting, step.setup, begun, asker.columns)
+                text = BEGUN if begun else text
             asker.say(f"\n{rule}", Style.TITLE)
             asker.say(
-                f"{BEGUN if begun else text}\n{plan.name} is"
-                f" {with_uncertainty(plan.value, plan.expanded)} {plan.unit}: each {plan.unit}"
-                f" moves this gauge by {plan.sensitivity:+.3f} mm."
+                f"{text}\n{plan.name} is {with_uncertainty(plan.value, plan.expanded)}"
+                f" {plan.unit}: each {plan.unit} moves this reading by"
+                f" {plan.sensitivity:+.3f} mm."
             )
             self._safe = False
         if phase is Phase.HERE:
             asker.say("Switch the drives on; home, if the controller asks for it.", Style.TITLE)
-        if not (drives_off and begun):
+        if not (drives_off and begun) or (new and plan.homed):
             asker.say(wording.place(step, self.setting))
         asked = "Are the drives off, and is every axis secured so that none can fall? y/n > "
         if drives_off and not self._safe:
@@ -243,10 +259,11 @@ class AdjustingDialogue(Dialogue):
     def _read(self, step: SessionStep, token: Token) -> None:
         """Record a reading; only one that the gauge cannot show is refused."""
         k, at = divmod(step.number - 1, len(PHASES))
-        taken, one, most = self._taken(step, token), self.adjusted[k], self.setting.machine.gauge
+        taken, one = self._taken(step, token), self.adjusted[k]
+        most = self.setting.model.machine.instrument.most_mm
         loose = one.readings_mm.get(Phase.LOOSE, taken.value_mm)
-        if abs(taken.value_mm - loose) > most.range_mm:
-            far = f"That is farther away than the gauge's travel of {most.range_mm:g} mm"
+        if abs(taken.value_mm - loose) > most:
+            far = f"That is more than {most:g} mm away from the first reading"
             self.asker.say(f"{far}: not recorded.", Style.BAD)
             return
         phase = one.counts_as(PHASES[at], taken.value_mm)
@@ -258,7 +275,7 @@ class AdjustingDialogue(Dialogue):
 
     def _obey(self, key: str, words: str, step: SessionStep) -> None:
         """Do what a key says; nothing is read again but what was undone."""
-        if key in ("r", "?"):
+        if key in ("r", "t", "?"):
             self.asker.say(HELP)
         else:
             if key in ("s", "q") and self._safe:
@@ -266,17 +283,16 @@ class AdjustingDialogue(Dialogue):
             super()._obey(key, words, step)
 
 
-def _lines(one: Adjusted) -> tuple[str, str]:
-    """Two lines: what the gauge must read, and what it reads."""
+def _lines(one: Adjusted, noun: str) -> tuple[str, str]:
+    """Two lines: what the gauge or probe must read, and what it reads."""
     plan, now, target = one.adjustment, one.now_mm, one.target_mm or 0.0
     decimals, go = decimals_for(plan.expanded_mm), one.to_go_mm(one.now_mm)
     aim = f"{target:+.{decimals}f} ± {plan.expanded_mm:.{decimals}f}"
     if not go:
         return f"Inside {aim}. Tighten it, then read it once more.", f"now {now:+.{decimals}f} ✔"
-    arrow, way = "→+" if go > 0.0 else "←-"
-    above = f"Push {plan.move} towards {way}{AXES[plan.direction].upper()}"
-    to_go = f"{arrow} {abs(go):.{decimals}f} to go"
-    return f"{above} until the gauge reads {aim}", f"now {now:+.{decimals}f} {to_go} [mm]"
+    arrow, way = ("→", plan.ways[0]) if go > 0.0 else ("←", plan.ways[1])
+    above = f"Push {plan.move} {way} until the {noun} reads {aim}"
+    return above, f"now {now:+.{decimals}f} {arrow} {abs(go):.{decimals}f} to go [mm]"
 
 
 def open_adjustments(
@@ -289,14 +305,13 @@ def open_adjustments(
 ) -> AdjustingDialogue:
     """Begin the adjustments of a cause that an input names, or go on with them.
 
-    Raises UsageError: they are begun already, or not yet, or the input holds no readings;
-    InputError: a file cannot be used; GaugeLost: the gauge cannot be reached.
+    Raises UsageError: they are begun already, or not yet; InputError: a file cannot be used;
+    GaugeLost: the gauge cannot be reached.
     """
     if SIMULATED in source:
         problem = "A simulated gauge does not see what you push."
         raise UsageError(problem, "Leave out --gauge to type the readings, or name a real one.")
     session = Path(given.measured.source.path)
-    first = PriorReadings(read_document(str(session)), given.model)
     target = session.with_suffix(f".{cause}{ADJUSTMENT}")
     if target.exists() and not resume:
         raise UsageError(
@@ -306,31 +321,42 @@ def open_adjustments(
     if gauge := serial_gauge(source):
         gauge.open()  # a missing gauge leaves no file behind
     following = events.Following(
-        data=first.data, what=cause, minutes=0.0, continues=False, entered=NOTHING_ENTERED
-    )
-    request, plan = Request(source=source or (TYPED,), stands=1), plan_of(_cells(adjustments))
-    records = first_records(request, first.model, first, plan, following, clock())
-    journal = Journal.resume(target) if resume else Journal.create(target, *records)
+        data=read_document(str(session)), what=cause, minutes=0.0, continues=False,
+        entered=NOTHING_ENTERED,
+    )  # fmt: skip
+    steps, at = _steps(adjustments), clock()
+    opened = events.Opened(
+        at=at, version=2, machine=machine_text(given.model), protocol=MeasuringProtocol.DOUBLE,
+        cycles=1, order=Order.PAPER, stands=1, source=source or (TYPED,), seed=None, operator="",
+        temperature_c=None, gauges=(),
+    )  # fmt: skip
+    cells = tuple(step.cell for step in steps)
+    planned = events.Planned(at=at, readings=cells, following=following)
+    journal = Journal.resume(target) if resume else Journal.create(target, opened, planned)
     try:
         state = events.replay(journal.events)
         _check_same(state, following, adjustments, target)
         if gauge is None and (gauge := serial_gauge(state.source)):
             gauge.open()
         asker.gauge = gauge
-        setting = setting_in(journal, state)
+        setting = setting_in(journal, state, steps)
         return AdjustingDialogue(session, journal, setting, asker, clock, adjustments=adjustments)
     except BaseException:
         journal.close()
         raise
 
 
-def _cells(adjustments: Sequence[Adjustment]) -> list[PlannedReading]:
-    """What is read, in order: all phases of each."""
-    return [
-        PlannedReading(one.leg, one.direction, at, Contact.FIXED, gauge_at=one.gauge_at)
-        for one in adjustments
-        for at in (*[one.here_mm] * PHASES.index(Phase.THERE), one.there_mm)
+def _steps(adjustments: Sequence[Adjustment]) -> tuple[SessionStep, ...]:
+    """What is read, in order: all phases of each, in a set-up of its own."""
+    phases = [
+        (cell, setup)
+        for setup, one in enumerate(adjustments, start=1)
+        for cell in (*[one.here] * PHASES.index(Phase.THERE), one.there)
     ]
+    return tuple(
+        SessionStep(number, cell, "", 1, 0, setup, 10 * setup)
+        for number, (cell, setup) in enumerate(phases, start=1)
+    )
 
 
 def _check_same(
@@ -341,7 +367,8 @@ def _check_same(
 ) -> None:
     """Raise InputError for a journal of other adjustments."""
     then = state.planned
-    if then is None or (list(then.readings), then.following) != (_cells(adjustments), following):
+    cells = tuple(step.cell for step in _steps(adjustments))
+    if then is None or (then.readings, then.following) != (cells, following):
         problem = "This is the journal of another adjustment, or of other readings."
         remedy = "Judge them by the machine of that time (--machine FILE), or measure again."
         raise InputError(problem, remedy, file=str(journal))

@@ -11,9 +11,11 @@ from enum import StrEnum
 from functools import reduce
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import AfterValidator, ConfigDict, Field, PlainSerializer, TypeAdapter
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter
 
 from orthoglide_cal.files.text import FileText
+from orthoglide_cal.model.linear_delta import PlannedTouch
+from orthoglide_cal.model.machine import Named
 from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order
 from orthoglide_cal.schema import Schema
@@ -47,9 +49,6 @@ def _with_zone(at: str) -> str:
     if datetime.fromisoformat(at).tzinfo is None:
         raise ValueError(f"{at!r} says no zone")
     return at
-
-
-_Planned = Annotated[PlannedReading, PlainSerializer(lambda reading: reading._asdict())]
 
 
 # Exactly these types. Named tuples would not be held to it if the schema were built later.
@@ -114,7 +113,7 @@ class Planned(Event):
     """The readings to take, in this order, where no protocol says it; it stands behind `Opened`."""
 
     kind: Literal["planned"] = "planned"
-    readings: tuple[_Planned, ...]
+    readings: tuple[Named[PlannedReading | PlannedTouch], ...]
     following: Following | None  # None for a session that stands for itself
 
 

@@ -358,15 +358,21 @@ def first_records(
     return [opened, planned] if steps else [opened]
 
 
-def setting_in(journal: Journal, state: events.State) -> Setting:
-    """Machine, steps and earlier readings of a session. Raises InputError."""
+def setting_in(
+    journal: Journal, state: events.State, steps: tuple[SessionStep, ...] = ()
+) -> Setting:
+    """Machine, steps and earlier readings of a session, if nobody gives the steps.
+
+    Raises InputError.
+    """
     path, opened, planned = str(journal.path), state.opened, state.planned
     model = machine_file.machine_from_text(opened.machine, path)
-    if planned is not None:
-        steps = steps_of(plan_of(planned.readings), model.machine, opened.order, opened.stands)
-    else:
+    if planned is None:
         cycles, order, stands = opened.cycles, opened.order, opened.stands
         steps = sequence(model.machine, opened.protocol, cycles, order, stands)
+    elif not steps:
+        plan = GaugePlan.require(planned.readings[0].planned(planned.readings))
+        steps = steps_of(plan, model.machine, opened.order, opened.stands)
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):
         raise InputError(

@@ -146,6 +146,8 @@ def point(step: SessionStep, setting: Setting) -> tuple[Floats, Floats]:
 
 def place(step: SessionStep, setting: Setting) -> str:
     """Point to drive to, in words: its joints, and its tool; either is the same posture."""
+    if step.cell.words:
+        return step.cell.words
     joints, tool = point(step, setting)
     return (
         f"Drive to  joints   {by_axis(joints, '.3f', '   ')}  mm\n"

@@ -19,7 +19,9 @@ def adjustment_document(
     again = measure_again(given.conditions, machine_file)
     compare = command("verify", answer.input.path, "AFTER", machine=machine_file)
     steps = (
-        doc.Instruction("Measure again in the same way.", again),
+        doc.Instruction("Measure again in the same way.", again)
+        if given.model.machine.vocabulary.measure
+        else doc.Instruction("Calibrate anew, which the push needs, and probe in the same way."),
         doc.Instruction("Compare the two.", compare),
     )
     return doc.Document(partial(answer.model_dump, mode="json"), partial(_page, answer, steps))
@@ -38,7 +40,7 @@ def _page(answer: AdjustmentAnswer, steps: Iterable[doc.Instruction]) -> doc.Pag
         target += f" ± {plain(plan.expanded_mm, decimals)}" * (one.target_mm is not None)
         expected += f" ± {plain(plan.check_expanded_mm, decimals)}"
         rows.append((plan.name, one.status, target, reached, expected, measured))
-    caption = "Readings of the gauge, mm; the check is the difference between two postures."
+    caption = "Readings, mm; the check is the difference between two of them."
     notice = doc.Notice(doc.Tone.INFO, f"Adjusted: {answer.cause}")
     if answer.failed:
         notice = doc.Notice(doc.Tone.BAD, "A check failed: something did not move as intended")

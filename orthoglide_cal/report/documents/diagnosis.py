@@ -326,7 +326,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
     for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
         if CAUSES[cause.id].adjustable:
             typed = case.typed("adjust", f"--cause {cause.id}")
-            yield doc.Instruction("Correct it live, with a gauge", typed)
+            yield doc.Instruction(f"Correct it live, with a {case.words.noise}", typed)
     if release.settled:
         yield from to_do(case)
     elif release.usable:
