@@ -508,7 +508,8 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
         arms = _free_arms(model, readings)
         freed = [Reason.of("arms_freed", arms=model.called(effect)) for effect in arms]
         readings = replace(readings, remarks=(*remarks, *freed, *readings.remarks, *unused))
-        return Input(readings, model.extended(arms), conditions_in(readings))
+        conditions = conditions_in(readings).changed(started=file.started)
+        return Input(readings, model.extended(arms), conditions)
 
     others, unused = [], []
     for name in file.stored:

@@ -145,6 +145,7 @@ class PrinterFile(ReadOnly):
     remarks: tuple[Reason, ...] = ()  # those on its mesh excluded
     firmware: str = "klipper"  # as an export names it
     unknown: str = ""  # as of `Excerpt`
+    started: str | None = None  # ISO 8601; None where the file does not say
 
     @property
     def stored(self) -> tuple[str, ...]:

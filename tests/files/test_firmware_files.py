@@ -84,7 +84,9 @@ def true_parameters() -> np.ndarray:
 
 def test_a_height_map_of_either_version_without_what_was_not_probed(own: Path) -> None:
     text = made.height_map(made.UNEVEN, OFF)
-    two = read_input(put(own, "two.csv", text)).measured
+    given = read_input(put(own, "two.csv", text))
+    two = given.measured
+    assert given.conditions.started == "2024-03-05 17:21"
     three = read_input(put(own, "three.csv", made.height_map(made.UNEVEN, OFF, version=3))).measured
     np.testing.assert_array_equal(two.plan.place, three.plan.place)
     np.testing.assert_array_equal(two.value, three.value)
