@@ -31,7 +31,7 @@ from orthoglide_cal.estimation.losses import (
     is_dismissed,
 )
 from orthoglide_cal.estimation.solution import require_settings
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, copies_in
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.belief import Belief, mixture, probabilities
@@ -346,8 +346,13 @@ def compare(
     if 0 < sum(measured) < len(inputs):
         notes.append(Reason.of("left_out", count=measured.count(False)))
         inputs, dates = [*compress(inputs, measured)], [*compress(dates, measured)]
+    if copies := copies_in(inputs):
+        again = [PurePath(inputs[k].measured.source.path).name for k in copies]
+        notes.append(Reason.of("stored_again", names=again))
+        once = [k not in copies for k in range(len(inputs))]
+        inputs, dates = [*compress(inputs, once)], [*compress(dates, once)]
     if len(inputs) < 2:
-        without = ", without simulated ones" * len(notes)
+        without = ", without those that are simulated or copies" * bool(notes)
         raise UsageError(
             f"A history needs two sessions or more{without}.",
             "Name files; or the folder of sessions: of tables (CSV) it takes none.",

@@ -35,7 +35,7 @@ from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, r
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, require_distinct
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
@@ -234,11 +234,12 @@ def verify(
         adjusted: what screws removed between the two, in addition.
 
     Raises:
-        UsageError: the second was measured first, different machines, nobody says what was applied
-            or nothing was, an option that says nothing of such data, or the two have nothing in
-            common.
+        UsageError: the second was measured first, or holds the same readings; different machines;
+            nobody says what was applied or nothing was, an option that says nothing of such data,
+            or the two have nothing in common.
         UnusableResultError: one of them does not determine the parameters.
     """
+    require_distinct((before, after))
     if swapped := _swapped(before, after):
         paths = [given.measured.source.path for given in (after, before)]
         remedy = f"Name it first: {command('verify', *paths)}"

@@ -218,7 +218,7 @@ def test_of_several_dates_each_says_what_is_older_or_was_not_used(own: Path) -> 
     cfg = printer_cfg(made.UNEVEN, OFF)
     parts = [cfg.index(f"#*# [{name}]") for name in ("delta_calibrate", "bed_mesh default")]
     turned = cfg[: parts[0]] + cfg[parts[1] :] + cfg[parts[0] : parts[1]]
-    far = cfg.replace("#*# height0 = ", "#*# height0 = 9")
+    far = printer_cfg(made.UNEVEN, OFF, seed=2).replace("#*# height0 = ", "#*# height0 = 9")
     paths = [put(own, f"{name}.cfg", text) for name, text in (("one", turned), ("two", far))]
     both = together([read_input(path, None, default_machine, "mesh") for path in paths])
     stale, unused = sentences(both.measured.remarks)[-2:]
