@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from tests.bench import ONE_CORE
 from tests.machines import ROOT
 
 IMPORTS = "import numpy, scipy.linalg, scipy.special, scipy.optimize, typer, rich, yaml, pydantic"
@@ -28,7 +29,6 @@ COMMANDS = (
 )
 ROUNDS, FILES, SESSIONS, SAMPLE = 7, 40, 20_000, 20
 MANY = (17, 167, 1667)  # cycles of some hundred, thousand and ten thousand readings
-ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
 def spent() -> float:

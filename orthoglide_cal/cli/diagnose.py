@@ -39,7 +39,7 @@ def diagnose(
 
     from orthoglide_cal import inference
     from orthoglide_cal.causes import CAUSES
-    from orthoglide_cal.files.input import read_input
+    from orthoglide_cal.files.input import read_input, require_distinct
     from orthoglide_cal.files.input import together as as_one
     from orthoglide_cal.files.machine_file import machine_text
     from orthoglide_cal.files.probe_readings import PrinterFile
@@ -72,6 +72,7 @@ def diagnose(
         named = common.known_machine(machine) if holdout else None
         by = named if isinstance(named, PrinterFile) else given.model
         later = read_input(holdout, by, stored=data) if holdout else None
+        require_distinct([*dates, *filter(None, [later])])
         if holdout and later and in_time([given, later])[0] is later:
             right = command("diagnose", holdout, machine=machine, holdout=path, applied=applied)
             raise wrong_order(later, given, right)

@@ -213,7 +213,15 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     source, at = document.source, range(4, 4 + len(y))
     grid = stored_grid(source, "heightmap", x, y, heights, at, offset)
     mesh = replace(grid, remarks=(Reason.of("map_from_place"),))
-    return replace(settings, probe=offset, mesh=mesh, source=source, firmware="reprapfirmware")
+    date = _DATE.search(lines[0])
+    return replace(
+        settings,
+        probe=offset,
+        mesh=mesh,
+        source=source,
+        firmware="reprapfirmware",
+        started=date and date[0],
+    )
 
 
 def _words(file: FileText) -> Words:

@@ -179,13 +179,40 @@ def check_file(
     return Check(input=input, machine=machine.name, simulated=simulated, remarks=remarks), given
 
 
+def copies_in(inputs: Sequence[Input]) -> dict[int, int]:
+    """Number of an input that holds the readings of an earlier one → number of that one.
+
+    A printer's file is stored again with the same calibration: what is measured once counts once.
+    """
+    first: dict[bytes | str, int] = {}
+    copies = {}
+    for k, given in enumerate(inputs):
+        read, excerpt = given.measured, given.measured.source.excerpt
+        key = read.value.tobytes() if isinstance(read, Readings) else read.source.sha256
+        key = (excerpt and excerpt.steps) or key
+        if first.setdefault(key, k) != k:
+            copies[k] = first[key]
+    return copies
+
+
+def require_distinct(inputs: Sequence[Input]) -> None:
+    """Raise UsageError if one of them holds the readings of another."""
+    for pair in copies_in(inputs).items():
+        copy, earlier = (inputs[k].measured.source.path for k in pair)
+        what = f"{copy} holds the same readings as {earlier}: one measurement counts once."
+        others = {data.measured.source.excerpt for data in inputs[pair[0]].others}
+        other = "".join(f" Or try --data {excerpt.data}." for excerpt in others if excerpt)
+        raise UsageError(what, f"Name another measurement.{other}")
+
+
 def together(inputs: Sequence[Input]) -> Input:
     """One measurement of one machine, whose calibrated parameters are others on each date.
 
     The latest date is the last, and its parameters are found. By how much those of another date
     differ besides the settings in force is unknown, and has no part in the evidence. Raises
-    UsageError: they are not all touches of one printer.
+    UsageError: they are not all touches of one printer, or two hold the same.
     """
+    require_distinct(inputs)
     last = inputs[-1]
     machine = last.model.machine
     zero = np.zeros(len(machine.parameter_names))
@@ -508,7 +535,8 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
         arms = _free_arms(model, readings)
         freed = [Reason.of("arms_freed", arms=model.called(effect)) for effect in arms]
         readings = replace(readings, remarks=(*remarks, *freed, *readings.remarks, *unused))
-        return Input(readings, model.extended(arms), conditions_in(readings))
+        conditions = conditions_in(readings).changed(started=file.started)
+        return Input(readings, model.extended(arms), conditions)
 
     others, unused = [], []
     for name in file.stored:

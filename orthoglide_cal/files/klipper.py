@@ -237,7 +237,8 @@ def read_printer_file(
     probe = np.array([settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"])
     home = endstops + np.sqrt(np.maximum(np.square(arms) - radius**2, 0.0))
     # A file that stores no steps need not say how long they are.
-    stored = any(map(_STORED.match, settings.options_of(_CALIBRATION)))
+    stored = [*filter(_STORED.match, settings.options_of(_CALIBRATION))]
+    steps = " ".join(settings.options[_CALIBRATION, option] for option in sorted(stored))
     step = np.array([_step(settings, tower) if stored else 0.0 for tower in _TOWERS])
     heights = _calibration(settings, home, step, ("height", "manual_height"), ("_pos", "_pos"))
     distances = _calibration(settings, home, step, ("distance",), ("_pos1", "_pos2"))
@@ -252,6 +253,7 @@ def read_printer_file(
         heights=_reached(document.source, machine, heights, distances),
         mesh=mesh,
         remarks=tuple(settings.remarks),
+        steps=steps,
     )
 
 

@@ -145,6 +145,8 @@ class PrinterFile(ReadOnly):
     remarks: tuple[Reason, ...] = ()  # those on its mesh excluded
     firmware: str = "klipper"  # as an export names it
     unknown: str = ""  # as of `Excerpt`
+    started: str | None = None  # ISO 8601; None where the file does not say
+    steps: str = ""  # that a calibration was reckoned from, as stored
 
     @property
     def stored(self) -> tuple[str, ...]:
@@ -225,10 +227,12 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     if not touches.all():
         words += f" and {np.sum(~touches)} distances"
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
+    steps = "" if chosen == "mesh" else file.steps
+    excerpt = Excerpt(chosen, words, file.firmware, file.unknown, steps=steps)
     return replace(
         readings,
         plan=replace(readings.plan, precision=np.where(touches, 1.0, ratio)),
-        source=replace(file.source, excerpt=Excerpt(chosen, words, file.firmware, file.unknown)),
+        source=replace(file.source, excerpt=excerpt),
         remarks=(*file.remarks, *readings.remarks),
     )
 

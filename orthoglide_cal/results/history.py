@@ -32,7 +32,7 @@ from orthoglide_cal.estimation.losses import (
     is_dismissed,
 )
 from orthoglide_cal.estimation.solution import require_settings
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, copies_in
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.belief import Belief, mixture, probabilities
@@ -198,13 +198,21 @@ class _DiagnosedSession:
             weight[lasting] = evidence + LOG_LASTING * len(lasting)
         return weight
 
-    def settle(self, standing: Ids, causes: tuple[Cause, ...]) -> None:
-        """Find the values, if the machine had the standing causes then; `causes` of any date."""
+    def scale_of(self, standing: Ids) -> float:
+        """How many times their usual size these causes have, by the likeliest explanation."""
+        shares = self.by_lasting[standing]
+        return self.belief.hypotheses[max(shares, key=shares.__getitem__)].scale
+
+    def settle(self, standing: Ids, causes: tuple[Cause, ...], scale: float) -> None:
+        """Find the values, if the machine had the standing causes then; `causes` of any date.
+
+        They are as large at each date as at the others: `scale` times their usual size.
+        """
         shares = self.by_lasting[standing]
         kept = {ids: p for ids, p in shares.items() if p >= DISMISSED * max(shares.values())}
         fits = self.belief.fit_all([*kept])
         if causes:
-            fits = _fit_with(causes, [self.belief.hypotheses[ids] for ids in kept])
+            fits = _fit_with(causes, [self.belief.hypotheses[ids] for ids in kept], scale)
         weights = np.array([*kept.values()]) / sum(kept.values())
         values, spreads, common = zip(*(self._under(fit, causes) for fit in fits), strict=True)
         self.common = common[int(np.argmax(weights))]
@@ -260,8 +268,10 @@ class _DiagnosedSession:
         return values, covariance, common
 
 
-def _fit_with(causes: tuple[Cause, ...], hypotheses: Sequence[Hypothesis]) -> list[Fit]:
-    """Fits of hypotheses with these lasting causes in place of their own."""
+def _fit_with(
+    causes: tuple[Cause, ...], hypotheses: Sequence[Hypothesis], scale: float
+) -> list[Fit]:
+    """Fits of hypotheses with these lasting causes in place of their own, of sizes so scaled."""
 
     def with_causes(hypothesis: Hypothesis) -> Hypothesis:
         at = hypothesis.at
@@ -271,7 +281,9 @@ def _fit_with(causes: tuple[Cause, ...], hypotheses: Sequence[Hypothesis]) -> li
             broad = (*at.candidates.broad, *lacking)
             at = Linearised.of(at.white, replace(at.candidates, broad=broad))
         replanned = hypothesis.replanned and with_causes(hypothesis.replanned)
-        return replace(hypothesis, at=at, base=base, replanned=replanned, by_noise=None)
+        return replace(
+            hypothesis, at=at, base=base, scale=scale, replanned=replanned, by_noise=None
+        )
 
     return fit_explanations([with_causes(hypothesis) for hypothesis in hypotheses])
 
@@ -373,8 +385,13 @@ def compare(
     if 0 < sum(measured) < len(inputs):
         notes.append(Reason.of("left_out", count=measured.count(False)))
         inputs, dates = [*compress(inputs, measured)], [*compress(dates, measured)]
+    if copies := copies_in(inputs):
+        again = [PurePath(inputs[k].measured.source.path).name for k in copies]
+        notes.append(Reason.of("stored_again", names=again))
+        once = [k not in copies for k in range(len(inputs))]
+        inputs, dates = [*compress(inputs, once)], [*compress(dates, once)]
     if len(inputs) < 2:
-        without = ", without simulated ones" * len(notes)
+        without = ", without those that are simulated or copies" * bool(notes)
         raise UsageError(
             f"A history needs two sessions or more{without}.",
             "Name files; or the folder of sessions: of tables (CSV) it takes none.",
@@ -406,8 +423,10 @@ def compare(
         session.conclude(None if known else later)
     standing = _standing(diagnosed)
     causes = tuple(cause for id, cause in CAUSES.items() if any(id in ids for ids in standing))
-    for session, ids in zip(diagnosed, standing, strict=True):
-        session.settle(ids, causes)
+    pairs = [*zip(diagnosed, standing, strict=True)]
+    scale = max((session.scale_of(ids) for session, ids in pairs if ids), default=1.0)
+    for session, ids in pairs:
+        session.settle(ids, causes, scale)
     named = [*zip(machine.parameter_names, machine.parameter_units, strict=True)]
     groups = [range(3), range(len(named))]
     for cause in causes:

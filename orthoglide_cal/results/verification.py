@@ -35,7 +35,7 @@ from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, r
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
-from orthoglide_cal.files.input import Input
+from orthoglide_cal.files.input import Input, require_distinct
 from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
@@ -236,11 +236,12 @@ def verify(
         typed: the command with the two in the other order, for a refusal.
 
     Raises:
-        UsageError: the second was measured first, different machines, nobody says what was applied
-            or nothing was, an option that says nothing of such data, or the two have nothing in
-            common.
+        UsageError: the second was measured first, or holds the same readings; different machines;
+            nobody says what was applied or nothing was, an option that says nothing of such data,
+            or the two have nothing in common.
         UnusableResultError: one of them does not determine the parameters.
     """
+    require_distinct((before, after))
     if swapped := _swapped(before, after):
         raise wrong_order(after, before, typed)
     # Heights are compared where no differences can be made of what was read.

@@ -12,10 +12,13 @@ import argparse
 import hashlib
 import itertools
 import json
+import multiprocessing
+import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +30,7 @@ from orthoglide_cal.inference import diagnose
 from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.results import answer_to
+from tests.bench import ONE_CORE
 from tests.truth.delta import Delta, Floats, Truth, touches
 
 Found = dict[str, Any]
@@ -67,9 +71,12 @@ def micrometres(value: float | None) -> float | None:
 
 
 def answered(path: Path, data: str, later: Path | None = None) -> Found:
-    """The answer as `diagnose --json` has it, without what nothing here shows."""
+    """The answer as `diagnose --json` has it, without what nothing here shows.
+
+    Other data of the same file are judged by themselves.
+    """
     try:
-        given = read_input(str(path), stored=data)
+        given = replace(read_input(str(path), stored=data), others=())
         known: dict[str, Any] = {}
         if later:
             held = read_input(str(later), stored=data)
@@ -186,8 +193,9 @@ def judge_machine(named: tuple[str, list[Path]]) -> Found:
 
 
 def bench(folder: Path) -> list[Found]:
-    """Every machine of a folder."""
-    with ProcessPoolExecutor(2) as pool:
+    """Every machine of a folder; a process each on one core."""
+    os.environ.update(ONE_CORE)  # read by the libraries of a new process
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
         return list(pool.map(judge_machine, machines(folder)))
 
 

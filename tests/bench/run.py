@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from tests.bench import ONE_CORE
 from tests.inference.sessions import texts_of
 from tests.machines import ROOT
 from tests.truth import Session, readings_csv
@@ -18,7 +19,6 @@ from .cases import Case
 from .scoring import Answer, Judged
 
 MACHINE_FILE = "machine.yaml"
-ONE_CORE = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 PROGRAM = [sys.executable, "-m", "orthoglide_cal"]
 """This checkout's `orthocal`, whatever else is installed."""
 

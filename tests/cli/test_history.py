@@ -1,5 +1,6 @@
 """`history` from the command line: a folder, one screen, a page, JSON, what is refused."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -111,15 +112,19 @@ def test_what_is_refused():
 
 
 def test_what_was_simulated_is_no_history():
-    for number in (1, 2, 3):
+    for number in (1, 2, 3, 4):
         done("simulate", "--seed", str(number), "-o", f"s{number}.csv")
     dates = ("--dates", "2026-03-02,2026-03-03,2026-04-01,2026-05-01")
-    marked = Path("s3.csv").read_text(encoding="utf-8")
     for number in (3, 4):
+        marked = Path(f"s{number}.csv").read_text(encoding="utf-8")
         Path(f"m{number}.csv").write_text(marked.replace("yes", ""), encoding="utf-8")
     shown = words(done("history", "s1.csv", "s2.csv", "m3.csv", "m4.csv", *dates))
     assert "Unchanged in 2 sessions, 2026-04-01 to 2026-05-01" in shown
     assert "Left out: 2 simulated sessions." in shown
     assert done("history", "s1.csv", "s2.csv").startswith("SIMULATED")
     assert answer("history", "s1.csv", "s2.csv")["simulated"] is True
-    assert "without simulated ones" in refused(2, "history", "s1.csv", "m3.csv")
+    assert "without those that are simulated" in refused(2, "history", "s1.csv", "m3.csv")
+    # One measurement counts once, under whatever name.
+    shutil.copy("m3.csv", "m5.csv")
+    shown = words(done("history", "m3.csv", "m4.csv", "m5.csv", "--dates", dates[1][:32]))
+    assert "Left out: m5.csv (the readings of an earlier file, stored again)." in shown

@@ -159,8 +159,8 @@ def test_where_nothing_is_needed_nothing_is_asked_of_the_record(
 @pytest.mark.parametrize(
     "command",
     [
-        "solve DOUBLE", "plan DOUBLE", "report DOUBLE --after DOUBLE --applied 1 0 0",
-        "verify DOUBLE DOUBLE --applied 1 0 0", "history DOUBLE DOUBLE", "apply DOUBLE --yes",
+        "solve DOUBLE", "plan DOUBLE", "report DOUBLE --after OTHER --applied 1 0 0",
+        "verify DOUBLE OTHER --applied 1 0 0", "history DOUBLE OTHER", "apply DOUBLE --yes",
     ],
 )  # fmt: skip
 def test_what_may_take_long_is_shown_as_work(
@@ -183,7 +183,10 @@ def test_what_may_take_long_is_shown_as_work(
     monkeypatch.setattr(common, "working", working)
     monkeypatch.setattr(Whitened, "of", noting(Whitened.of))
     shutil.copy(DOUBLE, "DOUBLE")
-    words = [str(tmp_path / word) if word == "DOUBLE" else word for word in command.split()]
+    text = Path("DOUBLE").read_text(encoding="utf-8")
+    Path("OTHER").write_text(text.replace("y,0.1,1", "y,0.11,1", 1), encoding="utf-8")
+    files = "DOUBLE", "OTHER"
+    words = [str(tmp_path / word) if word in files else word for word in command.split()]
     assert run(*words).exit_code in (0, 4)
     assert shown
     assert set(shown) == {1}

@@ -556,6 +556,22 @@ def test_what_is_not_of_printers_is_refused(command: str, code: int, said: str) 
     assert said in refused(code, *(names.get(word, word) for word in command.split()))
 
 
+@pytest.mark.parametrize(
+    "command",
+    ["verify printer.cfg again.cfg", "diagnose printer.cfg again.cfg --together",
+     "diagnose printer.cfg --holdout again.cfg", "history printer.cfg again.cfg"],
+)  # fmt: skip
+def test_a_calibration_that_is_stored_again_is_no_second_one(command: str) -> None:
+    """Its heights are reckoned with other endstops, from the same steps."""
+    text = Path("printer.cfg").read_text(encoding="utf-8")
+    stored = re.compile(r"(position_endstop = )(\d+)")
+    moved = stored.sub(lambda line: f"{line[1]}{int(line[2]) + 1}", text)
+    assert moved != text
+    Path("again.cfg").write_text(moved, encoding="utf-8")
+    told = refused(2, *command.split())
+    assert "the same readings" in told or "without those that are simulated or copies" in told
+
+
 @pytest.mark.parametrize("verb", ["solve", "diagnose"])
 @pytest.mark.parametrize("file", ["three.csv", "near.csv"])
 def test_places_that_determine_nothing_are_no_failed_search(verb: str, file: str) -> None:

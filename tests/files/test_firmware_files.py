@@ -84,7 +84,9 @@ def true_parameters() -> np.ndarray:
 
 def test_a_height_map_of_either_version_without_what_was_not_probed(own: Path) -> None:
     text = made.height_map(made.UNEVEN, OFF)
-    two = read_input(put(own, "two.csv", text)).measured
+    given = read_input(put(own, "two.csv", text))
+    two = given.measured
+    assert given.conditions.started == "2024-03-05 17:21"
     three = read_input(put(own, "three.csv", made.height_map(made.UNEVEN, OFF, version=3))).measured
     np.testing.assert_array_equal(two.plan.place, three.plan.place)
     np.testing.assert_array_equal(two.value, three.value)
@@ -216,7 +218,7 @@ def test_of_several_dates_each_says_what_is_older_or_was_not_used(own: Path) -> 
     cfg = printer_cfg(made.UNEVEN, OFF)
     parts = [cfg.index(f"#*# [{name}]") for name in ("delta_calibrate", "bed_mesh default")]
     turned = cfg[: parts[0]] + cfg[parts[1] :] + cfg[parts[0] : parts[1]]
-    far = cfg.replace("#*# height0 = ", "#*# height0 = 9")
+    far = printer_cfg(made.UNEVEN, OFF, seed=2).replace("#*# height0 = ", "#*# height0 = 9")
     paths = [put(own, f"{name}.cfg", text) for name, text in (("one", turned), ("two", far))]
     both = together([read_input(path, None, default_machine, "mesh") for path in paths])
     stale, unused = sentences(both.measured.remarks)[-2:]

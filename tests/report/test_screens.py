@@ -239,6 +239,8 @@ def test_on_one_height_a_shape_is_not_called_a_cause() -> None:
     assert re.search(
         r"! A smooth shape is left \(\d\d µm\): bed_shape, \d\d\.\d %", both_screens(case)
     )
+    # A mesh in the controller does correct it.
+    assert "no controller corrects it" not in shown(diagnosis_document(case).page())
     better = case.answer.baselines.changed(quartic_mm=0.001)
     said = both_screens(Case(case.given, case.answer.changed(baselines=better)))
     assert "1. Make a bed mesh: a quartic surface predicts within 1.0 µm" in said

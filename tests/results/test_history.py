@@ -14,9 +14,11 @@ from orthoglide_cal.report.documents.history import history_document
 from orthoglide_cal.results.history import History, compare, moment_of
 from orthoglide_cal.results.verification import verify
 from tests import truth
+from tests.inference.sessions import given as touched
 from tests.machines import NOMINAL
 from tests.results.histories import STORIES, WANTED, Drawn, draw, measured
 from tests.results.sessions import TRUE, given, session
+from tests.truth import delta
 from tests.truth.session import Setting
 
 
@@ -201,3 +203,14 @@ def test_another_machine_is_refused():
     other = measured(truth.LARGE, truth.DIAL, TRUE, (), exact, rng, "other.csv")
     with pytest.raises(UsageError, match="several machines"):
         compare([given(session(TRUE, 1)), other])
+
+
+def test_a_date_that_hardly_sees_a_large_cause_does_not_say_that_it_went():
+    """Seven touches of one height, after touches on blocks that showed the lean."""
+    lean = delta.Truth(leans=np.array([[0.0, 0.0], [0.0, 15.0], [0.0, 0.0]]))
+    rng = np.random.default_rng(2)
+    layouts = delta.Layout(49, (0.0, 60.0, 120.0)), delta.Layout(7)
+    dates = [delta.probe_bed(delta.V400, lean, (), layout, rng) for layout in layouts]
+    found = compare([touched(date) for date in dates])
+    assert found.verdict is Trend.UNCHANGED
+    assert any(size.name.startswith("tower_lean") for size in found.pooled)

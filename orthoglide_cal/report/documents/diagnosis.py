@@ -315,7 +315,8 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             yield replace(decides, content=f"Or: {decides.content}")
     elif answer.verdict is Verdict.NAMED:
         # As in the decision: the record first.
-        for cause in sorted(answer.causes, key=lambda cause: cause.in_machine):
+        record = {id for id, cause in CAUSES.items() if cause.stage is Stage.RECORD}
+        for cause in sorted(answer.causes, key=lambda one: (one.id not in record, one.in_machine)):
             yield doc.Instruction(cause.remedy)
             if cause.recommended:
                 typed = case.typed("diagnose", f"--accept {cause.id}")
@@ -421,7 +422,7 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
         facts.append((cause.id, case.title_of(cause.id, len(cause.parameters))))
         if cause.id in case.machine.companions:
             facts.append(("doubt", case.machine.companions[cause.id]))
-        if not cause.in_machine:
+        if not cause.in_machine and cause.id != case.machine.shape:
             facts.append(("note", "An error of the measurement: no controller corrects it."))
         elif not cause.recommended:
             facts.append(("note", "Accepting it as part of the machine is not recommended."))

@@ -138,10 +138,15 @@ def _sizes(values: Sequence[Estimate], by: str = "") -> str:
 
 
 def _label(history: History, at: int) -> str:
-    """Date, with the time where a day has several sessions; the file's name without dates."""
+    """Date, with the time where a day has several sessions; the file's name without dates.
+
+    Files of one name, such as maps in a folder each, are told apart by their folders.
+    """
     session = history.sessions[at]
     if not history.dated or session.started is None:
-        return PurePath(session.path).stem
+        names = [PurePath(session.path) for session in history.sessions]
+        alike = len({name.stem for name in names}) < len(names)
+        return "/".join(names[at].parts[-2:]) if alike else names[at].stem
     days = {(session.started or "")[:10] for session in history.sessions}
     return session.started[: 10 if len(days) == len(history.sessions) else 16].replace("T", " ")
 
