@@ -21,13 +21,11 @@ from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
 from orthoglide_cal.inference.fit import Fit, fit_explanations
-from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
+from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, score_all
 from orthoglide_cal.inference.patterns import (
-    Tried,
     combined,
-    course_of,
+    pattern_candidates,
     placed_causes,
-    tried,
     weight_of,
 )
 from orthoglide_cal.model.plan import Floats
@@ -75,7 +73,7 @@ class Belief:
     # Fits of other hypotheses, made when first asked for; they change no probability.
     _further: dict[Ids, Fit] = field(default_factory=dict)
     # Every pattern at every where, looked at closely or not; no tolerance changes them.
-    _tried: dict[bool, list[Tried]] = field(default_factory=dict)
+    _tried: dict[bool, list[list[Pattern]]] = field(default_factory=dict)
 
     @classmethod
     def about(cls, white: Whitened) -> Belief:
@@ -108,9 +106,9 @@ class Belief:
         """Every pattern in addition to a set of causes, not looked at closely."""
         return combined(self.hypotheses[ids], self.fit(ids), self._every(fine=False))
 
-    def _every(self, *, fine: bool) -> list[Tried]:
+    def _every(self, *, fine: bool) -> list[list[Pattern]]:
         if fine not in self._tried:
-            self._tried[fine] = tried(self.at, course_of(self.fit(()), fine=fine))
+            self._tried[fine] = pattern_candidates(self.fit(()), fine=fine)
         return self._tried[fine]
 
     def closely(self) -> Belief:

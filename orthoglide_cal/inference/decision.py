@@ -466,7 +466,7 @@ class Decision:
         return tuple(
             (probability * share, fit)
             for hypothesis, probability in self.beyond_list.items()
-            for share, fit, _ in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
+            for share, fit in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
         )
 
     @property
@@ -497,7 +497,7 @@ class Decision:
 
     def _offsets_under(self, hypothesis: Hypothesis) -> Floats:
         fits = fits_of(hypothesis, self.belief.fit(hypothesis.ids))
-        return np.asarray(sum(share * fit.offsets for share, fit, _ in fits))
+        return np.asarray(sum(share * fit.offsets for share, fit in fits))
 
     @property
     def described(self) -> bool:

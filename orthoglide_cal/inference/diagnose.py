@@ -426,7 +426,7 @@ def _with_patterns(decision: Decision, measured: Measured) -> tuple[Floats, tupl
     left = fit.left
     if acting:
         fits = fits_of(replace(hypothesis, patterns=acting), fit)
-        left = np.sum([share * after.left for share, after, _ in fits], axis=0)
+        left = np.sum([share * after.left for share, after in fits], axis=0)
     wrong = (place for cause, place in _beside_patterns(decision) if cause.hides_reading)
     return _predicted(decision.belief.at.white, measured, left, fit.effects), sum(wrong, ())
 

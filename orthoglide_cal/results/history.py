@@ -237,15 +237,16 @@ class _DiagnosedSession:
 def _fit_with(causes: tuple[Cause, ...], hypotheses: Sequence[Hypothesis]) -> list[Fit]:
     """Fits of hypotheses with these lasting causes in place of their own."""
 
+    def listing(at: Linearised) -> Linearised:
+        """The linear model with those of which its readings alone say nothing."""
+        lacking = tuple(cause for cause in causes if cause.id not in at.jacobians)
+        broad = (*at.candidates.broad, *lacking)
+        return Linearised.of(at.white, replace(at.candidates, broad=broad)) if lacking else at
+
     def with_causes(hypothesis: Hypothesis) -> Hypothesis:
-        at = hypothesis.at
         base = (*causes, *(cause for cause in hypothesis.base if not cause.lasting))
-        if lacking := tuple(cause for cause in causes if cause.id not in at.jacobians):
-            # Its readings alone say nothing of these.
-            broad = (*at.candidates.broad, *lacking)
-            at = Linearised.of(at.white, replace(at.candidates, broad=broad))
-        replanned = hypothesis.replanned and with_causes(hypothesis.replanned)
-        return replace(hypothesis, at=at, base=base, replanned=replanned, by_noise=None)
+        replanned = hypothesis.replanned and listing(hypothesis.replanned)
+        return replace(hypothesis, at=listing(hypothesis.at), base=base, replanned=replanned)
 
     return fit_explanations([with_causes(hypothesis) for hypothesis in hypotheses])
 

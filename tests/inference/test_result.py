@@ -126,7 +126,7 @@ def test_open_explanations_are_optima_and_the_offsets_their_mean() -> None:
         (share, fit), *others = found.left_open
         assert (found.verdict is Verdict.UNEXPLAINED) == (name == "unexplained")
         assert name != "unexplained" or (share, fit.effects, others) == (1.0, (), [])
-        moved = [replace(fit, offsets=fit.offsets + np.sqrt(np.diag(fit.covariance)[:3]))]
+        moved = [replace(fit, start=fit.start + np.sqrt(np.diag(fit.covariance)[:3]))]
         for effect in fit.effects:
             wide = 1.0 if effect.covariance is None else np.sqrt(np.diag(effect.covariance))
             other = replace(effect, theta=effect.theta + 2.0 * wide)
