@@ -96,11 +96,9 @@ class Belief:
 
     def refined(self, sets: Iterable[Ids]) -> Belief:
         """The belief with the nonlinear fits of some more sets of causes, made together."""
-        missing = [ids for ids in dict.fromkeys(sets) if ids not in self.fits]
-        if not missing:
-            return self
-        fits = fit_explanations([self.hypotheses[ids] for ids in missing])
-        return replace(self, fits={**self.fits, **dict(zip(missing, fits, strict=True))})
+        wanted = [*dict.fromkeys(sets)]
+        fits = dict(zip(wanted, self.fit_all(wanted), strict=True))
+        return replace(self, fits={**self.fits, **fits}) if fits.keys() - self.fits else self
 
     def beside(self, ids: Ids) -> list[Hypothesis]:
         """Every pattern in addition to a set of causes, not looked at closely."""

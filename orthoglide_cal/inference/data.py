@@ -245,7 +245,7 @@ def unit_of(effects: Sequence[Effect]) -> float:
 
 @dataclass(frozen=True)
 class Placed:
-    """An extra cause on these data."""
+    """Data, not an explanation: where an extra cause may act, its weights, columns or versions."""
 
     cause: PatternCause | RelabelCause
     tried: tuple[Place, ...]  # where it may act; of a relabelling only where the data can undo it

@@ -399,11 +399,8 @@ class Decision:
             (more,) = set(ids) - set(best)
             share = belief.listed[ids] / total
             # To keep any other place open would cost more than to be wrong.
-            places = belief.hypotheses[ids].at_places(keep_ratio(ids, best) / share, PLACES)
-            fits = fit_explanations([hypothesis for _, hypothesis in places])
-            faults += [
-                (more, share * part, fit) for (part, _), fit in zip(places, fits, strict=True)
-            ]
+            placed = _at_places(belief.hypotheses[ids], share, keep_ratio(ids, best))
+            faults += [(more, part, fit) for part, fit in placed]
         return tuple(faults)
 
     @cached_property
@@ -428,15 +425,11 @@ class Decision:
         """Fits that are left open; of several each fault at every place where it may be."""
         if self.verdict is not Verdict.AMBIGUOUS:
             return self.left_open
-        placed = []
-        for share, fit in self.left_open:
-            least = PLACE_COUNTS / max(share, PLACE_COUNTS)
-            hypothesis = self.belief.hypotheses[tuple(sorted(fit.ids))]
-            best, *others = hypothesis.at_places(least, PLACES)
-            placed.append((share * best[0], fit))
-            fits = fit_explanations([other for _, other in others])
-            placed += [(share * part, fit) for (part, _), fit in zip(others, fits, strict=True)]
-        return tuple(placed)
+        return tuple(
+            placed
+            for share, fit in self.left_open
+            for placed in _at_places(fit.hypothesis, share, PLACE_COUNTS)
+        )
 
     @cached_property
     def offsets(self) -> tuple[Floats, Floats]:
@@ -514,6 +507,16 @@ class Decision:
         left = float(fit.residual @ fit.residual) / max(len(white) - width, 1)
         cells = estimator @ (white.matrix @ white.plan.returning)
         return np.asarray(left * cells @ cells.T)
+
+
+def _at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple[float, Fit]]:
+    """Fits of a hypothesis at the likeliest places of its extra, which divide its share.
+
+    None with a share below `least` but the likeliest.
+    """
+    places = hypothesis.at_places(least / max(share, least), PLACES)
+    fits = fit_explanations([placed for _, placed in places])
+    return [(share * part, fit) for (part, _), fit in zip(places, fits, strict=True)]
 
 
 def decide(white: Whitened) -> Decision:

@@ -259,16 +259,15 @@ def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
 
     The parameters are others on each date.
     """
-    belief, fit = decision.belief, decision.carried
-    model, hypothesis = belief.at.white.problem.model, belief.hypotheses[tuple(sorted(fit.ids))]
-    lasting = tuple(cause for cause in hypothesis.base if cause.lasting)
+    fit, model = decision.carried, decision.belief.at.white.problem.model
+    lasting = tuple(cause for cause in fit.hypothesis.base if cause.lasting)
     if not isinstance(measured, Readings) or not lasting:
         return None
     for day in np.unique(measured.plan.date)[1:]:
         parts = measured.plan.date < day, measured.plan.date == day
         earlier, later = (Whitened.of(measured.subset(part), model) for part in parts)
         at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
-        bases = (Hypothesis(at, 0.0, base, hypothesis.scale) for base in (lasting, ()))
+        bases = (Hypothesis(at, 0.0, base, fit.hypothesis.scale) for base in (lasting, ()))
         shaped, bare = fit_explanations([*bases])
         refuted = _refuted_later(decision, later, shaped, bare, fit.offsets.size)
         if refuted is not None:

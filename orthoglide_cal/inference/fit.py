@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtrc, log_ndtr
 
-from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.causes import PatternCause
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
@@ -297,11 +297,7 @@ def fit_explanations(
                 if FAR_MM < step < 0.5 * moving[number]:
                     far[number] = step
         moving = far
-    fits = [_settle(fit) for fit in fits]
-    judged: dict[Fit, Fit] = {}
-    for at in dict.fromkeys(fit.linearised for fit in fits):
-        judged |= _judged(at, [fit for fit in fits if fit.linearised is at])
-    return [judged[fit] for fit in fits]
+    return [_judged(_settle(fit)) for fit in fits]
 
 
 def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
@@ -418,43 +414,34 @@ def _settle(fit: Fit) -> Fit:
     return replace(fit, uncertain=uncertain, columns=columns, seen=seen)
 
 
-def _judged(at: Linearised, fits: Sequence[Fit]) -> dict[Fit, Fit]:
-    """Each fit with its evidence where it ended, σ, and the causes that it finds.
+def _judged(fit: Fit) -> Fit:
+    """The fit with its evidence where it ended, σ, and the causes that it finds.
 
     Of a relabelling only the place at which it was undone.
     """
-    logs: dict[Fit, Floats] = {}  # density by scale and σ if all parameters act, (s, g)
-    alone = [fit for fit in fits if fit.hypothesis.is_alone]
-    for scales, some in ((at.scales, alone), (at.usual, [f for f in fits if f not in alone])):
-        if some:
-            parts = ((fit.derivatives, fit.hypothesis.base, fit.seen) for fit in some)
-            columns, bases, seen = zip(*parts, strict=True)
-            density = density_of(at, columns, bases, scales, seen)
-            data = np.stack([fit.linear + fit.hypothesis.added for fit in some])[..., None]
-            logs |= zip(some, density.log_density(data)[..., 0], strict=True)
-    weights = dict.fromkeys(fits, 0.0)
-    for fit in fits:
-        hypothesis, extra = fit.hypothesis, fit.hypothesis.extra
-        if extra is None:
-            continue
-        placed = hypothesis.at.extras[extra.cause.id]
-        if isinstance(extra.cause, RelabelCause):
-            weights[fit] = placed.log_weight[extra.place]
-            continue
-        wrong, price = others_wrong(at, placed, hypothesis.wrong_readings[:-1])
-        more = np.hstack((fit.seen, wrong))
-        density = density_of(at, [fit.derivatives], [hypothesis.base], at.usual, [more])
-        blocks = pattern_densities(at, placed, density, fit.linear + hypothesis.added)
-        logs[fit] = log_sum(np.stack([log_sum(log[0], (-2, -1)) for _, log in blocks]), 0) + price
-    evidence = {
-        fit: float(log_sum(log)) + LOG_ALL * bool(fit.hypothesis.base) for fit, log in logs.items()
-    }
-    if acting := [fit for fit in alone if fit.hypothesis.base]:
-        causes, columns = zip(*((f.hypothesis.base[0], f.derivatives) for f in acting), strict=True)
-        log_all = [float(log_sum(logs[fit])) for fit in acting]
-        either = all_or_one(at, causes, columns, [fit.linear for fit in acting], log_all)
-        evidence.update(zip(acting, either, strict=True))
-    return {fit: _concluded(fit, logs[fit], evidence[fit] + weights[fit]) for fit in fits}
+    hypothesis, at, seen, weight = fit.hypothesis, fit.linearised, fit.seen, 0.0
+    base, extra, data = hypothesis.base, hypothesis.extra, fit.linear + hypothesis.added
+    placed = None if extra is None else hypothesis.at.extras[extra.cause.id]
+    if extra is not None and placed is not None:
+        if placed.patterns is None:
+            weight = placed.log_weight[extra.place]
+        else:
+            wrong, weight = others_wrong(at, placed, hypothesis.wrong_readings[:-1])
+            seen = np.hstack((seen, wrong))
+    scales = at.scales if hypothesis.is_alone else at.usual
+    density = density_of(at, [fit.derivatives], [base], scales, [seen])
+    # By scale and σ if all parameters act, (s, g).
+    if placed is None or placed.patterns is None:
+        log = density.by_noise(data)[0]
+    else:
+        blocks = pattern_densities(at, placed, density, data)
+        log = log_sum(np.stack([log_sum(log[0], (-2, -1)) for _, log in blocks]), 0)
+    evidence = float(log_sum(log))
+    if base and hypothesis.is_alone:
+        (evidence,) = all_or_one(at, base, [fit.derivatives], [fit.linear], [evidence])
+    elif base:
+        evidence += LOG_ALL
+    return _concluded(fit, log, evidence + weight)
 
 
 def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
