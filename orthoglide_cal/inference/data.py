@@ -202,13 +202,10 @@ class Whitened(ReadOnly):
         anew = {influence.source: influence.reduced(self.matrix) for influence in gauges}
         return tuple(anew.get(influence.source, influence) for influence in uncertain)
 
-    def linearised(self, *points: tuple[Floats, Sequence[Effect]]) -> list[tuple[Floats, Floats]]:
+    def linearised(self, offsets: Floats, effects: Sequence[Effect]) -> tuple[Floats, Floats]:
         """For offsets (3,) [mm] with effects: prediction (k,), its derivatives (k, 3 + p)."""
-        at = (
-            differentiate(self.problem.model, point, self.plan, effects)
-            for point, effects in points
-        )
-        return [(self.matrix @ readings, self.matrix @ jacobian) for readings, jacobian in at]
+        readings, jacobian = differentiate(self.problem.model, offsets, self.plan, effects)
+        return self.matrix @ readings, self.matrix @ jacobian
 
 
 def _warming(readings: Readings) -> Floats | None:

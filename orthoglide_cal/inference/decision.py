@@ -34,7 +34,7 @@ from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture, probabilities
 from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
 from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.fit import LARGEST, Fit, fit_explanations
+from orthoglide_cal.inference.fit import LARGEST, Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import PASSING, fits_of, weight_of
 from orthoglide_cal.inference.result import Verdict
@@ -349,7 +349,7 @@ class Decision:
         factor = 1.0 if unexplained else self.fit.scale_factor
         if factor == nothing.scale_factor:
             return nothing
-        return fit_explanations([self.belief.hypotheses[()]], factor)[0]
+        return fit_hypothesis(self.belief.hypotheses[()], factor)
 
     @property
     def fit(self) -> Fit:
@@ -382,7 +382,7 @@ class Decision:
             sets += self.hidden()
         weights = np.array([self.belief.listed[ids] for ids in sets])
         weights /= weights.sum()
-        return tuple(zip(weights.tolist(), self.belief.fit_all(sets), strict=True))
+        return tuple(zip(weights.tolist(), map(self.belief.fit, sets), strict=True))
 
     @cached_property
     def unshown(self) -> tuple[tuple[str, float, Fit], ...]:
@@ -412,7 +412,7 @@ class Decision:
         explaining = []
         for cause in at.candidates.broad:
             try:
-                (fit,) = fit_explanations([replace(hypotheses[(cause.id,)], scale=ANY_SIZE)])
+                fit = fit_hypothesis(replace(hypotheses[(cause.id,)], scale=ANY_SIZE))
             except PostureError:  # no machine of any size is like that
                 continue
             times = fit.effects[0].times(at.white.machine)
@@ -515,8 +515,7 @@ def _at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple
     None with a share below `least` but the likeliest.
     """
     places = hypothesis.at_places(least / max(share, least), PLACES)
-    fits = fit_explanations([placed for _, placed in places])
-    return [(share * part, fit) for (part, _), fit in zip(places, fits, strict=True)]
+    return [(share * part, fit_hypothesis(placed)) for part, placed in places]
 
 
 def decide(white: Whitened) -> Decision:

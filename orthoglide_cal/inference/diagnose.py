@@ -20,7 +20,7 @@ from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
 from orthoglide_cal.inference.described import described
-from orthoglide_cal.inference.fit import Fit, HeldOut, fit_explanations, leave_out_cells
+from orthoglide_cal.inference.fit import Fit, HeldOut, fit_hypothesis, leave_out_cells
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import fits_of
 from orthoglide_cal.inference.prediction import chance_of_worse, moved_origin, predict_later
@@ -268,7 +268,7 @@ def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
         earlier, later = (Whitened.of(measured.subset(part), model) for part in parts)
         at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
         bases = (Hypothesis(at, 0.0, base, fit.hypothesis.scale) for base in (lasting, ()))
-        shaped, bare = fit_explanations([*bases])
+        shaped, bare = map(fit_hypothesis, bases)
         refuted = _refuted_later(decision, later, shaped, bare, fit.offsets.size)
         if refuted is not None:
             return refuted

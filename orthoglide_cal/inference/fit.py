@@ -269,35 +269,24 @@ class Fit(ReadOnly):
         return known.extended([Contribution.beyond(" and ".join(sized), left)])
 
 
-def fit_explanations(
-    hypotheses: Sequence[Hypothesis], scale_factor: float | None = None
-) -> list[Fit]:
-    """Fit explanations by Gauss–Newton with their priors, then judge each there.
+def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) -> Fit:
+    """Fit an explanation by Gauss–Newton with its priors, then judge it there.
 
     First with the linear model that it was scored with. Where that moves any parameter (even
     only the offsets) farther than noise would, again with the linear model at that fit: enough
     for ranking; once more for causes far beyond their size. `scale_factor`: see `Fit`; None: as
     large as these data make it.
     """
-    fits = [_begin(hypothesis, scale_factor) for hypothesis in hypotheses]
-    # One simulation gives the next linear models of all; the second is enough but for large causes.
-    moving = {number: math.inf for number, fit in enumerate(fits) if _is_beyond_noise(fit)}
-    for _ in range(ROUNDS):
-        far: dict[int, float] = {}
-        for white in dict.fromkeys(fits[number].linearised.white for number in moving):
-            together = [number for number in moving if fits[number].linearised.white is white]
-            try:
-                models = white.linearised(*(fits[number].state for number in together))
-            except PostureError:
-                # No machine is like that: such an explanation stays as it was scored.
-                together = [number for number in together if _is_possible(fits[number])]
-                models = white.linearised(*(fits[number].state for number in together))
-            for number, model in zip(together, models, strict=True):
-                fits[number], step = _step(fits[number], *model)
-                if FAR_MM < step < 0.5 * moving[number]:
-                    far[number] = step
-        moving = far
-    return [_judged(_settle(fit)) for fit in fits]
+    fit, step = _begin(hypothesis, scale_factor), math.inf
+    for _ in range(ROUNDS * _is_beyond_noise(fit)):
+        try:
+            predicted, derivatives = fit.linearised.white.linearised(*fit.state)
+        except PostureError:  # No machine is like that: such an explanation stays as it was scored.
+            break
+        before, (fit, step) = step, _step(fit, predicted, derivatives)
+        if not FAR_MM < step < 0.5 * before:
+            break
+    return _judged(_settle(fit))
 
 
 def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
@@ -374,15 +363,6 @@ def _is_beyond_noise(fit: Fit) -> bool:
     return float(np.sqrt(np.mean(derivatives**2, axis=0)) @ np.abs(unknowns)) > at.noise.stated
 
 
-def _is_possible(fit: Fit) -> bool:
-    """Return whether a machine with its causes can take the postures of the plan."""
-    try:
-        fit.linearised.white.linearised(fit.state)
-    except PostureError:
-        return False
-    return True
-
-
 def _step(fit: Fit, predicted: Floats, derivatives: Floats) -> tuple[Fit, float]:
     """The fit with the linear model of where it stands: prediction (k,), derivatives.
 
@@ -403,9 +383,12 @@ def _settle(fit: Fit) -> Fit:
     """The fit with what is uncertain of the data as it acts on a machine with these causes."""
     white, derivatives, width = fit.linearised.white, fit.derivatives, len(fit.start)
     caused = derivatives[:, width:] @ fit.moved[width : derivatives.shape[1]]
-    if rms(caused) <= STEEP * fit.noise.stated or not _is_possible(fit):
+    if rms(caused) <= STEEP * fit.noise.stated:
         return fit
-    uncertain = white.with_effects(fit.uncertain, *fit.state)
+    try:
+        uncertain = white.with_effects(fit.uncertain, *fit.state)
+    except PostureError:
+        return fit
     if uncertain is fit.uncertain:
         return fit
     kept = fit.columns[:, : fit.first_uncertain]
@@ -438,7 +421,7 @@ def _judged(fit: Fit) -> Fit:
         log = log_sum(np.stack([log_sum(log[0], (-2, -1)) for _, log in blocks]), 0)
     evidence = float(log_sum(log))
     if base and hypothesis.is_alone:
-        (evidence,) = all_or_one(at, base, [fit.derivatives], [fit.linear], [evidence])
+        (evidence,) = all_or_one(at, base, [fit.derivatives], data, [evidence])
     elif base:
         evidence += LOG_ALL
     return _concluded(fit, log, evidence + weight)

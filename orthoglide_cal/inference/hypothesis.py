@@ -77,10 +77,10 @@ class Pattern:
     parameters: Floats | None  # of each shape, (v,): its moment, time constant, or span
     chosen: Bools  # which columns show here, and show nothing else, (v, q)
     sizes: Floats  # that are tried, (s,): in standard deviations of a reading, once scored in mm
-    # Once it is scored, in addition to a fit:
-    log_shape: Floats = field(default_factory=lambda: np.zeros((0, 0)))  # ln p up to a constant,
-    # by shape and size, (v, s)
-    gain: float = 0.0  # of ln p by the likeliest of them
+    # Once it is scored: ln p of each shape and size up to a constant, (v, s), and by how much the
+    # likeliest of them raised ln p.
+    log_shape: Floats = field(default_factory=lambda: np.zeros((1, 1)))
+    gain: float = 0.0
 
     @cached_property
     def log_share(self) -> Floats:
@@ -338,8 +338,7 @@ def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
         scores |= _alone(at, bases[some], density.by_noise(residual))
     for some in _together(at, broad):
         log_all = [scores[(cause.id,)].log_evidence for cause in broad[some]]
-        residuals = [residual] * len(log_all)
-        means = all_or_one(at, broad[some], columns[1:][some], residuals, log_all)
+        means = all_or_one(at, broad[some], columns[1:][some], residual, log_all)
         for cause, mean in zip(broad[some], means, strict=True):
             scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
     for some in _together(at, bases):
@@ -403,7 +402,7 @@ def all_or_one(
     at: Linearised,
     causes: Sequence[Cause],
     columns: Sequence[Floats],
-    residuals: Sequence[Floats],
+    residual: Floats,
     log_all: Sequence[float],
 ) -> list[float]:
     """Log evidence of causes of which all parameters act, or any one of them.
@@ -411,7 +410,7 @@ def all_or_one(
     Args:
         at, causes: the linear model, and which of its causes.
         columns: derivatives by the offsets and the parameters of each, shape (k, 3 + p).
-        residuals: data minus the model without the cause, shape (k,) [mm].
+        residual: data minus the model without the cause, shape (k,) [mm].
         log_all: log evidence if all its parameters act.
     """
     width = at.jacobian.shape[1]
@@ -428,9 +427,8 @@ def all_or_one(
     sizes = np.ones((len(tried), others.shape[-1]))
     sizes[:, always:] = tried
     density = Gaussian(others, sizes, at.noise, np.log(list(at.scales.values())))
-    data = np.stack(residuals)
-    log = of_any_size(*density.against(density.overlap(ones, data), data), tried[:, None] ** 2)
-    log += density.log_density(data[..., None])
+    one = density.against(density.overlap(ones, residual), residual)
+    log = of_any_size(*one, tried[:, None] ** 2) + density.by_noise(residual)[..., None]
     by_one = log_sum(log, (1, 2))
     return [
         float(np.logaddexp(log + LOG_ALL, log_mean(row[: len(cause.names)]) + LOG_ONE))

@@ -122,7 +122,6 @@ def _steps(plan: Plan, fine: bool) -> Columns:
 PLANNED: Mapping[str, Callable[[Plan, bool], Columns]] = MappingProxyType(
     {"repeats": _repeats, "drifts": _drifts, "settles": _settles, "steps": _steps}
 )
-HOWS = (*PLANNED, "hysteresis", "temperature")
 # What does not return with its posture, whenever that is read again.
 PASSING = frozenset(("drifts", "settles", "steps", "scatters", "temperature"))
 
@@ -162,19 +161,19 @@ def _candidates(at: Linearised, turned: Floats, fine: bool) -> list[list[Pattern
     """Every how at the wheres where it shows, for movements of plungers as of `_turned`."""
     white, plan = at.white, at.white.plan
     wheres, selected, _ = _wheres(plan, white.raw)
+    every = {how: _shown_of_plan(plan, fine, how) for how in PLANNED if white.raw}
     if white.raw:
         kelvin = np.zeros(len(plan)) if white.kelvin is None else white.kelvin
         span = float(np.ptp(kelvin))
-        # By the direction in which the plunger moved last: half of it behind.
-        lost = _by_mover(plan, -0.5 * turned * ~plan.touches)
-        warm = _by_mover(plan, kelvin / (span or 1.0), np.array([span]))
-        every = {how: _shown_of_plan(plan, fine, how) for how in PLANNED} | {
-            how: (columns, _shown(white.matrix, plan, white.raw, columns))
-            for how, columns in (("hysteresis", lost), ("temperature", warm))
+        more = {
+            # By the direction in which the plunger moved last: half of it behind.
+            "hysteresis": _by_mover(plan, -0.5 * turned * ~plan.touches),
+            "temperature": _by_mover(plan, kelvin / (span or 1.0), np.array([span])),
         }
     else:
-        columns = _repeats(plan, fine)
-        every = {"repeats": (columns, _shown(white.matrix, plan, white.raw, columns))}
+        more = {"repeats": _repeats(plan, fine)}
+    for how, columns in more.items():
+        every[how] = columns, _shown(white.matrix, plan, white.raw, columns)
     share = math.log(UNLISTED / (len(every) + 1) / len(wheres))
     # More noise is no column: the readings that have it.
     several = selected.sum(axis=1) > 2

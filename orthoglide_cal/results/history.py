@@ -38,7 +38,7 @@ from orthoglide_cal.inference.belief import Belief, mixture, probabilities
 from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.decision import decide, state
-from orthoglide_cal.inference.fit import Fit, fit_explanations
+from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Estimate
@@ -176,7 +176,7 @@ class _DiagnosedSession:
         """Find the values, if the machine had the standing causes then; `causes` of any date."""
         shares = self.by_lasting[standing]
         kept = {ids: p for ids, p in shares.items() if p >= DISMISSED * max(shares.values())}
-        fits = self.belief.fit_all([*kept])
+        fits = [*map(self.belief.fit, kept)]
         if causes:
             fits = _fit_with(causes, [self.belief.hypotheses[ids] for ids in kept])
         weights = np.array([*kept.values()]) / sum(kept.values())
@@ -248,7 +248,7 @@ def _fit_with(causes: tuple[Cause, ...], hypotheses: Sequence[Hypothesis]) -> li
         replanned = hypothesis.replanned and listing(hypothesis.replanned)
         return replace(hypothesis, at=listing(hypothesis.at), base=base, replanned=replanned)
 
-    return fit_explanations([with_causes(hypothesis) for hypothesis in hypotheses])
+    return [fit_hypothesis(with_causes(hypothesis)) for hypothesis in hypotheses]
 
 
 def _standing(sessions: Sequence[_DiagnosedSession]) -> list[Ids]:
