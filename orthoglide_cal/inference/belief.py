@@ -20,14 +20,12 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
-from orthoglide_cal.inference.fit import Fit, fit_explanations
-from orthoglide_cal.inference.hypothesis import Hypothesis, score_all
+from orthoglide_cal.inference.fit import Fit, fit_hypothesis
+from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, score_all
 from orthoglide_cal.inference.patterns import (
-    Tried,
     combined,
-    course_of,
+    pattern_candidates,
     placed_causes,
-    tried,
     weight_of,
 )
 from orthoglide_cal.model.plan import Floats
@@ -75,7 +73,7 @@ class Belief:
     # Fits of other hypotheses, made when first asked for; they change no probability.
     _further: dict[Ids, Fit] = field(default_factory=dict)
     # Every pattern at every where, looked at closely or not; no tolerance changes them.
-    _tried: dict[bool, list[Tried]] = field(default_factory=dict)
+    _tried: dict[bool, list[list[Pattern]]] = field(default_factory=dict)
 
     @classmethod
     def about(cls, white: Whitened) -> Belief:
@@ -97,20 +95,17 @@ class Belief:
         return Belief(at, score_all(at), self.patterns, _tried=self._tried)
 
     def refined(self, sets: Iterable[Ids]) -> Belief:
-        """The belief with the nonlinear fits of some more sets of causes, made together."""
-        missing = [ids for ids in dict.fromkeys(sets) if ids not in self.fits]
-        if not missing:
-            return self
-        fits = fit_explanations([self.hypotheses[ids] for ids in missing])
-        return replace(self, fits={**self.fits, **dict(zip(missing, fits, strict=True))})
+        """The belief with the nonlinear fits of some more sets of causes."""
+        fits = {ids: self.fit(ids) for ids in sets}
+        return replace(self, fits={**self.fits, **fits}) if fits.keys() - self.fits else self
 
     def beside(self, ids: Ids) -> list[Hypothesis]:
         """Every pattern in addition to a set of causes, not looked at closely."""
         return combined(self.hypotheses[ids], self.fit(ids), self._every(fine=False))
 
-    def _every(self, *, fine: bool) -> list[Tried]:
+    def _every(self, *, fine: bool) -> list[list[Pattern]]:
         if fine not in self._tried:
-            self._tried[fine] = tried(self.at, course_of(self.fit(()), fine=fine))
+            self._tried[fine] = pattern_candidates(self.fit(()), fine=fine)
         return self._tried[fine]
 
     def closely(self) -> Belief:
@@ -128,9 +123,8 @@ class Belief:
         }
         least = weight_of(ordered[-1])
         pairs = [pair for pair in combined(ordered[-1], nothing, every) if weight_of(pair) > least]
-        singles = [ids for ids in self.listed if len(ids) == 1]
-        for ids, fit in zip(singles, self.fit_all(singles), strict=True):
-            pairs += combined(self.hypotheses[ids], fit, every)
+        for ids in (ids for ids in self.listed if len(ids) == 1):
+            pairs += combined(self.hypotheses[ids], self.fit(ids), every)
         placed = placed_causes(at)
         for hypothesis in likely.values():
             pairs += combined(hypothesis, nothing, placed)
@@ -143,15 +137,11 @@ class Belief:
 
     def fit(self, ids: Ids) -> Fit:
         """The nonlinear fit of a set of causes."""
-        return self.fit_all([ids])[0]
-
-    def fit_all(self, sets: Sequence[Ids]) -> list[Fit]:
-        """Nonlinear fits of sets of causes, those that are missing made together."""
-        known = {**self.fits, **self._further}
-        missing = [ids for ids in sets if ids not in known]
-        fits = fit_explanations([self.hypotheses[ids] for ids in missing])
-        self._further.update(zip(missing, fits, strict=True))
-        return [known[ids] if ids in known else self._further[ids] for ids in sets]
+        if ids in self.fits:
+            return self.fits[ids]
+        if ids not in self._further:
+            self._further[ids] = fit_hypothesis(self.hypotheses[ids])
+        return self._further[ids]
 
     @cached_property
     def log_weight(self) -> Mapping[Ids, float]:

@@ -33,6 +33,7 @@ from orthoglide_cal.model.measured import DataKind, Measured, Readings
 from orthoglide_cal.model.model import Model, differentiate, differentiate_absent, simulate
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import (
+    Bools,
     Contrasts,
     Floats,
     Ints,
@@ -49,6 +50,8 @@ UNKNOWN_PACE = 3.0
 UNSEEN = 0.1
 # No larger, in plausible sizes, is tried together with another fault; scales grow.
 BESIDE = 12.0
+# Cosine from which columns of one gauge can follow what a listed cause does there.
+ALIKE, ROUNDING = 0.97, 1e-9
 # Standard deviation of the prior of the offsets, so wide that their size is not judged [mm].
 OFFSETS_MM = 10.0
 
@@ -183,6 +186,10 @@ class Whitened(ReadOnly):
         acting = influences(self.problem.model, offsets, self.plan)
         return tuple(one.reduced(self.matrix) for one in acting)
 
+    def side_by_side(self, influences: Iterable[Influence]) -> Floats:
+        """Columns of influences on the data, shape (k, c) [mm]."""
+        return np.hstack([np.zeros((len(self), 0)), *(one.columns for one in influences)])
+
     def with_effects(
         self, uncertain: tuple[Influence, ...], offsets: Floats, effects: Sequence[Effect]
     ) -> tuple[Influence, ...]:
@@ -195,13 +202,10 @@ class Whitened(ReadOnly):
         anew = {influence.source: influence.reduced(self.matrix) for influence in gauges}
         return tuple(anew.get(influence.source, influence) for influence in uncertain)
 
-    def linearised(self, *points: tuple[Floats, Sequence[Effect]]) -> list[tuple[Floats, Floats]]:
+    def linearised(self, offsets: Floats, effects: Sequence[Effect]) -> tuple[Floats, Floats]:
         """For offsets (3,) [mm] with effects: prediction (k,), its derivatives (k, 3 + p)."""
-        at = (
-            differentiate(self.problem.model, point, self.plan, effects)
-            for point, effects in points
-        )
-        return [(self.matrix @ readings, self.matrix @ jacobian) for readings, jacobian in at]
+        readings, jacobian = differentiate(self.problem.model, offsets, self.plan, effects)
+        return self.matrix @ readings, self.matrix @ jacobian
 
 
 def _warming(readings: Readings) -> Floats | None:
@@ -238,7 +242,7 @@ def unit_of(effects: Sequence[Effect]) -> float:
 
 @dataclass(frozen=True)
 class Placed:
-    """An extra cause on these data."""
+    """Data, not an explanation: where an extra cause may act, its weights, columns or versions."""
 
     cause: PatternCause | RelabelCause
     tried: tuple[Place, ...]  # where it may act; of a relabelling only where the data can undo it
@@ -406,12 +410,6 @@ class Linearised(ReadOnly):
         return {scale: share / sum(few.values()) for scale, share in few.items()}
 
     @cached_property
-    def carried(self) -> Floats:
-        """All that is uncertain of the data, side by side, shape (k, c) [mm]."""
-        nothing = np.zeros((len(self.white), 0))
-        return read_only(np.hstack([nothing, *(influence.columns for influence in self.uncertain)]))
-
-    @cached_property
     def seen(self) -> Floats:
         """`shown` where the offsets-only model fits best, shape (k, b) [mm]."""
         return read_only(self.shown(self.uncertain, self.jacobian))
@@ -422,11 +420,22 @@ class Linearised(ReadOnly):
         A local shape is part of the noise. What the offsets, of derivatives (k, 3), imitate changes
         no evidence, and what stays far below the noise none that matters.
         """
-        few = [influence.columns for influence in uncertain if not influence.local]
-        carried = np.hstack([np.zeros((len(self.white), 0)), *few])
+        carried = self.white.side_by_side(one for one in uncertain if not one.local)
         left, size, _ = np.linalg.svd(unexplained(jacobian, carried), full_matrices=False)
         kept = size > UNSEEN * self.noise.stated
         return np.asarray(left[:, kept] * size[kept])
+
+    def lists(self, shown: Floats) -> Bools:
+        """Return which columns (k, v, q) can follow a listed cause at one of its places, (v,)."""
+        axes, size, _ = np.linalg.svd(shown.swapaxes(0, 1), full_matrices=False)
+        axes = axes * (size > ROUNDING * size[:, :1])[:, None]
+        flat, made = axes.swapaxes(0, 1).reshape(len(shown), -1), np.zeros(len(axes), np.bool_)
+        for places in (p.patterns for p in self.extras.values() if p.patterns is not None):
+            match = (places.products(flat) ** 2).reshape(len(axes), -1, len(places)).sum(axis=1)
+            made |= np.any(match > ALIKE**2 * places.power, axis=1)
+        broad = np.hstack([shown[:, 0, :0], *self.jacobians.values()])
+        match = ((axes.swapaxes(-1, -2) @ broad) ** 2).sum(axis=1)
+        return np.asarray(made | np.any(match > ALIKE**2 * (broad**2).sum(axis=0), axis=1))
 
     def columns(self, base: Sequence[Cause]) -> Floats:
         """Derivatives by the offsets and the parameters of a base, shape (k, 3 + p)."""

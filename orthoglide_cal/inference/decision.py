@@ -34,7 +34,7 @@ from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture, probabilities
 from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
 from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.fit import LARGEST, Fit, fit_explanations
+from orthoglide_cal.inference.fit import LARGEST, Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import PASSING, fits_of, weight_of
 from orthoglide_cal.inference.result import Verdict
@@ -349,7 +349,7 @@ class Decision:
         factor = 1.0 if unexplained else self.fit.scale_factor
         if factor == nothing.scale_factor:
             return nothing
-        return fit_explanations([self.belief.hypotheses[()]], factor)[0]
+        return fit_hypothesis(self.belief.hypotheses[()], factor)
 
     @property
     def fit(self) -> Fit:
@@ -382,7 +382,7 @@ class Decision:
             sets += self.hidden()
         weights = np.array([self.belief.listed[ids] for ids in sets])
         weights /= weights.sum()
-        return tuple(zip(weights.tolist(), self.belief.fit_all(sets), strict=True))
+        return tuple(zip(weights.tolist(), map(self.belief.fit, sets), strict=True))
 
     @cached_property
     def unshown(self) -> tuple[tuple[str, float, Fit], ...]:
@@ -399,11 +399,8 @@ class Decision:
             (more,) = set(ids) - set(best)
             share = belief.listed[ids] / total
             # To keep any other place open would cost more than to be wrong.
-            places = belief.hypotheses[ids].at_places(keep_ratio(ids, best) / share, PLACES)
-            fits = fit_explanations([hypothesis for _, hypothesis in places])
-            faults += [
-                (more, share * part, fit) for (part, _), fit in zip(places, fits, strict=True)
-            ]
+            placed = _at_places(belief.hypotheses[ids], share, keep_ratio(ids, best))
+            faults += [(more, part, fit) for part, fit in placed]
         return tuple(faults)
 
     @cached_property
@@ -415,7 +412,7 @@ class Decision:
         explaining = []
         for cause in at.candidates.broad:
             try:
-                (fit,) = fit_explanations([replace(hypotheses[(cause.id,)], scale=ANY_SIZE)])
+                fit = fit_hypothesis(replace(hypotheses[(cause.id,)], scale=ANY_SIZE))
             except PostureError:  # no machine of any size is like that
                 continue
             times = fit.effects[0].times(at.white.machine)
@@ -428,15 +425,11 @@ class Decision:
         """Fits that are left open; of several each fault at every place where it may be."""
         if self.verdict is not Verdict.AMBIGUOUS:
             return self.left_open
-        placed = []
-        for share, fit in self.left_open:
-            least = PLACE_COUNTS / max(share, PLACE_COUNTS)
-            hypothesis = self.belief.hypotheses[tuple(sorted(fit.ids))]
-            best, *others = hypothesis.at_places(least, PLACES)
-            placed.append((share * best[0], fit))
-            fits = fit_explanations([other for _, other in others])
-            placed += [(share * part, fit) for (part, _), fit in zip(others, fits, strict=True)]
-        return tuple(placed)
+        return tuple(
+            placed
+            for share, fit in self.left_open
+            for placed in _at_places(fit.hypothesis, share, PLACE_COUNTS)
+        )
 
     @cached_property
     def offsets(self) -> tuple[Floats, Floats]:
@@ -466,7 +459,7 @@ class Decision:
         return tuple(
             (probability * share, fit)
             for hypothesis, probability in self.beyond_list.items()
-            for share, fit, _ in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
+            for share, fit in fits_of(hypothesis, self.belief.fit(hypothesis.ids))
         )
 
     @property
@@ -497,7 +490,7 @@ class Decision:
 
     def _offsets_under(self, hypothesis: Hypothesis) -> Floats:
         fits = fits_of(hypothesis, self.belief.fit(hypothesis.ids))
-        return np.asarray(sum(share * fit.offsets for share, fit, _ in fits))
+        return np.asarray(sum(share * fit.offsets for share, fit in fits))
 
     @property
     def described(self) -> bool:
@@ -514,6 +507,15 @@ class Decision:
         left = float(fit.residual @ fit.residual) / max(len(white) - width, 1)
         cells = estimator @ (white.matrix @ white.plan.returning)
         return np.asarray(left * cells @ cells.T)
+
+
+def _at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple[float, Fit]]:
+    """Fits of a hypothesis at the likeliest places of its extra, which divide its share.
+
+    None with a share below `least` but the likeliest.
+    """
+    places = hypothesis.at_places(least / max(share, least), PLACES)
+    return [(share * part, fit_hypothesis(placed)) for part, placed in places]
 
 
 def decide(white: Whitened) -> Decision:

@@ -19,7 +19,7 @@ MINUTES = 60.0  # in an hour
 # Pattern → name of the parameter of its shapes.
 _SHAPE_NAMES = {"drifts": "period", "settles": "time_constant", "steps": "moment"}
 
-_Fits = Sequence[tuple[float, Fit, slice]]
+_Fits = Sequence[tuple[float, Fit]]
 
 
 def described(
@@ -38,7 +38,7 @@ def described(
     pattern, white = hypothesis.patterns[-1], hypothesis.at.white
     fits, before = fits_of(hypothesis, base), at_usual_size(base)
     for other in hypothesis.patterns[:-1]:
-        before, _ = extended(before, other)
+        before = extended(before, other)
     after = fits[0][1]
     wheres = white.plan.wheres(white.raw)
     rows = next(rows for where, rows in wheres if where == pattern.where)
@@ -59,7 +59,7 @@ def described(
     between: tuple[Where, ...] = ()
     if pattern.how in _SHAPE_NAMES:
         shapes = np.array([shape.parameter for shape in pattern.shapes])
-        known = _mean_and_std(np.array([share for share, _, _ in fits]), MINUTES * shapes)
+        known = _mean_and_std(np.array([share for share, _ in fits]), MINUTES * shapes)
         columns = {"name": _SHAPE_NAMES[pattern.how], "unit": "min"}
         parameters.append(Estimate(**columns, value=known[0], std=known[1]))
         late = _heldout(rows, before, after, _last_third(white.plan))
@@ -100,20 +100,28 @@ def described(
 
 def _effect(pattern: Pattern, fits: _Fits, rows: Bools) -> tuple[Floats, Floats]:
     """What it adds to each reading, and U of that, both (n,) [mm]; more noise adds U alone."""
-    shares = np.array([share for share, _, _ in fits])
-    values = np.zeros((len(fits), len(rows)))
+    shares, values = np.array([share for share, _ in fits]), np.zeros((len(fits), len(rows)))
     if pattern.how == "scatters":
         variances = np.outer([shape.size**2 for shape in pattern.shapes], rows)
     else:
-        plan, columns = fits[0][1].at.white.plan, [shape.columns for shape in pattern.shapes]
+        plan, columns = pattern.at.white.plan, [shape.columns for shape in pattern.shapes]
         if pattern.how == "repeats":  # of a gauge the zero hides their mean
             columns = [without_zeros(plan, one.T).T for one in columns]
-        known = [(fit.moved[own], fit.covariance[own, own]) for _, fit, own in fits]
+        known = _unknowns(pattern, fits)
         values = np.array([one @ mean for one, (mean, _) in zip(columns, known, strict=True)])
         spreads = ((one @ spread) * one for one, (_, spread) in zip(columns, known, strict=True))
         variances = np.array([spread.sum(axis=1) for spread in spreads])
     mean = shares @ values
     return mean, NORMAL_K * np.sqrt(shares @ ((values - mean) ** 2 + variances))
+
+
+def _unknowns(pattern: Pattern, fits: _Fits) -> list[tuple[Floats, Floats]]:
+    """What scales the columns of each shape: mean (q,) and covariance (q, q)."""
+    known = []
+    for shape, (_, fit) in zip(pattern.shapes, fits, strict=True):
+        slot = slice(fit.first_uncertain - shape.columns.shape[1], fit.first_uncertain)
+        known.append((fit.moved[slot], fit.covariance[slot, slot]))
+    return known
 
 
 def _between(measured: Readings, rows: Bools, minutes: float, std: float) -> Iterator[Where]:
@@ -145,15 +153,15 @@ def _gauges(
 
     Positive where the later of the two readings is the larger. More noise is one for all.
     """
-    shares = np.array([share for share, _, _ in fits])
+    shares = np.array([share for share, _ in fits])
     if pattern.how == "scatters":
         sizes = np.array([shape.size for shape in pattern.shapes])
         # Sizes between those that were tried are as likely.
         between = sizes * math.log(pattern.sizes[1] / pattern.sizes[0]) / math.sqrt(12.0)
         yield "noise", *_mean_and_std(shares, sizes, between**2), 1.0
         return
-    plan, columns = fits[0][1].at.white.plan, [shape.columns for shape in pattern.shapes]
-    known = [(fit.moved[own], fit.covariance[own, own]) for _, fit, own in fits]
+    plan, columns = pattern.at.white.plan, [shape.columns for shape in pattern.shapes]
+    known = _unknowns(pattern, fits)
     effect = columns[0] @ known[0][0]
     for gauge in dict.fromkeys(plan.shared[rows].tolist()):
         own = np.flatnonzero(plan.shared == gauge)

@@ -20,7 +20,7 @@ from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
 from orthoglide_cal.inference.described import described
-from orthoglide_cal.inference.fit import Fit, HeldOut, fit_explanations, leave_out_cells
+from orthoglide_cal.inference.fit import Fit, HeldOut, fit_hypothesis, leave_out_cells
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import fits_of
 from orthoglide_cal.inference.prediction import chance_of_worse, moved_origin, predict_later
@@ -259,17 +259,16 @@ def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
 
     The parameters are others on each date.
     """
-    belief, fit = decision.belief, decision.carried
-    model, hypothesis = belief.at.white.problem.model, belief.hypotheses[tuple(sorted(fit.ids))]
-    lasting = tuple(cause for cause in hypothesis.base if cause.lasting)
+    fit, model = decision.carried, decision.belief.at.white.problem.model
+    lasting = tuple(cause for cause in fit.hypothesis.base if cause.lasting)
     if not isinstance(measured, Readings) or not lasting:
         return None
     for day in np.unique(measured.plan.date)[1:]:
         parts = measured.plan.date < day, measured.plan.date == day
         earlier, later = (Whitened.of(measured.subset(part), model) for part in parts)
         at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
-        bases = (Hypothesis(at, 0.0, base, hypothesis.scale) for base in (lasting, ()))
-        shaped, bare = fit_explanations([*bases])
+        bases = (Hypothesis(at, 0.0, base, fit.hypothesis.scale) for base in (lasting, ()))
+        shaped, bare = map(fit_hypothesis, bases)
         refuted = refuted_later(decision, later, shaped, bare, fit.offsets.size)
         if refuted is not None:
             return refuted
@@ -426,7 +425,7 @@ def _with_patterns(decision: Decision, measured: Measured) -> tuple[Floats, tupl
     left = fit.left
     if acting:
         fits = fits_of(replace(hypothesis, patterns=acting), fit)
-        left = np.sum([share * after.left for share, after, _ in fits], axis=0)
+        left = np.sum([share * after.left for share, after in fits], axis=0)
     wrong = (place for cause, place in _beside_patterns(decision) if cause.hides_reading)
     return _predicted(decision.belief.at.white, measured, left, fit.effects), sum(wrong, ())
 

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.special import chdtrc, log_ndtr
 
-from orthoglide_cal.causes import RelabelCause
+from orthoglide_cal.causes import PatternCause
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
@@ -34,7 +34,6 @@ from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
     LOG_ALL,
     Hypothesis,
-    Remedy,
     all_or_one,
     density_of,
     others_wrong,
@@ -66,7 +65,7 @@ class Fit(ReadOnly):
     uncertain of the data in addition to noise.
     """
 
-    at: Linearised  # the linear model that it began with
+    hypothesis: Hypothesis
     # The data that it is of, and their noise; both are others where some readings have more noise.
     white: Whitened
     noise: NoiseGrid
@@ -75,7 +74,7 @@ class Fit(ReadOnly):
     log_evidence: float
     log_positive: float  # that part
     effects: tuple[Effect, ...]  # causes with their best parameters and own covariance
-    offsets: Floats  # shape (3,) [mm]
+    start: Floats  # offsets where it was linearised, shape (3,) [mm]
     covariance: Floats  # of all unknowns, shape (q, q), internal units
     slots: tuple[slice, ...]  # unknowns of each effect; none without a size, or with a known one
     linear: Floats  # whitened data minus the linearised model at zero unknowns, shape (k,) [mm]
@@ -85,12 +84,56 @@ class Fit(ReadOnly):
     sigma: float  # standard deviation of one reading under this explanation [mm]
     scale_factor: float  # how many times as large as stated a local shape is
     uncertain: tuple[Influence, ...]  # what else is uncertain of the data; its unknowns come last
-    remedy: Remedy
+    seen: Floats  # what of it shows where it was linearised, shape (k, b) [mm]
+
+    @property
+    def linearised(self) -> Linearised:
+        """The linear model that it began with."""
+        return self.hypothesis.linearised
+
+    @cached_property
+    def offsets(self) -> Floats:
+        """Offsets at the fit, shape (3,) [mm]."""
+        return read_only(self.start + self.moved[: len(self.start)])
+
+    @property
+    def derivatives(self) -> Floats:
+        """Columns of the offsets and of the causes with many parameters, shape (k, 3 + p)."""
+        base = self.hypothesis.base
+        return self.columns[:, : self.slots[len(base) - 1].stop if base else len(self.start)]
+
+    @property
+    def state(self) -> tuple[Floats, list[Effect]]:
+        """The offsets and the causes with many parameters as they are so far."""
+        pairs = zip(self.hypothesis.base, self.slots, strict=False)
+        return self.offsets, [cause.at(self.moved[slot]) for cause, slot in pairs]
 
     @property
     def ids(self) -> Ids:
         """Ids of its causes, in the order of its effects."""
         return tuple(effect.cause.id for effect in self.effects)
+
+    def with_local_shape(self, scale_factor: float | None = None) -> Fit:
+        """The fit with a local shape that many times as large as stated; None: as these data say.
+
+        Few touches cannot tell it from a fault.
+        """
+        local = self.is_local
+        if scale_factor is None:
+            if np.count_nonzero(local) < ENOUGH * len(self.start):
+                return self
+            stated = self.with_local_shape(1.0)
+            data, chosen = (self.columns, self.unexpected), np.flatnonzero(local)
+            scale_factor = fit_size(*data, stated.sizes, stated.stated, chosen)
+        sizes = np.where(local, scale_factor, self.sizes)
+        return replace(self, sizes=sizes, scale_factor=scale_factor)
+
+    def with_sigma(self, by_noise: Floats) -> Fit:
+        """The fit with σ and the covariance that follow from ln p by σ of its noise, (..., g)."""
+        shares = np.exp(by_noise - log_sum(by_noise))
+        sigma = float(np.sqrt(np.sum(shares @ self.noise.sigma**2) + self.rest))
+        covariance = condition(self.columns, self.unexpected, self.sizes, sigma)[1]
+        return replace(self, sigma=sigma, covariance=covariance)
 
     @property
     def offsets_covariance(self) -> Floats:
@@ -226,285 +269,192 @@ class Fit(ReadOnly):
         return known.extended([Contribution.beyond(" and ".join(sized), left)])
 
 
-def fit_explanations(scores: Sequence[Hypothesis], scale_factor: float | None = None) -> list[Fit]:
-    """Fit explanations by Gauss–Newton with their priors, then judge each there.
+def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) -> Fit:
+    """Fit an explanation by Gauss–Newton with its priors, then judge it there.
 
     First with the linear model that it was scored with. Where that moves any parameter (even
     only the offsets) farther than noise would, again with the linear model at that fit: enough
     for ranking; once more for causes far beyond their size. `scale_factor`: see `Fit`; None: as
     large as these data make it.
     """
-    searches = [_Search(score.replanned or score, scale_factor) for score in scores]
-    # One simulation gives the next linear models of all; the second is enough but for large causes.
-    moving = [search for search in searches if search.beyond_noise]
-    for _ in range(ROUNDS):
-        far: list[_Search] = []
-        for white in dict.fromkeys(search.at.white for search in moving):
-            together = [search for search in moving if search.at.white is white]
-            points = [(search.offsets, search.effects) for search in together]
-            try:
-                models = white.linearised(*points)
-            except PostureError:
-                # No machine is like that: such an explanation stays as it was scored.
-                together = [search for search in together if search.possible]
-                models = white.linearised(
-                    *((search.offsets, search.effects) for search in together)
-                )
-            for search, (predicted, derivatives) in zip(together, models, strict=True):
-                before, search.moved = search.moved, search.move(predicted, derivatives)
-                if FAR_MM < search.moved < 0.5 * before:
-                    far.append(search)
-        moving = far
-    for search in searches:
-        search.settle()
-    weighed: dict[_Search, tuple[Floats, float]] = {}
-    for at in dict.fromkeys(search.at for search in searches):
-        weighed |= _weighed(at, [search for search in searches if search.at is at])
-    return [
-        search.fitted(score, *weighed[search])
-        for search, score in zip(searches, scores, strict=True)
-    ]
+    fit, step = _begin(hypothesis, scale_factor), math.inf
+    for _ in range(ROUNDS * _is_beyond_noise(fit)):
+        try:
+            predicted, derivatives = fit.linearised.white.linearised(*fit.state)
+        except PostureError:  # No machine is like that: such an explanation stays as it was scored.
+            break
+        before, (fit, step) = step, _step(fit, predicted, derivatives)
+        if not FAR_MM < step < 0.5 * before:
+            break
+    return _judged(_settle(fit))
 
 
-def _weighed(at: Linearised, group: Sequence[_Search]) -> dict[_Search, tuple[Floats, float]]:
-    """Log density by scale and σ if all parameters act, (s, g), and log evidence, where they ended.
+def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
+    """The fit with the linear model that a hypothesis was scored with."""
+    at, base, extra, version = (
+        hypothesis.linearised, hypothesis.base, hypothesis.extra, hypothesis.version,
+    )  # fmt: skip
+    # What one unit of an extra of unknown size does.
+    free, free_size = np.zeros((len(at.white), 0)), np.zeros(0)
+    if extra is not None and isinstance(extra.cause, PatternCause) and not extra.theta.size:
+        free = at.extras[extra.cause.id].columns(extra.place)
+        free_size = extra.cause.prior_std(at.white.machine) * max(BLUNDER_SCALES)
+    # Undone, other offsets fit: what is uncertain of the data acts as with those.
+    uncertain = at.white.uncertain(at.offsets[version]) if version else at.uncertain
+    seen = at.shown(uncertain, at.jacobian) if version else at.seen
+    # A cause of this explanation is not counted as uncertain again.
+    ids = ids_of(*base)
+    uncertain = tuple(influence for influence in uncertain if influence.source not in ids)
+    carried = at.white.side_by_side(uncertain)
+    derivatives, linear = at.columns(base), at.residuals[version] - hypothesis.added
+    known = _likeliest_sizes(hypothesis, np.hstack([derivatives, free, seen]), free_size, linear)
+    sizes = np.concatenate([known, free_size, np.ones(carried.shape[1])])
+    widths = [*(cause.unknowns for cause in base), *[free_size.size] * (extra is not None)]
+    ends = np.cumsum([at.offsets.shape[1], *widths])
+    return Fit(
+        hypothesis=hypothesis,
+        white=hypothesis.at.white,
+        noise=at.noise,
+        log_evidence=hypothesis.log_evidence,
+        log_positive=0.0,
+        effects=(),
+        start=at.offsets[version],
+        covariance=np.diag(sizes**2),
+        slots=tuple(slice(*pair) for pair in pairwise(ends.tolist())),
+        linear=linear,
+        columns=np.hstack([derivatives, free, carried]),
+        centre=np.zeros(len(sizes)),
+        sizes=sizes,
+        sigma=at.noise.stated,
+        scale_factor=1.0,
+        uncertain=uncertain,
+        seen=seen,
+    ).with_local_shape(scale_factor)
+
+
+def _likeliest_sizes(
+    hypothesis: Hypothesis, columns: Floats, free_size: Floats, residual: Floats
+) -> Floats:
+    """Plausible sizes of offsets and causes; where a cause leaves them open, the likeliest.
+
+    `columns` (k, q) are of these, of an extra of unknown size, `free_size`, and what shows.
+    """
+    at, base = hypothesis.linearised, hypothesis.base
+    choices = max((len(cause.shares) for cause in base), default=0)
+    if not choices:
+        return at.sizes(base, hypothesis.scale)
+    tried = [(scale, number) for scale in at.scales for number in range(choices)]
+    sizes = np.stack([at.sizes(base, *choice) for choice in tried])
+    others = np.ones((len(tried), columns.shape[1] - sizes.shape[1]))
+    others[:, : free_size.size] = free_size
+    shares = np.log([at.scales[scale] for scale, _ in tried])
+    density = Gaussian(columns, np.hstack([sizes, others]), at.noise, shares)
+    return np.asarray(sizes[int(np.argmax(log_sum(density.by_noise(residual), 1)))])
+
+
+def _is_beyond_noise(fit: Fit) -> bool:
+    """Return whether it moves the data, each unknown by itself, by more than noise does.
+
+    From where they were linearised: the offsets alone, fitted to the data as recorded.
+    """
+    at, derivatives = fit.linearised, fit.derivatives
+    theta = fit.moved[len(fit.start) : derivatives.shape[1]]
+    unknowns = np.concatenate([fit.offsets - at.offsets[0], theta])
+    return float(np.sqrt(np.mean(derivatives**2, axis=0)) @ np.abs(unknowns)) > at.noise.stated
+
+
+def _step(fit: Fit, predicted: Floats, derivatives: Floats) -> tuple[Fit, float]:
+    """The fit with the linear model of where it stands: prediction (k,), derivatives.
+
+    And how far this moves the prediction, r.m.s. [mm].
+    """
+    hypothesis, (width, end) = fit.hypothesis, (len(fit.start), derivatives.shape[1])
+    theta = fit.moved[width:end]
+    linear = fit.linearised.versions[hypothesis.version] - hypothesis.added - predicted
+    linear += derivatives[:, width:] @ theta
+    columns = np.hstack([derivatives, fit.columns[:, end:]])
+    after = replace(fit, start=fit.offsets, linear=linear, columns=columns)
+    step = after.moved[:end].copy()
+    step[width:] -= theta
+    return after, rms(derivatives @ step)
+
+
+def _settle(fit: Fit) -> Fit:
+    """The fit with what is uncertain of the data as it acts on a machine with these causes."""
+    white, derivatives, width = fit.linearised.white, fit.derivatives, len(fit.start)
+    caused = derivatives[:, width:] @ fit.moved[width : derivatives.shape[1]]
+    if rms(caused) <= STEEP * fit.noise.stated:
+        return fit
+    try:
+        uncertain = white.with_effects(fit.uncertain, *fit.state)
+    except PostureError:
+        return fit
+    if uncertain is fit.uncertain:
+        return fit
+    kept = fit.columns[:, : fit.first_uncertain]
+    columns = np.hstack([kept, white.side_by_side(uncertain)])
+    seen = fit.linearised.shown(uncertain, derivatives[:, :width])
+    return replace(fit, uncertain=uncertain, columns=columns, seen=seen)
+
+
+def _judged(fit: Fit) -> Fit:
+    """The fit with its evidence where it ended, σ, and the causes that it finds.
 
     Of a relabelling only the place at which it was undone.
     """
-    # What stays where it was scored is as likely as its score says.
-    densities = {search: search.by_noise for search in group if search.by_noise is not None}
-    moved = [search for search in group if search not in densities]
-    logs = {search: search.score.log_evidence for search in densities}
-    alone = [search for search in moved if search.score.extra is None and len(search.base) < 2]
-    others = [search for search in moved if search not in alone]
-    for scales, some in ((at.scales, alone), (at.usual, others)):
-        if some:
-            parts = ((search.derivatives, search.base, search.seen) for search in some)
-            columns, bases, seen = zip(*parts, strict=True)
-            density = density_of(at, columns, bases, scales, seen)
-            residuals = np.stack([search.linear + search.added for search in some])[..., None]
-            densities |= zip(some, density.log_density(residuals)[..., 0], strict=True)
-    for search in others:
-        extra = search.score.extra
-        if extra is None:
-            continue
-        placed = at.extras[extra.cause.id]
-        if isinstance(extra.cause, RelabelCause):
-            densities[search] = densities[search] + placed.log_weight[extra.place]
-            continue
-        wrong, price = others_wrong(at, placed, search.score.wrong_readings[:-1])
-        more = np.hstack((search.seen, wrong))
-        density = density_of(at, [search.derivatives], [search.base], at.usual, [more])
-        residual = search.linear + search.added
-        by_noise = density.by_noise(residual) if wrong.size else densities[search][None]
-        blocks = pattern_densities(at, placed, density, residual, by_noise)
-        by_block = [log_sum(log[0] + placed.weights[where], (-2, -1)) for where, log in blocks]
-        densities[search] = log_sum(np.stack(by_block), 0) + price
-    logs |= {
-        search: float(log_sum(densities[search])) + LOG_ALL * bool(search.base) for search in moved
-    }
-    if acting := [search for search in alone if search.base]:
-        causes, columns = zip(*((s.base[0], s.derivatives) for s in acting), strict=True)
-        log_all = [float(log_sum(densities[search])) for search in acting]
-        either = all_or_one(at, causes, columns, [search.linear for search in acting], log_all)
-        logs.update(zip(acting, either, strict=True))
-    return {search: (by_noise, logs[search]) for search, by_noise in densities.items()}
+    hypothesis, at, seen, weight = fit.hypothesis, fit.linearised, fit.seen, 0.0
+    base, extra, data = hypothesis.base, hypothesis.extra, fit.linear + hypothesis.added
+    placed = None if extra is None else hypothesis.at.extras[extra.cause.id]
+    if extra is not None and placed is not None:
+        if placed.patterns is None:
+            weight = placed.log_weight[extra.place]
+        else:
+            wrong, weight = others_wrong(at, placed, hypothesis.wrong_readings[:-1])
+            seen = np.hstack((seen, wrong))
+    scales = at.scales if hypothesis.is_alone else at.usual
+    density = density_of(at, [fit.derivatives], [base], scales, [seen])
+    # By scale and σ if all parameters act, (s, g).
+    if placed is None or placed.patterns is None:
+        log = density.by_noise(data)[0]
+    else:
+        blocks = pattern_densities(at, placed, density, data)
+        log = log_sum(np.stack([log_sum(log[0], (-2, -1)) for _, log in blocks]), 0)
+    evidence = float(log_sum(log))
+    if base and hypothesis.is_alone:
+        (evidence,) = all_or_one(at, base, [fit.derivatives], data, [evidence])
+    elif base:
+        evidence += LOG_ALL
+    return _concluded(fit, log, evidence + weight)
 
 
-class _Search:
-    """An explanation on the way to its best fit."""
-
-    def __init__(self, score: Hypothesis, scale_factor: float | None) -> None:
-        at, self.base, extra = score.at, score.base, score.extra
-        self.version, self.moved = 0, math.inf
-        # What an extra of known size adds, and what one unit of one of unknown size does.
-        self.added, self.free = np.zeros(len(at.white)), np.zeros((len(at.white), 0))
-        free_size = np.zeros(0)
-        if extra is not None:
-            placed, machine = at.extras[extra.cause.id], at.white.machine
-            if isinstance(placed.cause, RelabelCause):
-                self.version = placed.first + placed.tried.index(extra.place)
-            elif extra.theta.size:
-                size = extra.theta * placed.cause.millimetres(machine)
-                self.added = placed.columns(extra.place) @ size
-            else:
-                self.free = placed.columns(extra.place)
-                free_size = extra.cause.prior_std(machine) * max(BLUNDER_SCALES)
-        self.at, self.score, self.derivatives = at, score, at.columns(self.base)
-        self.by_noise = score.by_noise  # as long as it stays where it was scored
-        # A cause of this explanation is not counted as uncertain again.
-        ids = ids_of(*self.base)
-        offsets = at.offsets[self.version]
-        uncertain = at.white.uncertain(offsets) if self.version else at.uncertain
-        self.uncertain = tuple(influence for influence in uncertain if influence.source not in ids)
-        self.carried = at.carried
-        if self.uncertain != at.uncertain:
-            nothing = np.zeros((len(at.white), 0))
-            self.carried = np.hstack(
-                [nothing, *(influence.columns for influence in self.uncertain)]
-            )
-        widths = [influence.columns.shape[1] for influence in self.uncertain]
-        local = np.repeat([influence.local for influence in self.uncertain], widths)
-        # Undone, other offsets fit: what is uncertain of the data acts as with those.
-        self.seen = at.shown(uncertain, at.jacobian) if self.version else at.seen
-        self.width = width = at.offsets.shape[1]
-        own_sizes = self._own_sizes(free_size)
-        self.sizes = np.concatenate([own_sizes, free_size, np.ones(local.size)])
-        ends = np.cumsum([width, *(cause.unknowns for cause in self.base), free_size.size])
-        self.slots = tuple(slice(*pair) for pair in pairwise(ends.tolist()))
-        self.offsets = offsets
-        self.linear = at.residuals[self.version] - self.added
-        self.local = np.flatnonzero(local) + self.derivatives.shape[1] + free_size.size
-        # Few touches cannot tell a local shape from a fault.
-        many = self.local.size >= ENOUGH * width
-        if scale_factor is None and many:
-            columns = np.hstack([self.derivatives, self.free, self.carried])
-            stated = math.hypot(at.noise.stated, math.sqrt(sum(e.rest for e in self.uncertain)))
-            scale_factor = fit_size(columns, self.linear, self.sizes, stated, self.local)
-        self.scale_factor = 1.0 if scale_factor is None else scale_factor
-        self.sizes[self.local] = self.scale_factor
-        # What of a local shape is too fine to be described, and the noise with it [mm², mm].
-        self.rest = self.scale_factor**2 * sum(influence.rest for influence in self.uncertain)
-        self.stated = math.hypot(at.noise.stated, math.sqrt(self.rest))
-        self._solve()
-
-    def _own_sizes(self, beside: Floats) -> Floats:
-        """Plausible sizes of offsets and causes; where a cause leaves them open, the likeliest.
-
-        `beside` is that of an extra of unknown size, shape (1,) or (0,).
-        """
-        at, scale = self.at, self.score.scale
-        choices = max((len(cause.shares) for cause in self.base), default=0)
-        if not choices:
-            return at.sizes(self.base, scale)
-        tried = [(s, n) for s in at.scales for n in range(choices)]
-        sizes = np.stack([at.sizes(self.base, *choice) for choice in tried])
-        rest = np.concatenate([beside, np.ones(self.seen.shape[1])])
-        every = np.hstack([sizes, np.tile(rest, (len(sizes), 1))])
-        shares = np.log([at.scales[s] for s, _ in tried])
-        columns = np.hstack([self.derivatives, self.free, self.seen])
-        density = Gaussian(columns, every, at.noise, shares)
-        residual = at.residuals[self.version] - self.added
-        likeliest = int(np.argmax(log_sum(density.by_noise(residual), 1)))
-        return np.asarray(sizes[likeliest])
-
-    @property
-    def effects(self) -> list[Effect]:
-        """The causes of the base as found so far."""
-        pairs = zip(self.base, self.slots, strict=False)
-        return [cause.at(self.unknowns[slot]) for cause, slot in pairs]
-
-    @property
-    def beyond_noise(self) -> bool:
-        """True if it moves the data, each unknown by itself, by more than noise does.
-
-        From where they were linearised: the offsets alone, fitted to the data as recorded.
-        """
-        theta = self.unknowns[self.width : self.derivatives.shape[1]]
-        unknowns = np.concatenate([self.offsets - self.at.offsets[0], theta])
-        moved = np.sqrt(np.mean(self.derivatives**2, axis=0)) @ np.abs(unknowns)
-        return float(moved) > self.at.noise.stated
-
-    @property
-    def possible(self) -> bool:
-        """True if a machine with its causes can take the postures of the plan."""
-        try:
-            self.at.white.linearised((self.offsets, self.effects))
-        except PostureError:
-            return False
-        return True
-
-    def _solve(self) -> None:
-        # Derivatives of the data by all unknowns, shape (k, q).
-        self.columns = np.hstack([self.derivatives, self.free, self.carried])
-        self.columns.setflags(write=False)
-        self.unknowns, _ = condition(self.columns, self.linear, self.sizes, self.stated)
-        self.offsets = self.offsets + self.unknowns[: self.width]
-
-    def move(self, predicted: Floats, derivatives: Floats) -> float:
-        """Solve with the linear model of where it stands: prediction (k,), derivatives.
-
-        How far this moves the prediction, r.m.s. [mm].
-        """
-        self.derivatives, self.by_noise = derivatives, None
-        theta = self.unknowns[self.width : derivatives.shape[1]]
-        self.linear = self.at.versions[self.version] - self.added - predicted
-        self.linear += derivatives[:, self.width :] @ theta
-        self._solve()
-        step = self.unknowns[: derivatives.shape[1]].copy()
-        step[self.width :] -= theta
-        return rms(derivatives @ step)
-
-    def settle(self) -> None:
-        """Carry what is uncertain of the data as it acts on a machine with these causes."""
-        at, uncertain = self.at, self.uncertain
-        theta = self.unknowns[self.width : self.derivatives.shape[1]]
-        caused = self.derivatives[:, self.width :] @ theta
-        if rms(caused) > STEEP * at.noise.stated and self.possible:
-            self.uncertain = at.white.with_effects(uncertain, self.offsets, self.effects)
-        if self.uncertain is not uncertain:
-            self.by_noise = None
-            self.carried = np.hstack([influence.columns for influence in self.uncertain])
-            self.seen = at.shown(self.uncertain, self.derivatives[:, : self.width])
-            # Once more from where the last step began.
-            self.offsets = self.offsets - self.unknowns[: self.width]
-            self._solve()
-
-    def fitted(self, score: Hypothesis, by_noise: Floats, log_evidence: float) -> Fit:
-        """The fit, of this explanation or of the score of one that also holds an exchange; the rest
-        as `_weighed` gives it."""
-        at, columns, linear = self.at, self.columns, self.linear
-        log = float(log_sum(by_noise))
-        sigma = float(np.sqrt(np.sum(np.exp(by_noise - log) @ at.noise.sigma**2) + self.rest))
-        _, covariance = condition(columns, linear, self.sizes, sigma)
-        centre, sizes, unknowns = np.zeros(len(self.sizes)), self.sizes.copy(), self.unknowns
-        bounds = 0.0
-        for cause, slot in zip(self.base, self.slots, strict=False):
-            named = slice(slot.start, slot.start + len(cause.names))
-            if cause.positive:
-                std = np.sqrt(np.diag(covariance)[named])
-                bounds += float((log_ndtr(unknowns[named] / std) - math.log(0.5)).sum())
-                mean, spread = HALF_NORMAL
-                centre[named], sizes[named] = mean * sizes[named], spread * sizes[named]
-        if np.any(centre):
-            beyond = linear - columns @ centre
-            unknowns = centre + condition(columns, beyond, sizes, self.stated)[0]
-            _, covariance = condition(columns, beyond, sizes, sigma)
-        effects = [
-            Effect(cause, unknowns[slot], covariance=covariance[slot, slot])
-            for cause, slot in zip(self.base, self.slots, strict=False)
-        ]
-        slots = self.slots[: len(effects)]
-        if score.extra is not None:
-            extra, slot = score.extra, self.slots[-1]
-            if slot.start < slot.stop:
-                known = covariance[slot, slot]
-                extra = replace(extra, theta=unknowns[slot], covariance=known)
-            effects.append(extra)
-            slots = (*slots, slot)
-        if any(round(effect.times(at.white.machine)) > LARGEST for effect in effects):
-            log_evidence = -math.inf
-        if score.replanned is not None:
-            log_evidence += score.log_evidence - score.replanned.log_evidence
-        return Fit(
-            at=score.at,
-            white=score.at.white,
-            noise=score.at.noise,
-            log_evidence=log_evidence + bounds,
-            log_positive=bounds,
-            effects=tuple(effects),
-            offsets=self.offsets + (unknowns - self.unknowns)[: self.width],
-            covariance=covariance,
-            slots=slots,
-            linear=linear,
-            columns=columns,
-            centre=centre,
-            sizes=sizes,
-            sigma=sigma,
-            scale_factor=self.scale_factor,
-            uncertain=self.uncertain,
-            remedy=score.remedy,
-        )
+def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
+    """The fit with its evidence and σ, bounds of what is positive, and the causes that it finds."""
+    base, extra, bounds = fit.hypothesis.base, fit.hypothesis.extra, 0.0
+    fit = fit.with_sigma(by_noise)
+    centre, sizes = np.zeros(len(fit.sizes)), fit.sizes.copy()
+    for cause, slot in zip(base, fit.slots, strict=False):
+        named = slice(slot.start, slot.start + len(cause.names))
+        if cause.positive:
+            std = np.sqrt(np.diag(fit.covariance)[named])
+            bounds += float((log_ndtr(fit.moved[named] / std) - math.log(0.5)).sum())
+            mean, spread = HALF_NORMAL
+            centre[named], sizes[named] = mean * sizes[named], spread * sizes[named]
+    if np.any(centre):
+        fit = replace(fit, centre=centre, sizes=sizes).with_sigma(by_noise)
+    unknowns, covariance = centre + fit.moved, fit.covariance
+    effects = [
+        Effect(cause, unknowns[slot], covariance=covariance[slot, slot])
+        for cause, slot in zip(base, fit.slots, strict=False)
+    ]
+    if extra is not None:
+        slot = fit.slots[-1]
+        if slot.start < slot.stop:
+            extra = replace(extra, theta=unknowns[slot], covariance=covariance[slot, slot])
+        effects.append(extra)
+    if any(round(effect.times(fit.white.machine)) > LARGEST for effect in effects):
+        log_evidence = -math.inf
+    log_evidence += bounds
+    return replace(fit, log_evidence=log_evidence, log_positive=bounds, effects=tuple(effects))
 
 
 @dataclass(frozen=True)

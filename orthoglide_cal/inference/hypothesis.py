@@ -10,13 +10,13 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.causes import PatternCause
+from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.causes.record import Misread
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
@@ -26,7 +26,7 @@ from orthoglide_cal.inference.data import Linearised, Placed
 from orthoglide_cal.inference.evidence import Gaussian
 from orthoglide_cal.model.cause import Cause, Effect, Place
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where
+from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where, read_only
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)
@@ -35,6 +35,8 @@ ALL = 0.5
 LOG_ALL, LOG_ONE = math.log(ALL), math.log(1.0 - ALL)
 # A log density this far below another one adds nothing to their sum.
 LOST = 100.0
+# ln weight of what a listed cause makes: all but one in a hundred of such effects have that cause.
+LISTED = math.log(0.01)
 # No more shapes of a pattern count, and none below this share.
 SHAPES, SHARE = 12, 0.01
 # Of wrong readings, each by itself, no more are looked for than a tenth of all, and than so many:
@@ -64,17 +66,32 @@ class Shape(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Something in the readings that no listed cause makes."""
+    """A how at a where, which no listed cause makes; or a listed cause whose shapes are places."""
 
+    at: Linearised
     how: str
     where: Where
     log_prior: float  # ln prior weight
-    columns: Floats  # in v shapes, (n, v, q)
-    chosen: Bools  # which of them show here, (v, q)
-    parameters: Floats | None  # of each shape, (v,)
-    sizes: Floats  # that were tried, (s,) [mm]
-    log_shape: Floats  # log evidence of each shape and size, up to a constant, (v, s)
-    gain: float  # of ln p by the likeliest of them, as it was scored
+    columns: Floats  # of the how at any where, of unit size, in v shapes, (n, v, q) [mm]
+    mover: Ints | None  # number of the mover of each, (q,); None of what is no effect of a mover
+    parameters: Floats | None  # of each shape, (v,): its moment, time constant, or span
+    chosen: Bools  # which columns show here, and show nothing else, (v, q)
+    sizes: Floats  # that are tried, (s,): in standard deviations of a reading, once scored in mm
+    # Once it is scored: ln p of each shape and size up to a constant, (v, s), and by how much the
+    # likeliest of them raised ln p.
+    log_shape: Floats = field(default_factory=lambda: np.zeros((1, 1)))
+    gain: float = 0.0
+
+    @cached_property
+    def log_share(self) -> Floats:
+        """ln weight of each shape, (v,): less if a listed cause makes it at a gauge."""
+        log, columns = np.zeros(len(self.chosen)), self.chosen.any(axis=0)
+        if self.mover is not None and len(np.unique(self.mover[columns])) == 1:
+            shapes = np.flatnonzero(self.chosen.any(axis=1))
+            some = self.columns[:, shapes][:, :, columns]
+            shown = self.at.white.matrix @ some.reshape(len(some), -1)
+            log[shapes] = LISTED * self.at.lists(shown.reshape(-1, *some.shape[1:]))
+        return log
 
     @cached_property
     def shapes(self) -> list[Shape]:
@@ -104,14 +121,12 @@ class Hypothesis:
     base: tuple[Cause, ...] = ()  # its causes with many parameters
     scale: float = 1.0  # of their sizes, the likeliest one
     extra: Effect | None = None  # its cause at one place, if any; without parameters of any value
-    # Where the extra is an exchange that the data cannot undo, the score of the base under the plan
-    # of what was really read.
-    replanned: Hypothesis | None = None
+    # Where the extra is an exchange that the data cannot undo, the linear model under the plan of
+    # what was really read.
+    replanned: Linearised | None = None
     # Shares of the extra's sizes and places, in the order of `Placed.numbered`; None without
     # others.
     by_place: Floats | None = None
-    # Log density for each scale and σ if all parameters act, shape (s, g); None with an extra.
-    by_noise: Floats | None = None
     # On equal terms with the causes: where one wins, the data hold something real that no listed
     # cause explains, and its size goes into the uncertainty.
     patterns: tuple[Pattern, ...] = ()
@@ -126,6 +141,33 @@ class Hypothesis:
         """ln prior weight."""
         listed = self.at.candidates.log_prior[self.ids] if self.ids or not self.patterns else 0.0
         return listed + sum(pattern.log_prior for pattern in self.patterns)
+
+    @property
+    def linearised(self) -> Linearised:
+        """The linear model that it was scored with, and its fit begins with."""
+        return self.replanned or self.at
+
+    @property
+    def is_alone(self) -> bool:
+        """True of one cause with many parameters, or none: no other fault limits its size."""
+        return len(self.base) < 2 and (self.extra is None or self.replanned is not None)
+
+    @cached_property
+    def version(self) -> int:
+        """Number of the version of the data that it explains."""
+        if self.extra is None or self.replanned or not isinstance(self.extra.cause, RelabelCause):
+            return 0
+        placed = self.at.extras[self.extra.cause.id]
+        return placed.first + placed.tried.index(self.extra.place)
+
+    @cached_property
+    def added(self) -> Floats:
+        """What an extra of known size adds to the data, shape (k,) [mm]."""
+        extra = self.extra
+        if extra is None or not extra.theta.size or not isinstance(extra.cause, PatternCause):
+            return read_only(np.zeros(len(self.at.white)))
+        size = extra.theta * extra.cause.millimetres(self.at.white.machine)
+        return read_only(self.at.extras[extra.cause.id].columns(extra.place) @ size)
 
     @property
     def wrong_readings(self) -> Place:
@@ -197,7 +239,7 @@ def score_all(at: Linearised) -> dict[Ids, Hypothesis]:
                 if ids not in scores or log > scores[ids].log_evidence:
                     extra = cause.at(np.zeros(0), place)
                     scores[ids] = replace(
-                        score, at=at, log_evidence=log, extra=extra, replanned=score
+                        score, at=at, log_evidence=log, extra=extra, replanned=under
                     )
     return scores | _wrong(at, scores)
 
@@ -252,7 +294,7 @@ def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
 
 def _further(at: Linearised, score: Hypothesis, others: Place) -> Hypothesis:
     """The score with these readings wrong, and one more, which may be any."""
-    base, residual = score.base, at.residuals[0]
+    base = score.base
     assert score.extra is not None
     placed = at.extras[score.extra.cause.id]
     cause = placed.cause
@@ -260,10 +302,9 @@ def _further(at: Linearised, score: Hypothesis, others: Place) -> Hypothesis:
     wrong, price = others_wrong(at, placed, others)
     seen = [np.hstack((at.seen, wrong))]
     density = density_of(at, [at.columns(base)], [base], at.usual, seen)
-    by_noise = density.by_noise(residual)
     by_place = np.full((len(at.usual), len(placed.tried)), -math.inf)
-    for where, log in pattern_densities(at, placed, density, residual, by_noise):
-        by_place[:, where] = log_sum(log[0], (1, 2)) + placed.weights[where]
+    for where, log in pattern_densities(at, placed, density, at.residuals[0]):
+        by_place[:, where] = log_sum(log[0], (1, 2))
     by_place[:, list(others)] = -math.inf
     log_evidence = float(log_sum(by_place)) + price + (LOG_ALL if base else 0.0)
     scale, number = (int(k) for k in np.unravel_index(by_place.argmax(), by_place.shape))
@@ -297,8 +338,7 @@ def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
         scores |= _alone(at, bases[some], density.by_noise(residual))
     for some in _together(at, broad):
         log_all = [scores[(cause.id,)].log_evidence for cause in broad[some]]
-        residuals = [residual] * len(log_all)
-        means = all_or_one(at, broad[some], columns[1:][some], residuals, log_all)
+        means = all_or_one(at, broad[some], columns[1:][some], residual, log_all)
         for cause, mean in zip(broad[some], means, strict=True):
             scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
     for some in _together(at, bases):
@@ -322,11 +362,8 @@ def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Hypothesis]:
     """Scores of bases without an extra, from the log density for each, scale and σ, (b, s, g)."""
     by_scale = log_sum(log, 2)
     scales = np.array(list(at.scales))[by_scale.argmax(axis=1)]
-    rows = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), log, strict=True)
-    return {
-        ids_of(*base): Hypothesis(at, value, base, scale, by_noise=by_noise)
-        for base, value, scale, by_noise in rows
-    }
+    rows = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), strict=True)
+    return {ids_of(*base): Hypothesis(at, value, base, scale) for base, value, scale in rows}
 
 
 def density_of(
@@ -365,7 +402,7 @@ def all_or_one(
     at: Linearised,
     causes: Sequence[Cause],
     columns: Sequence[Floats],
-    residuals: Sequence[Floats],
+    residual: Floats,
     log_all: Sequence[float],
 ) -> list[float]:
     """Log evidence of causes of which all parameters act, or any one of them.
@@ -373,7 +410,7 @@ def all_or_one(
     Args:
         at, causes: the linear model, and which of its causes.
         columns: derivatives by the offsets and the parameters of each, shape (k, 3 + p).
-        residuals: data minus the model without the cause, shape (k,) [mm].
+        residual: data minus the model without the cause, shape (k,) [mm].
         log_all: log evidence if all its parameters act.
     """
     width = at.jacobian.shape[1]
@@ -390,9 +427,8 @@ def all_or_one(
     sizes = np.ones((len(tried), others.shape[-1]))
     sizes[:, always:] = tried
     density = Gaussian(others, sizes, at.noise, np.log(list(at.scales.values())))
-    data = np.stack(residuals)
-    log = of_any_size(*density.against(density.overlap(ones, data), data), tried[:, None] ** 2)
-    log += density.log_density(data[..., None])
+    one = density.against(density.overlap(ones, residual), residual)
+    log = of_any_size(*one, tried[:, None] ** 2) + density.by_noise(residual)[..., None]
     by_one = log_sum(log, (1, 2))
     return [
         float(np.logaddexp(log + LOG_ALL, log_mean(row[: len(cause.names)]) + LOG_ONE))
@@ -408,15 +444,14 @@ def _at_best_place(
     sizes = 1
     if isinstance(cause, PatternCause):
         sizes = len(cause.counts or BLUNDER_SCALES)
-        by_noise = density.by_noise(at.residuals[0])
-        logs = pattern_densities(at, placed, density, at.residuals[0], by_noise)
+        logs = pattern_densities(at, placed, density, at.residuals[0])
     else:
-        undone = at.residuals[placed.first : placed.first + places]
-        logs = iter([(np.arange(places), density.log_density(undone.T)[..., None, :])])
+        undone = density.log_density(at.residuals[placed.first : placed.first + places].T)
+        logs = iter([(np.arange(places), undone[..., None, :] + placed.weights)])
     by_place = np.full((len(bases), sizes, places), -math.inf)
     likeliest = np.zeros(by_place.shape, dtype=np.int8)  # among the scales
     for chosen, log in logs:
-        by_scale = log_sum(log, 2) + placed.weights[chosen]
+        by_scale = log_sum(log, 2)
         by_place[..., chosen] = log_sum(by_scale, 1)
         likeliest[..., chosen] = by_scale.argmax(axis=1)
     every = by_place.reshape(len(bases), -1)
@@ -438,20 +473,21 @@ def _at_best_place(
 
 
 def pattern_densities(
-    at: Linearised, placed: Placed, density: Gaussian, residual: Floats, by_noise: Floats
+    at: Linearised, placed: Placed, density: Gaussian, residual: Floats
 ) -> Iterator[tuple[Ints, Floats]]:
     """`pattern_density` of a cause's places, some at a time: which, and (..., s, g, sizes, places).
 
-    Of sizes that are whole numbers not the places that add nothing to the likeliest one.
+    With the weight of each place. Of sizes that are whole numbers not the places that add nothing
+    to the likeliest one.
 
     Args:
         at, placed, density: the model, the cause, and what it acts on.
-        residual, by_noise: of the data (k,) [mm] or (..., k), and their log density, (..., s, g).
+        residual: of the data, shape (k,) [mm] or (..., k).
     """
     cause, machine = placed.cause, at.white.machine
     if not isinstance(cause, PatternCause) or placed.patterns is None:
         return
-    every = density.overlap(placed.patterns, residual)
+    every, by_noise = density.overlap(placed.patterns, residual), density.by_noise(residual)
     some = max(AT_ONCE // (by_noise.size * len(cause.counts or BLUNDER_SCALES)), 1)
     most = np.full(by_noise.shape[:-2], -math.inf)
     for start in range(0, len(placed.tried), some):
@@ -466,7 +502,9 @@ def pattern_densities(
             most = np.maximum(most, log.max(axis=-1))
             counts = (log >= most[..., None] - LOST).reshape(-1, len(chosen)).any(axis=0)
             chosen, power, match = chosen[counts], power[..., counts], match[..., counts]
-        yield chosen, pattern_density(machine, cause, power, match, by_noise)
+        log = pattern_density(machine, cause, power, match, by_noise)
+        log += placed.weights[chosen]
+        yield chosen, log
 
 
 def pattern_density(

@@ -150,7 +150,7 @@ def _errors(
         lasting = [effect for effect in effects if effect.cause.lasting]
         extended = replace(problem, model=problem.model.extended(lasting))
         offsets = fit_offsets(extended, later.data).offsets_mm
-    then = replace(fit, offsets=offsets, effects=effects)
+    then = replace(fit, start=offsets - fit.moved[: offsets.size], effects=effects)
     mean, slopes, root = expect(then, problem.model, later.plan)
     jacobian, (spread, known) = later.matrix @ slopes, np.split(root, [len(mean)])
     shared = later.matrix @ spread - jacobian[:, :free] @ known[:free]

@@ -16,7 +16,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from orthoglide_cal.estimation.gaussian import log_density, log_mean, log_sum
+from orthoglide_cal.estimation.gaussian import log_mean, log_sum, whiten
 from orthoglide_cal.estimation.losses import (
     FALSE_RELEASE,
     MISSED_FAULT,
@@ -25,6 +25,7 @@ from orthoglide_cal.estimation.losses import (
 )
 from orthoglide_cal.inference.belief import probabilities
 from orthoglide_cal.inference.decision import state
+from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.plan import Floats, ReadOnly
 from orthoglide_cal.words import MM_PER_INCH
 
@@ -61,13 +62,14 @@ class Response(ReadOnly):
     moved: Floats  # what the axes moved by, shape (3,) [mm]
     free: Floats  # columns of what is free about it, of size 1, shape (3, q) [mm]
 
-    def log_weight(self, moved: Floats, covariances: Floats, log_noise: Floats) -> float:
-        """ln of prior times evidence; arguments as of `decide_response`."""
-        spread = np.diag((STANDS * self.moved) ** 2) + np.multiply.outer(
-            SIZES**2, self.free @ self.free.T
-        )
-        log = log_density(spread[:, None] + covariances, (moved - self.moved)[:, None])[..., 0]
-        return log_mean(log + log_noise) + math.log(self.share * PRIOR[self.behaviour])
+    def log_weight(self, moved: Floats, unit_covariance: Floats, noise: NoiseGrid) -> float:
+        """ln of prior times evidence; arguments as of `decide_response`, and σ with its weights."""
+        stands = np.diag(STANDS * self.moved)
+        left, *columns = whiten(unit_covariance, moved - self.moved, stands, self.free)
+        sizes = np.repeat(SIZES[:, None], len(moved) + self.free.shape[1], axis=1)
+        sizes[:, : len(moved)] = 1.0
+        log = Gaussian(np.hstack(columns), sizes, noise).by_noise(left)
+        return log_mean(log) + math.log(self.share * PRIOR[self.behaviour])
 
     def otherwise(self, applied: Floats) -> list[bool]:
         """True of each axis that did something else than was applied, shape (3,) [mm]."""
@@ -106,17 +108,17 @@ def decide_response(
     """The statement of least expected loss about a correction, and its likeliest hypothesis.
 
     Args:
-        found: what the axes moved by, from least squares, shape (3,) [mm].
+        moved: what the axes moved by, from least squares, shape (3,) [mm].
         unit_covariance: of it for unit variance of one reading, shape (3, 3).
         square, spare: what no movement of the axes explains [mm²], and its degrees of freedom.
         noise_mm: standard deviation of one reading, as stated.
         applied: what was entered, shape (3,) [mm], not all zero.
     """
     variance = (noise_mm * NOISE) ** 2
-    covariances = variance[:, None, None] * unit_covariance
     log_noise = -0.5 * (spare * np.log(variance) + square / variance)
+    noise = NoiseGrid(noise_mm * NOISE, log_noise)
     weighed = [
-        (response.log_weight(moved, covariances, log_noise), response)
+        (response.log_weight(moved, unit_covariance, noise), response)
         for response in responses(applied)
     ]
     weights: dict[Behaviour, list[float]] = {}

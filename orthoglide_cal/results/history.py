@@ -40,7 +40,7 @@ from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.decision import Decision, state
 from orthoglide_cal.inference.diagnose import decided, refuted_later
-from orthoglide_cal.inference.fit import Fit, fit_explanations
+from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Estimate
@@ -210,7 +210,7 @@ class _DiagnosedSession:
         """
         shares = self.by_lasting[standing]
         kept = {ids: p for ids, p in shares.items() if p >= DISMISSED * max(shares.values())}
-        fits = self.belief.fit_all([*kept])
+        fits = [*map(self.belief.fit, kept)]
         if causes:
             fits = _fit_with(causes, [self.belief.hypotheses[ids] for ids in kept], scale)
         weights = np.array([*kept.values()]) / sum(kept.values())
@@ -273,19 +273,19 @@ def _fit_with(
 ) -> list[Fit]:
     """Fits of hypotheses with these lasting causes in place of their own, of sizes so scaled."""
 
-    def with_causes(hypothesis: Hypothesis) -> Hypothesis:
-        at = hypothesis.at
-        base = (*causes, *(cause for cause in hypothesis.base if not cause.lasting))
-        if lacking := tuple(cause for cause in causes if cause.id not in at.jacobians):
-            # Its readings alone say nothing of these.
-            broad = (*at.candidates.broad, *lacking)
-            at = Linearised.of(at.white, replace(at.candidates, broad=broad))
-        replanned = hypothesis.replanned and with_causes(hypothesis.replanned)
-        return replace(
-            hypothesis, at=at, base=base, scale=scale, replanned=replanned, by_noise=None
-        )
+    def listing(at: Linearised) -> Linearised:
+        """The linear model with those of which its readings alone say nothing."""
+        lacking = tuple(cause for cause in causes if cause.id not in at.jacobians)
+        broad = (*at.candidates.broad, *lacking)
+        return Linearised.of(at.white, replace(at.candidates, broad=broad)) if lacking else at
 
-    return fit_explanations([with_causes(hypothesis) for hypothesis in hypotheses])
+    def with_causes(hypothesis: Hypothesis) -> Hypothesis:
+        base = (*causes, *(cause for cause in hypothesis.base if not cause.lasting))
+        replanned = hypothesis.replanned and listing(hypothesis.replanned)
+        at = listing(hypothesis.at)
+        return replace(hypothesis, at=at, base=base, scale=scale, replanned=replanned)
+
+    return [fit_hypothesis(with_causes(hypothesis)) for hypothesis in hypotheses]
 
 
 def _standing(sessions: Sequence[_DiagnosedSession]) -> list[Ids]:

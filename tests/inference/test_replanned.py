@@ -8,7 +8,7 @@ from orthoglide_cal.inference import data, diagnose
 from orthoglide_cal.inference.candidates import Candidates
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.decision import decide
-from orthoglide_cal.inference.fit import fit_explanations
+from orthoglide_cal.inference.fit import fit_hypothesis
 from orthoglide_cal.inference.hypothesis import score_all
 from tests import truth
 from tests.inference.sessions import ids, known
@@ -72,11 +72,11 @@ def test_where_nothing_is_missing_it_is_as_undoing_it_in_the_data(
     candidates = Candidates.of(model, ordered=True)
     score = score_all(Linearised.of(white, candidates))[("swapped_gauges",)]
     assert score.replanned is None
-    (undone,) = fit_explanations([score])
+    undone = fit_hypothesis(score)
     monkeypatch.setattr(type(SWAP), "reversible", lambda *_: False)
     data.places_of.cache_clear()
     other = score_all(Linearised.of(white, candidates))[("swapped_gauges",)]
-    (under,) = fit_explanations([other])
+    under = fit_hypothesis(other)
     assert other.replanned is not None
     assert other.extra.place == score.extra.place
     assert [effect.cause for effect in under.effects] == [SWAP]

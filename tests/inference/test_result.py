@@ -12,7 +12,7 @@ from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.decision import decide
 from orthoglide_cal.inference.fit import Fit
-from orthoglide_cal.inference.patterns import HOWS
+from orthoglide_cal.inference.patterns import PLANNED
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import simulate
@@ -45,7 +45,7 @@ def test_every_explanation_is_held_once(named: Diagnosis) -> None:
     patterns = [each for each in named.explanations if each.pattern is not None]
     # Every how but of a temperature, which was not recorded.
     hows = {str(each.pattern).partition(" ")[0] for each in patterns}
-    assert hows == {*HOWS, "scatters"} - {"temperature"}
+    assert hows == {*PLANNED, "hysteresis", "scatters"}
     assert all(each.ids == () for each in patterns)
 
 
@@ -126,7 +126,7 @@ def test_open_explanations_are_optima_and_the_offsets_their_mean() -> None:
         (share, fit), *others = found.left_open
         assert (found.verdict is Verdict.UNEXPLAINED) == (name == "unexplained")
         assert name != "unexplained" or (share, fit.effects, others) == (1.0, (), [])
-        moved = [replace(fit, offsets=fit.offsets + np.sqrt(np.diag(fit.covariance)[:3]))]
+        moved = [replace(fit, start=fit.start + np.sqrt(np.diag(fit.covariance)[:3]))]
         for effect in fit.effects:
             wide = 1.0 if effect.covariance is None else np.sqrt(np.diag(effect.covariance))
             other = replace(effect, theta=effect.theta + 2.0 * wide)
