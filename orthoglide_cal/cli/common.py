@@ -252,7 +252,8 @@ def read_input(
     def completed(one: Input) -> Input:
         """With where it is recorded, what its owner wrote, and what was ruled out."""
         model = replace(one.model, ruled_out=ruled_out) if ruled_out else one.model
-        if keeper:
+        # The machine of many files stays one: what is worked out of it is theirs, too.
+        if keeper and keeper.model.machine is not model.machine:
             model = replace(model, machine=model.machine.with_papers(keeper.model.machine))
         return replace(one, keeper=keeper, model=model)
 

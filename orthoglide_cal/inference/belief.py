@@ -161,7 +161,7 @@ class Belief:
         return {ids: evidence[ids] + scored.log_prior for ids, scored in by_ids}
 
     @cached_property
-    def _probabilities(self) -> Mapping[Ids | str, float]:
+    def probability(self) -> Mapping[Ids | str, float]:
         """Probability of each set of listed causes and each pattern, the most probable first."""
         patterns = self.patterns.items()
         beyond = {label: weight_of(scored) for label, scored in patterns}
@@ -170,12 +170,12 @@ class Belief:
     @cached_property
     def listed(self) -> Mapping[Ids, float]:
         """Probability of each set of listed causes, the most probable first."""
-        return {key: p for key, p in self._probabilities.items() if isinstance(key, tuple)}
+        return {key: p for key, p in self.probability.items() if isinstance(key, tuple)}
 
     @cached_property
     def unlisted(self) -> Mapping[str, float]:
         """Probability of each pattern beyond the list, by its label."""
-        return {key: p for key, p in self._probabilities.items() if isinstance(key, str)}
+        return {key: p for key, p in self.probability.items() if isinstance(key, str)}
 
     @cached_property
     def nothing(self) -> float:
