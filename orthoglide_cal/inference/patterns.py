@@ -223,7 +223,7 @@ class Tried:
 
 def tried(at: Linearised, course: Course) -> list[Tried]:
     """Every how at every where."""
-    wheres, selected, _ = _wheres(course.plan, course.ordered)
+    wheres, selected, _ = _wheres(course.plan.steps, course.ordered)
     hows = [how for how in HOWS if course.ordered or how in UNORDERED]
     share = math.log(UNLISTED / (len(hows) + 1) / len(wheres))
     every = []
@@ -231,7 +231,8 @@ def tried(at: Linearised, course: Course) -> list[Tried]:
         if how in MEASURED or not course.ordered:
             made, chosen = _made(at.white.matrix, course, how)
         else:
-            made, chosen = _made_of_plan(course.plan, course.fine, how)
+            plan = course.plan if how in PASSING else course.plan.steps
+            made, chosen = _made_of_plan(plan, course.fine, how)
         every.append((how, made, chosen, SIZES))
     # More noise is no column: the readings that have it.
     several, columns = selected.sum(axis=1) > 2, selected.T[:, None].astype(np.float64)
@@ -266,12 +267,14 @@ def _made_of_plan(plan: Plan, fine: bool, how: str) -> tuple[Made, Bools]:
 
 def _made(matrix: Reduction, course: Course, how: str) -> tuple[Made, Bools]:
     """Columns of a how, and which of them show at each where and at no narrower, (w, v, q)."""
-    made, (wheres, selected, covered) = HOWS[how](course), _wheres(course.plan, course.ordered)
+    made = HOWS[how](course)
+    wheres, selected, covered = _wheres(course.plan.steps, course.ordered)
     n, v, q = made.columns.shape
     if not 0 < q <= MOST_COLUMNS:
         return made, np.zeros((len(wheres), v, q), np.bool_)
-    flat = made.columns.reshape(n, -1)
-    square = [((matrix @ made.columns[:, k]) ** 2).sum(axis=0) for k in range(v)]
+    flat, some = made.columns.reshape(n, -1), max(AT_ONCE // n, 1)
+    parts = (flat[:, start : start + some] for start in range(0, v * q, some))
+    square = [((matrix @ part) ** 2).sum(axis=0) for part in parts]
     shows = np.concatenate(square) * SIZES[-1] ** 2 > 1.0
     # Of each where those columns of which it holds all readings, of the largest movers.
     outside = (~selected).astype(np.float64) @ (flat != 0.0)

@@ -45,8 +45,7 @@ class Geometry(ReadOnly):
 
         Errors, and what `strict` means, as of `trilaterate`.
         """
-        centres = components(self.carriages(joints), 2)
-        return behind_batch(trilaterate(centres, components(self.lengths, 1), strict), 1)
+        return behind_batch(Points.of(self, joints[..., None, :], strict).tool, 1)[0]
 
     def joints_for(self, tool: Numbers) -> Numbers:
         """Inverse kinematics: true joint positions q (..., 3) that put the tool at p (..., 3) [mm].

@@ -554,8 +554,9 @@ def single_posture(machine: Orthoglide, cycles: int = 1, closing: bool = False) 
     return plan_of(readings)
 
 
+@functools.lru_cache(maxsize=8)
 def reduction(
-    kind: DataKind, differences: Sequence[Difference], machine: Machine, plan: Plan
+    kind: DataKind, differences: tuple[Difference, ...], machine: Machine, plan: Plan
 ) -> Floats:
     """R, shape (k, n), so that R·readings are these differences, of the machine as it was found.
 
@@ -584,7 +585,7 @@ def reduction(
             for mask, sign in ((minuend, 1.0), (subtrahend, -1.0)):
                 chosen = mask & (plan.setup == setup)
                 row[chosen] = sign / (chosen.sum() * both.size)
-    return matrix
+    return read_only(matrix)
 
 
 def ideal_plan(kind: DataKind, machine: Machine) -> GaugePlan:
