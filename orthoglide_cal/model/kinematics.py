@@ -178,11 +178,10 @@ def behind_batch(values: Numbers, axes: int) -> Numbers:
 
 def _cross(a: Numbers, b: Numbers) -> Numbers:
     """Cross product over the first axis, (3, ...)."""
-    product = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.multiply(a[j], b[k], out=product[i, ...])
-        product[i] -= a[k] * b[j]
-    return product
+    a, b = (np.concatenate((vector, vector[:2])) for vector in (a, b))
+    product = a[1:4] * b[2:5]
+    product -= a[2:5] * b[1:4]
+    return np.asarray(product)
 
 
 def _dot(a: Numbers, b: Numbers) -> Numbers:
