@@ -267,6 +267,7 @@ def require_printer(source: Source, data: Data) -> None:
         raise UsageError(fault, "Leave it out.")
 
 
+@functools.cache
 def own_machine_file(machine_file: Path | None) -> StoredMachine:
     """The machine file of --machine or of this folder, in which what was entered is recorded.
 
@@ -341,7 +342,7 @@ def folder_machine() -> Model:
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    for read in (read_machine_file, _file_in_folder, folder_machine):
+    for read in (read_machine_file, own_machine_file, _file_in_folder, folder_machine):
         read.cache_clear()
 
 

@@ -169,10 +169,9 @@ def readings_of(
         for row in rows
     ]
     hours = np.where(timed, minutes, order * _MINUTES_PER_READING) / 60.0
-    plan = replace(plan_of(planned), order=order, hours=hours)
-    ordered = timed or first.seq is not None
-    setup = number_setups(plan.places, gauge, in_time.tolist(), ordered=ordered)
-    plan = replace(plan, setup=setup)
+    ordered, places = timed or first.seq is not None, [reading.place for reading in planned]
+    setup = number_setups(places, gauge, in_time.tolist(), ordered=ordered)
+    plan = plan_of(planned, order=order, hours=hours, setup=setup)
     cycle = [row.cycle or 1 for row in rows] if first.cycle is not None else plan.cycles
     warm = [math.nan if row.temperature_c is None else row.temperature_c for row in rows]
     return Readings(

@@ -242,7 +242,8 @@ class Gaussian:
         if isinstance(columns, Places):
             leading = np.broadcast_shapes(values.shape[:-1], ours.shape[:-1])
             both = [np.broadcast_to(part, (*leading, part.shape[-1])) for part in (values, ours)]
-            products, along = map(columns.products, (np.concatenate(both, axis=-1), axes))
+            products = columns.products(np.concatenate(both, axis=-1))
+            along = columns.products(axes) if axes.size else np.zeros((0, len(columns)))
             return Overlap(columns.power, products[..., 0, :], products[..., 1:, :], along)
         match, inside = (np.swapaxes(one, -1, -2) @ columns for one in (values, ours))
         return Overlap((columns**2).sum(axis=-2), match[..., 0, :], inside, axes.T @ columns)

@@ -480,9 +480,18 @@ class PlannedReading(NamedTuple):
     turned: bool = False
     entered: tuple[float, float, float] = (0.0, 0.0, 0.0)  # mm
 
+    @property
+    def place(self) -> tuple[float, ...]:
+        """Where its gauge stands, as in `GaugePlan.places`."""
+        at = self.gauge_at if self.contact == Contact.FIXED else -1.0
+        return self.part, self.leg, self.direction, at, self.turned
 
-def plan_of(readings: Sequence[PlannedReading]) -> GaugePlan:
-    """The plan of readings in time order; one set-up for each of its `places`."""
+
+def plan_of(readings: Sequence[PlannedReading], **known: Numbers) -> GaugePlan:
+    """The plan of readings in time order, with one set-up for each of its `places`.
+
+    Order, hours and set-ups (n,) are those that are `known` instead.
+    """
     given = {
         name: np.array([getattr(reading, name) for reading in readings])
         for name in PlannedReading._fields
@@ -490,9 +499,10 @@ def plan_of(readings: Sequence[PlannedReading]) -> GaugePlan:
     hours, entered = given.pop("minutes") / 60.0, given.pop("entered").reshape(-1, 3)
     order, at = np.arange(len(readings)), given["contact"] == Contact.TOOL
     given["gauge_at"] = np.where(given["contact"] == Contact.FIXED, given["gauge_at"], at)
-    plan = GaugePlan(**given, order=order, hours=hours, entered=entered, setup=np.zeros_like(order))
-    setup = np.unique(np.reshape(plan.places, (-1, 5)), axis=0, return_inverse=True)[1]
-    return replace(plan, setup=setup.reshape(-1))
+    if "setup" not in known:
+        places = np.reshape([reading.place for reading in readings], (-1, 5))
+        known["setup"] = np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
+    return GaugePlan(**{**given, "order": order, "hours": hours, "entered": entered, **known})
 
 
 def double_posture(

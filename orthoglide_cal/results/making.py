@@ -386,6 +386,7 @@ def _residuals(
         in_time, (rows, first) = measured.plan.in_time, measured.plan.sequence
         moved[rows] = np.where(first, np.nan, np.diff(measured.value[rows], prepend=0.0))
     order, weight = (np.argsort(in_time, kind="stable") + 1).tolist(), measured.weight.tolist()
+    travel = [None if math.isnan(way) else way for way in moved.tolist()]
     for k, (value, modelled, explained) in enumerate(values):
         if isinstance(measured, Differences):
             which = measured.which[k]
@@ -394,9 +395,10 @@ def _residuals(
         else:
             place = {"cycle": int(measured.cycle[k]), "weight": weight[k]}
             place |= {"posture": measured.posture[k] or None, **measured.plan.entry(k)}
-            recorded = {"moved_mm": moved[k], "temperature_c": measured.temperature[k]}
-            place |= {name: known for name, known in recorded.items() if np.isfinite(known)}
+            warm = float(measured.temperature[k])
             place |= {
+                "moved_mm": travel[k],
+                "temperature_c": None if math.isnan(warm) else warm,
                 "minutes": 60.0 * measured.plan.hours[k],
                 "pattern_mm": [one.effect_mm[k] for one in patterns],
                 "pattern_expanded_mm": [one.effect_expanded_mm[k] for one in patterns],
