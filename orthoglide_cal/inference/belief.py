@@ -156,9 +156,8 @@ class Belief:
     @cached_property
     def log_weight(self) -> Mapping[Ids, float]:
         """ln of prior times evidence of each set of causes."""
-        by_ids = self.hypotheses.items()
-        evidence = {ids: self.fits.get(ids, scored).log_evidence for ids, scored in by_ids}
-        return {ids: evidence[ids] + scored.log_prior for ids, scored in by_ids}
+        prior, by_ids = self.at.candidates.log_prior, self.hypotheses.items()
+        return {ids: self.fits.get(ids, one).log_evidence + prior[ids] for ids, one in by_ids}
 
     @cached_property
     def probability(self) -> Mapping[Ids | str, float]:
