@@ -39,6 +39,7 @@ from orthoglide_cal.inference.result import (
     Verdict,
 )
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Estimate, Place
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -166,7 +167,7 @@ def diagnose(
             beyond_tolerance=tuple(
                 TimesStated(id=id, times=times) for id, times in decision.beyond_tolerance
             ),
-            assumed_sizes=_assumed_sizes(decision),
+            assumed_sizes=_assumed_sizes(decision, model.machine),
             notes=(*_notes(decision, measured), *notes, *_of_local_shape(decision)),
         )
 
@@ -303,7 +304,8 @@ def _explanations(decision: Decision) -> tuple[Explanation, ...]:
     sound = WORTH_SAYING * (decision.verdict in (Verdict.CONSISTENT, Verdict.NAMED))
     for key, probability in belief.probability.items():
         ids, pattern = (key, None) if isinstance(key, tuple) else ((), key)
-        values, fit = {"ids": ids, "pattern": pattern, "probability": probability}, fits.get(ids)
+        values: dict[str, object] = {"ids": ids, "pattern": pattern, "probability": probability}
+        fit = fits.get(ids)
         if fit is not None and pattern is None:
             std = np.sqrt(np.diag(fit.offsets_covariance))
             values |= {
@@ -317,8 +319,8 @@ def _explanations(decision: Decision) -> tuple[Explanation, ...]:
     return tuple(explanations)
 
 
-def _assumed_sizes(decision: Decision) -> tuple[AssumedSize, ...]:
-    machine = decision.belief.at.white.machine
+def _assumed_sizes(decision: Decision, machine: Machine) -> tuple[AssumedSize, ...]:
+    """Plausible sizes of the causes that were tried and of which the machine file states none."""
     tried = {id for ids in decision.belief.hypotheses for id in ids}
     return tuple(
         AssumedSize(id=id, size=cause.size(machine), unit=cause.unit)

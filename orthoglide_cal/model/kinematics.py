@@ -45,7 +45,7 @@ class Geometry(ReadOnly):
 
         Errors, and what `strict` means, as of `trilaterate`.
         """
-        return behind_batch(Points.of(self, joints[..., None, :], strict).tool, 1)[0]
+        return np.asarray(behind_batch(Points.of(self, joints[..., None, :], strict).tool, 1)[0])
 
     def joints_for(self, tool: Numbers) -> Numbers:
         """Inverse kinematics: true joint positions q (..., 3) that put the tool at p (..., 3) [mm].
