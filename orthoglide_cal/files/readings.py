@@ -29,7 +29,7 @@ from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
-from orthoglide_cal.model.orthoglide import Orthoglide, PlannedReading, plan_of
+from orthoglide_cal.model.orthoglide import Orthoglide, PlannedReading, plan_of, planned_readings
 from orthoglide_cal.model.plan import known_plan
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, number_setups
 from orthoglide_cal.schema import Moment, Positive, Reason, Schema, parse_number
@@ -209,7 +209,8 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
     """
     plan, gauges = GaugePlan.require(readings.plan), readings.gauge
     seq, minutes = (np.argsort(plan.in_time) + 1).tolist(), (plan.hours * 60.0).tolist()
-    understood = number_setups(plan.places, gauges, plan.in_time.tolist(), ordered=True)
+    places = [planned.place for planned in planned_readings(plan)]
+    understood = number_setups(places, gauges, plan.in_time.tolist(), ordered=True)
     pairs = set(zip(understood.tolist(), plan.setup.tolist(), strict=True))
     if not len(pairs) == len(set(understood.tolist())) == plan.setups:
         gauges = tuple(f"set-up {number + 1}" for number in plan.setup.tolist())

@@ -36,10 +36,6 @@ class Geometry(ReadOnly):
     directions: Numbers  # u_i, unit vectors, shape (..., 3, 3), row i for rail i
     lengths: Numbers  # L_i, shape (..., 3) [mm]
 
-    def carriages(self, joints: Numbers) -> Numbers:
-        """Carriage centres b_i for true joint positions (..., 3) → (..., 3, 3), row per leg."""
-        return np.asarray(self.points + joints[..., None] * self.directions)
-
     def tool_for(self, joints: Numbers, strict: bool = True) -> Numbers:
         """Direct kinematics: p (..., 3) [mm] for true joint positions (..., 3) [mm].
 

@@ -482,13 +482,17 @@ class PlannedReading(NamedTuple):
 
     @property
     def place(self) -> tuple[float, ...]:
-        """Where its gauge stands, as in `GaugePlan.places`."""
+        """Where its gauge stands: (part, leg, direction, place along the leg, bar turned).
+
+        Both ends of a leg share a zero, so the end is no part of it. No plunger stays where it
+        was while its bar is turned.
+        """
         at = self.gauge_at if self.contact == Contact.FIXED else -1.0
         return self.part, self.leg, self.direction, at, self.turned
 
 
 def plan_of(readings: Sequence[PlannedReading], **known: Numbers) -> GaugePlan:
-    """The plan of readings in time order, with one set-up for each of its `places`.
+    """The plan of readings in time order, with one set-up for each place.
 
     Order, hours and set-ups (n,) are those that are `known` instead.
     """
@@ -503,6 +507,16 @@ def plan_of(readings: Sequence[PlannedReading], **known: Numbers) -> GaugePlan:
         places = np.reshape([reading.place for reading in readings], (-1, 5))
         known["setup"] = np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
     return GaugePlan(**{**given, "order": order, "hours": hours, "entered": entered, **known})
+
+
+def planned_readings(plan: GaugePlan) -> list[PlannedReading]:
+    """The readings of a plan, at no time at all."""
+    names = [name for name in PlannedReading._fields if name != "minutes"]
+    rows = zip(*(getattr(plan, name).tolist() for name in names), strict=True)
+    return [
+        PlannedReading(leg, direction, moved, Contact(contact), 0.0, at, part, turned, (x, y, z))
+        for leg, direction, moved, contact, at, part, turned, (x, y, z) in rows
+    ]
 
 
 def double_posture(
