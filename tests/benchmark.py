@@ -92,6 +92,7 @@ def commands(folder: Path) -> None:
 def one_more_file(folder: Path) -> None:
     """Of many healthy files of `tests/truth` each beyond the first, on a screen and as values.
 
+    They share machine and steps, as sessions of one workshop do; times and readings differ.
     Not of those that the program has in doubt: it also plans what to measure next of them.
     """
     from tests.inference.sessions import texts_of

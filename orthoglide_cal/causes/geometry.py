@@ -132,7 +132,7 @@ def _outwards(geometry: Geometry) -> Numbers:
 
     There a lean moves nothing, so that a radius found together with it goes the same way.
     """
-    carriages = geometry.carriages(geometry.joints_for(MIDDLE))
+    carriages = geometry.points + geometry.joints_for(MIDDLE)[..., None] * geometry.directions
     away = carriages * [1.0, 1.0, 0.0]
     return np.asarray(away / np.sqrt((away**2).sum(axis=-1, keepdims=True)))
 

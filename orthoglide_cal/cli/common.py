@@ -252,7 +252,8 @@ def read_input(
     def completed(one: Input) -> Input:
         """With where it is recorded, what its owner wrote, and what was ruled out."""
         model = replace(one.model, ruled_out=ruled_out) if ruled_out else one.model
-        if keeper:
+        # The machine of many files stays one: what is worked out of it is theirs, too.
+        if keeper and keeper.model.machine is not model.machine:
             model = replace(model, machine=model.machine.with_papers(keeper.model.machine))
         return replace(one, keeper=keeper, model=model)
 
@@ -266,6 +267,7 @@ def require_printer(source: Source, data: Data) -> None:
         raise UsageError(fault, "Leave it out.")
 
 
+@functools.cache
 def own_machine_file(machine_file: Path | None) -> StoredMachine:
     """The machine file of --machine or of this folder, in which what was entered is recorded.
 
@@ -340,7 +342,7 @@ def folder_machine() -> Model:
 
 def forget() -> None:
     """Forget the machine files that were read: every command reads its own."""
-    for read in (read_machine_file, _file_in_folder, folder_machine):
+    for read in (read_machine_file, own_machine_file, _file_in_folder, folder_machine):
         read.cache_clear()
 
 

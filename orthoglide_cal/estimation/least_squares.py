@@ -128,14 +128,15 @@ def simulate_at(
     At zero so do other sessions of the same steps.
     """
     same = plan.steps if model.repeats else plan
-    return _simulate_at(model, tuple(offsets.tolist()), same, strict)
+    readings, jacobian = _simulate_at(model, tuple(offsets.tolist()), same)
+    if strict and not np.isfinite(readings).all():
+        simulate(model, offsets, plan)  # raises an error that says where
+    return readings, jacobian
 
 
 @functools.lru_cache(maxsize=8)
-def _simulate_at(
-    model: Model, offsets: tuple[float, ...], plan: Plan, strict: bool
-) -> tuple[Floats, Floats]:
-    readings, jacobian = simulate_with_jacobian(model, np.array(offsets), plan, strict)
+def _simulate_at(model: Model, offsets: tuple[float, ...], plan: Plan) -> tuple[Floats, Floats]:
+    readings, jacobian = simulate_with_jacobian(model, np.array(offsets), plan, strict=False)
     return read_only(readings), read_only(jacobian)
 
 

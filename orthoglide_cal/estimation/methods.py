@@ -132,7 +132,7 @@ def pose_plan(plan: Plan, model: Model, kind: DataKind) -> tuple[Problem, tuple[
     if kind is DataKind.READINGS:
         return Problem(model, plan, zero_free(plan)), ()
     wanted = DIFFERENCES[kind]
-    matrix = reduction(kind, wanted, model.machine, plan)
+    matrix = reduction(kind, wanted, model.machine, plan.steps)
     present = np.abs(matrix).sum(axis=1) > 0.0
     kept = tuple(difference for difference, ok in zip(wanted, present, strict=True) if ok)
     return Problem(model, plan, matrix[present]), kept

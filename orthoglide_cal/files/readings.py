@@ -29,7 +29,7 @@ from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model.machine import OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
-from orthoglide_cal.model.orthoglide import Orthoglide, PlannedReading, plan_of
+from orthoglide_cal.model.orthoglide import Orthoglide, PlannedReading, plan_of, planned_readings
 from orthoglide_cal.model.plan import known_plan
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, number_setups
 from orthoglide_cal.schema import Moment, Positive, Reason, Schema, parse_number
@@ -169,10 +169,9 @@ def readings_of(
         for row in rows
     ]
     hours = np.where(timed, minutes, order * _MINUTES_PER_READING) / 60.0
-    plan = replace(plan_of(planned), order=order, hours=hours)
-    ordered = timed or first.seq is not None
-    setup = number_setups(plan.places, gauge, in_time.tolist(), ordered=ordered)
-    plan = replace(plan, setup=setup)
+    ordered, places = timed or first.seq is not None, [reading.place for reading in planned]
+    setup = number_setups(places, gauge, in_time.tolist(), ordered=ordered)
+    plan = plan_of(planned, order=order, hours=hours, setup=setup)
     cycle = [row.cycle or 1 for row in rows] if first.cycle is not None else plan.cycles
     warm = [math.nan if row.temperature_c is None else row.temperature_c for row in rows]
     return Readings(
@@ -210,7 +209,8 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
     """
     plan, gauges = GaugePlan.require(readings.plan), readings.gauge
     seq, minutes = (np.argsort(plan.in_time) + 1).tolist(), (plan.hours * 60.0).tolist()
-    understood = number_setups(plan.places, gauges, plan.in_time.tolist(), ordered=True)
+    places = [planned.place for planned in planned_readings(plan)]
+    understood = number_setups(places, gauges, plan.in_time.tolist(), ordered=True)
     pairs = set(zip(understood.tolist(), plan.setup.tolist(), strict=True))
     if not len(pairs) == len(set(understood.tolist())) == plan.setups:
         gauges = tuple(f"set-up {number + 1}" for number in plan.setup.tolist())

@@ -146,12 +146,11 @@ class Belief:
     @cached_property
     def log_weight(self) -> Mapping[Ids, float]:
         """ln of prior times evidence of each set of causes."""
-        by_ids = self.hypotheses.items()
-        evidence = {ids: self.fits.get(ids, scored).log_evidence for ids, scored in by_ids}
-        return {ids: evidence[ids] + scored.log_prior for ids, scored in by_ids}
+        prior, by_ids = self.at.candidates.log_prior, self.hypotheses.items()
+        return {ids: self.fits.get(ids, one).log_evidence + prior[ids] for ids, one in by_ids}
 
     @cached_property
-    def _probabilities(self) -> Mapping[Ids | str, float]:
+    def probability(self) -> Mapping[Ids | str, float]:
         """Probability of each set of listed causes and each pattern, the most probable first."""
         patterns = self.patterns.items()
         beyond = {label: weight_of(scored) for label, scored in patterns}
@@ -160,12 +159,12 @@ class Belief:
     @cached_property
     def listed(self) -> Mapping[Ids, float]:
         """Probability of each set of listed causes, the most probable first."""
-        return {key: p for key, p in self._probabilities.items() if isinstance(key, tuple)}
+        return {key: p for key, p in self.probability.items() if isinstance(key, tuple)}
 
     @cached_property
     def unlisted(self) -> Mapping[str, float]:
         """Probability of each pattern beyond the list, by its label."""
-        return {key: p for key, p in self._probabilities.items() if isinstance(key, str)}
+        return {key: p for key, p in self.probability.items() if isinstance(key, str)}
 
     @cached_property
     def nothing(self) -> float:

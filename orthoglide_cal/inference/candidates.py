@@ -25,6 +25,7 @@ TWO_CAUSES = ONE_CAUSE**2 / 2.0  # independent of each other
 MANY = 1000  # places of a bed: enough for every term of a shape
 
 
+@functools.lru_cache(maxsize=1024)
 def ids_of(*causes: Cause) -> Ids:
     """Ids of a set of causes, sorted."""
     return tuple(sorted(cause.id for cause in causes))

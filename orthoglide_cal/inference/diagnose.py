@@ -25,6 +25,8 @@ from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import fits_of
 from orthoglide_cal.inference.prediction import chance_of_worse, moved_origin, predict_later
 from orthoglide_cal.inference.result import (
+    WORTH_SAYING,
+    AssumedSize,
     Diagnosis,
     Explanation,
     FoundCause,
@@ -37,6 +39,7 @@ from orthoglide_cal.inference.result import (
     Verdict,
 )
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Estimate, Place
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -164,6 +167,7 @@ def diagnose(
             beyond_tolerance=tuple(
                 TimesStated(id=id, times=times) for id, times in decision.beyond_tolerance
             ),
+            assumed_sizes=_assumed_sizes(decision, model.machine),
             notes=(*_notes(decision, measured), *notes, *_of_local_shape(decision)),
         )
 
@@ -290,27 +294,38 @@ def _weighable(model: Model) -> Iterator[None]:
 
 
 def _explanations(decision: Decision) -> tuple[Explanation, ...]:
-    """All that were tried, best first, with the parameters of those that are left open."""
-    model = decision.belief.at.white.problem.model
+    """Those not dismissed, best first; those that are left open with their parameters."""
+    belief, white = decision.belief, decision.belief.at.white
+    model, explanations = white.problem.model, []
     fits = {tuple(sorted(fit.ids)): fit for _, fit in decision.left_open}
-
-    def explanation(ids: Ids, probability: float) -> Explanation:
+    least = DISMISSED * max(belief.probability.values())
+    # What is open is compared with the parameters alone, however improbable.
+    sound = WORTH_SAYING * (decision.verdict in (Verdict.CONSISTENT, Verdict.NAMED))
+    for key, probability in belief.probability.items():
+        ids, pattern = (key, None) if isinstance(key, tuple) else ((), key)
+        values: dict[str, object] = {"ids": ids, "pattern": pattern, "probability": probability}
         fit = fits.get(ids)
-        if fit is None:
-            return Explanation.model_construct(ids=ids, probability=probability)
-        std = np.sqrt(np.diag(fit.offsets_covariance))
-        return Explanation(
-            ids=ids,
-            probability=probability,
-            rms_mm=decision.belief.at.white.rms(fit.left) if ids else None,
-            parameters=Parameter.all_of(model, fit.offsets, std, NORMAL_K),
-            sizes={effect.cause.id: model.called(effect) for effect in fit.effects},
-        )
+        if fit is not None and pattern is None:
+            std = np.sqrt(np.diag(fit.offsets_covariance))
+            values |= {
+                "rms_mm": white.rms(fit.left) if ids else None,
+                "parameters": Parameter.all_of(model, fit.offsets, std, NORMAL_K),
+                "sizes": {effect.cause.id: model.called(effect) for effect in fit.effects},
+            }
+        elif probability < (least if key else sound):
+            continue
+        explanations.append(Explanation.model_validate(values))
+    return tuple(explanations)
 
-    tried = [explanation(ids, value) for ids, value in decision.belief.listed.items()]
-    for pattern, value in decision.belief.unlisted.items():
-        tried.append(Explanation.model_construct(pattern=pattern, probability=value))
-    return tuple(sorted(tried, key=lambda one: -one.probability))
+
+def _assumed_sizes(decision: Decision, machine: Machine) -> tuple[AssumedSize, ...]:
+    """Plausible sizes of the causes that were tried and of which the machine file states none."""
+    tried = {id for ids in decision.belief.hypotheses for id in ids}
+    return tuple(
+        AssumedSize(id=id, size=cause.size(machine), unit=cause.unit)
+        for id, cause in CAUSES.items()
+        if id in tried and cause.assumed(machine)
+    )
 
 
 def _unshown(decision: Decision, offsets: Floats, u: Floats) -> tuple[UnshownFault, ...]:

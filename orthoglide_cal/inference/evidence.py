@@ -240,8 +240,11 @@ class Gaussian:
         """Products of columns (..., k, q), or of all places, and one residual (..., k)."""
         ours, axes, values = self._columns, self._axes, residual[..., None]
         if isinstance(columns, Places):
-            match, inside, along = map(columns.products, (values, ours, axes))
-            return Overlap(columns.power, match[..., 0, :], inside, along)
+            leading = np.broadcast_shapes(values.shape[:-1], ours.shape[:-1])
+            both = [np.broadcast_to(part, (*leading, part.shape[-1])) for part in (values, ours)]
+            products = columns.products(np.concatenate(both, axis=-1))
+            along = columns.products(axes) if axes.size else np.zeros((0, len(columns)))
+            return Overlap(columns.power, products[..., 0, :], products[..., 1:, :], along)
         match, inside = (np.swapaxes(one, -1, -2) @ columns for one in (values, ours))
         return Overlap((columns**2).sum(axis=-2), match[..., 0, :], inside, axes.T @ columns)
 

@@ -260,7 +260,8 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis]) -> dict[Ids, Hypoth
             continue
         for some in _together(at, pairs):
             both = density_of(at, [at.columns(pair) for pair in pairs[some]], pairs[some], at.usual)
-            likelier += _at_best_place(at, pairs[some], placed, both).values()
+            by_version = both.log_density(at.residuals[:1].T)
+            likelier += _at_best_place(at, pairs[some], placed, both, by_version).values()
         likelier.sort(key=lambda score: -score.log_evidence - score.log_prior)
         best = [_several_wrong(at, score) for score in likelier[:SEARCHED]]
         likeliest = max(best, key=lambda score: score.log_evidence + score.log_prior)
@@ -343,9 +344,10 @@ def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
             scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
     for some in _together(at, bases):
         density = density_of(at, columns[some], bases[some], at.usual)
+        by_version = density.log_density(at.residuals.T)
         for placed in at.extras.values():
             if placed.tried:
-                scores |= _at_best_place(at, bases[some], placed, density)
+                scores |= _at_best_place(at, bases[some], placed, density, by_version)
     for some in _together(at, pairs):
         both = density_of(at, [at.columns(pair) for pair in pairs[some]], pairs[some], at.usual)
         scores |= _alone(at, pairs[some], both.by_noise(residual) + LOG_ALL)
@@ -437,17 +439,17 @@ def all_or_one(
 
 
 def _at_best_place(
-    at: Linearised, bases: Bases, placed: Placed, density: Gaussian
+    at: Linearised, bases: Bases, placed: Placed, density: Gaussian, by_version: Floats
 ) -> dict[Ids, Hypothesis]:
-    """Scores of an extra with each base, under their density."""
+    """Scores of an extra with each base, under their density: of each version (b, s, g, v)."""
     cause, places = placed.cause, len(placed.tried)
     sizes = 1
     if isinstance(cause, PatternCause):
         sizes = len(cause.counts or BLUNDER_SCALES)
         logs = pattern_densities(at, placed, density, at.residuals[0])
     else:
-        undone = density.log_density(at.residuals[placed.first : placed.first + places].T)
-        logs = iter([(np.arange(places), undone[..., None, :] + placed.weights)])
+        undone = by_version[..., None, placed.first : placed.first + places] + placed.weights
+        logs = iter([(np.arange(places), undone)])
     by_place = np.full((len(bases), sizes, places), -math.inf)
     likeliest = np.zeros(by_place.shape, dtype=np.int8)  # among the scales
     for chosen, log in logs:

@@ -160,8 +160,12 @@ def _turned(white: Whitened, predicted: Floats) -> Floats:
 def _candidates(at: Linearised, turned: Floats, fine: bool) -> list[list[Pattern]]:
     """Every how at the wheres where it shows, for movements of plungers as of `_turned`."""
     white, plan = at.white, at.white.plan
-    wheres, selected, _ = _wheres(plan, white.raw)
-    every = {how: _shown_of_plan(plan, fine, how) for how in PLANNED if white.raw}
+    wheres, selected, _ = _wheres(plan.steps, white.raw)
+    every = {
+        how: _shown_of_plan(plan if how in PASSING else plan.steps, fine, how)
+        for how in PLANNED
+        if white.raw
+    }
     if white.raw:
         kelvin = np.zeros(len(plan)) if white.kelvin is None else white.kelvin
         span = float(np.ptp(kelvin))
@@ -210,12 +214,13 @@ def _shown_of_plan(plan: Plan, fine: bool, how: str) -> tuple[Columns, Bools]:
 
 def _shown(matrix: Reduction, plan: Plan, ordered: bool, made: Columns) -> Bools:
     """Which columns of a how show at each where and at no narrower, (w, v, q)."""
-    (columns, mover, _), (wheres, selected, covered) = made, _wheres(plan, ordered)
+    (columns, mover, _), (wheres, selected, covered) = made, _wheres(plan.steps, ordered)
     n, v, q = columns.shape
     if not 0 < q <= MOST_COLUMNS:
         return np.zeros((len(wheres), v, q), np.bool_)
-    flat = columns.reshape(n, -1)
-    square = [((matrix @ columns[:, k]) ** 2).sum(axis=0) for k in range(v)]
+    flat, some = columns.reshape(n, -1), max(AT_ONCE // n, 1)
+    parts = (flat[:, start : start + some] for start in range(0, v * q, some))
+    square = [((matrix @ part) ** 2).sum(axis=0) for part in parts]
     shows = np.concatenate(square) * SIZES[-1] ** 2 > 1.0
     # Of each where those columns of which it holds all readings, of the largest movers.
     outside = (~selected).astype(np.float64) @ (flat != 0.0)

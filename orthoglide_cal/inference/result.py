@@ -261,7 +261,7 @@ class Diagnosis(ReadOnly):
     explained_mm: Floats  # prediction of the accepted model, or with patterns, shape (n,)
     # With all tolerances "halved" and "doubled"; empty if it was not asked for.
     sensitivity: Mapping[str, Otherwise]
-    # Every one tried, best first, those that are left open with their parameters.
+    # Those not dismissed, best first, those that are left open with their parameters.
     explanations: tuple[Explanation, ...]
     # Faults of the record that would not show besides the named causes.
     unshown: tuple[UnshownFault, ...] = ()
@@ -273,6 +273,8 @@ class Diagnosis(ReadOnly):
     refuted: Reason | None = None
     # Causes that would explain what is unexplained, far beyond their size.
     beyond_tolerance: tuple[TimesStated, ...] = ()
+    # Size of each cause that was tried at its default: the machine file gives none.
+    assumed_sizes: tuple[AssumedSize, ...] = ()
     notes: tuple[Reason, ...] = ()
 
     @property
@@ -371,14 +373,3 @@ class Diagnosis(ReadOnly):
     def spare(self) -> int:
         """Number of readings beyond the unknowns of the answer."""
         return self.lack_of_fit.dof - sum(effect.cause.freedom for effect in self.effects)
-
-    @property
-    def assumed_sizes(self) -> tuple[AssumedSize, ...]:
-        """Size of each cause that was tried at its default: the machine file gives none."""
-        machine = self.model.machine
-        tried = {id for explanation in self.explanations for id in explanation.ids}
-        return tuple(
-            AssumedSize(id=id, size=cause.size(machine), unit=cause.unit)
-            for id, cause in CAUSES.items()
-            if id in tried and cause.assumed(machine)
-        )

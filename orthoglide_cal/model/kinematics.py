@@ -36,17 +36,12 @@ class Geometry(ReadOnly):
     directions: Numbers  # u_i, unit vectors, shape (..., 3, 3), row i for rail i
     lengths: Numbers  # L_i, shape (..., 3) [mm]
 
-    def carriages(self, joints: Numbers) -> Numbers:
-        """Carriage centres b_i for true joint positions (..., 3) → (..., 3, 3), row per leg."""
-        return np.asarray(self.points + joints[..., None] * self.directions)
-
     def tool_for(self, joints: Numbers, strict: bool = True) -> Numbers:
         """Direct kinematics: p (..., 3) [mm] for true joint positions (..., 3) [mm].
 
         Errors, and what `strict` means, as of `trilaterate`.
         """
-        centres = components(self.carriages(joints), 2)
-        return behind_batch(trilaterate(centres, components(self.lengths, 1), strict), 1)
+        return np.asarray(behind_batch(Points.of(self, joints[..., None, :], strict).tool, 1)[0])
 
     def joints_for(self, tool: Numbers) -> Numbers:
         """Inverse kinematics: true joint positions q (..., 3) that put the tool at p (..., 3) [mm].
@@ -179,11 +174,10 @@ def behind_batch(values: Numbers, axes: int) -> Numbers:
 
 def _cross(a: Numbers, b: Numbers) -> Numbers:
     """Cross product over the first axis, (3, ...)."""
-    product = np.empty(np.broadcast_shapes(a.shape, b.shape), np.result_type(a, b))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.multiply(a[j], b[k], out=product[i, ...])
-        product[i] -= a[k] * b[j]
-    return product
+    a, b = (np.concatenate((vector, vector[:2])) for vector in (a, b))
+    product = a[1:4] * b[2:5]
+    product -= a[2:5] * b[1:4]
+    return np.asarray(product)
 
 
 def _dot(a: Numbers, b: Numbers) -> Numbers:

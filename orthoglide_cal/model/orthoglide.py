@@ -524,9 +524,22 @@ class PlannedReading(NamedTuple):
         """How it is taken; empty: by a gauge that is set up, a session says how."""
         return ""
 
+    @property
+    def place(self) -> tuple[float, ...]:
+        """Where its gauge stands: (part, leg, direction, place along the leg, bar turned).
 
-def plan_of(readings: Sequence[PlannedReading]) -> GaugePlan:
-    """The plan of readings in time order; one set-up for each of its `places`."""
+        Both ends of a leg share a zero, so the end is no part of it. No plunger stays where it
+        was while its bar is turned.
+        """
+        at = self.gauge_at if self.contact == Contact.FIXED else -1.0
+        return self.part, self.leg, self.direction, at, self.turned
+
+
+def plan_of(readings: Sequence[PlannedReading], **known: Numbers) -> GaugePlan:
+    """The plan of readings in time order, with one set-up for each place.
+
+    Order, hours and set-ups (n,) are those that are `known` instead.
+    """
     given = {
         name: np.array([getattr(reading, name) for reading in readings])
         for name in PlannedReading._fields
@@ -534,9 +547,20 @@ def plan_of(readings: Sequence[PlannedReading]) -> GaugePlan:
     hours, entered = given.pop("minutes") / 60.0, given.pop("entered").reshape(-1, 3)
     order, at = np.arange(len(readings)), given["contact"] == Contact.TOOL
     given["gauge_at"] = np.where(given["contact"] == Contact.FIXED, given["gauge_at"], at)
-    plan = GaugePlan(**given, order=order, hours=hours, entered=entered, setup=np.zeros_like(order))
-    setup = np.unique(np.reshape(plan.places, (-1, 5)), axis=0, return_inverse=True)[1]
-    return replace(plan, setup=setup.reshape(-1))
+    if "setup" not in known:
+        places = np.reshape([reading.place for reading in readings], (-1, 5))
+        known["setup"] = np.unique(places, axis=0, return_inverse=True)[1].reshape(-1)
+    return GaugePlan(**{**given, "order": order, "hours": hours, "entered": entered, **known})
+
+
+def planned_readings(plan: GaugePlan) -> list[PlannedReading]:
+    """The readings of a plan, at no time at all."""
+    names = [name for name in PlannedReading._fields if name != "minutes"]
+    rows = zip(*(getattr(plan, name).tolist() for name in names), strict=True)
+    return [
+        PlannedReading(leg, direction, moved, Contact(contact), 0.0, at, part, turned, (x, y, z))
+        for leg, direction, moved, contact, at, part, turned, (x, y, z) in rows
+    ]
 
 
 def double_posture(
@@ -598,8 +622,9 @@ def single_posture(machine: Orthoglide, cycles: int = 1, closing: bool = False) 
     return plan_of(readings)
 
 
+@functools.lru_cache(maxsize=8)
 def reduction(
-    kind: DataKind, differences: Sequence[Difference], machine: Machine, plan: Plan
+    kind: DataKind, differences: tuple[Difference, ...], machine: Machine, plan: Plan
 ) -> Floats:
     """R, shape (k, n), so that R·readings are these differences, of the machine as it was found.
 
@@ -628,7 +653,7 @@ def reduction(
             for mask, sign in ((minuend, 1.0), (subtrahend, -1.0)):
                 chosen = mask & (plan.setup == setup)
                 row[chosen] = sign / (chosen.sum() * both.size)
-    return matrix
+    return read_only(matrix)
 
 
 def ideal_plan(kind: DataKind, machine: Machine) -> GaugePlan:

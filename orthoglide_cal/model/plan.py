@@ -290,7 +290,7 @@ class Contrasts(ReadOnly):
     def __len__(self) -> int:
         return len(self.zeros) - int(self.zeros.shape[1])
 
-    @property
+    @cached_property
     def T(self) -> "Contrasts":
         turned = copy(self)
         vars(turned).update(turned=not self.turned, _reflected=self._reflected)  # worked out once

@@ -123,17 +123,6 @@ class GaugePlan(Plan):
         return read_only(stood)
 
     @step_property
-    def places(self) -> list[tuple[float, ...]]:
-        """Where each gauge stood: (part, leg, direction, place along the leg, bar turned).
-
-        Both ends of a leg share a zero, so the end is no part of it. No plunger stays where it
-        was while its bar is turned.
-        """
-        at = np.where(self.contact == Contact.FIXED, self.gauge_at, -1.0)
-        columns = (self.part, self.leg, self.direction, at, self.turned)
-        return list(zip(*(values.tolist() for values in columns), strict=True))
-
-    @step_property
     def zeros(self) -> Floats:
         return read_only(self.setup[:, None] == np.arange(self.setups), np.float64)
 
@@ -252,7 +241,7 @@ def number_setups(
     where the file states the order in time.
 
     Args:
-        places: where each reading's gauge stood, as in `GaugePlan.places`.
+        places: where each reading's gauge stood, as in `PlannedReading.place`.
         gauges: labels; "" where unknown.
         in_time: indices of the readings from first to last.
         ordered: the order in time is stated, not assumed from the order of the rows.

@@ -15,11 +15,12 @@ from orthoglide_cal.model.orthoglide import (
     PlannedReading,
     double_posture,
     plan_of,
+    planned_readings,
     single_posture,
     visiting,
 )
 from orthoglide_cal.model.plan import Ints
-from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, Series
+from orthoglide_cal.model.readings import AXES, GaugePlan, Posture, Series
 from orthoglide_cal.planning.design import design_of
 
 # Pace assumed for what else is done between readings [min].
@@ -157,16 +158,6 @@ def steps_of(
             block += 10
         steps.append(SessionStep(number, planned, posture, seen[planned], stand, setup, block))
     return tuple(steps)
-
-
-def planned_readings(plan: GaugePlan) -> list[PlannedReading]:
-    """The readings of a plan, at no time at all."""
-    names = [name for name in PlannedReading._fields if name != "minutes"]
-    rows = zip(*(getattr(plan, name).tolist() for name in names), strict=True)
-    return [
-        PlannedReading(leg, direction, moved, Contact(contact), 0.0, at, part, turned, (x, y, z))
-        for leg, direction, moved, contact, at, part, turned, (x, y, z) in rows
-    ]
 
 
 def _grouped(rows: Sequence[int], *keys: Ints) -> list[int]:

@@ -110,8 +110,7 @@ def _undecided(machine: Machine, data: Data) -> str:
     names = [" with ".join(data["ids"]) or "a cause", *map(" with ".join, rivals[:1])]
     if len(rivals) > 1:
         names.append(counted(len(rivals) - 1, "other"))
-    if data["unlisted"] or not rivals:
-        names.append("something that is not on the list")
+    names.append("something that is not on the list")
     either = " or ".join(filter(None, (", ".join(names[:-1]), names[-1])))
     return (
         f"Something {'may be' if sound else 'is'} wrong besides the {machine.vocabulary.many}:"

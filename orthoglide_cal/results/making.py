@@ -37,7 +37,6 @@ from orthoglide_cal.estimation.accuracy import (
 )
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
 from orthoglide_cal.estimation.losses import (
-    DISMISSED,
     FALSE_RELEASE,
     NEEDLESS_HOLD,
     is_likely,
@@ -46,7 +45,6 @@ from orthoglide_cal.estimation.solution import judgement_of, require_settings
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
     Diagnosis,
-    Explanation,
     FoundCause,
     NextMeasurement,
     Parameter,
@@ -54,7 +52,6 @@ from orthoglide_cal.inference import (
     diagnose,
     nothing_wrong,
 )
-from orthoglide_cal.inference.result import WORTH_SAYING
 from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
@@ -240,7 +237,13 @@ def answer_to(
         return answer
     return answer.changed(
         **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
-        explanations=tuple(_explanations(diagnosis, solution, alone)),
+        # The parameters alone are those of the solution.
+        explanations=tuple(
+            one.changed(rms_mm=solution.rms_after_mm, parameters=_parameters(alone))
+            if one.sound
+            else one
+            for one in diagnosis.explanations
+        ),
         shims=tuple(_shims(diagnosis.causes)) if named else (),
         assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
@@ -383,6 +386,7 @@ def _residuals(
         in_time, (rows, first) = measured.plan.in_time, measured.plan.sequence
         moved[rows] = np.where(first, np.nan, np.diff(measured.value[rows], prepend=0.0))
     order, weight = (np.argsort(in_time, kind="stable") + 1).tolist(), measured.weight.tolist()
+    travel = [None if math.isnan(way) else way for way in moved.tolist()]
     for k, (value, modelled, explained) in enumerate(values):
         if isinstance(measured, Differences):
             which = measured.which[k]
@@ -391,9 +395,10 @@ def _residuals(
         else:
             place = {"cycle": int(measured.cycle[k]), "weight": weight[k]}
             place |= {"posture": measured.posture[k] or None, **measured.plan.entry(k)}
-            recorded = {"moved_mm": moved[k], "temperature_c": measured.temperature[k]}
-            place |= {name: known for name, known in recorded.items() if np.isfinite(known)}
+            warm = float(measured.temperature[k])
             place |= {
+                "moved_mm": travel[k],
+                "temperature_c": None if math.isnan(warm) else warm,
                 "minutes": 60.0 * measured.plan.hours[k],
                 "pattern_mm": [one.effect_mm[k] for one in patterns],
                 "pattern_expanded_mm": [one.effect_expanded_mm[k] for one in patterns],
@@ -463,24 +468,6 @@ def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
             size = {"mm": abs(gap.value), "expanded_mm": gap.expanded}
             along = f"{'-' if gap.value < 0.0 else '+'}{screw.along}"
             yield schema.Shim(rail=AXES[screw.leg], along=along, **size)
-
-
-def _explanations(
-    diagnosis: Diagnosis, solution: Solution, alone: OffsetEstimate
-) -> Iterator[Explanation]:
-    """Those not dismissed; the parameters alone are those of the solution."""
-    bound = DISMISSED * diagnosis.explanations[0].probability
-    # What is open is compared with the parameters alone, however improbable.
-    decided = diagnosis.verdict in (Verdict.CONSISTENT, Verdict.NAMED)
-    for explanation in diagnosis.explanations:
-        if not explanation.parameters and explanation.probability < (
-            WORTH_SAYING * decided if explanation.sound else bound
-        ):
-            continue
-        if explanation.sound:
-            yield explanation.changed(rms_mm=solution.rms_after_mm, parameters=_parameters(alone))
-        else:
-            yield explanation
 
 
 # --- may the parameters be entered? one rule for every command that says so -------------------
@@ -586,12 +573,10 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
 
 
 def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:
-    explanations = diagnosis.explanations
     data = {
         "ids": [cause.id for cause in diagnosis.causes],
         "rivals": diagnosis.rivals,
-        "sound": nothing_wrong(explanations) is not None,
-        "unlisted": any(explanation.pattern for explanation in explanations),
+        "sound": nothing_wrong(diagnosis.explanations) is not None,
     }
     reasons = [Reason.of("undecided", **data)]
     advice = [Reason.of("do", what=cause.remedy) for cause in diagnosis.causes]

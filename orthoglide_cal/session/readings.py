@@ -30,10 +30,10 @@ from orthoglide_cal.files.text import FileText
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import Orthoglide, plan_of
+from orthoglide_cal.model.orthoglide import Orthoglide, plan_of, planned_readings
 from orthoglide_cal.model.plan import Floats, Ints, joined
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture
-from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep, planned_readings
+from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
 
 TICK_MIN = 1e-4  # to which times are written

@@ -10,7 +10,7 @@ import pytest
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import read_machine_file
 from orthoglide_cal.files.session_file import session_of_readings, session_text
-from orthoglide_cal.inference import Diagnosis
+from orthoglide_cal.inference import Diagnosis, Explanation
 from orthoglide_cal.inference import diagnose as analysed
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.diagnosis import diagnosis_document, headline
@@ -130,10 +130,8 @@ class TestAccept:
 
 def sound_with(diagnosis: Diagnosis, share: float) -> Diagnosis:
     """The same, but for the probability that nothing is wrong."""
-    explanations = (
-        each.changed(probability=share) if each.sound else each for each in diagnosis.explanations
-    )
-    return replace(diagnosis, explanations=tuple(explanations))
+    others = [one for one in diagnosis.explanations if not one.sound]
+    return replace(diagnosis, explanations=(*others, Explanation(probability=share)))
 
 
 class TestText:

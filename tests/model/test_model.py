@@ -129,8 +129,8 @@ def arrays_in(value: object) -> Iterator[Floats]:
             yield from arrays_in(part)
     elif is_dataclass(value) and not isinstance(value, type):
         once = getmembers(type(value), lambda member: isinstance(member, cached_property))
-        # `steps` is a plan of its own.
-        for name in (*(field.name for field in fields(value)), *dict(once).keys() - {"steps"}):
+        # `steps` is a plan of its own; `T` holds the same arrays.
+        for name in (*(field.name for field in fields(value)), *dict(once).keys() - {"steps", "T"}):
             yield from arrays_in(getattr(value, name))
 
 

@@ -20,7 +20,8 @@ STEP = 1e-30  # of complex steps
 def test_bent_rails_keep_the_legs_as_long_as_they_are(machine: Machine) -> None:
     rails, tool = bent_rails(machine), tool_positions(machine)
     joints = rails.joints_for(tool)
-    lengths = np.linalg.norm(tool[:, None, :] - rails.carriages(joints), axis=-1)
+    carriages = rails.points + joints[..., None] * rails.directions
+    lengths = np.linalg.norm(tool[:, None, :] - carriages, axis=-1)
     assert np.abs(lengths - rails.lengths).max() < 1e-10
     # The carriages stand ahead of the tool, as the prototype's do.
     assert np.all(joints > ((tool[:, None] - rails.points) * rails.directions).sum(axis=-1))
