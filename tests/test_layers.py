@@ -36,7 +36,7 @@ NEEDING = {
 }
 # Questions for the kind: a class that is required (25 lines), and what only one kind has or does.
 QUESTIONS = {"require", "orthoglide", "layouts", "keeps_entered", "adds_to_joints", "has_cube"}
-MOST_QUESTIONS = 34  # lines
+MOST_QUESTIONS = 35  # lines
 
 
 def name_of(path: Path) -> str:

@@ -255,7 +255,8 @@ def to_do(case: Case, *, brief: bool = False) -> Iterator[doc.Instruction]:
             yield doc.Instruction(str(error))
             return
     if release.settled:
-        yield doc.Instruction("See which further readings would help", case.typed("plan"))
+        if case.words.measure or case.machine.layouts():
+            yield doc.Instruction("See which further readings would help", case.typed("plan"))
     elif release.usable:
         yield from _entering(case, brief)
     else:

@@ -160,7 +160,8 @@ def test_a_name_that_the_next_session_refutes_is_withdrawn():
             ("axis_gap", Estimate(name="xy", unit="mm", value=0.3, std=0.01))
         ]
     }
-    for known in (compare([before, after], adjusted=pushed), compare([before, before])):
+    again = of((gap,), Setting.exact(), rng, "again.csv")
+    for known in (compare([before, after], adjusted=pushed), compare([before, again])):
         assert known.sessions[0].refuted is None
         assert known.sessions[0].causes
 

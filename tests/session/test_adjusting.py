@@ -272,14 +272,17 @@ def test_an_interrupted_adjustment_ends_like_any_other(folder: Path) -> None:
     assert (one["status"], one["readings_mm"]) == ("adjusted", read)
     assert one["target_mm"] == pytest.approx(0.31 + one["adjustment"]["change_mm"])
     assert piped(folder, (), "--resume") == (0, whole), "it has ended: it is only shown again"
-    verified = answer("verify", "before.csv", "before.csv")
+    text = (folder / "before.csv").read_text(encoding="utf-8")
+    after = re.sub(r"(\.\d+)$", r"\g<1>0000001", text, count=1, flags=re.MULTILINE)
+    (folder / "after.csv").write_text(after, encoding="utf-8")
+    verified = answer("verify", "before.csv", "after.csv")
     ((name, removed),) = verified["corrected"]["axis_squareness"].items()
     plan, moved = one["adjustment"], read["tight"] - read["loose"]
     assert (name, removed) == (plan["name"], pytest.approx(moved / plan["sensitivity"] * -1, 1e-3))
     assert abs(verified["response"]["value"]) < 1e-6, "as if nothing had moved"
     machine = (folder / "machine.yaml").read_text().replace("squareness: 1.0", "squareness: 0")
     (folder / "other").write_text(machine)
-    error = refused(3, "history", "before.csv", "before.csv", "--machine", "other")
+    error = refused(3, "history", "before.csv", "after.csv", "--machine", "other")
     assert "journal of another adjustment" in error
     (folder / "before.axis_squareness.adjust").unlink()
     assert piped(folder, ANSWERS[:5]) == (130, "")
