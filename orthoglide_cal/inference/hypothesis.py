@@ -462,6 +462,7 @@ def _at_best_place(
     # Sizes of any value are not distinguished: they are averaged over at each place.
     if not cause.counts:
         shares = shares.reshape(len(shares), -1, places).sum(axis=1)
+    shares.setflags(write=False)
     scores = {}
     number = likeliest.reshape(every.shape)[np.arange(len(bases)), best]
     scale = np.array(list(at.scales))[number].tolist()
