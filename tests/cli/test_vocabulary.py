@@ -40,7 +40,10 @@ def printed(text: str) -> set[str]:
 def read_again(path: str) -> str:
     """A file with the same readings but for the first, which has one more digit."""
     text = Path(path).read_text(encoding="utf-8")
-    changed = re.sub(r"(reading_mm: |,)(-?\d+\.\d+)", r"\1\g<2>1", text, count=1)
+    head = re.search(r"^(.*,)?(reading|value)_mm\b", text, re.MULTILINE)
+    before = "" if head is None else rf"^(?:[^,\n]*,){{{head[0].count(',')}}}"
+    first = rf"({before or 'reading_mm: '})(-?\d+\.\d+)"
+    changed = re.sub(first, r"\1\g<2>1", text, count=1, flags=re.MULTILINE)
     assert changed != text
     target = Path(path).with_name(f"again-{Path(path).name}.txt")
     target.write_text(changed, encoding="utf-8")
