@@ -48,7 +48,7 @@ def diagnose(
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
     from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.results import answer_to, with_dates
-    from orthoglide_cal.results.history import in_time, wrong_order
+    from orthoglide_cal.results.history import sort_by_date, wrong_order
 
     if together and len(files) < 2:
         raise UsageError("--together needs several files.", "Name each date, the latest last.")
@@ -67,15 +67,16 @@ def diagnose(
 
     def judge(path: str) -> int:
         inputs = files if together else [path]
-        dates = in_time([common.read_input(name, machine, data, rule_out) for name in inputs])
+        dates = sort_by_date([common.read_input(name, machine, data, rule_out) for name in inputs])
         given = as_one(dates) if together else dates[0]
         named = common.known_machine(machine) if holdout else None
         by = named if isinstance(named, PrinterFile) else given.model
         later = read_input(holdout, by, stored=data) if holdout else None
-        require_distinct([*dates, *filter(None, [later])])
-        if holdout and later and in_time([given, later])[0] is later:
-            right = command("diagnose", holdout, machine=machine, holdout=path, applied=applied)
-            raise wrong_order(later, given, right)
+        if holdout and later:
+            require_distinct([*dates, later])
+            if sort_by_date([given, later])[0] is later:
+                right = command("diagnose", holdout, machine=machine, holdout=path, applied=applied)
+                raise wrong_order(later, given, right)
         with common.working(path):
             try:
                 diagnosed = inference.diagnose(

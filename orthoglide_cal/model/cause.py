@@ -164,6 +164,11 @@ class Cause:
         return self.stage in (Stage.GEOMETRY, Stage.MOTION)
 
     @property
+    def fix_order(self) -> tuple[bool, bool]:
+        """Sort key of what to fix first: the record, then the contact, then the machine."""
+        return self.stage is not Stage.RECORD, self.in_machine
+
+    @property
     def repeats(self) -> bool:
         """True if readings that differ in nothing but set-up and time stay equal under it."""
         return self.lasting and not self.timed

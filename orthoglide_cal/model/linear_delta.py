@@ -326,10 +326,7 @@ class PlannedTouch(NamedTuple):
 
     @property
     def series(self) -> tuple[()]:
-        return ()
-
-    @property
-    def ways(self) -> tuple[()]:
+        """Nothing: all touches share the probe."""
         return ()
 
     @property

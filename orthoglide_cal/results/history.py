@@ -344,7 +344,7 @@ def moment_of(given: Input, stated: str | None = None) -> datetime | None:
     return moment.replace(tzinfo=moment.tzinfo or UTC)
 
 
-def in_time(inputs: Sequence[Input]) -> list[Input]:
+def sort_by_date(inputs: Sequence[Input]) -> list[Input]:
     """The inputs in order of time; as given unless all have a date."""
     dated = [(at, given) for given in inputs if (at := moment_of(given))]
     ordered = [given for _, given in sorted(dated, key=itemgetter(0))]

@@ -610,7 +610,7 @@ def _named(solution: Solution, diagnosis: Diagnosis, corrects: Collection[str]) 
     if all(id in corrects for id in ids):
         return Release(cautions=(Reason.of("corrected", ids=ids, **size),))
     # A slip in the record is looked for sooner than a machine is taken apart.
-    for cause in sorted(diagnosis.causes, key=lambda cause: cause.in_machine):
+    for cause in sorted(diagnosis.causes, key=lambda cause: CAUSES[cause.id].fix_order):
         remedy = Remedy(sentence=Reason.of("do", what=cause.remedy))
         if cause.recommended:
             accept, option = Reason.of("accept", id=cause.id), f"--accept {cause.id}"

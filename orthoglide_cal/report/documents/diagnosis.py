@@ -315,8 +315,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             yield replace(decides, content=f"Or: {decides.content}")
     elif answer.verdict is Verdict.NAMED:
         # As in the decision: the record first.
-        record = {id for id, cause in CAUSES.items() if cause.stage is Stage.RECORD}
-        for cause in sorted(answer.causes, key=lambda one: (one.id not in record, one.in_machine)):
+        for cause in sorted(answer.causes, key=lambda cause: CAUSES[cause.id].fix_order):
             yield doc.Instruction(cause.remedy)
             if cause.recommended:
                 typed = case.typed("diagnose", f"--accept {cause.id}")

@@ -140,7 +140,7 @@ def _sizes(values: Sequence[Estimate], by: str = "") -> str:
 def _label(history: History, at: int) -> str:
     """Date, with the time where a day has several sessions; the file's name without dates.
 
-    Files of one name, such as maps in a folder each, are told apart by their folders.
+    Files of one name, such as maps in a folder each, have the folder in front.
     """
     session = history.sessions[at]
     if not history.dated or session.started is None:
