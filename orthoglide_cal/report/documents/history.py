@@ -18,7 +18,6 @@ from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import height
 from orthoglide_cal.results.history import History
 from orthoglide_cal.words import (
-    SIMULATED,
     counted,
     decimals_for,
     percent,
@@ -56,8 +55,8 @@ def _screen(history: History, notes: Sequence[str], steps: Sequence[doc.Instruct
     for most in range(max(min(len(history.sessions), _HIGH), 3), 2, -1):
         table = doc.Section(None, _table(history, most), *notes[:3])
         sections = table, doc.next_steps(steps, more)
-        stamp = SIMULATED if history.simulated else None
-        page = doc.Page("History", stamp=stamp, notice=_notice(history), sections=sections)
+        notice, simulated = _notice(history), history.simulated
+        page = doc.Page("History", notice=notice, sections=sections, simulated=simulated)
         if height(page) <= _HIGH:
             break
     return page
@@ -74,7 +73,7 @@ def _page(history: History, notes: Sequence[str], steps: Sequence[doc.Instructio
         notes.append(f"With {counted(count, 'further session')}, U of the best values: {known}.")
     return doc.Page(
         kind="History",
-        stamp=SIMULATED if history.simulated else None,
+        simulated=history.simulated,
         title=history.machine,
         notice=_notice(history),
         sheet=[doc.Section("From session to session", _courses(history)), doc.next_steps(steps)],
