@@ -245,12 +245,11 @@ def _shapes(history: History) -> Iterator[doc.Figure]:
     """The bed as the parameters leave it: first, last; difference where the places are the same."""
     if not history.shapes:
         return
-    (place, first, seen), (other, last, _) = history.shapes
-    bed = seen.radius_mm, seen.tower_angles_deg
+    (place, first, bed), (other, last, _) = history.shapes
     largest = 1000.0 * max(float(np.abs(left).max()) for left in (first, last))
-    maps = figures.bed_maps("first", place, {"": first}, *bed, largest)
-    maps += figures.bed_maps("last", other, {"": last}, *bed, largest)
+    maps = figures.bed_maps("first", place, {"": first}, bed, largest)
+    maps += figures.bed_maps("last", other, {"": last}, bed, largest)
     if np.array_equal(place, other):
-        maps += figures.bed_maps("difference", place, {"": last - first}, *bed, largest)
+        maps += figures.bed_maps("difference", place, {"": last - first}, bed, largest)
     key = f"All on one scale, up to {largest:.0f} µm. Ringed: what stands out."
     yield doc.Figure(None, "", maps, columns=2, key=key)

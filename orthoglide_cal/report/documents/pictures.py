@@ -101,14 +101,14 @@ def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
         panels = figures.reading_panels(name, named, rows, left, noise_mm=sigma)
         title, grid = _by_leg(case)
         return [*beyond, doc.Figure(None, "", panels, key=key, plain=replace(grid, caption=title))]
-    bed, places = _bed(case), _places(answer)
+    bed, places = case.machine.bed, _places(answer)
     measured = np.array([row.measured_mm for row in rows])
     blocks: list[doc.Block] = []
     for title, touches in _surfaces(answer).items():
         # Without their mean: the first layer's height is set apart.
         shown = {"before": measured[touches] - measured[touches].mean()}
         shown |= {f"after, {model}": values[touches] for model, values in left.items()}
-        maps = figures.bed_maps(title, places[touches], shown, *bed)
+        maps = figures.bed_maps(title, places[touches], shown, bed)
         signs = [
             line
             for model, values in left.items()
@@ -191,7 +191,7 @@ def cause_figure(case: Case, cause: FoundCause) -> Iterator[doc.Figure]:
         panels = [
             panel
             for title, at in _surfaces(case.answer).items()
-            for panel in figures.bed_maps(title, places[at], {alone: before[at]}, *_bed(case))
+            for panel in figures.bed_maps(title, places[at], {alone: before[at]}, case.machine.bed)
         ]
         key = f"Residuals. {_RINGED}"
     elif not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
@@ -257,10 +257,6 @@ def readings_table(case: Case, when: str) -> doc.Section:
     ]
     grid = doc.Grid(("no.", at, "measured, mm", "left, mm"), table, words=(1,))
     return doc.Section(f"Appendix: readings, {when}".removesuffix(", "), grid)
-
-
-def _bed(case: Case) -> tuple[float, Sequence[float]]:
-    return case.machine.bed.radius_mm, case.machine.bed.tower_angles_deg
 
 
 def _on_bed(answer: Answer) -> bool:
