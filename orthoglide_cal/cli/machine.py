@@ -122,7 +122,9 @@ def new(
 
     for doubt in () if sys.stderr.isatty() else common.read_machine_file(target).remarks:
         common.tell(sentence(doubt))
-    common.tell(f"Written to {target}, with the usual size of each error (tolerances). Check its values.")
+    common.tell(
+        f"Written to {target}, with the usual size of each error (tolerances). Check its values."
+    )
     guided = MACHINES[kind].vocabulary.measure
     first = command(MACHINES[kind].first_steps[0][1])
     following = common.PRACTISE if practice and guided else first
