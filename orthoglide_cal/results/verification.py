@@ -22,7 +22,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Literal, NamedTuple
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, computed_field
@@ -40,7 +40,7 @@ from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
 from orthoglide_cal.model.cause import NORMAL_K, Effect
-from orthoglide_cal.model.machine import Corrections
+from orthoglide_cal.model.machine import Corrections, Instrument
 from orthoglide_cal.model.measured import DataKind, Measured, Readings, Source
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats, ReadOnly, joined
@@ -62,11 +62,11 @@ A_PROMISE = 0.95
 
 
 class Outcome(StrEnum):
-    """Conformity with a limit, with a guard band U on both sides (ISO 14253-1)."""
+    """Conformity with a limit, with a guard band U on both sides (ISO 14253-1); worst first."""
 
-    PASS = "pass"
     FAIL = "fail"
     UNDECIDED = "undecided"
+    PASS = "pass"
 
 
 class ComparedInput(InputFile):
@@ -85,6 +85,11 @@ class Coefficient(Schema):
     std: float
     ci95: tuple[float, float]
     agrees: bool  # the interval holds 1
+
+    @classmethod
+    def of(cls, value: float, std: float, dof: int) -> Self:
+        low, high = value - half_width(dof) * std, value + half_width(dof) * std
+        return cls(value=value, std=std, ci95=(low, high), agrees=low <= 1.0 <= high)
 
 
 class AxisResponse(Schema):
@@ -319,12 +324,9 @@ def _outcome(after_mm: float, expanded_mm: float, limit_mm: float) -> Outcome:
 
 def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
     """The limit is kept if each deviation keeps it."""
-    largest = max(rows, key=lambda row: abs(row.after_mm))
-    outcomes = {row.outcome for row in rows}
-    order = Outcome.FAIL, Outcome.UNDECIDED, Outcome.PASS
-    outcome = next(outcome for outcome in order if outcome in outcomes)
+    largest, outcomes = max(rows, key=lambda row: abs(row.after_mm)), {row.outcome for row in rows}
     return Conformity(
-        outcome=outcome,
+        outcome=next(outcome for outcome in Outcome if outcome in outcomes),
         limit_mm=limit_mm,
         largest_mm=abs(largest.after_mm),
         largest_difference=largest.difference,
@@ -656,31 +658,32 @@ def _respond(
     predicted = problem.change(offsets, applied) + shared.change - moved
     values = shared.change, moved, predicted, jacobian
     change, moved, predicted, jacobian = whiten(shared.covariance, *values)
-    gain = _regress(predicted[:, None], change, gauge.rounding_mm)
     # The axes are fitted together; corrections have one gain.
-    moves, entered, axes = gain, np.ones(1), dict[str, AxisResponse]()
+    acting = change, predicted[:, None], np.ones(1)
+    (gain,), left = _regress(change, predicted[:, None], gauge)
+    axes, spare = dict[str, AxisResponse](), len(change) - 1
     if applied.any():
-        moves, entered = _regress(jacobian, moved, gauge.rounding_mm), applied
-    left, spare = moves.left, moves.spare
-    answer, likeliest = decide_response(
-        moves.sizes, moves.unit, left, spare, gauge.noise_mm, entered
-    )
+        acting, spare = (moved, jacobian, applied), len(change) - len(applied)
+        moves, left = _regress(moved, jacobian, gauge)
+    answer, likeliest = decide_response(*acting, gauge.noise_mm)
     if applied.any():
-        rows = applied.tolist(), moves.sizes.tolist(), moves.stds, likeliest.otherwise(applied)
-        for axis, by, value, std, otherwise in zip(AXES, *rows, strict=True):
+        rows = zip(AXES, applied.tolist(), moves, likeliest.otherwise(applied), strict=True)
+        for axis, by, move, otherwise in rows:
             axes[axis] = AxisResponse(
                 applied_mm=by,
-                found_mm=value,
-                ci95_mm=_coefficient(value, std, spare).ci95,
-                coefficient=_coefficient(value / by, std / abs(by), spare) if by else None,
+                found_mm=move.value,
+                ci95_mm=move.ci95,
+                coefficient=Coefficient.of(move.value / by, move.std / abs(by), spare)
+                if by
+                else None,
                 otherwise=otherwise,
             )
     another = bool(axes) and answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
     typical = float(np.sqrt(np.mean(np.diag(shared.covariance))))
     p_value = chance_of_residual(left, spare, gauge.noise_mm)
     return {
-        "response": _coefficient(float(gain.sizes[0]), gain.stds[0], gain.spare),
-        "response_dof": gain.spare,
+        "response": gain,
+        "response_dof": len(change) - 1,
         "axes": axes,
         "answer": answer,
         "acted_as_mm": _by_axis(likeliest.moved) if another else None,
@@ -694,26 +697,13 @@ def _respond(
     }
 
 
-class _Regression(NamedTuple):
-    """Least squares of a whitened change."""
-
-    sizes: Floats  # shape (q,)
-    unit: Floats  # their covariance for unit noise, shape (q, q)
-    stds: list[float]  # of each
-    left: float  # sum of squares that they leave [mm²]
-    spare: int  # its degrees of freedom
-
-
-def _regress(columns: Floats, change: Floats, rounding_mm: float) -> _Regression:
+def _regress(change: Floats, columns: Floats, gauge: Instrument) -> tuple[list[Coefficient], float]:
+    """Least squares of a whitened change: coefficients, sum of squares that they leave [mm²]."""
     inverse = np.linalg.pinv(columns)
-    sizes, unit = inverse @ change, inverse @ inverse.T
+    sizes = inverse @ change
     residual = change - columns @ sizes
     left, spare = float(residual @ residual), len(change) - len(sizes)
     # No reading is known better than its gauge's resolution allows.
-    sigma = max(math.sqrt(left / spare), rounding_mm)
-    return _Regression(sizes, unit, (sigma * np.sqrt(np.diag(unit))).tolist(), left, spare)
-
-
-def _coefficient(value: float, std: float, dof: int) -> Coefficient:
-    low, high = value - half_width(dof) * std, value + half_width(dof) * std
-    return Coefficient(value=value, std=std, ci95=(low, high), agrees=low <= 1.0 <= high)
+    sigma = max(math.sqrt(left / spare), gauge.rounding_mm)
+    rows = zip(sizes.tolist(), (sigma * np.linalg.norm(inverse, axis=1)).tolist(), strict=True)
+    return [Coefficient.of(*row, spare) for row in rows], left
