@@ -15,7 +15,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.estimation.gaussian import condition, unexplained, whiten_shared
 from orthoglide_cal.inference.candidates import Candidates
 from orthoglide_cal.inference.data import Placed, Whitened, places_of
@@ -67,14 +67,10 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
     candidates = Candidates.of(model, ordered=True)
     places = places_of(white.problem, candidates.extras)
     extras = {placed.cause.id: placed for placed in places if placed.tried}
-    possible = (*candidates.broad, *(placed.cause for placed in extras.values()))
+    possible: list[Cause] = [*candidates.broad, *(placed.cause for placed in extras.values())]
+    asked = (cause for cause in possible if among is None or cause.id in among)
     # Of the machine first, then of the measurement.
-    causes = tuple(
-        cause
-        for stage in Stage
-        for id, cause in CAUSES.items()
-        if cause in possible and cause.stage is stage and (among is None or id in among)
-    )
+    causes = tuple(sorted(asked, key=lambda cause: ([*Stage].index(cause.stage), cause.id)))
     columns = {
         id: placed.patterns.patterns.columns(slice(None)).T[..., None]
         for id, placed in extras.items()

@@ -49,7 +49,7 @@ from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import InputFile, Spread
 from orthoglide_cal.results.history import moment_of, wrong_order
-from orthoglide_cal.results.making import remainder, spread
+from orthoglide_cal.results.making import parameters_of, remainder, spread, widened
 from orthoglide_cal.results.validity import Validity, compare_reservations, validity
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
@@ -425,9 +425,6 @@ def _common(
         )
         for given in inputs
     )
-    first, second = (
-        Parameter.all_of(s.model, s.offsets_mm, s.std_mm, s.budget.k) for s in solutions
-    )
     return {
         "inputs": tuple((s.measured.source, s.model) for s in solutions),
         "before": before,
@@ -437,8 +434,8 @@ def _common(
             *compare_reservations(before.validity, after.validity),
             *([Reason.of("order_as_given")] if unordered else ()),
         ),
-        "first": first,
-        "second": second,
+        "first": parameters_of(solutions[0]),
+        "second": parameters_of(solutions[1]),
         "entered": tuple(entered),
     }
 
@@ -452,11 +449,9 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     try:
         diagnosis = diagnose(given.measured, model)
     except UnusableResultError:
-        return solve(given.measured, model), given.measured
-    solution = diagnosis.alone
-    solution.require_possible()
-    budget = solution.budget.extended(diagnosis.adds_to(solution))
-    return replace(solution, budget=budget), diagnosis.put_right
+        return widened(given, solve(given.measured, model), None), given.measured
+    diagnosis.alone.require_possible()
+    return widened(given, diagnosis.alone, diagnosis), diagnosis.put_right
 
 
 def _differences(
