@@ -172,14 +172,11 @@ class TrendFit:
         start = len(self.scatter) + self.data.shared.shape[2]
         for part in self.parts:
             slot = slice(start, start := start + len(part.subset))
-            unit = self.data.unit[list(part.subset)]
-            unit = unit / self.data.span if trend is Trend.DRIFTING else unit
+            span = self.data.span if trend is Trend.DRIFTING else 1.0
+            unit = self.data.unit[list(part.subset)] / span
             if part.trend is trend:
-                yield (
-                    part,
-                    unit * self.mean[slot],
-                    np.outer(unit, unit) * self.covariance[slot, slot],
-                )
+                spread = np.outer(unit, unit) * self.covariance[slot, slot]
+                yield part, unit * self.mean[slot], spread
 
     def state(
         self, at: int, later: float = 0.0, measured: bool = False, more: int = 0

@@ -571,16 +571,14 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
         "rivals": diagnosis.rivals,
         "sound": nothing_wrong(diagnosis.explanations) is not None,
     }
-    reasons = [Reason.of("undecided", **data)]
+    few = diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0
+    reasons = Reason.of("undecided", **data), *([Reason.of("few_readings")] * few)
     advice = [Reason.of("do", what=cause.remedy) for cause in diagnosis.causes]
-    if following is not None:
+    if few or not (following or advice):
+        advice = [Reason.of("more_readings")]
+    elif following:
         advice = [following.what]
-    if diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0:
-        reasons.append(Reason.of("few_readings"))
-        advice = []
-    advice = advice or [Reason.of("more_readings")]
-    remedies = tuple(Remedy(sentence=reason) for reason in advice)
-    return Release(reasons=tuple(reasons), remedies=remedies)
+    return Release(reasons=reasons, remedies=tuple(Remedy(sentence=a) for a in advice))
 
 
 def _named(solution: Solution, diagnosis: Diagnosis, corrects: Collection[str]) -> Release:
