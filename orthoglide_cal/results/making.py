@@ -79,7 +79,6 @@ def answer_to(
     diagnosed: Diagnosis | None = None,
     holdout: str | None = None,
     details: bool = False,
-    promised: bool = True,
     corrects: Collection[str] = (),
 ) -> schema.Answer:
     """Solve, diagnose and judge one input.
@@ -90,7 +89,6 @@ def answer_to(
         holdout: file of the readings that the diagnosis predicted; None for those left out.
         details: also what only details, JSON and pages show: how the answer depends on plausible
             sizes, the tool's error over the workspace, and the residuals if nothing is wrong.
-        promised: also what would be measured after parameters are entered that must not be.
         corrects: ids that the controller is to correct, too: those hold no release.
 
     Raises:
@@ -148,7 +146,7 @@ def answer_to(
         decision = _with_others(decision, parameters, others)
     right = diagnosis.put_right if diagnosis else None
     change = np.array([parameter.change(decimals) for parameter in parameters])
-    rows = promise(measured, real, change, right) if promised or decision.usable else ()
+    rows = promise(measured, real, change, right)
     shown_budget = shown_as.budget if shown_as else solution.budget
     if decision.usable and _within_noise(model, chosen, shown_budget):
         # What would change then; the differences become no smaller where U allows for all of it.
@@ -386,10 +384,12 @@ def _residuals(
             leg, direction = (AXES[axis] for axis in which.series)
             place: dict[str, object] = {"leg": leg, "direction": direction, "posture": which.name}
         else:
-            place = {"cycle": int(measured.cycle[k]), "weight": weight[k]}
-            place |= {"posture": measured.posture[k] or None, **measured.plan.entry(k)}
             warm = float(measured.temperature[k])
-            place |= {
+            place = {
+                "cycle": int(measured.cycle[k]),
+                "weight": weight[k],
+                "posture": measured.posture[k] or None,
+                **measured.plan.entry(k),
                 "moved_mm": travel[k],
                 "temperature_c": None if math.isnan(warm) else warm,
                 "minutes": 60.0 * measured.plan.hours[k],

@@ -218,8 +218,8 @@ class Verification(Schema):
     @property
     def options(self) -> tuple[object, ...]:
         """Options that the user chose besides the files."""
-        chosen = [*self.applied_mm.values()], self.decision and self.decision.limit_mm
-        return chosen if self.applied_mm else ()
+        limit = self.decision and self.decision.limit_mm
+        return ([*self.applied_mm.values()], limit) if self.applied_mm else ()
 
 
 def verify(
@@ -417,7 +417,6 @@ def _common(
     before, after = (
         ComparedInput.of(
             given,
-            data=None,
             started=given.conditions.started,
             finished=given.conditions.finished,
             operator=given.conditions.operator,
