@@ -139,13 +139,6 @@ class TrendFit:
         self.mean[: len(scatter)] += centre / data.unit
         self.residual = data.values - columns @ self.mean
 
-    @property
-    def trends(self) -> Trends:
-        """Trends that act, what matters most first."""
-        acting = [part.trend for part in self.parts]
-        acting += [Trend.SCATTERING] * bool(self.scatter.any())
-        return tuple(trend for trend in Trend if trend in acting) or (Trend.UNCHANGED,)
-
     def one_more(self, trend: Trend) -> tuple[float, Part]:
         """Log evidence that one more part adds, over all that it may be, and the likeliest."""
         subsets, course = self.data.subsets, self.data.courses[trend]
@@ -199,10 +192,9 @@ class TrendFit:
 
 def fit_trends(data: DatedValues) -> dict[Trends, tuple[float, TrendFit]]:
     """Each set of trends with ln of its prior times evidence, and its fit without priors."""
-    count = len(data.values)
-    sets = [acting for size in range(3) for acting in combinations(PRIOR, size)]
-    fits = [_fit(data, acting) for acting in sets if len(acting) < count]
-    return {fit.trends: (log, fit) for log, fit in fits}
+    sets = (acting for size in range(3) for acting in combinations(PRIOR, size))
+    possible = [acting for acting in sets if len(acting) < len(data.values)]
+    return {acting or (Trend.UNCHANGED,): _fit(data, acting) for acting in possible}
 
 
 def _fit(data: DatedValues, acting: Trends) -> tuple[float, TrendFit]:
