@@ -27,6 +27,7 @@ from .virtual import (
     taken,
 )
 
+
 def right(protocol: MeasuringProtocol = DOUBLE) -> tuple[tuple[SessionStep, ...], list[float]]:
     """The steps of a session and its readings, none of which is questioned."""
     steps = steps_of(protocol)
@@ -194,7 +195,12 @@ def test_every_question_speaks_in_the_unit_of_the_reading(unit: Unit) -> None:
     ("before", "index", "near", "far"),
     [
         # A preset that was confirmed once moves the range with it.
-        ([questioned(taken(1, 100.0), Doubt.RANGE, "?"), Answered(at=AT, keep=True)], 2, 100.4, 0.4),
+        (
+            [questioned(taken(1, 100.0), Doubt.RANGE, "?"), Answered(at=AT, keep=True)],
+            2,
+            100.4,
+            0.4,
+        ),
         # No further than the travel of 10 mm from any reading; from the last one it would not be.
         ([taken(1, 6.0), taken(3, 0.0)], 4, -3.5, -4.5),
     ],

@@ -254,9 +254,7 @@ def test_a_slip_can_be_kept_with_a_note(tmp_path: Path, key: str) -> None:
     assert bool(dialogue.state.moved) == (key == "m")
 
 
-@pytest.mark.parametrize(
-    ("off", "kept"), [(-1.0, True), (0.0, True), (0.01, True), (0.02, False)]
-)
+@pytest.mark.parametrize(("off", "kept"), [(-1.0, True), (0.0, True), (0.01, True), (0.02, False)])
 def test_a_slip_is_questioned_and_read_again(tmp_path: Path, off: float, kept: bool) -> None:
     """What is right by now is kept, and the same again without a second question: within three
     standard deviations of a reading, 0.0199 mm with this gauge."""
