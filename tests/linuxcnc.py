@@ -20,7 +20,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-# Its files; in that of the HAL half the lost motion of each carriage and its scale are to be filled.
+# Its files; in that of the HAL half the lost motion and the scale of each carriage are filled in.
 INI, HAL = (Path(__file__).with_name(f"mill.{end}").read_text() for end in ("ini", "hal"))
 HOME = [float(offset) for offset in re.findall(r"HOME_OFFSET = (\S+)", INI)]  # at first [mm]
 ALLOWED = "ORTHOCAL_TEST_LINUXCNC"
