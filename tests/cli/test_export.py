@@ -1,11 +1,6 @@
 """`orthocal export`: one format at a time, refusals with their exit code."""
 
-from tests.cli.program import DOUBLE, SIX, UNDETERMINED, lines, refused, run
-
-
-def test_json_beside_another_format_is_refused() -> None:
-    (said,) = lines(run("export", DOUBLE, "--json", "--format", "table"))
-    assert "--json does not go with --format table" in said["error"]
+from tests.cli.program import SIX, UNDETERMINED, refused, run
 
 
 def test_what_must_not_be_used_is_marked_if_forced() -> None:

@@ -19,6 +19,7 @@ from .program import answer, done, refused, run, words
 # With all digits that Klipper writes.
 GOOD = printer_cfg(Delta(), OFF).replace("= 161.8\n", "= 161.800449\n").encode()
 INFO = {"result": {"klippy_state": "ready"}}
+NONE: dict = {"result": {"status": {}}}
 
 
 def of_state(state: object) -> dict:
@@ -72,9 +73,7 @@ def test_addresses_that_are_of_no_use(address: str) -> None:
     assert "Errno" not in result.stderr
 
 
-@pytest.mark.parametrize(
-    "state", [of_state("printing"), of_state(None), {"result": {"status": {}}}]
-)
+@pytest.mark.parametrize("state", [of_state("printing"), of_state(None), NONE])
 def test_only_a_printer_that_says_that_it_is_idle_is_written_to(state: dict) -> None:
     server = StandIn(info=INFO, printer=GOOD, query=state)
     result = run("apply", server.address, "--to", server.address, "--yes")

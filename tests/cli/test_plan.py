@@ -5,13 +5,12 @@ import re
 import textwrap
 from pathlib import Path
 
-import pytest
 import yaml
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.planning.design import GIVES_UP
-from tests.cli.program import DOUBLE, lines, once, run, words
+from tests.cli.program import lines, once, run, words
 from tests.machines import ROOT
 
 OWN = [id for id, cause in CAUSES.items() if Orthoglide in cause.sizes]
@@ -120,14 +119,3 @@ def test_its_page_has_what_is_shown_and_short_facts() -> None:
     facts = [re.sub("<[^>]*>", "", fact) for fact in re.findall("<dd>(.*?)</dd>", header)]
     assert len(facts) >= 2
     assert all(len(textwrap.wrap(html.unescape(fact), 27)) <= 2 for fact in facts), facts
-
-
-@pytest.mark.parametrize("command", [("plan",), ("report", DOUBLE)])
-@pytest.mark.parametrize("target", ["-", "page.html"])
-def test_a_page_and_json_are_asked_for_apart(
-    command: tuple[str, ...], target: str, folder: Path
-) -> None:
-    done = run(*command, "--html", target, "--json")
-    assert done.exit_code == 2
-    assert "Leave out --html" in words(done.stdout + done.stderr)
-    assert not list(folder.iterdir())
