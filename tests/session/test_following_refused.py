@@ -12,8 +12,6 @@ from .going_on import choice, is_step
 from .terminal import refused
 
 LARGE = str(ROOT / "configs" / "orthoglide_large.yaml")
-
-
 TOGETHER = "--then and {} do not go together"
 
 
