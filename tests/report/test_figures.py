@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from orthoglide_cal import errors, words
+from orthoglide_cal import errors, schema, words
 from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.report import case, figures
 from orthoglide_cal.report.documents.pictures import _sign, _signs
@@ -228,7 +228,7 @@ def test_what_is_found_of_a_machine_is_drawn_to_its_sign():
     assert "x −0.080 mm" in figures.parameter_sketch("cause", carriage)
 
 
-@pytest.mark.parametrize("module", [errors, case, figures, words])
+@pytest.mark.parametrize("module", [errors, case, figures, schema, words])
 def test_the_examples_in_docstrings_are_true(module):
     result = doctest.testmod(module)
     assert result.attempted > 0

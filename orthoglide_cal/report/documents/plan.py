@@ -207,8 +207,7 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     else:
         lines.append(f"U: {reach}")
     lines += near
-    known = zip(chosen.parameters, chosen.by_parameter["determined"], strict=True)
-    missing = [name for name, determined in known if not determined]
+    missing = [name for name, row in chosen.parameters.items() if not row["determined"]]
     if missing:
         lines.append(f"Not determined: {' and '.join(missing)}. {words.more}")
     tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
@@ -313,11 +312,9 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     if cycles:
         columns["noise"] = [two_figures(max(session.noise_std_mm.values())) for session in shown]
         meaning.append("Noise: part of u that comes from scatter, of the worst offset.")
-    for k, name in enumerate(machine.parameter_names):
-        rows = [session.by_parameter for session in shown]
-        columns[name] = [
-            two_figures(row["lessened"][k]) if row["determined"][k] else "–" for row in rows
-        ]
+    for name in machine.parameter_names:
+        rows = (session.parameters[name] for session in shown)
+        columns[name] = [two_figures(row["lessened"]) if row["determined"] else "–" for row in rows]
     if plan.chosen.tool_mm is not None:
         columns["tool"] = [two_figures(session.tool_mm or 0.0) for session in shown]
         meaning.append("Tool: U at the worst point of the workspace, offsets entered.")
@@ -329,7 +326,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     # What no layout determines, and what it adds to U.
     fixed = [line.source for line in plan.budget if line.source in machine.fixed_parameters]
     if fixed:
-        added = map(two_figures, plan.chosen.by_parameter["fixed"])
+        added = (two_figures(row["fixed"]) for row in plan.chosen.parameters.values())
         last = " and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)
         for column, cell in zip(columns.values(), last, strict=True):
             column.append(cell)
