@@ -16,6 +16,7 @@ import pytest
 from orthoglide_cal.cli.plan import write_program
 from orthoglide_cal.errors import InvalidFileError, PostureError, UsageError
 from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.program import posture_program
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order
 from tests.cli.program import run
@@ -31,7 +32,6 @@ from tests.planning.programs import (
 )
 from tests.truth.plan import joints_at
 
-MICROMETRE = 1e-3
 NAN = float("nan")
 WIDE = (-150.0, 100.0)  # travel with room behind every posture of both machines
 protocols = pytest.mark.parametrize(
@@ -47,6 +47,11 @@ protocols = pytest.mark.parametrize(
 )
 
 
+def assert_near(found: Floats, wanted: Floats | float) -> None:
+    """To a micrometre."""
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-3)
+
+
 @both_models
 @protocols
 def test_every_block_stops_at_its_posture(
@@ -60,12 +65,12 @@ def test_every_block_stops_at_its_posture(
     assert [step.block for step in visits] == [wait.block for wait in done.readings]
     for wait, step in zip(done.readings, visits, strict=True):
         wanted = joints_at(length, step.leg, step.cell.displacement)
-        np.testing.assert_allclose(wait.at, wanted, rtol=0.0, atol=MICROMETRE)
+        assert_near(wait.at, wanted)
         assert wait.seconds is None
     # The gauges are put up at the isotropic posture.
     assert len(done.set_ups) == len({step.setup for step in steps})
     for wait in done.set_ups:
-        np.testing.assert_allclose(wait.at, length, rtol=0.0, atol=MICROMETRE)
+        assert_near(wait.at, length)
 
 
 @both_models
@@ -79,7 +84,7 @@ def test_carriages_arrive_slowly_from_below(model: Model, distance: float, tmp_p
             way = wait.arrival.end - wait.arrival.start
             at_limit = np.isclose(wait.at - length, low) if travel is None else np.zeros(3, bool)
             expected = np.where(at_limit, -distance, distance)
-            np.testing.assert_allclose(way, expected, rtol=0.0, atol=MICROMETRE)
+            assert_near(way, expected)
             assert wait.arrival.feed == 100.0
         assert ("above" in text) == (travel is None)
         fast = {move.feed for move in ran(text, length).moves}
@@ -148,12 +153,12 @@ def test_the_template_chooses_axes_values_and_pause(
         "displacements": joints - length,
         "tool": true_tool(length, joints).T,
     }[values]
-    np.testing.assert_allclose(at, wanted, rtol=0.0, atol=MICROMETRE)
+    assert_near(at, wanted)
     if values == "tool":
         # The tool's approach is where the carriages are 1 mm lower.
         begin = np.array([wait.arrival.start for wait in done.readings[:2]])
         lower = true_tool(length, joints[:2] - 1.0).T
-        np.testing.assert_allclose(begin, lower, rtol=0.0, atol=MICROMETRE)
+        assert_near(begin, lower)
 
 
 def test_the_text_around_the_marker_is_copied(tmp_path: Path) -> None:
@@ -207,13 +212,11 @@ def test_the_csv_has_the_rows_of_the_program(tmp_path: Path) -> None:
         joints = [float(row[f"joint_{axis}_mm"]) for axis in "xyz"]
         tool = [float(row[f"tool_{axis}_mm"]) for axis in "xyz"]
         wanted = joints_at(PROTOTYPE.leg_length_mm, step.leg, step.cell.displacement)
-        np.testing.assert_allclose(joints, wanted, rtol=0.0, atol=MICROMETRE)
-        np.testing.assert_allclose(
-            tool, step.cell.displacement * np.eye(3)[step.leg], rtol=0.0, atol=MICROMETRE
-        )
+        assert_near(joints, wanted)
+        assert_near(tool, step.cell.displacement * np.eye(3)[step.leg])
         approach = [float(row[f"approach_joint_{axis}_mm"]) for axis in "xyz"]
         side = [1.0 if axis in row["from_above"].split() else -1.0 for axis in "xyz"]
-        np.testing.assert_allclose(approach, wanted + side, rtol=0.0, atol=MICROMETRE)
+        assert_near(approach, wanted + side)
         assert row["posture"] == step.posture
         assert row["session"] == SESSION
         assert row["machine"] == '\'=1+1,"x"'
@@ -269,7 +272,7 @@ def test_the_command_writes_the_program_of_measure(tmp_path: Path) -> None:
     assert [wait.block for wait in done.readings] == [step.block for step in visits_of(steps)]
     for wait in done.readings:
         way = wait.arrival.end - wait.arrival.start
-        np.testing.assert_allclose(way, 2.0, rtol=0.0, atol=MICROMETRE)
+        assert_near(way, 2.0)
     table = tmp_path / "made.csv"
     assert run("plan", *common, *moves, "--program", str(table)).exit_code == 0
     shown = run("plan", *common, *moves, "--program", "-")
