@@ -151,6 +151,7 @@ def test_labels_lead_a_technician_to_the_reading() -> None:
 def test_labels_count_in_time_and_name_any_displacement() -> None:
     plan = plan_of([PlannedReading(1, 0, d, Contact.FIXED) for d in (30.0, 0.0, 30.0, 0.0)])
     late_first = GaugePlan(**{**vars(plan), "order": [3, 2, 1, 0]})
+    assert late_first.cycles.tolist() == [2, 2, 1, 1]
     assert [PROTOTYPE.reading_words(late_first, k) for k in range(4)] == [
         "leg y, direction x, 30 mm, cycle 2 (reading 4)",
         "leg y, direction x, iso, cycle 2 (reading 3)",
