@@ -22,7 +22,7 @@ def test_quick_bench_is_not_below_the_demands() -> None:
     Chance of false failure for a method at the demands: below 3e-4 over three rates; for a sound
     one (99 %) below 1e-7. Pairs and effects beyond the list are those of `test_verdicts`.
     """
-    counts = Counts(single=1, healthy=12, outside=0, pair=0)
+    counts = Counts(single=1, healthy=6, outside=0, pair=0)
     bench = run_bench(draw_gauges([PROTOTYPE], [MICRON], counts, seed=11))
     assert "error" not in {judged.answer.verdict for judged in bench.judged}
     for rate in rates(bench.judged):

@@ -115,16 +115,9 @@ def test_places_are_counted_from_the_plan() -> None:
     wide = {
         id for id, cause in CAUSES.items() if not isinstance(cause, PatternCause | RelabelCause)
     }
+    # The shares of all others count in the evidence of `tests.inference.test_hypothesis`.
     assert {count[id] for id in wide} == {1}
-    assert count["gauge_drift"] == 6
-    assert count["sign_flip"] == 6 + 1
-    assert count["exchanged_columns"] == 1
-    assert count["wrong_unit"] == 4
-    assert count["swapped_gauges"] == 3
-    assert count["misread"] == 60
-    assert count["stand_shift"] == 54
-    # Each reading alone, and all from the second to the last but one of each set-up.
-    assert count["gauge_slip"] == 60 + 6 * 8
+    assert (count["exchanged_columns"], count["wrong_unit"]) == (1, 4)
     half = PLAN.subset(np.flatnonzero((PLAN.leg != 1) & (PLAN.direction != 2)))
     assert len(CAUSES["sign_flip"].places(half, PROTOTYPE)) == 3 + 1
     assert [*CAUSES["swapped_gauges"].places(half, PROTOTYPE)] == [(2,)]
@@ -147,30 +140,18 @@ def test_no_stand_is_knocked_before_its_first_reading() -> None:
 
 
 def test_labels_lead_a_technician_to_the_reading() -> None:
-    misread = CAUSES["misread"]
-    labels = {misread.label(place, PLAN, PROTOTYPE) for place in misread.places(PLAN, PROTOTYPE)}
-    assert len(labels) == 60
-    assert "leg y, direction x, min, cycle 2 (reading 31)" in labels
-    assert "leg z, direction y, iso, cycle 4 (reading 60)" in labels
-    words = {
-        ("stand_shift", (2,)): "from leg x, direction y, max, cycle 1 (reading 3) on",
-        ("gauge_slip", (2, 1)): "from leg x, direction y, max, cycle 1 (reading 3) on",
-        ("gauge_slip", (2, 0)): "leg x, direction y, max, cycle 1 (reading 3)",
-        ("gauge_drift", (2, 0)): "leg z, direction x",
-        ("sign_flip", (1, 2)): "leg y, direction z",
-        ("sign_flip", ()): "all readings",
-        ("swapped_gauges", (1,)): "leg y",
-        ("exchanged_columns", ()): "",
-        ("wrong_unit", (0,)): "inches written as mm",
-        ("axis_gap", ()): "",
-    }
-    for (id, index), label in words.items():
-        assert CAUSES[id].label(Place(index), PLAN, PROTOTYPE) == label
+    """Those of one gauge, leg or table are told in `tests.inference`."""
+    for id, index in (("stand_shift", (2,)), ("gauge_slip", (2, 1))):
+        label = CAUSES[id].label(Place(index), PLAN, PROTOTYPE)
+        assert label == "from leg x, direction y, max, cycle 1 (reading 3) on"
+    misread = CAUSES["misread"].label(Place((30,)), PLAN, PROTOTYPE)
+    assert misread == "leg y, direction x, min, cycle 2 (reading 31)"
 
 
 def test_labels_count_in_time_and_name_any_displacement() -> None:
     plan = plan_of([PlannedReading(1, 0, d, Contact.FIXED) for d in (30.0, 0.0, 30.0, 0.0)])
     late_first = GaugePlan(**{**vars(plan), "order": [3, 2, 1, 0]})
+    assert late_first.cycles.tolist() == [2, 2, 1, 1]
     assert [PROTOTYPE.reading_words(late_first, k) for k in range(4)] == [
         "leg y, direction x, 30 mm, cycle 2 (reading 4)",
         "leg y, direction x, iso, cycle 2 (reading 3)",

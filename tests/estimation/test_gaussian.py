@@ -1,4 +1,4 @@
-"""Linear-Gaussian algebra that no other test sees alone: what is left, a common size, log odds."""
+"""What no other test sees alone: a common size, log odds, and a p value judged by losses."""
 
 import math
 
@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from orthoglide_cal.estimation.gaussian import Mixture, fit_size
+from orthoglide_cal.estimation.losses import is_likely, surprising
 
 
 def test_a_size_that_few_data_tell_counts_what_they_leave_open() -> None:
@@ -43,3 +44,13 @@ def test_log_odds_are_those_of_draws() -> None:
         odds = logs[0] - logs[1]
         assert abs(odds.mean() - mean[true, rival]) < 5.0 * odds.std() / math.sqrt(count)
         assert std[true, rival] == pytest.approx(odds.std(), rel=0.02)
+
+
+@pytest.mark.parametrize("odds", [0.01, 0.05, 0.2])
+def test_to_state_nothing_costs_as_much_as_to_give_it_up(odds: float) -> None:
+    """At the bound, with the most that a p value can say against its null hypothesis."""
+    missed, needless = 75.0, 120.0
+    p = surprising(odds, missed, needless)
+    for share, given_up in ((0.99, True), (1.01, False)):
+        against = float(odds / (-np.e * share * p * np.log(share * p)))
+        assert is_likely(1.0 / (1.0 + against), missed, needless) is given_up

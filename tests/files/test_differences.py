@@ -8,7 +8,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from tests.sentences import sentences
 
-from .helpers import MODEL, differences, measured, places, problems
+from .helpers import MODEL, assert_fault, differences, measured, problems
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
@@ -78,7 +78,5 @@ BAD = [
 
 @pytest.mark.parametrize(("text", "line", "column", "value", "what", "remedy"), BAD)
 def test_faults_name_place_and_remedy(tmp_path, text, line, column, value, what, remedy):
-    found = problems(measured, tmp_path, text)
-    assert places(found) == [(line, column, value)]
-    assert what in found[0].what
-    assert remedy in found[0].remedy
+    (fault,) = problems(measured, tmp_path, text)
+    assert_fault(fault, (line, column, value), what, remedy)

@@ -30,7 +30,7 @@ from orthoglide_cal.model.orthoglide import Gauge, Orthoglide, double_posture
 from tests.printers import CONFIG, UNEVEN, printer
 from tests.truth.delta import TOLERANCES, delta_yaml
 
-from .helpers import MACHINE, MODEL, PROTOTYPE, document, places, problems
+from .helpers import MACHINE, MODEL, PROTOTYPE, assert_fault, document, places, problems
 
 DIGEST = "0123456789abcdef" * 4
 TEXT, PRINTER = (path.read_text(encoding="utf-8") for path in (PROTOTYPE, CONFIG))
@@ -140,11 +140,9 @@ BAD_OF_PRINTERS = [
 )
 def test_faults_name_place_and_remedy(text, old, new, line, path, value, what, remedy):
     found = problems(read, changed(text, (old, new)))
-    at_place = [fault for fault in found if fault.column == path]
-    assert places(at_place) == [(line, path, value)]
-    assert what in at_place[0].what
-    assert remedy in at_place[0].remedy
-    assert at_place[0].file == "m.yaml"
+    (fault,) = (fault for fault in found if fault.column == path)
+    assert_fault(fault, (line, path, value), what, remedy)
+    assert fault.file == "m.yaml"
 
 
 def numbers(node: yaml.Node, path: str = "") -> Iterator[tuple[str, yaml.Node]]:

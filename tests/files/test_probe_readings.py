@@ -20,7 +20,7 @@ from tests.sentences import sentences
 from tests.truth.delta import Layout, Truth, delta_csv, indicated, make_delta_session, tool
 from tests.truth.plan import frozen
 
-from .helpers import places, problems, saved
+from .helpers import assert_fault, problems, saved
 
 MODEL = machine_from_text(CONFIG.read_text(encoding="utf-8"), "m.yaml")
 TRUTH = Truth(endstops=frozen([0.5, -0.3, 0.4]), radius=0.4, angles=frozen([0.15, -0.1, 0.0]))
@@ -107,9 +107,7 @@ BAD = [
 @pytest.mark.parametrize(("text", "place", "what", "remedy"), BAD)
 def test_faults_name_place_and_remedy(tmp_path: Path, text, place, what, remedy) -> None:
     (fault,) = problems(read_input, saved(tmp_path, text), MODEL)
-    assert places([fault]) == [place]
-    assert what in fault.what
-    assert remedy in fault.remedy
+    assert_fault(fault, place, what, remedy)
 
 
 def test_touches_need_a_machine_with_a_bed(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from orthoglide_cal.model.readings import Contact
 from tests.readings import readings_of, some
 from tests.sentences import sentences
 
-from .helpers import MACHINE, document, measured, places, problems, readings
+from .helpers import MACHINE, assert_fault, document, measured, places, problems, readings
 
 HEAD = "leg,posture,direction,reading_mm"
 GOOD = f"{HEAD}\nx,iso,y,0.12\nx,max,y,-0.25\nz,-20.5,x,1\n"
@@ -127,11 +127,9 @@ BAD = [
 
 @pytest.mark.parametrize(("text", "line", "column", "value", "what", "remedy"), BAD)
 def test_faults_name_place_and_remedy(tmp_path, text, line, column, value, what, remedy):
-    found = problems(measured, tmp_path, text)
-    assert places(found) == [(line, column, value)]
-    assert what in found[0].what
-    assert remedy in found[0].remedy
-    assert found[0].file == str(tmp_path / "data.csv")
+    (fault,) = problems(measured, tmp_path, text)
+    assert_fault(fault, (line, column, value), what, remedy)
+    assert fault.file == str(tmp_path / "data.csv")
 
 
 def test_everything_is_collected_in_the_order_of_lines(tmp_path):

@@ -42,11 +42,6 @@ def read(text: str, model: Model) -> Readings:
     return read_input(document_from_bytes(text.encode(), "session.csv"), model).measured
 
 
-def readings_of(session: truth.Session) -> Readings:
-    """The record, through the text of its file."""
-    return read(truth.readings_csv(session), model_of(session.machine, session.gauge))
-
-
 def given(session: truth.Session | DeltaSession) -> Input:
     """Record and machine, through the texts of their files."""
     machine, record = texts_of(session)
@@ -54,7 +49,12 @@ def given(session: truth.Session | DeltaSession) -> Input:
 
 
 def known(session: truth.Session) -> tuple[Readings, Model]:
-    return readings_of(session), model_of(session.machine, session.gauge)
+    read = given(session)
+    return read.measured, read.model
+
+
+def readings_of(session: truth.Session) -> Readings:
+    return known(session)[0]
 
 
 def ids(found: Diagnosis) -> list[str]:

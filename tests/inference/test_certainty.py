@@ -33,7 +33,7 @@ def measured(
 
 def test_a_miscounted_turn_is_named_although_the_reading_may_just_be_wrong() -> None:
     """A reading one turn off, where a misreading of that size is only three tolerances."""
-    for row in (17, 11, 23, 31):
+    for row in (17, 23):
         session = measured(Effect("gauge_slip", "", (1.0,), row=row), seed=row, gauge=truth.DIAL)
         readings, model = known(session)
         tolerances = {**model.machine.tolerances, "misread": 0.3}

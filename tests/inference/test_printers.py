@@ -211,7 +211,7 @@ def test_maps_that_repeat_are_not_noise_once_they_are_judged_together() -> None:
 def test_a_probe_that_reads_on_its_way_shows_no_lost_motion() -> None:
     """The same touches; what depends on the approach is not claimed, and not carried."""
     truth = Truth(bed=quartic(np.random.default_rng(4), 2.0 * BENT_MM), lost=LOST)
-    read = given(probe_bed(V400, truth, (), Layout(121), np.random.default_rng(4)))
+    read = given(probe_bed(V400, truth, (), Layout(61), np.random.default_rng(4)))
     machine = read.model.machine
     scanner = machine.changed(probe=machine.instrument.changed(scanning=True))
     touched, scanned = (

@@ -1,8 +1,6 @@
 """Sizes have tails: what is larger than stated is named all the same."""
 
-from collections import Counter
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
@@ -14,21 +12,12 @@ from tests.inference.test_certainty import measured
 from tests.truth.effects import Effect
 from tests.truth.forward import MACHINE_CAUSES
 
-FAR = 5.0
-"""Sigma from every rival at which a cause must be told."""
-
 
 def with_legs(legs: tuple[float, float, float], stated: float, seed: int) -> Diagnosis:
     """Legs that are off, with a stated size of them."""
     readings, model = known(measured(Effect("leg_length", "", legs), seed=seed))
     sizes = {**model.machine.tolerances, "leg_length": stated}
     return diagnose(readings, replace(model, machine=model.machine.changed(tolerances=sizes)))
-
-
-def told(found: Diagnosis) -> set[str]:
-    far = (each.id for each in found.beyond_tolerance)
-    aliases = (alias for cause in found.causes for alias in cause.aliases)
-    return {*ids(found), *aliases, *found.ambiguous_with, *far}
 
 
 @pytest.mark.parametrize("seed", [1])
@@ -65,26 +54,3 @@ def test_ten_and_thirty_times_the_stated_size_are_named(cause: str) -> None:
         assert (found.verdict, ids(found)) == (Verdict.NAMED, [cause])
         stated = found.causes[0].times_stated
         assert 0.4 * times < stated < 1.1 * times
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("times", [3.0, 10.0, 30.0])
-def test_large_causes_are_told(times: float) -> None:
-    """All lasting causes, machines and gauges, five seeds: of those that stand 5 sigma from every
-    rival 97 % in the answer, at most 1 % wrong names; 97 % of them named."""
-    count: Counter[str] = Counter()
-    setups = product(MACHINE_CAUSES, truth.MACHINES.values(), truth.GAUGES.values(), range(70, 75))
-    for cause, machine, gauge, seed in setups:
-        session = truth.make_session(seed, machine, gauge, (cause,), times=(times, times))
-        found = diagnose(*known(session))
-        wrong = found.verdict is Verdict.NAMED and cause not in told(found)
-        count["all"] += 1
-        count["wrong"] += wrong and truth.separation(session).distance >= FAR
-        if truth.separation(session).distance >= FAR:
-            count["far"] += 1
-            count["told"] += cause in told(found)
-            count["named"] += (found.verdict, ids(found)) == ("named", [cause])
-    assert count["far"] >= 60
-    assert count["told"] >= 0.97 * count["far"], count
-    assert count["named"] >= 0.97 * count["far"], count
-    assert count["wrong"] <= 0.01 * count["all"], count

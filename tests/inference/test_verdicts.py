@@ -128,19 +128,17 @@ def test_what_is_not_listed_is_unexplained(outside: str) -> None:
 @pytest.mark.parametrize("cause", [c for c in truth.MACHINE_CAUSES if c != "backlash"])
 def test_what_is_too_small_to_be_seen_is_not_excluded(cause: str) -> None:
     """A thirtieth of its plausible size is there, and does not show."""
-    for seed in (1, 2):
-        hidden = truth.make_session(seed, truth.PROTOTYPE, truth.DIAL, (cause,), times=(0.02, 0.05))
-        found = diagnose(*known(hidden))
-        assert found.verdict == "consistent"
-        assert cause in found.not_excluded
+    hidden = truth.make_session(1, truth.PROTOTYPE, truth.DIAL, (cause,), times=(0.02, 0.05))
+    found = diagnose(*known(hidden))
+    assert found.verdict == "consistent"
+    assert cause in found.not_excluded
 
 
+# Others stand in `test_certainty`, `test_replanned` and `test_result`.
 PAIRS = [
     ("misread", "axis_gap", 1, truth.DIAL),
-    ("gauge_slip", "axis_squareness", 1, truth.MICRON),
     ("stand_shift", "encoder_scale", 1, truth.MICRON),
     ("sign_flip", "axis_gap", 1, truth.MICRON),
-    ("swapped_gauges", "backlash", 3, truth.MICRON),
 ]
 
 

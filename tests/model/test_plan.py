@@ -127,3 +127,4 @@ def test_readings_that_differ_in_their_part_are_no_repeats() -> None:
     assert len(plan.moments[0]) == 4
     plain = replace(plan, turned=False, entered=0.0)
     assert len(set(plain.cells.tolist())) == len(set(plain.at_once().repeats.tolist())) == 2
+    assert plain.cycles.tolist() == [1] * 6

@@ -14,11 +14,10 @@ from orthoglide_cal.model.model import (
     Model,
     simulate,
     simulate_with_jacobian,
-    synthetic_session,
 )
-from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan_of, single_posture
+from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.plan import zero_free
-from orthoglide_cal.model.readings import Contact, GaugePlan, Posture
+from orthoglide_cal.model.readings import GaugePlan, Posture
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model.geometries import bent_rails, mixed_plan, on_rails
 
@@ -101,19 +100,3 @@ def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
     zeros = (values - signal)[:, 0]
     assert zeros.min() < -0.9
     assert zeros.max() > 0.9
-
-
-def test_cycles_are_counted_in_time_within_a_set_up() -> None:
-    """Each end of the leg for itself, and each direction."""
-    readings = [
-        PlannedReading(1, direction, displacement, contact)
-        for direction, displacement, contact in (
-            (0, 0.0, Contact.FIXED), (0, 30.0, Contact.FIXED), (0, 0.0, Contact.FIXED),
-            (0, 30.0, Contact.TOOL), (0, 30.0, Contact.FIXED), (0, 30.0, Contact.FIXED),
-            (2, 30.0, Contact.FIXED),
-        )
-    ]  # fmt: skip
-    shuffled = replace(plan_of(readings), order=np.arange(7)[::-1])
-    made = synthetic_session(NOMINAL, shuffled, OFFSETS, np.random.default_rng(1))
-    assert made.posture == ("iso", "30", "iso", "30", "30", "30", "30")
-    assert made.cycle.tolist() == [2, 3, 1, 1, 2, 1, 1]

@@ -51,13 +51,6 @@ def test_a_gauge_alone_is_compared_with_its_fewest_moves() -> None:
     assert own.same_cycles.expanded_mm == asked.chosen.expanded_mm
 
 
-def test_all_readings_are_worth_most() -> None:
-    """Of one protocol no method leaves less uncertainty than all readings at once."""
-    for protocol, methods in METHODS.items():
-        found = {method: worst(forecast(NOMINAL, protocol, 3, method)) for method in methods}
-        assert min(found, key=lambda method: found[method]) is Method.READINGS
-
-
 @pytest.mark.parametrize("protocol", list(MeasuringProtocol))
 def test_more_cycles_are_never_worse(protocol: MeasuringProtocol) -> None:
     plan = measurement_plan(NOMINAL, Wanted(protocol))

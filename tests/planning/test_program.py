@@ -1,22 +1,37 @@
 """The posture program, run by an independent controller and compared with an independent machine.
 
-Where the carriages belong and where the tool then is comes from `tests.truth`.
+Where the carriages belong and where the tool then is comes from `tests.truth`. As a table, as CSV
+and as G-code, with templates of one's own.
 """
 
+import csv
+import re
+import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import PostureError, UsageError
+from orthoglide_cal.cli.plan import write_program
+from orthoglide_cal.errors import InvalidFileError, PostureError, UsageError
 from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.program import posture_program
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order
-from tests.machines import NOMINAL, both_models
-from tests.planning.programs import SESSION, gcode, ran, steps_of, true_tool, visits_of
+from tests.cli.program import run
+from tests.machines import NOMINAL, PROTOTYPE, ROOT, both_models
+from tests.planning.programs import (
+    SESSION,
+    default_template,
+    gcode,
+    ran,
+    steps_of,
+    true_tool,
+    visits_of,
+)
 from tests.truth.plan import joints_at
 
-MICROMETRE = 1e-3
 NAN = float("nan")
 WIDE = (-150.0, 100.0)  # travel with room behind every posture of both machines
 protocols = pytest.mark.parametrize(
@@ -32,6 +47,11 @@ protocols = pytest.mark.parametrize(
 )
 
 
+def assert_near(found: Floats, wanted: Floats | float) -> None:
+    """To a micrometre."""
+    np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-3)
+
+
 @both_models
 @protocols
 def test_every_block_stops_at_its_posture(
@@ -45,12 +65,12 @@ def test_every_block_stops_at_its_posture(
     assert [step.block for step in visits] == [wait.block for wait in done.readings]
     for wait, step in zip(done.readings, visits, strict=True):
         wanted = joints_at(length, step.leg, step.cell.displacement)
-        np.testing.assert_allclose(wait.at, wanted, rtol=0.0, atol=MICROMETRE)
+        assert_near(wait.at, wanted)
         assert wait.seconds is None
     # The gauges are put up at the isotropic posture.
     assert len(done.set_ups) == len({step.setup for step in steps})
     for wait in done.set_ups:
-        np.testing.assert_allclose(wait.at, length, rtol=0.0, atol=MICROMETRE)
+        assert_near(wait.at, length)
 
 
 @both_models
@@ -64,7 +84,7 @@ def test_carriages_arrive_slowly_from_below(model: Model, distance: float, tmp_p
             way = wait.arrival.end - wait.arrival.start
             at_limit = np.isclose(wait.at - length, low) if travel is None else np.zeros(3, bool)
             expected = np.where(at_limit, -distance, distance)
-            np.testing.assert_allclose(way, expected, rtol=0.0, atol=MICROMETRE)
+            assert_near(way, expected)
             assert wait.arrival.feed == 100.0
         assert ("above" in text) == (travel is None)
         fast = {move.feed for move in ran(text, length).moves}
@@ -104,3 +124,213 @@ def test_limits_that_are_too_narrow_are_named(
 ) -> None:
     with pytest.raises(error, match=said):
         posture_program(NOMINAL, steps_of(NOMINAL), SESSION, approach, travel)
+
+
+@pytest.mark.parametrize(
+    ("values", "at_iso"), [("joints", 310.25), ("displacements", 0.0), ("tool", 0.0)]
+)
+def test_the_template_chooses_axes_values_and_pause(
+    values: str, at_iso: float, tmp_path: Path
+) -> None:
+    template = (
+        f"; Orthocal AXES : a1= b= y2=\n;orthocal values: {values}\n"
+        "; orthocal pause: g4 p2.5\n; orthocal feed: 300\n; orthocal slow: 20.5\nG21 G90 G94\n"
+        "; orthocal blocks\nM30\n"
+    )
+    steps = steps_of(NOMINAL)
+    text = gcode(tmp_path, NOMINAL, steps, template)
+    done = ran(text, at_iso, ("A1=", "B=", "Y2="))
+    assert {wait.seconds for wait in done.readings} == {2.5}
+    assert {wait.seconds for wait in done.set_ups} == {None}
+    assert {wait.arrival.feed for wait in done.readings} == {20.5}
+    assert "(" not in text
+    at = np.array([wait.at for wait in done.readings])
+    visits = visits_of(steps)
+    length = PROTOTYPE.leg_length_mm
+    joints = np.array([joints_at(length, step.leg, step.cell.displacement) for step in visits])
+    wanted = {
+        "joints": joints,
+        "displacements": joints - length,
+        "tool": true_tool(length, joints).T,
+    }[values]
+    assert_near(at, wanted)
+    if values == "tool":
+        # The tool's approach is where the carriages are 1 mm lower.
+        begin = np.array([wait.arrival.start for wait in done.readings[:2]])
+        lower = true_tool(length, joints[:2] - 1.0).T
+        assert_near(begin, lower)
+
+
+def test_the_text_around_the_marker_is_copied(tmp_path: Path) -> None:
+    text = gcode(
+        tmp_path, template="(Werk (1\nT1 M6\n(orthocal blocks)\nN5 M5\nM2 (bye)\n"
+    ).splitlines()
+    assert text[:2] == ["(Werk (1", "T1 M6"]
+    assert text[-2:] == ["N5 M5", "M2 (bye)"]
+
+
+def test_the_default_template_is_the_one_that_is_printed(tmp_path: Path) -> None:
+    assert gcode(tmp_path) == gcode(tmp_path, template=default_template())
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "a) M3 S9000 (",
+        "line\nG0 X0",
+        "; M30",
+        "% end",
+        "MSG, LOGCLOSE",
+        "x" * 62 + " LOGOPEN,passwd " + "y" * 90,
+        "Müller #5 [1/0] ⟨\u202e⟩",
+    ],
+)
+@pytest.mark.parametrize("marker", ["(orthocal blocks)", "; orthocal blocks"])
+def test_no_name_breaks_the_program(name: str, marker: str, tmp_path: Path) -> None:
+    template = default_template().replace("(orthocal blocks)", marker)
+    foreign = replace(NOMINAL, machine=PROTOTYPE.changed(name=name))
+    text = gcode(tmp_path, foreign, template=template)
+    assert text.isascii()
+    assert "%" not in text
+    named, plain = (
+        [(move.end.tolist(), move.feed) for move in ran(each, PROTOTYPE.leg_length_mm).moves]
+        for each in (text, gcode(tmp_path, template=template))
+    )
+    assert named == plain
+
+
+def test_the_csv_has_the_rows_of_the_program(tmp_path: Path) -> None:
+    steps, target = steps_of(NOMINAL), tmp_path / "program.csv"
+    foreign = replace(NOMINAL, machine=PROTOTYPE.changed(name='=1+1,"x"'))
+    write_program(posture_program(foreign, steps, SESSION), target)
+    with target.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    visits = visits_of(steps)
+    assert [row["block"] for row in rows] == [f"N{step.block}" for step in visits]
+    assert " ".join(row["steps"] for row in rows).split() == [str(s.number) for s in steps]
+    for row, step in zip(rows, visits, strict=True):
+        joints = [float(row[f"joint_{axis}_mm"]) for axis in "xyz"]
+        tool = [float(row[f"tool_{axis}_mm"]) for axis in "xyz"]
+        wanted = joints_at(PROTOTYPE.leg_length_mm, step.leg, step.cell.displacement)
+        assert_near(joints, wanted)
+        assert_near(tool, step.cell.displacement * np.eye(3)[step.leg])
+        approach = [float(row[f"approach_joint_{axis}_mm"]) for axis in "xyz"]
+        side = [1.0 if axis in row["from_above"].split() else -1.0 for axis in "xyz"]
+        assert_near(approach, wanted + side)
+        assert row["posture"] == step.posture
+        assert row["session"] == SESSION
+        assert row["machine"] == '\'=1+1,"x"'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "said"),
+    [
+        ("(orthocal blocks)\n", "", None, "where the blocks go"),
+        ("(orthocal blocks)", "(orthocal blocks)\n(orthocal blocks)", 21, "given twice"),
+        ("X Y Z)\n(orthocal note: values", "X Y)\n(orthocal note: values", 4, "axis words"),
+        ("(orthocal axes: X Y Z)", "(orthocal axes: X Y F)", 4, "axis words"),
+        ("(orthocal pause: M0)", "(orthocal pause: M3)", None, "does not wait"),
+        ("(orthocal pause: M0)", "(orthocal paus: M0)", None, "Did you mean 'pause'"),
+        ("(orthocal slow: 100)", "(orthocal slow: 0)", None, "greater than zero"),
+        ("(orthocal slow: 100)", "(orthocal feed: 100)", None, "twice"),
+        ("(orthocal values: joints)", "(orthocal values: angles)", None, "displacements"),
+        ("G21 (mm)", "G20", None, "inches"),
+        ("G90 (absolute)", "g091", None, "last point"),
+        ("M2", "N20 M2", None, "block number"),
+    ],
+)
+def test_a_template_that_cannot_be_used_is_refused(
+    old: str, new: str, line: int | None, said: str, tmp_path: Path
+) -> None:
+    template = default_template()
+    assert old in template
+    with pytest.raises(InvalidFileError, match=said) as caught:
+        gcode(tmp_path, template=template.replace(old, new))
+    assert str(caught.value.file).endswith("template.nc")
+    assert line is None or caught.value.line == line
+    assert caught.value.remedy
+    assert not [*tmp_path.rglob("made.nc")]
+
+
+def test_a_code_that_is_taken_back_or_only_looks_wrong_is_no_fault(tmp_path: Path) -> None:
+    """Arc centres (G91.1) and what stands in comments or behind the blocks do no harm."""
+    template = "G20 G91\nG21 G90 G91.1 (G20; G91)\n(orthocal blocks)\nG91\nN7 M2\n"
+    assert "N10 G1" in gcode(tmp_path, template=template)
+
+
+def test_the_command_writes_the_program_of_measure(tmp_path: Path) -> None:
+    """The blocks and steps are those of a session with the same options."""
+    target = tmp_path / "made.nc"
+    common = ("--protocol", "single", "--cycles", "2", "--order", "fewest-moves")
+    moves = ("--travel", "-105", "65", "--approach", "2")
+    shown = run("plan", *common, *moves, "--program", str(target))
+    assert shown.exit_code == 0, shown.stderr
+    assert shown.stdout == ""
+    assert f"blocks written to {target}" in shown.stderr
+    steps = steps_of(NOMINAL, MeasuringProtocol.SINGLE, Order.FEWEST_MOVES, 1)
+    done = ran(target.read_text(encoding="utf-8"), PROTOTYPE.leg_length_mm)
+    assert [wait.block for wait in done.readings] == [step.block for step in visits_of(steps)]
+    for wait in done.readings:
+        way = wait.arrival.end - wait.arrival.start
+        assert_near(way, 2.0)
+    table = tmp_path / "made.csv"
+    assert run("plan", *common, *moves, "--program", str(table)).exit_code == 0
+    shown = run("plan", *common, *moves, "--program", "-")
+    assert shown.stdout == table.read_text(encoding="utf-8")
+    shown = run("plan", *common, *moves, "--program", str(table))
+    assert (shown.exit_code, "exists and is not overwritten" in shown.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (("--program", "made.txt"), 2, "does not say what to write"),
+        (("--program", "made.csv", "--template", "mine.nc"), 2, "--template is for G-code"),
+        (("--program", "made.nc", "--template", "mine.nc"), 3, "no such file"),
+        (("--template", "mine.nc"), 2, "--program FILE"),
+        (("--travel", "-105", "65"), 2, "--program FILE"),
+        (("--program", "-", "--json"), 2, "Leave out --json"),
+        (("--program", "made.nc", "--order", "any"), 2, "fewest-moves"),
+        (("--program", "made.nc", "--approach", "101"), 3, "has no room for an approach"),
+        (("--program", "no folder/made.nc"), 3, "cannot be written"),
+    ],
+)
+def test_the_command_refuses(
+    arguments: tuple[str, ...],
+    code: int,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shown = run("plan", "--cycles", "1", *arguments)
+    assert shown.exit_code == code
+    assert said in (shown.stderr or shown.stdout).replace("\n", " ")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        (),
+        ("--cycles", "2", "--gauges", "1"),
+        ("--protocol", "single", "--cycles", "1", "--order", "fewest-moves"),
+        ("--design", "best", "--cycles", "4"),
+        ("--machine", "my_large-one.yaml", "--cycles", "1"),
+    ],
+)
+def test_a_program_names_the_session_that_it_belongs_to(
+    options: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    large = ROOT / "configs" / "orthoglide_large.yaml"
+    (tmp_path / "my_large-one.yaml").write_bytes(large.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    assert run("plan", *options, "--program", "made.nc").exit_code == 0
+    assert run("plan", *options, "--program", "made.csv").exit_code == 0
+    text = Path("made.nc").read_text(encoding="utf-8")
+    (told,) = re.findall(r"^\((orthocal measure.*)\)$", text, re.M)
+    told_options = shlex.split(told)[2:]
+    wanted = dict(zip(options[::2], options[1::2], strict=True))
+    assert dict(zip(told_options[::2], told_options[1::2], strict=True)) == wanted
+    with Path("made.csv").open(encoding="utf-8", newline="") as file:
+        assert {row["session"] for row in csv.DictReader(file)} == {told}

@@ -284,7 +284,7 @@ def test_the_place_of_the_fault_stands_in_the_first_line_of_the_advice() -> None
     assert sentences([remedy.sentence])[0].startswith(f"Take this reading again: {cause.where}. ")
 
 
-def test_the_offsets_keep_their_correlations() -> None:
+def test_offsets_and_causes_keep_their_correlations() -> None:
     """The page's "at most" after the adjustment, from the covariance of the diagnosis."""
     case = cases.named_in_machine()
     answer, diagnosis = case.answer, diagnosis_of(case)
@@ -299,11 +299,7 @@ def test_the_offsets_keep_their_correlations() -> None:
     assert answer.workspace.after_mm == pytest.approx(at_most(covariance), rel=1e-9)
     assert at_most(np.diag(np.diag(covariance))) != pytest.approx(at_most(covariance), rel=1e-3)
 
-
-def test_the_causes_keep_their_correlations() -> None:
-    case = cases.named_in_machine()
-    diagnosis = diagnosis_of(case)
-    (effect,) = making.with_causes(case.given.model, diagnosis).accepted
+    (effect,) = model.accepted
     assert np.array_equal(effect.covariance, diagnosis.effects[0].covariance)
     off = effect.covariance - np.diag(np.diag(effect.covariance))
     assert np.abs(off).max() > 0.01 * np.diag(effect.covariance).max()

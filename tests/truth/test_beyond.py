@@ -1,11 +1,14 @@
-"""Effects beyond the list are as their names say, and their distances are those of densities."""
+"""Effects beyond the list are as their names say, and their distances are those of densities.
+
+Of gauges, and in regions of a bed.
+"""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from . import MICRON, PROTOTYPE
+from . import MICRON, PROTOTYPE, bed
 from .beyond import HOWS, Beyond, Gaussian, Where, distinguish, draw_beyond
 from .forward import Disturbance
 from .plan import Floats
@@ -83,3 +86,32 @@ def test_a_clear_effect_stands_out_and_a_hundredth_of_it_does_not() -> None:
     clean = step.twin.clean + small.contact
     faint = replace(step, session=replace(step.session, disturbance=small, clean=clean))
     assert not distinguish(faint).clear
+
+
+@pytest.mark.parametrize("how", bed.HOWS)
+@pytest.mark.parametrize("kind", ["half", "ring"])
+def test_an_effect_is_what_it_says_in_its_region_and_nothing_elsewhere(how: str, kind: str) -> None:
+    hidden = bed.draw_bed(3, how, kind)
+    session, added = hidden.session, hidden.session.contact
+    rows = hidden.where.rows(session.x, session.y)
+    assert 0 < rows.sum() < len(rows)
+    assert not added[~rows].any()
+    values, minutes = added[rows], session.minutes[rows]
+    assert values == pytest.approx(in_time(how, values, minutes, hidden.shape), abs=1e-9)
+    assert np.abs(values).max() > (1.0 if how == "scatters" else 4.0) * session.machine.noise
+
+
+def test_regions_have_the_answers_names_and_cover_the_bed() -> None:
+    x, y = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 200))
+    # Of the halves two hold each place.
+    counts = {"everything": 1, "half": 2, "quarter": 1, "ring": 1}
+    for kind, names in bed.KINDS.items():
+        assert set(sum(bed.Region(name).rows(x, y).astype(int) for name in names)) == {counts[kind]}
+    assert (bed.Region("edge").names, bed.Region().names) == ({"region": "edge"}, {})
+    assert bed.Region("back left").kind == "quarter"
+
+
+def test_a_step_of_one_pass_of_three_is_clear() -> None:
+    far = bed.distinguish_bed(bed.draw_bed(3, "steps", "half"))
+    assert far.clear
+    assert all(how == "steps" for how, _ in far.same)
