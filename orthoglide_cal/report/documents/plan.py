@@ -74,7 +74,6 @@ def plan_document(
         lengths = (row.expanded for row in begun.answer.parameters if row.unit == "mm")
         plan = plan.changed(now_mm=max(lengths, default=None), simulated=begun.answer.simulated)
     going_on = begun if plan.next else None
-    stamp = going_on.stamp if going_on else None
     absent = None if plan.next else {"next"}
     data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent, context=sentence)
     if going_on is not None and not plan.next[0].between:
@@ -95,7 +94,7 @@ def plan_document(
             ]
         to_do = _to_do(plan, machine_file, begun)
         sections.append(doc.next_steps(to_do, "More: the same with --details"))
-        return doc.Page("Plan", stamp=stamp, notice=notice, sections=sections)
+        return doc.Page("Plan", simulated=plan.simulated, notice=notice, sections=sections)
 
     def page() -> doc.Page:
         machine = plan.model.machine
@@ -123,7 +122,7 @@ def plan_document(
         sections += [*budget_sections(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
             kind="Plan",
-            stamp=stamp,
+            simulated=plan.simulated,
             title=plan.machine,
             facts=facts,
             notice=notice,
