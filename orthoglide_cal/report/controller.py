@@ -164,7 +164,7 @@ def firmware_values(
     )
     home, heights = new.home_mm, new.endstop_carriages_mm
     settings = file.settings if file else {}
-    for id, tower, value, *_ in made:
+    for id, tower, value in ((one.id, one.name, one.value) for one in made):
         if not CAUSES[id].by_joint:
             setting[f"arm_{tower}"] += 0.0 if id in known else value
             continue

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from orthoglide_cal.files.controller_file import ControllerFile, holds
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import StoredMachine, differing, with_history
 from orthoglide_cal.inference import Verdict
+from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.machine import (
     Corrections,
     Entered,
@@ -31,14 +32,10 @@ from orthoglide_cal.results.answer import Answer
 from orthoglide_cal.schema import Reason
 
 
-class Correction(NamedTuple):
+class Correction(Estimate):
     """A parameter of a cause that acts, and what the controller's file does about it."""
 
     id: str  # of the cause
-    name: str  # of the parameter, on this kind of machine
-    value: float
-    expanded: float
-    unit: str
     gain_mm: float | None  # error of a carriage over its travel that this is; None for others
     left: Literal["", "no_place", "no_origin", "below_u"]  # why it is not corrected; "" where it is
 
@@ -173,22 +170,22 @@ def _corrections(
     for cause, size in known:
         if not cause.in_machine:
             continue
-        name, value, expanded = size.name, size.value, size.expanded
         gain = None
         if cause.by_joint:
-            (effect,) = correcting(machine, {cause.id: {name: value}})
+            (effect,) = correcting(machine, {cause.id: {size.name: size.value}})
             travel = machine.home_mm + np.array([0.0, machine.travel_mm])
             gain = float(np.ptp(cause.correction(-effect.theta, travel, machine.home_mm)))
-        left = controller.hindrance(cause, machine) or ("below_u" if abs(value) <= expanded else "")
-        yield Correction(cause.id, name, value, expanded, cause.unit, gain, left)
+        below = "below_u" if abs(size.value) <= size.expanded else ""
+        left = controller.hindrance(cause, machine) or below
+        yield Correction(id=cause.id, **dict(size), gain_mm=gain, left=left)
 
 
 def _added_to(active: Corrections, made: Sequence[Correction]) -> Corrections:
     """The corrections in force with some more."""
     sums = {id: dict(values) for id, values in active.items()}
-    for id, name, value, *_ in made:
-        values = sums.setdefault(id, {})
-        values[name] = float(f"{values.get(name, 0.0) + value:.9g}")
+    for one in made:
+        values = sums.setdefault(one.id, {})
+        values[one.name] = float(f"{values.get(one.name, 0.0) + one.value:.9g}")
     return sums
 
 

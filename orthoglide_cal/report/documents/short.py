@@ -136,7 +136,7 @@ def application_document(
             "before": before,
             "after": after,
             "data_sha256": entry.data_sha256,
-            "corrections": [correction._asdict() for correction in application.corrections],
+            "corrections": [correction.model_dump() for correction in application.corrections],
             "written": entry.written.model_dump() if entry.written else None,
         }
 
@@ -195,11 +195,13 @@ def _corrections(application: Application) -> doc.Grid:
         "below_u": "not corrected: within U",
     }
     rows = []
-    for id, name, value, expanded, unit, gain, left in application.corrections:
-        row = (f"{id} {name}", f"{signed(value, 3)} ± {two_figures(expanded)} {unit}")
-        if left == "no_place":
-            row = (id, "")  # its sizes are of no use here
-        rows.append((*row, "" if gain is None or left else plain(gain, 3), why[left]))
+    for one in application.corrections:
+        size = f"{signed(one.value, 3)} ± {two_figures(one.expanded)} {one.unit}"
+        row = (f"{one.id} {one.name}", size)
+        if one.left == "no_place":
+            row = (one.id, "")  # its sizes are of no use here
+        gain = "" if one.gain_mm is None or one.left else plain(one.gain_mm, 3)
+        rows.append((*row, gain, why[one.left]))
     caption = "Size: what is known to be wrong. Gain: carriage error that the controller removes."
     head = ("cause", "size", "gain, mm", "from now on")
     return doc.Grid(head, list(dict.fromkeys(rows)), caption=caption, words=(0, 3))
