@@ -201,8 +201,9 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         which = np.flatnonzero(left > SHORT_STEP)
         if not which.size:
             break
-        careful = which[damping[which] > 0.0]
-        step[careful] = normal_step(jacobian[careful], residual[careful], damping[careful])
+        if np.any(damping[which]):
+            careful = which[damping[which] > 0.0]
+            step[careful] = normal_step(jacobian[careful], residual[careful], damping[careful])
         trial = offsets[which] + step[which]
         model, slope = problem.predict_with_jacobian(trial, strict=False)
         after = flat[which] - model

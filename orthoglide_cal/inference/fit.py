@@ -277,7 +277,8 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
     for ranking; once more for causes far beyond their size. `scale_factor`: see `Fit`; None: as
     large as these data make it.
     """
-    fit, step = _begin(hypothesis, scale_factor), math.inf
+    fit = begun = _begin(hypothesis, scale_factor)
+    step = math.inf
     for _ in range(ROUNDS * _is_beyond_noise(fit)):
         try:
             predicted, derivatives = fit.linearised.white.linearised(*fit.state)
@@ -286,7 +287,10 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
         before, (fit, step) = step, _step(fit, predicted, derivatives)
         if not FAR_MM < step < 0.5 * before:
             break
-    return _judged(_settle(fit))
+    fit = _settle(fit)
+    if fit is begun and hypothesis.by_noise is not None:  # as it was scored
+        return _concluded(fit, hypothesis.by_noise, hypothesis.log_evidence)
+    return _judged(fit)
 
 
 def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
@@ -414,10 +418,11 @@ def _judged(fit: Fit) -> Fit:
     scales = at.scales if hypothesis.is_alone else at.usual
     density = density_of(at, [fit.derivatives], [base], scales, [seen])
     # By scale and σ if all parameters act, (s, g).
+    by_noise = density.by_noise(data)
     if placed is None or placed.patterns is None:
-        log = density.by_noise(data)[0]
+        log = by_noise[0]
     else:
-        blocks = pattern_densities(at, placed, density, data)
+        blocks = pattern_densities(at, placed, density, data, by_noise)
         log = log_sum(np.stack([log_sum(log[0], (-2, -1)) for _, log in blocks]), 0)
     evidence = float(log_sum(log))
     if base and hypothesis.is_alone:
