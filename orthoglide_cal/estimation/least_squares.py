@@ -115,7 +115,7 @@ class Problem(ReadOnly):
 
     def length(self, jacobian: Floats, step: Floats) -> Floats:
         """|J s|/σ of steps: (..., k, 3), (..., 3) → (...) [standard deviations]."""
-        moved = sum(jacobian[..., i] * step[..., i, None] for i in range(step.shape[-1]))
+        moved = np.einsum("...kp,...p->...k", jacobian, step)
         noise = self.model.machine.instrument.noise_mm
         return np.asarray(np.sqrt(np.square(moved).sum(axis=-1)) / noise)
 

@@ -435,18 +435,19 @@ def _judged(fit: Fit) -> Fit:
 def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
     """The fit with its evidence and σ, bounds of what is positive, and the causes that it finds."""
     base, extra, bounds = fit.hypothesis.base, fit.hypothesis.extra, 0.0
-    fit = fit.with_sigma(by_noise)
+    moved, fit = fit.moved, fit.with_sigma(by_noise)
     centre, sizes = np.zeros(len(fit.sizes)), fit.sizes.copy()
     for cause, slot in zip(base, fit.slots, strict=False):
         named = slice(slot.start, slot.start + len(cause.names))
         if cause.positive:
             std = np.sqrt(np.diag(fit.covariance)[named])
-            bounds += float((log_ndtr(fit.moved[named] / std) - math.log(0.5)).sum())
+            bounds += float((log_ndtr(moved[named] / std) - math.log(0.5)).sum())
             mean, spread = HALF_NORMAL
             centre[named], sizes[named] = mean * sizes[named], spread * sizes[named]
     if np.any(centre):
-        fit = replace(fit, centre=centre, sizes=sizes).with_sigma(by_noise)
-    unknowns, covariance = centre + fit.moved, fit.covariance
+        fit = replace(fit, centre=centre, sizes=sizes)
+        moved, fit = fit.moved, fit.with_sigma(by_noise)
+    unknowns, covariance = centre + moved, fit.covariance
     effects = [
         Effect(cause, unknowns[slot], covariance=covariance[slot, slot])
         for cause, slot in zip(base, fit.slots, strict=False)
@@ -511,7 +512,9 @@ def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, 
             inner = np.linalg.solve(np.eye(rank) - turned @ mine, turned @ both)
             solved = np.asarray(both + mine @ inner)
         else:
-            unit = np.eye(size) if isinstance(entries, Contrasts) else _gram(entries, some)
+            unit = np.eye(size)
+            if not isinstance(entries, Contrasts):
+                unit = (entries.T @ entries)[some[:, :, None], some[:, None, :]]
             solved = np.asarray(np.linalg.solve(unit - mine @ turned, both))
         error, spread = solved[..., :1], solved[..., 1:]
         errors.append(error.reshape(-1))
@@ -526,11 +529,6 @@ def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, 
         chance = float(chdtrc(dof, square * dof / n))
     held = HeldOut(rms(errors_mm), math.sqrt(square / n), chance)
     return np.concatenate([some.reshape(-1) for some in every]), errors_mm, held
-
-
-def _gram(entries: Floats, blocks: Ints) -> Floats:
-    """Eᵀ E of blocks (b, m) of columns of E, shape (b, m, m)."""
-    return np.asarray((entries.T @ entries)[blocks[:, :, None], blocks[:, None, :]])
 
 
 def left_out(white: Whitened, wrong: Sequence[int] = (), cells: Ints | None = None) -> list[Ints]:

@@ -468,14 +468,14 @@ def _at_best_place(
     if not cause.counts:
         shares = shares.reshape(len(shares), -1, places).sum(axis=1)
     shares.setflags(write=False)
-    scores = {}
+    scores, effects = {}, {number: placed.numbered(number) for number in {*best.tolist()}}
     number = likeliest.reshape(every.shape)[np.arange(len(bases)), best]
     scale = np.array(list(at.scales))[number].tolist()
     rows = zip(bases, scale, best.tolist(), total.tolist(), shares, strict=True)
     for base, size, number, value, share in rows:
         log_all = LOG_ALL if base else 0.0
         scores[ids_of(*base, cause)] = Hypothesis(
-            at, value + log_all, base, size, placed.numbered(number), by_place=share
+            at, value + log_all, base, size, effects[number], by_place=share
         )
     return scores
 
