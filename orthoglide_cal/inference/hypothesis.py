@@ -26,7 +26,7 @@ from orthoglide_cal.inference.data import Linearised, Placed
 from orthoglide_cal.inference.evidence import Gaussian
 from orthoglide_cal.model.cause import Cause, Effect, Place
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where, read_only
+from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Where, read_only
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)
@@ -181,36 +181,14 @@ class Hypothesis:
         """Its patterns in words, with the ids beside them."""
         return ", ".join((*(pattern.label for pattern in self.patterns), *self.ids))
 
-    def at_places(self, least: float, most: int) -> list[tuple[float, Hypothesis]]:
-        """The same with its extra at each of the likeliest places, with their shares.
-
-        No more than `most`, and none below a share of `least` but the likeliest.
-        """
-        if self.extra is None or self.by_place is None:
-            return [(1.0, self)]
-        placed = self.at.extras[self.extra.cause.id]
-        likeliest = np.argsort(-self.by_place, kind="stable")[:most]
-        kept = likeliest[self.by_place[likeliest] >= min(least, self.by_place.max())]
-        shares = self.by_place[kept] / self.by_place[kept].sum()
-        return [
-            (share, replace(self, extra=placed.numbered(number), by_place=None))
-            for share, number in zip(shares.tolist(), kept.tolist(), strict=True)
-        ]
-
-    @property
+    @cached_property
     def remedy(self) -> Remedy:
         """Actions that it asks for; explanations that ask for the same are one answer."""
         base, extra = _mended(*self.base), self.extra
         if extra is None:
             return base, ()
-        again = _to_read_again(extra.cause, self.at.white.plan, extra.place)
+        again = extra.cause.to_read_again(self.at.white.plan, extra.place)
         return (base, again) if again else (_mended(*self.base, extra.cause), ())
-
-
-# The same with every base.
-@functools.lru_cache(maxsize=64)
-def _to_read_again(cause: Cause, plan: Plan, place: Place) -> tuple[int, ...]:
-    return cause.to_read_again(plan, place)
 
 
 @functools.lru_cache(maxsize=256)
