@@ -25,8 +25,6 @@ from orthoglide_cal.model.plan import Floats, Plan, read_only
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Schema
 
-# How the size of a source is known (GUM 4): from the scatter of these readings, or otherwise.
-Evaluation = Literal["A", "B"]
 # What adds less than this share of every standard deviation is summed up in one line.
 MINOR = 0.1
 
@@ -35,7 +33,8 @@ class Contribution(Schema):
     """Share of one source in the uncertainty of the parameters."""
 
     source: str = Field(description="an origin or a cause id")
-    type: Evaluation
+    # How its size is known (GUM 4): from the scatter of these readings, or otherwise.
+    type: Literal["A", "B"]
     size: float | None = Field(description="its standard uncertainty, in `unit`")
     unit: str = Field(description='of the size; "" without one')
     assumed: bool = Field(False, description="nobody stated its size")

@@ -112,22 +112,6 @@ def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen:
     return size
 
 
-def predict(
-    covariance: Floats, values: Floats, shared: Floats, prior: Floats
-) -> tuple[Floats, Floats]:
-    """Predict others from values less their expectation (..., k, q), jointly normal.
-
-    From S of the values, noise included (..., k, k), their covariance `shared` with the others
-    (..., k, m), and that of the others before, `prior` (..., m, m).
-
-    Returns:
-        Mean of the others less their expectation (..., m, q), and their covariance (..., m, m).
-    """
-    white, seen = whiten(covariance, values, shared)
-    known = seen.swapaxes(-1, -2)
-    return known @ white, prior - known @ seen
-
-
 def unexplained(columns: Floats, values: Floats) -> Floats:
     """v − C C⁺ v: what free unknowns, of any size, leave of white values.
 
@@ -185,9 +169,11 @@ class Mixture(ReadOnly):
             self.covariance[:, one[:, None], other]
             for one, other in ((rows, rows), (rows, others), (others, others))
         )
-        moved, covariance = predict(seen, values - self.means[:, rows], shared, prior)
+        white, shared = whiten(seen, values - self.means[:, rows], shared)
+        known = shared.swapaxes(-1, -2)
         weight = self.log_weight + self.by_explanation(values, rows)
-        return Mixture(self.means[:, others] + moved, covariance, weight - log_sum(weight, 0))
+        means = self.means[:, others] + known @ white
+        return Mixture(means, prior - known @ shared, weight - log_sum(weight, 0))
 
     def part(self, some: slice, values: slice) -> Mixture:
         """Some of the explanations and of the values."""

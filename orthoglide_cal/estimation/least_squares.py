@@ -115,7 +115,7 @@ class Problem(ReadOnly):
 
     def length(self, jacobian: Floats, step: Floats) -> Floats:
         """|J s|/σ of steps: (..., k, 3), (..., 3) → (...) [standard deviations]."""
-        moved = sum(jacobian[..., i] * step[..., i, None] for i in range(step.shape[-1]))
+        moved = np.einsum("...kp,...p->...k", jacobian, step)
         noise = self.model.machine.instrument.noise_mm
         return np.asarray(np.sqrt(np.square(moved).sum(axis=-1)) / noise)
 
@@ -201,8 +201,9 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         which = np.flatnonzero(left > SHORT_STEP)
         if not which.size:
             break
-        careful = which[damping[which] > 0.0]
-        step[careful] = normal_step(jacobian[careful], residual[careful], damping[careful])
+        if np.any(damping[which]):
+            careful = which[damping[which] > 0.0]
+            step[careful] = normal_step(jacobian[careful], residual[careful], damping[careful])
         trial = offsets[which] + step[which]
         model, slope = problem.predict_with_jacobian(trial, strict=False)
         after = flat[which] - model

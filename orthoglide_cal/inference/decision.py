@@ -512,10 +512,21 @@ class Decision:
 def _at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple[float, Fit]]:
     """Fits of a hypothesis at the likeliest places of its extra, which divide its share.
 
-    None with a share below `least` but the likeliest.
+    No more than `PLACES`, and none with a share below `least` but the likeliest.
     """
-    places = hypothesis.at_places(least / max(share, least), PLACES)
-    return [(share * part, fit_hypothesis(placed)) for part, placed in places]
+    extra, by_place = hypothesis.extra, hypothesis.by_place
+    if extra is None or by_place is None:
+        return [(share, fit_hypothesis(hypothesis))]
+    placed = hypothesis.at.extras[extra.cause.id]
+    likeliest = np.argsort(-by_place, kind="stable")[:PLACES]
+    least = min(least / max(share, least), by_place.max())
+    kept = likeliest[by_place[likeliest] >= least]
+    parts = share * by_place[kept] / by_place[kept].sum()
+    alone = replace(hypothesis, by_place=None)
+    return [
+        (part, fit_hypothesis(replace(alone, extra=placed.numbered(number))))
+        for part, number in zip(parts.tolist(), kept.tolist(), strict=True)
+    ]
 
 
 def decide(white: Whitened) -> Decision:

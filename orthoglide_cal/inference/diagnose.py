@@ -39,7 +39,6 @@ from orthoglide_cal.inference.result import (
     Verdict,
 )
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Estimate, Place
-from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -133,6 +132,7 @@ def diagnose(
         offsets, covariance = decision.offsets
         unshown = _unshown(decision, offsets, NORMAL_K * np.sqrt(np.diag(covariance)))
         matter = {fault.id for fault in unshown if fault.matters}
+        tried = {id for ids in decision.belief.hypotheses for id in ids}
         patterns, wrong = tuple(_patterns(decision, alone)), accepted.wrong_readings
         explained = alone.predicted_mm
         if accepted.effects:
@@ -167,7 +167,11 @@ def diagnose(
             beyond_tolerance=tuple(
                 TimesStated(id=id, times=times) for id, times in decision.beyond_tolerance
             ),
-            assumed_sizes=_assumed_sizes(decision, model.machine),
+            assumed_sizes=tuple(
+                AssumedSize(id=id, size=cause.size(model.machine), unit=cause.unit)
+                for id, cause in CAUSES.items()
+                if id in tried and cause.assumed(model.machine)
+            ),
             notes=(*_notes(decision, measured), *notes, *_of_local_shape(decision)),
         )
 
@@ -316,16 +320,6 @@ def _explanations(decision: Decision) -> tuple[Explanation, ...]:
             continue
         explanations.append(Explanation.model_validate(values))
     return tuple(explanations)
-
-
-def _assumed_sizes(decision: Decision, machine: Machine) -> tuple[AssumedSize, ...]:
-    """Plausible sizes of the causes that were tried and of which the machine file states none."""
-    tried = {id for ids in decision.belief.hypotheses for id in ids}
-    return tuple(
-        AssumedSize(id=id, size=cause.size(machine), unit=cause.unit)
-        for id, cause in CAUSES.items()
-        if id in tried and cause.assumed(machine)
-    )
 
 
 def _unshown(decision: Decision, offsets: Floats, u: Floats) -> tuple[UnshownFault, ...]:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -228,7 +229,19 @@ class Gaussian:
             self._by_ratio.append(one)
             log_det[..., rows] = np.log1p(size2 / variance).sum(axis=-1) + log_texture
         log_det += len(texture.axes) * np.log(noise.sigma**2)
-        self._log_share = np.asarray(log_share)[..., None] + noise.log_weight - 0.5 * log_det
+        self._by_size = noise.log_weight - 0.5 * log_det
+        self._log_share = np.asarray(log_share)[..., None] + self._by_size
+
+    def at_sizes(self, some: slice, log_share: Floats) -> Gaussian:
+        """The same at some of the sizes only, with other prior shares."""
+        other = copy(self)
+        other._by_ratio = [
+            one._replace(turn=one.turn[..., some, :, :], shrink=one.shrink[..., some, :, :])
+            for one in self._by_ratio
+        ]
+        other._by_size = self._by_size[..., some, :]
+        other._log_share = log_share[:, None] + other._by_size
+        return other
 
     def log_density(self, residuals: Floats) -> Floats:
         """ln p of columns (..., k, q) with each σ's weight, (..., s, g, q); without constant."""

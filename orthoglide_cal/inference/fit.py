@@ -277,7 +277,8 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
     for ranking; once more for causes far beyond their size. `scale_factor`: see `Fit`; None: as
     large as these data make it.
     """
-    fit, step = _begin(hypothesis, scale_factor), math.inf
+    fit = begun = _begin(hypothesis, scale_factor)
+    step = math.inf
     for _ in range(ROUNDS * _is_beyond_noise(fit)):
         try:
             predicted, derivatives = fit.linearised.white.linearised(*fit.state)
@@ -286,7 +287,10 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
         before, (fit, step) = step, _step(fit, predicted, derivatives)
         if not FAR_MM < step < 0.5 * before:
             break
-    return _judged(_settle(fit))
+    fit = _settle(fit)
+    if fit is begun and hypothesis.by_noise is not None:  # as it was scored
+        return _concluded(fit, hypothesis.by_noise, hypothesis.log_evidence)
+    return _judged(fit)
 
 
 def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
@@ -414,10 +418,11 @@ def _judged(fit: Fit) -> Fit:
     scales = at.scales if hypothesis.is_alone else at.usual
     density = density_of(at, [fit.derivatives], [base], scales, [seen])
     # By scale and σ if all parameters act, (s, g).
+    by_noise = density.by_noise(data)
     if placed is None or placed.patterns is None:
-        log = density.by_noise(data)[0]
+        log = by_noise[0]
     else:
-        blocks = pattern_densities(at, placed, density, data)
+        blocks = pattern_densities(at, placed, density, data, by_noise)
         log = log_sum(np.stack([log_sum(log[0], (-2, -1)) for _, log in blocks]), 0)
     evidence = float(log_sum(log))
     if base and hypothesis.is_alone:
@@ -430,18 +435,19 @@ def _judged(fit: Fit) -> Fit:
 def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
     """The fit with its evidence and σ, bounds of what is positive, and the causes that it finds."""
     base, extra, bounds = fit.hypothesis.base, fit.hypothesis.extra, 0.0
-    fit = fit.with_sigma(by_noise)
+    moved, fit = fit.moved, fit.with_sigma(by_noise)
     centre, sizes = np.zeros(len(fit.sizes)), fit.sizes.copy()
     for cause, slot in zip(base, fit.slots, strict=False):
         named = slice(slot.start, slot.start + len(cause.names))
         if cause.positive:
             std = np.sqrt(np.diag(fit.covariance)[named])
-            bounds += float((log_ndtr(fit.moved[named] / std) - math.log(0.5)).sum())
+            bounds += float((log_ndtr(moved[named] / std) - math.log(0.5)).sum())
             mean, spread = HALF_NORMAL
             centre[named], sizes[named] = mean * sizes[named], spread * sizes[named]
     if np.any(centre):
-        fit = replace(fit, centre=centre, sizes=sizes).with_sigma(by_noise)
-    unknowns, covariance = centre + fit.moved, fit.covariance
+        fit = replace(fit, centre=centre, sizes=sizes)
+        moved, fit = fit.moved, fit.with_sigma(by_noise)
+    unknowns, covariance = centre + moved, fit.covariance
     effects = [
         Effect(cause, unknowns[slot], covariance=covariance[slot, slot])
         for cause, slot in zip(base, fit.slots, strict=False)
@@ -506,7 +512,9 @@ def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, 
             inner = np.linalg.solve(np.eye(rank) - turned @ mine, turned @ both)
             solved = np.asarray(both + mine @ inner)
         else:
-            unit = np.eye(size) if isinstance(entries, Contrasts) else _gram(entries, some)
+            unit = np.eye(size)
+            if not isinstance(entries, Contrasts):
+                unit = (entries.T @ entries)[some[:, :, None], some[:, None, :]]
             solved = np.asarray(np.linalg.solve(unit - mine @ turned, both))
         error, spread = solved[..., :1], solved[..., 1:]
         errors.append(error.reshape(-1))
@@ -521,11 +529,6 @@ def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, 
         chance = float(chdtrc(dof, square * dof / n))
     held = HeldOut(rms(errors_mm), math.sqrt(square / n), chance)
     return np.concatenate([some.reshape(-1) for some in every]), errors_mm, held
-
-
-def _gram(entries: Floats, blocks: Ints) -> Floats:
-    """Eᵀ E of blocks (b, m) of columns of E, shape (b, m, m)."""
-    return np.asarray((entries.T @ entries)[blocks[:, :, None], blocks[:, None, :]])
 
 
 def left_out(white: Whitened, wrong: Sequence[int] = (), cells: Ints | None = None) -> list[Ints]:

@@ -26,7 +26,7 @@ from orthoglide_cal.inference.data import Linearised, Placed
 from orthoglide_cal.inference.evidence import Gaussian
 from orthoglide_cal.model.cause import Cause, Effect, Place
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Plan, Where, read_only
+from orthoglide_cal.model.plan import AT_ONCE, Bools, Floats, Ints, Where, read_only
 
 # Blunders have no typical size: each is tried at the tolerance and at larger scales.
 BLUNDER_SCALES = (1.0, 6.0)
@@ -127,6 +127,8 @@ class Hypothesis:
     # Shares of the extra's sizes and places, in the order of `Placed.numbered`; None without
     # others.
     by_place: Floats | None = None
+    # Its log density at each scale and σ, all its parameters acting, (s, g); None with an extra.
+    by_noise: Floats | None = None
     # On equal terms with the causes: where one wins, the data hold something real that no listed
     # cause explains, and its size goes into the uncertainty.
     patterns: tuple[Pattern, ...] = ()
@@ -179,36 +181,14 @@ class Hypothesis:
         """Its patterns in words, with the ids beside them."""
         return ", ".join((*(pattern.label for pattern in self.patterns), *self.ids))
 
-    def at_places(self, least: float, most: int) -> list[tuple[float, Hypothesis]]:
-        """The same with its extra at each of the likeliest places, with their shares.
-
-        No more than `most`, and none below a share of `least` but the likeliest.
-        """
-        if self.extra is None or self.by_place is None:
-            return [(1.0, self)]
-        placed = self.at.extras[self.extra.cause.id]
-        likeliest = np.argsort(-self.by_place, kind="stable")[:most]
-        kept = likeliest[self.by_place[likeliest] >= min(least, self.by_place.max())]
-        shares = self.by_place[kept] / self.by_place[kept].sum()
-        return [
-            (share, replace(self, extra=placed.numbered(number), by_place=None))
-            for share, number in zip(shares.tolist(), kept.tolist(), strict=True)
-        ]
-
-    @property
+    @cached_property
     def remedy(self) -> Remedy:
         """Actions that it asks for; explanations that ask for the same are one answer."""
         base, extra = _mended(*self.base), self.extra
         if extra is None:
             return base, ()
-        again = _to_read_again(extra.cause, self.at.white.plan, extra.place)
+        again = extra.cause.to_read_again(self.at.white.plan, extra.place)
         return (base, again) if again else (_mended(*self.base, extra.cause), ())
-
-
-# The same with every base.
-@functools.lru_cache(maxsize=64)
-def _to_read_again(cause: Cause, plan: Plan, place: Place) -> tuple[int, ...]:
-    return cause.to_read_again(plan, place)
 
 
 @functools.lru_cache(maxsize=256)
@@ -304,7 +284,8 @@ def _further(at: Linearised, score: Hypothesis, others: Place) -> Hypothesis:
     seen = [np.hstack((at.seen, wrong))]
     density = density_of(at, [at.columns(base)], [base], at.usual, seen)
     by_place = np.full((len(at.usual), len(placed.tried)), -math.inf)
-    for where, log in pattern_densities(at, placed, density, at.residuals[0]):
+    residual = at.residuals[0]
+    for where, log in pattern_densities(at, placed, density, residual, density.by_noise(residual)):
         by_place[:, where] = log_sum(log[0], (1, 2))
     by_place[:, list(others)] = -math.inf
     log_evidence = float(log_sum(by_place)) + price + (LOG_ALL if base else 0.0)
@@ -337,17 +318,16 @@ def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
     for some in _together(at, bases):
         density = density_of(at, columns[some], bases[some], at.scales)
         scores |= _alone(at, bases[some], density.by_noise(residual))
+        density = density.at_sizes(slice(len(at.usual)), np.log(list(at.usual.values())))
+        by_version = density.log_density(at.residuals.T)
+        for placed in at.extras.values():
+            if placed.tried:
+                scores |= _at_best_place(at, bases[some], placed, density, by_version)
     for some in _together(at, broad):
         log_all = [scores[(cause.id,)].log_evidence for cause in broad[some]]
         means = all_or_one(at, broad[some], columns[1:][some], residual, log_all)
         for cause, mean in zip(broad[some], means, strict=True):
             scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
-    for some in _together(at, bases):
-        density = density_of(at, columns[some], bases[some], at.usual)
-        by_version = density.log_density(at.residuals.T)
-        for placed in at.extras.values():
-            if placed.tried:
-                scores |= _at_best_place(at, bases[some], placed, density, by_version)
     for some in _together(at, pairs):
         both = density_of(at, [at.columns(pair) for pair in pairs[some]], pairs[some], at.usual)
         scores |= _alone(at, pairs[some], both.by_noise(residual) + LOG_ALL)
@@ -364,8 +344,11 @@ def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Hypothesis]:
     """Scores of bases without an extra, from the log density for each, scale and σ, (b, s, g)."""
     by_scale = log_sum(log, 2)
     scales = np.array(list(at.scales))[by_scale.argmax(axis=1)]
-    rows = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), strict=True)
-    return {ids_of(*base): Hypothesis(at, value, base, scale) for base, value, scale in rows}
+    rows = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), log, strict=True)
+    return {
+        ids_of(*base): Hypothesis(at, value, base, scale, by_noise=by_noise)
+        for base, value, scale, by_noise in rows
+    }
 
 
 def density_of(
@@ -446,7 +429,7 @@ def _at_best_place(
     sizes = 1
     if isinstance(cause, PatternCause):
         sizes = len(cause.counts or BLUNDER_SCALES)
-        logs = pattern_densities(at, placed, density, at.residuals[0])
+        logs = pattern_densities(at, placed, density, at.residuals[0], by_version[..., 0])
     else:
         undone = by_version[..., None, placed.first : placed.first + places] + placed.weights
         logs = iter([(np.arange(places), undone)])
@@ -463,20 +446,20 @@ def _at_best_place(
     if not cause.counts:
         shares = shares.reshape(len(shares), -1, places).sum(axis=1)
     shares.setflags(write=False)
-    scores = {}
+    scores, effects = {}, {number: placed.numbered(number) for number in {*best.tolist()}}
     number = likeliest.reshape(every.shape)[np.arange(len(bases)), best]
     scale = np.array(list(at.scales))[number].tolist()
     rows = zip(bases, scale, best.tolist(), total.tolist(), shares, strict=True)
     for base, size, number, value, share in rows:
         log_all = LOG_ALL if base else 0.0
         scores[ids_of(*base, cause)] = Hypothesis(
-            at, value + log_all, base, size, placed.numbered(number), by_place=share
+            at, value + log_all, base, size, effects[number], by_place=share
         )
     return scores
 
 
 def pattern_densities(
-    at: Linearised, placed: Placed, density: Gaussian, residual: Floats
+    at: Linearised, placed: Placed, density: Gaussian, residual: Floats, by_noise: Floats
 ) -> Iterator[tuple[Ints, Floats]]:
     """`pattern_density` of a cause's places, some at a time: which, and (..., s, g, sizes, places).
 
@@ -486,11 +469,12 @@ def pattern_densities(
     Args:
         at, placed, density: the model, the cause, and what it acts on.
         residual: of the data, shape (k,) [mm] or (..., k).
+        by_noise: log density of it at each σ, without the cause, shape (..., s, g).
     """
     cause, machine = placed.cause, at.white.machine
     if not isinstance(cause, PatternCause) or placed.patterns is None:
         return
-    every, by_noise = density.overlap(placed.patterns, residual), density.by_noise(residual)
+    every = density.overlap(placed.patterns, residual)
     some = max(AT_ONCE // (by_noise.size * len(cause.counts or BLUNDER_SCALES)), 1)
     most = np.full(by_noise.shape[:-2], -math.inf)
     for start in range(0, len(placed.tried), some):

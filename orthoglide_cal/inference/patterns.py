@@ -284,9 +284,13 @@ def _gains(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
         number = np.nonzero(some[where])[1].reshape(-1, count)
         shown = np.take_along_axis(chosen[where], number[:, None], 2)
         inner = power[:, number[:, :, None], number[:, None]].swapaxes(0, 1)
-        inner, axes = np.linalg.eigh(inner * (shown[..., None] & shown[..., None, :]))
-        along = axes.swapaxes(-1, -2) @ (match[:, number].swapaxes(0, 1) * shown)[..., None]
-        weights, matches = np.maximum(inner, 0.0)[:, :, None, None], along[:, :, None, None, :, 0]
+        inner = inner * (shown[..., None] & shown[..., None, :])
+        along = match[:, number].swapaxes(0, 1) * shown
+        size2 = inner[..., 0]
+        if count > 1:
+            size2, axes = np.linalg.eigh(inner)
+            along = (axes.swapaxes(-1, -2) @ along[..., None])[..., 0]
+        weights, matches = np.maximum(size2, 0.0)[:, :, None, None], along[:, :, None, None]
         log = of_any_size(weights / noise2, matches / noise2, variance).sum(axis=-1)
         shows = np.asarray(shown.any(axis=2))
         gains[where] = np.where(shows[..., None, None], log, ABSENT)

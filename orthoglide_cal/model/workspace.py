@@ -81,7 +81,8 @@ def _corrected(model: Model) -> tuple[Floats, Floats]:
     if not np.isfinite(jacobian).all():
         what = "The three legs lie in one plane: the machine is singular at a posture."
         raise PostureError(what, "Choose a smaller workspace.")
-    return np.linalg.norm(behind_batch(reached.tool, 1) - points, axis=-1), jacobian
+    left = np.linalg.norm(behind_batch(reached.tool, 1) - points, axis=-1)
+    return left, np.ascontiguousarray(jacobian)
 
 
 def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Floats]:
@@ -91,7 +92,8 @@ def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Flo
     as of `workspace_error`.
     """
     left, jacobian = _corrected(model)
-    spread = np.einsum("nij,jk,nik->n", jacobian, covariance, jacobian)
+    rows = jacobian.reshape(-1, 3)
+    spread = (rows @ covariance * rows).reshape(len(left), -1).sum(axis=1)
     return left, left + k * np.sqrt(spread)
 
 
