@@ -24,7 +24,7 @@ from orthoglide_cal.files.readings import (
     Conditions,
     conditions_in,
     differences_from_table,
-    implausible_c,
+    implausible_temperatures,
     readings_from_table,
 )
 from orthoglide_cal.files.session_file import session_from_tree
@@ -169,10 +169,7 @@ def check_file(
     remarks = (
         *machine.instrument.doubts(measured),
         *machine.instrument.implausible().values(),
-        *(
-            Reason.of("implausible_temperature", celsius=celsius)
-            for celsius in implausible_c(given.conditions.temperatures_c)
-        ),
+        *implausible_temperatures(given.conditions.temperatures_c),
         *measured.remarks,
     )
     simulated = measured.source.simulated
