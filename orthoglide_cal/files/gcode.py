@@ -62,6 +62,7 @@ SETTINGS = re.compile(
 )
 _LOADS = re.compile(r"^\s*M501\b", re.MULTILINE | re.IGNORECASE)
 _KINEMATICS = re.compile(r"^\s*M66[79]\b[^;\n]*", re.MULTILINE | re.IGNORECASE)
+_NAME = re.compile(r'^\s*M550\s+P"([^"\n]+)"', re.MULTILINE | re.IGNORECASE)
 _DATE = re.compile(r"\b20[0-9]{2}-[0-9]{2}-[0-9]{2} [0-9]{2}:[0-9]{2}")
 HEIGHT_MAP = re.compile(r"\s*RepRapFirmware height map file")
 # Later versions name the axes, and number what earlier ones call x and y.
@@ -121,6 +122,8 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
         bed = words.get("M665B", (math.nan,))[0]
         endstops = words["M665H"][0] + three("M666")
     machine = delta_of(document, arms, radius, angles, endstops, bed)
+    if named := _NAME.search(document.text):
+        machine = machine.changed(name=named[1])
     unknown = "" if marlin or overriding or not _LOADS.search(document.text) else _UNKNOWN
     name = PurePath(document.path).name
     return PrinterFile(machine, probe, document.source, unknown=unknown.format(name))
@@ -212,12 +215,11 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     offset = np.nan_to_num(settings.probe)
     source, at = document.source, range(4, 4 + len(y))
     grid = stored_grid(source, "heightmap", x, y, heights, at, offset)
-    mesh = replace(grid, remarks=(Reason.of("map_from_place"),))
     date = _DATE.search(lines[0])
     return replace(
         settings,
         probe=offset,
-        mesh=mesh,
+        data={"mesh": replace(grid, remarks=(Reason.of("map_from_place"),))},
         source=source,
         firmware="reprapfirmware",
         started=date and date[0],
@@ -370,7 +372,8 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     The radius of the bed is NaN where the settings before it do not have it. Raises
     InvalidFileError: everything that is wrong; InputError: no heights, or not their places.
     """
-    faults, reader, remarks = Faults(document.path), _Reader(settings), []
+    faults, reader, remarks = Faults(document.path), _Reader(settings), list[Reason]()
+    data: dict[str, Readings] = {}
     for number, line in enumerate(document.text.split("\n"), start=1):
         with faults.noting(number, line.strip()):
             reader.take(number, line)
@@ -388,9 +391,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         reach = {"reach_mm": reader.reach, "margin_mm": _MARGIN_MM}
         remarks.append(Reason.of("marlin_reach", name=name, **reach))
 
-    def stored(name: str, radius: float = 1.0) -> Readings | None:
-        if name not in reader.probed:
-            return None
+    def stored(name: str, radius: float = 1.0) -> Readings:
         then, touches = reader.probed[name]
         placed = np.array(touches) * (1.0, radius, radius, 1.0)
         mesh = stored_mesh(document.source, name, placed, reader.offset[2])
@@ -410,12 +411,14 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         if reader.radius is None:
             needs_reach("G33")
         remarks.append(Reason.of("averaged_places"))
-    heights = stored("G33", reader.reach if reader.radius is None else reader.radius)
+        radius = reader.reach if reader.radius is None else reader.radius
+        data["calibration"] = stored("G33", radius)
     if "G29" not in reader.probed and reader.grid[1]:
         needs_reach("G29")
         reader.take_grid()
-    mesh = stored("G29")
-    if heights is None and mesh is None:
+    if "G29" in reader.probed:
+        data["mesh"] = stored("G29")
+    if not data:
         what, remedy = "holds no probed heights with their places", "Send G29 V4"
         if _CALIBRATES in document.text:
             what, remedy = "has no heights: G33 was not told to print them", "Send G33 V0 or V3"
@@ -425,8 +428,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         settings,
         machine=reader.now,
         probe=reader.offset,
-        heights=heights,
-        mesh=mesh,
+        data=data,
         source=document.source,
         firmware="marlin",
         remarks=(*settings.remarks, *remarks),
@@ -474,7 +476,7 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
                 rows.append((line, x - offset[0], y - offset[1], height))
     faults.check()
     source = document.source
-    mesh = stored_mesh(source, "console", np.array(rows), offset[2])
+    data = {"mesh": stored_mesh(source, "console", np.array(rows), offset[2])}
     return replace(
-        settings, probe=offset, mesh=mesh, remarks=remarks, source=source, firmware=firmware
+        settings, probe=offset, data=data, remarks=remarks, source=source, firmware=firmware
     )

@@ -24,7 +24,7 @@ from orthoglide_cal.files.readings import (
     Conditions,
     conditions_in,
     differences_from_table,
-    implausible_c,
+    implausible_temperatures,
     readings_from_table,
 )
 from orthoglide_cal.files.session_file import session_from_tree
@@ -169,10 +169,7 @@ def check_file(
     remarks = (
         *machine.instrument.doubts(measured),
         *machine.instrument.implausible().values(),
-        *(
-            Reason.of("implausible_temperature", celsius=celsius)
-            for celsius in implausible_c(given.conditions.temperatures_c)
-        ),
+        *implausible_temperatures(given.conditions.temperatures_c),
         *measured.remarks,
     )
     simulated = measured.source.simulated
@@ -438,7 +435,7 @@ def _firmware_file(
         if folder and (folder / "printer.cfg").is_file():
             beside = klipper.read_printer_file(read_document(str(folder / "printer.cfg")))
             remark = Reason.of("settings_beside", names=["printer.cfg"])
-            beside = replace(beside, heights=None, mesh=None, remarks=(remark,))
+            beside = replace(beside, data={}, remarks=(remark,))
     elif gcode.MARLIN_OUTPUT.search(text):
         read, named = gcode.read_marlin, "--machine FILE, or keep what M503 prints in this file"
         title = f"what {'MarlinKimbra' if gcode.KIMBRA.search(text) else 'Marlin'} prints"
@@ -463,7 +460,7 @@ def _firmware_file(
     if beside and beside.unknown and known:
         beside = None
     if isinstance(known, PrinterFile):
-        settings = replace(known, heights=None, mesh=None, remarks=())
+        settings = replace(known, data={}, remarks=())
     elif beside and known:
         settings = _with_bed(beside, _delta(known, document.path).bed_radius_mm)
     elif beside:
@@ -524,7 +521,7 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     What else is known of the machine (its probe, tolerances, accepted causes) comes from the
     machine file that the user names, if any: one in the same folder may be another printer's.
     """
-    for readings in filter(None, (file.mesh, file.heights)):
+    for readings in reversed(file.data.values()):
         file = _with_bed(file, float(np.hypot(*readings.plan.spots.T[:2]).max()))
     model = _as_model(known) or Model(file.machine)
     machine, remarks = probe_readings.known_printer(file, _delta(model, file.source.path))
@@ -539,11 +536,11 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
         return Input(readings, model.extended(arms), conditions)
 
     others, unused = [], []
-    for name in file.stored:
-        if name != (stored or file.stored[0]):
-            try:
-                others.append(read(name))
-            except InputError as error:
-                why = {"what": error.what, "remedy": error.remedy}
-                unused.append(Reason.of("unused_data", data=name, **why))
-    return replace(read(stored, *unused), others=tuple(others))
+    chosen = stored or next(iter(file.data), None)
+    for name in file.data.keys() - {chosen}:
+        try:
+            others.append(read(name))
+        except InputError as error:
+            why = {"what": error.what, "remedy": error.remedy}
+            unused.append(Reason.of("unused_data", data=name, **why))
+    return replace(read(chosen, *unused), others=tuple(others))

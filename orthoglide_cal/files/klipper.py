@@ -18,7 +18,8 @@ calibration" and "Bed Mesh".
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -42,6 +43,7 @@ from orthoglide_cal.model.plan import Bools, Floats
 from orthoglide_cal.schema import Reason, parse_count, shortened
 
 T = TypeVar("T")
+Entry = tuple[int, str]  # an option's line and text
 
 _SAVED = "#*#"
 _HEADING = re.compile(r"#\*# <-+ SAVE_CONFIG -+>")
@@ -89,77 +91,69 @@ class _Settings(Content):
         lines = list(enumerate(document.text.split("\n"), start=1))
         written = [(line, text[len(_SAVED) :]) for line, text in lines if text.startswith(_SAVED)]
         above = [(line, text) for line, text in lines if not text.startswith(_SAVED)]
-        own_sections, typed, typed_lines = self._parsed(above)
-        saved_sections, saved, saved_lines = self._parsed(written)
-        self.sections = {**saved_sections, **own_sections}  # name → line
-        self.options = {**saved, **typed}  # (section, option) → text, in as many lines as there
-        self.lines = {**saved_lines, **typed_lines}
+        own, typed = self._parsed(above)
+        stored, saved = self._parsed(written)
+        self.sections = {**stored, **own}  # name → line
+        # Section → option → line, and text in as many lines as there.
+        self.options = defaultdict[str, dict[str, Entry]](dict)
+        self.options |= {name: saved[name] | typed[name] for name in {**saved, **typed}}
         # Whether it includes other files, which are not read.
-        self.included = any(name.startswith("include ") for name in own_sections)
-        self._cut_off = not saved_sections
+        self.included = any(name.startswith("include ") for name in own)
+        self._cut_off = not stored
         heading = next((line for line, text in lines if _HEADING.match(text)), 0)
         stray = [line for line, text in written if line < heading and text.startswith(" ")]
         self.remarks = [Reason.of("stray_saved", line=line) for line in stray]
         if document.marked:
             self.remarks.append(Reason.of("byte_order_mark"))
         self.remarks += [
-            Reason.of(
-                "not_in_force",
-                line=saved_lines[key],
-                option=key[1],
-                section=key[0],
-                other=typed_lines[key],
-            )
-            for key, text in saved.items()
-            if key in typed and typed[key].split() != text.split() and _MATTERS.fullmatch(key[0])
+            Reason.of("not_in_force", line=line, option=name, section=section, other=other)
+            for section in filter(_MATTERS.fullmatch, stored)
+            for name, (line, text) in saved[section].items()
+            for other, in_force in [typed[section].get(name, (0, text))]
+            if in_force.split() != text.split()
         ]
 
     def _parsed(
         self, lines: Iterable[tuple[int, str]]
-    ) -> tuple[dict[str, int], dict[tuple[str, str], str], dict[Steps, int]]:
+    ) -> tuple[dict[str, int], defaultdict[str, dict[str, Entry]]]:
         """Sections and options of the file's own lines, or of those that SAVE_CONFIG wrote."""
         sections: dict[str, int] = {}
-        options: dict[tuple[str, str], str] = {}
-        starts: dict[Steps, int] = {}
-        key, indented, last = ("", ""), 0, 0  # no option where none can go on
+        options = defaultdict[str, dict[str, Entry]](dict)
+        section, option, indented = "", "", 0  # no option where none can go on
         for line, raw in lines:
             text = _COMMENT.sub("", raw).rstrip()
             plain = text.lstrip()
             indent = len(text) - len(plain)
             if not plain:
                 continue
-            if key[1] and indent > indented:
-                options[key] += "\n" * (line - last) + plain
-                last = line
+            if option and indent > indented:
+                start, value = options[section][option]
+                goes_on = "\n" * (line - start - value.count("\n"))
+                options[section][option] = start, value + goes_on + plain
                 continue
-            section, _ = key
-            key, indented = (section, ""), indent
+            option, indented = "", indent
             if header := _SECTION.match(plain):
-                key = header[1].strip(), ""
-                sections.setdefault(key[0], line)
+                section = header[1].strip()
+                sections.setdefault(section, line)
             elif plain.startswith("["):
-                key = "", ""
+                section = ""
                 what = "The section's name has no closing bracket."
                 self.add(what, "Write [name].", line=line, value=shortened(plain))
             elif setting := _OPTION.match(plain):
-                key = section, setting[1].lower()
-                options[key], starts[key], last = setting[2], line, line
+                option = setting[1].lower()
+                options[section][option] = line, setting[2]
             elif _MATTERS.fullmatch(section):
                 what = f"The line in [{section}] is not an option."
                 remedy = "Write “option: value”, or “#” in front of a remark."
                 self.add(what, remedy, line=line, value=shortened(plain))
-        return sections, options, starts
+        return sections, options
 
     def place(self, path: Steps) -> FaultPlace:
         """Where an option stands, or its section."""
         section, option = map(str, path)
-        text = " ".join(self.options.get((section, option), "").split())
-        line = self.lines.get(path) or self.sections.get(section)
-        return FaultPlace(line, f"{option} of [{section}]", shortened(text) or None)
-
-    def options_of(self, section: str) -> dict[str, int]:
-        """Option → line of one section."""
-        return {str(path[1]): line for path, line in self.lines.items() if path[0] == section}
+        line, text = self.options[section].get(option, (self.sections.get(section), ""))
+        value = shortened(" ".join(text.split())) or None
+        return FaultPlace(line, f"{option} of [{section}]", value)
 
     def missing(self, section: str, option: str, line: int | None = None) -> None:
         """The fault that an option is not there."""
@@ -183,14 +177,14 @@ class _Settings(Content):
 
         The default is for one that is not there; None if it must be.
         """
-        text = self.options.get((section, option))
-        if text is None:
+        entry = self.options[section].get(option)
+        if entry is None:
             if default is not None:
                 return default
             self.missing(section, option)
             return fault
         try:
-            return rule(text)
+            return rule(entry[1])
         except InputError as error:
             self.note((section, option), error.what, error.remedy)
             return fault
@@ -203,7 +197,7 @@ class _Settings(Content):
 
 
 def read_printer_file(
-    document: FileText, calibration: Mapping[str, tuple[int, str]] | None = None
+    document: FileText, calibration: dict[str, Entry] | None = None
 ) -> PrinterFile:
     """Content of a printer.cfg; `calibration` replaces its [delta_calibrate]: option → line, text.
 
@@ -212,11 +206,7 @@ def read_printer_file(
     settings = _Settings(document)
     settings.check()  # what follows from a broken line is no fault of its own
     if calibration is not None:
-        for option in settings.options_of(_CALIBRATION):
-            del settings.lines[_CALIBRATION, option], settings.options[_CALIBRATION, option]
-        for option, (line, text) in calibration.items():
-            settings.lines[_CALIBRATION, option] = line
-            settings.options[_CALIBRATION, option] = text
+        settings.options[_CALIBRATION] = calibration
     _check_kind(settings)
     radius = settings.number("printer", "delta_radius", low=0.0)
     arms = _of_towers(settings, "arm_length", 0.0 if math.isnan(radius) else radius)
@@ -227,18 +217,17 @@ def read_printer_file(
     ]
     # The arms reach downwards only if the towers follow each other in one sense.
     if not any(map(math.isnan, angles)) and not counter_clockwise(angles):
-        given = (settings.lines.get((tower, "angle")) for tower in _TOWERS)
+        given = (settings.options[tower].get("angle", (0, "")) for tower in _TOWERS)
         towers = ", ".join(f"[{tower}]" for tower in _TOWERS)
         remedy = f"Check the angles of {towers}; they are usually near 210, 330 and 90."
-        line = max(line for line in given if line is not None)
-        settings.add(TOWERS_TURN, remedy, line=line, column="angle")
+        settings.add(TOWERS_TURN, remedy, line=max(given)[0], column="angle")
     print_radius = settings.number("printer", "print_radius", radius, low=0.0)
     sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
     probe = np.array([settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"])
     home = endstops + np.sqrt(np.maximum(np.square(arms) - radius**2, 0.0))
     # A file that stores no steps need not say how long they are.
-    stored = [*filter(_STORED.match, settings.options_of(_CALIBRATION))]
-    steps = " ".join(settings.options[_CALIBRATION, option] for option in sorted(stored))
+    known = sorted(settings.options[_CALIBRATION].items())
+    stored = [text for option, (_, text) in known if _STORED.match(option)]
     step = np.array([_step(settings, tower) if stored else 0.0 for tower in _TOWERS])
     heights = _calibration(settings, home, step, ("height", "manual_height"), ("_pos", "_pos"))
     distances = _calibration(settings, home, step, ("distance",), ("_pos1", "_pos2"))
@@ -246,14 +235,14 @@ def read_printer_file(
     settings.check()
     scanning = _SCANNING.fullmatch(sensor) is not None
     machine = delta_of(document, arms, radius, np.array(angles), endstops, print_radius, scanning)
+    both = {"calibration": _reached(document.source, machine, heights, distances), "mesh": mesh}
     return PrinterFile(
         machine,
         probe,
         document.source,
-        heights=_reached(document.source, machine, heights, distances),
-        mesh=mesh,
+        {name: readings for name, readings in both.items() if readings is not None},
         remarks=tuple(settings.remarks),
-        steps=steps,
+        steps=" ".join(stored),
     )
 
 
@@ -279,12 +268,12 @@ def read_klippy_log(document: FileText) -> PrinterFile:
     if unsaved:
         remark = Reason.of("unsaved_calibration", line=calibrations[-1] + 1)
         file = replace(file, remarks=(*file.remarks, remark))
-    if file.heights is None and file.mesh is None and PROBED.search(document.text):
+    if not file.data and PROBED.search(document.text):
         return read_probed(document, file)
     return file
 
 
-def _calculated(document: FileText, lines: Sequence[str], at: int) -> Mapping[str, tuple[int, str]]:
+def _calculated(document: FileText, lines: Sequence[str], at: int) -> dict[str, Entry]:
     """Heights and distances that a calibration reckoned with, as [delta_calibrate] stores them."""
     stored = {}
     for number, name, entry in ((at + 1, "height", _HEIGHT), (at + 2, "distance", _DISTANCE)):
@@ -320,12 +309,13 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     at[less, :2] -= offset[:2]
     at[~less, 2] -= offset[2]
     mesh = stored_mesh(document.source, "console", touches[:, :4], offset[2])
-    return replace(settings, probe=offset, mesh=mesh, source=document.source, remarks=remarks)
+    data = {"mesh": mesh}
+    return replace(settings, probe=offset, data=data, source=document.source, remarks=remarks)
 
 
 def _check_kind(settings: _Settings) -> None:
     """Raises for a machine of another kind, or a file of something else."""
-    kind = settings.options.get(("printer", "kinematics"), "").strip()
+    kind = settings.options["printer"].get("kinematics", (0, ""))[1].strip()
     if kind and kind.lower() != "delta":
         what = "The machine is not a linear delta."
         settings.note(("printer", "kinematics"), what, "Give a delta's file.")
@@ -350,7 +340,8 @@ def _of_towers(settings: _Settings, option: str, low: float) -> Floats:
 def _step(settings: _Settings, tower: str) -> float:
     """Way of a carriage with one step [mm]."""
     turn, old = "rotation_distance", "step_distance"  # the latter until 2021
-    if (tower, turn) not in settings.options and (tower, old) in settings.options:
+    options = settings.options[tower]
+    if turn not in options and old in options:
         return settings.number(tower, old, low=0.0)
     way = settings.number(tower, turn, low=0.0)
     steps = settings.read(tower, "full_steps_per_rotation", _count, 0, 200)
@@ -369,9 +360,9 @@ def _calibration(
         distance that callipers showed [mm]; and the line of each.
     """
     pattern = re.compile(rf"(({'|'.join(names)})([0-9]{{1,6}}))(?:{'|'.join(('', *ends))})")
-    options = settings.options_of(_CALIBRATION)
+    options = settings.options[_CALIBRATION]
     starts: dict[tuple[int, int, str], int] = {}
-    for option, line in options.items():
+    for option, (line, _) in options.items():
         if match := pattern.fullmatch(option):
             starts.setdefault((names.index(match[2]), int(match[3]), match[1]), line)
     lines = {key[-1]: starts[key] for key in sorted(starts)}
@@ -427,7 +418,7 @@ def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Readings | None:
         return None
     probed = _probed(*np.meshgrid(x, y), rows, stated)
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
-    offset = probe * (0.0, 0.0, 1.0) if (section, "x_offset") in settings.options else probe
+    offset = probe * (0.0, 0.0, 1.0) if "x_offset" in settings.options[section] else probe
     if padded := int(np.sum(~probed)):
         remarks.append(Reason.of("padded", count=padded, mesh=profile))
     heights = np.where(probed, rows, math.nan)
@@ -438,17 +429,17 @@ def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Readings | None:
 def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[Reason]:
     """Remarks on the age, the places and the heights of a mesh."""
     # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
-    mesh = settings.lines.get((section, "points"), math.inf)
-    stored = settings.options_of(_CALIBRATION).items()
-    first = min((line for option, line in stored if _STORED.match(option)), default=0)
+    mesh, _ = settings.options[section].get("points", (math.inf, ""))
+    stored = settings.options[_CALIBRATION].items()
+    first = min((line for option, (line, _) in stored if _STORED.match(option)), default=0)
     if first > mesh:
         yield Reason.of("stale_mesh", order={"calibration": first, "mesh": mesh})
-    unstated = [axis for axis in ("x_offset", "y_offset") if (sensor, axis) not in settings.options]
+    stated = settings.options[sensor]
+    unstated = [axis for axis in ("x_offset", "y_offset") if axis not in stated]
     if settings.included and unstated:
         yield Reason.of("offset_not_stated", options=unstated, sensor=sensor)
-    for option in _ZEROS:
-        if ("bed_mesh", option) in settings.options:
-            line = settings.lines["bed_mesh", option]
+    for option, (line, _) in settings.options["bed_mesh"].items():
+        if option in _ZEROS:
             yield Reason.of("mesh_zero", line=line, option=option)
 
 
@@ -463,13 +454,12 @@ def _grid(settings: _Settings, section: str, axis: str) -> Floats:
 
 def _rows(settings: _Settings, section: str, across: int, along: int) -> tuple[list[int], Floats]:
     """Line of each row of a mesh, and the heights, shape (along, across)."""
-    points = settings.options.get((section, "points"))
-    if points is None:
+    if "points" not in settings.options[section]:
         settings.missing(section, "points")
         return [], np.empty((0, 0))
-    first, column, _ = settings.place((section, "points"))
-    start, texts = settings.lines[section, "points"], points.split("\n")
-    rows = {start + k: text.split(",") for k, text in enumerate(texts) if text.strip()}
+    first, points = settings.options[section]["points"]
+    column, texts = f"points of [{section}]", enumerate(points.split("\n"), first)
+    rows = {line: text.split(",") for line, text in texts if text.strip()}
     heights = []
     for line, cells in rows.items():
         if across and len(cells) != across:

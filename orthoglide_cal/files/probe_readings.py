@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 
 import numpy as np
@@ -140,19 +140,14 @@ class PrinterFile(ReadOnly):
     # nozzle's height when the probe triggers. NaN where it is not known.
     probe: Floats
     source: Source
-    heights: Readings | None = None  # with the distances behind them; None where none are stored
-    mesh: Readings | None = None
+    # What it stores, the first taken where nobody says: "calibration" (heights, with the distances
+    # behind them) and "mesh".
+    data: dict[str, Readings] = field(default_factory=dict)
     remarks: tuple[Reason, ...] = ()  # those on its mesh excluded
     firmware: str = "klipper"  # as an export names it
     unknown: str = ""  # as of `Excerpt`
     started: str | None = None  # ISO 8601; None where the file does not say
     steps: str = ""  # that a calibration was reckoned from, as stored
-
-    @property
-    def stored(self) -> tuple[str, ...]:
-        """Names of what it stores, the first taken where nobody says."""
-        both = {"calibration": self.heights, "mesh": self.mesh}
-        return tuple(name for name, readings in both.items() if readings is not None)
 
 
 def delta_of(
@@ -212,15 +207,15 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     `stored` is "calibration" or "mesh"; None for the first of the two that there is. Raises
     InputError: it does not store that.
     """
-    chosen = stored or ("mesh" if file.heights is None else "calibration")
-    readings = file.mesh if chosen == "mesh" else file.heights
-    if readings is None:
+    chosen = stored or next(iter(file.data), "")
+    if chosen not in file.data:
         what, remedy = f"The file stores no {chosen}.", "Leave out --data, or run"
-        if file.heights is None and file.mesh is None:
+        if not file.data:
             what, remedy = "The file stores neither probed heights nor a mesh.", "Run"
         again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
         probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
         raise InputError(what, f"{remedy} {probing[file.firmware]}.", file=file.source.path)
+    readings = file.data[chosen]
     _check_stored(readings, machine)
     touches = readings.plan.touches
     words = f"{touches.sum()} {'points of a mesh' if readings.source.excerpt else 'heights'}"

@@ -40,9 +40,10 @@ _QUESTIONED = re.compile(r"kept although questioned \(r ([0-9]+)\): ([^;:]+)")
 _MINUTES_PER_READING = 0.4  # assumed where no times are given: 60 readings in 24 minutes
 
 
-def implausible_c(known: Iterable[float | None]) -> list[float]:
-    """The first temperature that no workshop has [°C]; none if all are plausible."""
-    return [c for c in known if c is not None and not -40.0 <= c <= 60.0][:1]
+def implausible_temperatures(known_c: Iterable[float | None]) -> list[Reason]:
+    """A remark on the first temperature that no workshop has [°C]; none if all are plausible."""
+    beyond = (c for c in known_c if c is not None and not -40.0 <= c <= 60.0)
+    return [Reason.of("implausible_temperature", celsius=celsius) for celsius in beyond][:1]
 
 
 class GaugeIdentity(OwnGauge):

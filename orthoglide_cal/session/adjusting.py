@@ -172,11 +172,6 @@ class AdjustingDialogue(Dialogue):
     _stays: bool = False  # the two lines above the cursor are those of the last reading
 
     @property
-    def _noun(self) -> str:
-        """The instrument that is read."""
-        return self.setting.model.machine.vocabulary.noise
-
-    @property
     def adjusted(self) -> tuple[Adjusted, ...]:
         """All adjustments as far as they have come."""
         numbered = enumerate(self.adjustments)
@@ -209,9 +204,10 @@ class AdjustingDialogue(Dialogue):
         self._introduce(step, phase, one)
         hint = f" ({asker.gauge.hint})" if asker.gauge else ""
         above, asked = wording.place(step, self.setting), _ASKED.get(phase, "")
-        now = f"{asked.format(self._noun.capitalize())} [mm]{hint}"
+        noun = self.setting.model.machine.vocabulary.noise  # the instrument that is read
+        now = f"{asked.format(noun.capitalize())} [mm]{hint}"
         if phase in (Phase.PUSHED, Phase.TIGHT):
-            above, now = _lines(one, self._noun)
+            above, now = _lines(one, noun)
             stays = self._stays and not asker.pushed and asker.keyboard.live
             asker.show(above, Style.ABOVE if stays else Style.PLAIN)
         asker.pushed = False

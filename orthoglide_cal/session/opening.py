@@ -18,7 +18,7 @@ import numpy as np
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
-from orthoglide_cal.files.readings import implausible_c
+from orthoglide_cal.files.readings import implausible_temperatures
 from orthoglide_cal.files.text import free_path, read_document
 from orthoglide_cal.inference import NextMeasurement, diagnose
 from orthoglide_cal.model.machine import LARGEST_OFFSET_MM
@@ -133,8 +133,7 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
 def _check_options(request: Request) -> None:
     """Raises UsageError if what is asked for does not go together."""
     path, following = request.path, request.following
-    for celsius in implausible_c([request.temperature_c]):
-        doubt = Reason.of("implausible_temperature", celsius=celsius)
+    for doubt in implausible_temperatures([request.temperature_c]):
         raise UsageError(request.says(doubt), "Correct it, or leave it out.")
     if following is None:
         if request.choice is not None:

@@ -108,8 +108,10 @@ def test_an_override_counts_where_it_is_loaded_and_tells_the_age_of_a_map(own: P
     line = "M665 L310.000:310.500:311.000 R151.5 H379.000 B95.0 X0.100 Y0.200 Z0.000\n"
     put(own, "config-override.g", head.format(0) + line)
     assert read_input(path).model.machine.delta_radius_mm == made.UNEVEN.radius
-    put(own, "config.g", made.config_g(made.UNEVEN) + "M501 ; load it\n")
+    named = 'M550 P"Rostock"; its name\n'
+    put(own, "config.g", made.config_g(made.UNEVEN) + named + "M501 ; load it\n")
     machine = read_input(path).model.machine
+    assert machine.name == "Rostock"
     assert (machine.delta_radius_mm, machine.bed_radius_mm) == (151.5, 95.0)
     assert machine.arm_length_mm == (310.0, 310.5, 311.0)
     assert machine.tower_angles_deg == (210.1, 330.2, 90.0)

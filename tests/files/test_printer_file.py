@@ -143,21 +143,21 @@ def test_steps_below_the_endstops_are_heights_of_the_carriages():
         return [top - count * way for top, count, way in zip(home, counts, step, strict=True)]
 
     heights = [at(100, 200, 300.5), at(-100, 0, 10), at(0, 0, 400)]
-    plan, carriages = found.heights.plan, found.machine.nominal_rails.joints_for
+    plan, carriages = found.data["calibration"].plan, found.machine.nominal_rails.joints_for
     first, second = [*heights, at(1000, 2000, 3000)], [*heights, at(0, 0, 80)]
     np.testing.assert_allclose(carriages(plan.place), first, rtol=1e-13)
     np.testing.assert_allclose(carriages(plan.other), second, rtol=1e-13)
     assert plan.distance.tolist() == [False, False, False, True]
     assert plan.surface.tolist() == [1.5, 1.5, 0.1, 0.0]
     value = plan.place[:, 2] - plan.surface
-    np.testing.assert_array_equal(found.heights.value[:3], value[:3])
-    assert found.heights.value[3] == 65.02 - plan.wanted[3]
+    np.testing.assert_array_equal(found.data["calibration"].value[:3], value[:3])
+    assert found.data["calibration"].value[3] == 65.02 - plan.wanted[3]
     starts = ["#*# height0 ", "#*# height1 ", "#*# manual_height0 ", "#*# distance0 "]
-    assert found.heights.line.tolist() == [line_of(GOOD, start) for start in starts]
+    assert found.data["calibration"].line.tolist() == [line_of(GOOD, start) for start in starts]
 
 
 def test_points_beyond_the_mesh_radius_are_left_out():
-    mesh = read(GOOD).mesh
+    mesh = read(GOOD).data["mesh"]
     assert (mesh.source.excerpt.mesh, sentences(mesh.remarks), len(mesh.plan)) == (
         "default",
         [PADDED],
@@ -198,19 +198,19 @@ def test_the_mesh_of_another_file(old, new, padded, x):
     text = GOOD.replace(old, new)
     text = text.replace("mesh_radius: 100\n", "") if padded == 0 else text
     text = text.replace(CALIBRATION, "") if "rotation" in old else text
-    mesh = read(text).mesh
+    mesh = read(text).data["mesh"]
     assert (sentences(mesh.remarks), len(mesh.plan)) == ([PADDED] if padded else [], 25 - padded)
     assert mesh.plan.place[0, 0] == pytest.approx(x - 2.0)
 
 
 def test_another_profile_where_there_is_no_default():
     text = GOOD.replace("[bed_mesh default]", "[bed_mesh hot bed]")
-    assert read(text).mesh.source.excerpt.mesh == "hot bed"
+    assert read(text).data["mesh"].source.excerpt.mesh == "hot bed"
     two = read(GOOD + MESH.replace("[bed_mesh default]", "[bed_mesh hot]").replace("0.3", "0.9"))
-    assert two.mesh.source.excerpt.mesh == "default"
-    assert two.mesh.value[4] == 0.3
+    assert two.data["mesh"].source.excerpt.mesh == "default"
+    assert two.data["mesh"].value[4] == 0.3
     assert two.remarks == ()
-    remark, _ = sentences(two.mesh.remarks)
+    remark, _ = sentences(two.data["mesh"].remarks)
     assert remark.startswith("Of 2 stored meshes, 'default' was taken.")
 
 
@@ -221,25 +221,27 @@ def test_another_profile_where_there_is_no_default():
 def test_offsets_of_whatever_probes(name):
     found, same = read(GOOD.replace("[probe]", f"[{name}]")), read(GOOD)
     assert found.probe.tolist() == [2.0, -3.5, 1.5]
-    assert found.mesh.plan == same.mesh.plan
+    assert found.data["mesh"].plan == same.data["mesh"].plan
 
 
 def test_offsets_that_may_stand_in_an_included_file_are_asked_for():
     bare = GOOD.replace("x_offset: 2\n", "").replace("y_offset: -3.5\n", "")
-    remark, _ = sentences(read(bare).mesh.remarks)
+    remark, _ = sentences(read(bare).data["mesh"].remarks)
     assert "x_offset and y_offset of [probe] taken as 0" in remark
-    remark, _ = sentences(read(GOOD.replace("x_offset: 2\n", "")).mesh.remarks)
+    remark, _ = sentences(read(GOOD.replace("x_offset: 2\n", "")).data["mesh"].remarks)
     assert remark.startswith("x_offset of [probe]")
-    assert sentences(read(bare.replace("[include macros.cfg]\n", "")).mesh.remarks) == [PADDED]
+    assert sentences(read(bare.replace("[include macros.cfg]\n", "")).data["mesh"].remarks) == [
+        PADDED
+    ]
 
 
 @pytest.mark.parametrize("option", ["zero_reference_position: 0,0", "relative_reference_index: 12"])
 def test_a_mesh_that_counts_from_one_of_its_places_does_not_tell_the_height(option):
     text = GOOD.replace("mesh_radius: 100\n", f"mesh_radius: 100\n{option}\n")
-    remark, _ = sentences(read(text).mesh.remarks)
+    remark, _ = sentences(read(text).data["mesh"].remarks)
     assert f"line {line_of(text, option)}, {option.split(':')[0]}" in remark
     assert "the common height of the three endstops" in remark
-    assert sentences(read(GOOD).mesh.remarks) == [PADDED]
+    assert sentences(read(GOOD).data["mesh"].remarks) == [PADDED]
 
 
 def test_the_lines_above_win_as_in_klipper_and_the_difference_is_told():
@@ -279,7 +281,10 @@ def test_what_makes_no_difference(text):
     found, same = read(text), read(GOOD)
     assert found.machine == same.machine
     assert found.remarks == ()
-    for one, other in ((found.heights, same.heights), (found.mesh, same.mesh)):
+    for one, other in (
+        (found.data["calibration"], same.data["calibration"]),
+        (found.data["mesh"], same.data["mesh"]),
+    ):
         assert one.plan == other.plan
         np.testing.assert_array_equal(one.value, other.value)
 
