@@ -5,6 +5,7 @@ import json
 import os
 import re
 import resource
+import shlex
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from orthoglide_cal.cli.app import app
 from tests.cli.program import (
     DOUBLE,
     ROOT,
+    SESSION,
     SIX,
     UNDETERMINED,
     done,
@@ -29,10 +31,13 @@ from tests.cli.program import (
     run,
     words,
 )  # fmt: skip
+from tests.printers import CONFIG
 from tests.session.terminal import PROGRAM, Terminal
 
 COMMANDS = tuple(get_command(app).commands)  # type: ignore[attr-defined]
-FILES = {"SIX": SIX, "DOUBLE": DOUBLE}
+FILES = {
+    "SIX": SIX, "DOUBLE": DOUBLE, "SESSION": SESSION, "PRINTER": str(CONFIG), "LONG": "a" * 300,
+}  # fmt: skip
 
 
 def worded(command: str) -> list[str]:
@@ -133,25 +138,18 @@ def test_every_error_has_its_code_and_with_json_is_an_object(
     assert plain in (error, f"{path}: {error}") or plain.startswith("Usage: ")
 
 
-@pytest.mark.parametrize(
-    "command",
-    [
-        "simulate --offsets nan 0 0",
-        "simulate --resolution nan",
-        "verify SIX SIX --applied nan 0 0",
-        "verify SIX SIX --applied 1 0 0 --limit nan",
-        "measure --until nan",
-        "machine new --leg-length nan --yes",
-        "measure --temperature 20F",
-        "measure --cycles 3.5",
-        "simulate --gauge-at 1.2",
-    ],
-)
-def test_options_are_plain_numbers(command: str) -> None:
-    said = refused(2, *worded(command))
-    assert "Input should" not in said
-    assert "number" in said or "unit" in said
-    assert any(name in said for name in command.split() if name.startswith("--"))
+REFUSALS = Path(__file__).with_name("refused.txt").read_text(encoding="utf-8").splitlines()
+
+
+@pytest.mark.parametrize("line", [line for line in REFUSALS if line and not line.startswith("#")])
+def test_what_is_refused_says_why_and_leaves_no_file(line: str, folder: Path) -> None:
+    code, command, *parts = map(str.strip, line.split("|"))
+    said = refused(int(code), *(FILES.get(word, word) for word in shlex.split(command)))
+    for part in parts:
+        absent = part.removeprefix("not:")
+        assert (absent in said) == (absent == part), said
+    assert "Input should" not in said, "no words of a library"
+    assert not list(folder.iterdir())
 
 
 @pytest.mark.parametrize("typed", ["0,1 -0,254 0", "0.1mm -0.01in 0", "100um \u22120.254 0.0cm"])
@@ -168,6 +166,7 @@ def test_options_take_commas_and_units_as_a_session_does(typed: str) -> None:
     [
         *((f"{command} --html {target}", "Leave out --html")
           for command in ("plan", "report DOUBLE") for target in ("-", "page.html")),
+        ("plan --machine PRINTER --program p.csv", "Leave out --json"),
         ("export DOUBLE --format table", "--json does not go with --format table"),
     ],
 )  # fmt: skip
