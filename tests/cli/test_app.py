@@ -5,7 +5,6 @@ import json
 import os
 import re
 import resource
-import shlex
 import signal
 import subprocess
 import sys
@@ -21,28 +20,20 @@ from orthoglide_cal.cli.app import app
 from tests.cli.program import (
     DOUBLE,
     ROOT,
-    SESSION,
     SIX,
     UNDETERMINED,
     done,
     lines,
     process,
-    refused,
+    refusals,
+    refuses,
     run,
+    worded,
     words,
 )  # fmt: skip
-from tests.printers import CONFIG
 from tests.session.terminal import PROGRAM, Terminal
 
 COMMANDS = tuple(get_command(app).commands)  # type: ignore[attr-defined]
-FILES = {
-    "SIX": SIX, "DOUBLE": DOUBLE, "SESSION": SESSION, "PRINTER": str(CONFIG), "LONG": "a" * 300,
-}  # fmt: skip
-
-
-def worded(command: str) -> list[str]:
-    """The words of a command; names in capitals stand for paths."""
-    return [FILES.get(word, word) for word in command.split()]
 
 
 def test_every_command_has_help() -> None:
@@ -101,26 +92,9 @@ def test_version_is_one_line_and_quick() -> None:
     assert min(times) < 1.0
 
 
-REFUSALS = Path(__file__).with_name("refused.txt").read_text(encoding="utf-8").splitlines()
-
-
-@pytest.mark.parametrize("line", [line for line in REFUSALS if line and not line.startswith("#")])
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("refused.txt")))
 def test_what_is_refused_says_why_and_leaves_no_file(line: str, folder: Path) -> None:
-    """Whether it is asked for as JSON or not."""
-    code, command, path, *parts = map(str.strip, line.split("|"))
-    typed = [FILES.get(word, word) for word in shlex.split(command)]
-    said = refused(int(code), *typed)
-    for part in parts:
-        text = part.removeprefix("not:")
-        assert (text in said) == (text == part), said
-    assert "Input should" not in said, "no words of a library"
-    if path != "?":
-        result, path = run(*typed, "--json"), FILES.get(path, path)
-        assert (result.exit_code, result.stderr) == (int(code), "")
-        (told,) = lines(result)
-        assert told["input"] == ({"path": path} if path else None)
-        error = words(told["error"])
-        assert said in (error, f"{path}: {error}") or said.startswith("Usage: ")
+    refuses(line)
     assert not list(folder.iterdir())
 
 
