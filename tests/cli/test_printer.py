@@ -335,7 +335,7 @@ def test_what_is_not_recommended_is_not_accepted() -> None:
          ("larger than usual for the probe's noise", "not large enough to call the model wrong"),
          ("smaller ones",)),
         ("solve tilted.csv", ("± U enter",), ()),
-        ("diagnose belt.csv --details", ("The bed from above",), ()),
+        ("diagnose belt.csv --details", ("Seen from above, y upwards",), ()),
         *((f"{command} --data calibration", ("7 heights and 3 distances",), ("of a mesh",))
           for command in ("solve printer.cfg", "validate printer.cfg")),
         *((f"{command} --data mesh", ("points of a mesh",), ("7 heights",))
