@@ -3,6 +3,7 @@
 import functools
 import json
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -19,6 +20,13 @@ SIX = str(SAMPLES / "experiment2.csv")
 DOUBLE = str(SAMPLES / "double_posture_session.csv")
 SINGLE = str(SAMPLES / "single_posture_session.csv")
 SESSION = str(SAMPLES / "session.yaml")
+FILES = {
+    "SIX": SIX, "DOUBLE": DOUBLE, "SINGLE": SINGLE, "SESSION": SESSION, "LONG": "a" * 300,
+    "EXPERIMENT1": str(SAMPLES / "experiment1.csv"),
+    "PRINTER": str(ROOT / "configs" / "linear_delta.yaml"),
+    "PROTOTYPE": str(ROOT / "configs" / "orthoglide_prototype.yaml"),
+    "LARGE": str(ROOT / "configs" / "orthoglide_large.yaml"),
+}  # fmt: skip
 READINGS, MACHINE = "my readings.csv", "my machine.yaml"
 COMMENT = "# of the foundry, not to be lost\n"
 FIRST = truth.make_session(31, truth.LARGE, truth.MICRON)
@@ -72,6 +80,35 @@ def parameters(found: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 def words(text: str) -> str:
     return " ".join(text.replace("│", " ").split())
+
+
+def worded(command: str) -> list[str]:
+    """The words of a command; those in capitals stand for files that ship."""
+    return [FILES.get(word, word) for word in shlex.split(command)]
+
+
+def refusals(table: Path) -> list[str]:
+    """Lines of a table of refusals: exit code, command, input that JSON names, what is said."""
+    lines = table.read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if line and not line.startswith("#")]
+
+
+def refuses(line: str, *before: str) -> None:
+    """Assert one of them, plainly and as JSON; `before` are the first words of the command."""
+    code, command, path, *parts = map(str.strip, line.split("|"))
+    typed = [*before, *worded(command)]
+    said = refused(int(code), *typed)
+    for part in parts:
+        text = part.removeprefix("not:")
+        assert (text in said) == (text == part), said
+    assert "Input should" not in said, "no words of a library"
+    if path != "?":
+        result, path = run(*typed, "--json"), FILES.get(path, path)
+        assert (result.exit_code, result.stderr) == (int(code), "")
+        (told,) = lines(result)
+        assert told["input"] == ({"path": path} if path else None)
+        error = words(told["error"])
+        assert said in (error, f"{path}: {error}") or said.startswith("Usage: ")
 
 
 def process(

@@ -25,19 +25,15 @@ from tests.cli.program import (
     done,
     lines,
     process,
-    refused,
+    refusals,
+    refuses,
     run,
+    worded,
     words,
 )  # fmt: skip
 from tests.session.terminal import PROGRAM, Terminal
 
 COMMANDS = tuple(get_command(app).commands)  # type: ignore[attr-defined]
-FILES = {"SIX": SIX, "DOUBLE": DOUBLE}
-
-
-def worded(command: str) -> list[str]:
-    """The words of a command; names in capitals stand for paths."""
-    return [FILES.get(word, word) for word in command.split()]
 
 
 def test_every_command_has_help() -> None:
@@ -96,62 +92,10 @@ def test_version_is_one_line_and_quick() -> None:
     assert min(times) < 1.0
 
 
-@pytest.mark.parametrize(
-    ("command", "code", "path"),
-    [
-        ("export SIX", 4, SIX),
-        ("apply SIX --yes --machine none.yaml", 3, SIX),
-        ("apply", 2, None),
-        ("apply SIX", 2, SIX),
-        ("solve --nonsense SIX", 2, None),
-        ("solve --method best SIX", 2, SIX),
-        ("simulate --offsets 400 400 400 --seed 1", 3, None),
-        ("plan --target 0", 2, None),
-        ("plan --target 0.02 --cycles 3", 2, None),
-        ("plan --machine SIX", 3, SIX),
-        ("plan none.csv", 3, "none.csv"),
-        ("solve none.csv", 3, "none.csv"),
-        ("diagnose SIX --holdout none.csv", 3, SIX),
-        ("diagnose - --holdout -", 2, None),
-        ("diagnose SIX --applied 0.1 0 0", 2, None),
-        ("diagnose SIX --output x.yaml", 2, None),
-        ("diagnose SIX DOUBLE --accept axis_gap", 2, None),
-        ("solve --machine none.yaml SIX", 3, SIX),
-        ("report none.csv --limit 1", 3, "none.csv"),
-        ("machine new --kind hexapod --yes", 2, None),
-    ],
-)
-def test_every_error_has_its_code_and_with_json_is_an_object(
-    command: str, code: int, path: str | None
-) -> None:
-    result = run(*worded(command), "--json")
-    assert (result.exit_code, result.stderr) == (code, "")
-    (said,) = lines(result)
-    assert said["input"] == (path and {"path": path})
-    assert said["error"]
-    plain, error = refused(code, *worded(command)), words(said["error"])
-    assert plain in (error, f"{path}: {error}") or plain.startswith("Usage: ")
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        "simulate --offsets nan 0 0",
-        "simulate --resolution nan",
-        "verify SIX SIX --applied nan 0 0",
-        "verify SIX SIX --applied 1 0 0 --limit nan",
-        "measure --until nan",
-        "machine new --leg-length nan --yes",
-        "measure --temperature 20F",
-        "measure --cycles 3.5",
-        "simulate --gauge-at 1.2",
-    ],
-)
-def test_options_are_plain_numbers(command: str) -> None:
-    said = refused(2, *worded(command))
-    assert "Input should" not in said
-    assert "number" in said or "unit" in said
-    assert any(name in said for name in command.split() if name.startswith("--"))
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("refused.txt")))
+def test_what_is_refused_says_why_and_leaves_no_file(line: str, folder: Path) -> None:
+    refuses(line)
+    assert not list(folder.iterdir())
 
 
 @pytest.mark.parametrize("typed", ["0,1 -0,254 0", "0.1mm -0.01in 0", "100um \u22120.254 0.0cm"])
@@ -168,6 +112,7 @@ def test_options_take_commas_and_units_as_a_session_does(typed: str) -> None:
     [
         *((f"{command} --html {target}", "Leave out --html")
           for command in ("plan", "report DOUBLE") for target in ("-", "page.html")),
+        ("plan --machine PRINTER --program p.csv", "Leave out --json"),
         ("export DOUBLE --format table", "--json does not go with --format table"),
     ],
 )  # fmt: skip

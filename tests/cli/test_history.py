@@ -9,7 +9,7 @@ import pytest
 from rich.cells import cell_len
 
 from orthoglide_cal.files.session_file import session_of_readings, session_text
-from tests.cli.program import DOUBLE, SESSION, answer, done, refused, run, words
+from tests.cli.program import answer, done, refused, run, words
 from tests.results.histories import draw
 from tests.truth.delta import KOSSEL, Layout, delta_csv, delta_yaml, make_delta_session, probe_bed
 
@@ -101,14 +101,6 @@ def test_a_printer_is_compared_too():
     assert changed["radius"] == pytest.approx(1.0, abs=0.2)
     run("history", *files, "--html", "page.html")
     assert "Residuals of the touches" in Path("page.html").read_text(encoding="utf-8")
-
-
-def test_what_is_refused():
-    assert "two sessions" in refused(2, "history", DOUBLE)
-    assert "no such file" in refused(3, "history", DOUBLE, "missing.csv")
-    assert "1 dates for 2" in refused(2, "history", DOUBLE, SESSION, "--dates", "2026-03-02")
-    assert "no date" in refused(2, "history", DOUBLE, SESSION, "--dates", "2026-03-02,may")
-    assert "greater than zero" in refused(2, "history", DOUBLE, SESSION, "--limit", "0")
 
 
 def test_what_was_simulated_is_no_history():

@@ -52,29 +52,10 @@ def test_tolerances_are_options_too() -> None:
     assert re.search(r"^  axis_gap: 0\.3 +# mm; usual assembly leaves", text, re.MULTILINE)
 
 
-def test_an_existing_file_and_a_script_without_yes() -> None:
-    refused(2, "machine", "new")
+def test_an_existing_file_is_kept() -> None:
     Path("machine.yaml").write_text("mine")
     refused(2, "machine", "new", "--yes")
     assert Path("machine.yaml").read_text() == "mine"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--leg-length", "1e4", "--limits", "-2e4", "5"), "beyond the leg's length"),
-        (("--leg-length", "nan"), "'--leg-length': 'nan'"),
-        (("--kind", "crane"), "kind of machine is not known"),
-        (("--name", ""), "empty"),
-        (("--tolerance", "axis_gap"), "--tolerance axis_gap: "),
-        (("--tolerance", "axis_gap=nan"), "Write it as axis_gap=0.3"),
-        (("--tolerance", "axis_gap=-1"), "tolerances.axis_gap"),
-        (("--tolerance", "axisgap=1"), "axisgap"),
-    ],
-)
-def test_values_of_no_machine_are_refused(arguments: tuple[str, ...], words: str) -> None:
-    assert words in refused(2, "machine", "new", *arguments, "--yes")
-    assert not Path("machine.yaml").exists()
 
 
 def test_a_folder_remembers_its_machine() -> None:

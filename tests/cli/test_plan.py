@@ -189,22 +189,6 @@ def test_a_printers_own_file_is_a_machine_to_plan_for(tmp_path: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ("--cycles 3", "no gauges and no protocol"),
-        ("--layout bed-8", "Choose one of bed-7, "),
-        ("--program p.nc", "End it in .csv"),
-        ("--program p.csv --json", "Leave out --json"),
-    ],
-)
-def test_what_a_printer_has_not_is_refused(options: str, said: str, folder: Path) -> None:
-    shown = run("plan", *MACHINE, *options.split())
-    assert shown.exit_code == 2
-    assert said in (shown.stdout if "--json" in options else shown.stderr)
-    assert not list(folder.iterdir())
-
-
 # A skewed bar that may as well be rails that do not meet.
 OPEN = truth.make_session(7_100_014, truth.PROTOTYPE, truth.DIAL, ("bar_skew",))
 

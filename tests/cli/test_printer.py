@@ -18,18 +18,17 @@ import yaml
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import read_machine_file
 from tests.cli.program import (
-    SESSION,
-    SIX,
     answer,
     done,
     lines,
     once,
     parameters,
+    refusals,
     refused,
+    refuses,
     run,
     words,
 )
-from tests.machines import ROOT
 from tests.printer_files import OFF, exact, printer_cfg
 from tests.printers import true_values
 from tests.truth.delta import (
@@ -44,7 +43,6 @@ from tests.truth.delta import (
 )
 
 MACHINE = ("--machine", "v400.yaml")
-PROTOTYPE = f"{ROOT}/configs/orthoglide_prototype.yaml"
 SHIFT = true_values(V400, OFF)
 TRUE = {
     **dict(zip("abc", np.add(V400.endstops, SHIFT[:3]).tolist(), strict=True)),
@@ -337,7 +335,7 @@ def test_what_is_not_recommended_is_not_accepted() -> None:
          ("larger than usual for the probe's noise", "not large enough to call the model wrong"),
          ("smaller ones",)),
         ("solve tilted.csv", ("± U enter",), ()),
-        ("diagnose belt.csv --details", ("The bed from above",), ()),
+        ("diagnose belt.csv --details", ("Seen from above, y upwards",), ()),
         *((f"{command} --data calibration", ("7 heights and 3 distances",), ("of a mesh",))
           for command in ("solve printer.cfg", "validate printer.cfg")),
         *((f"{command} --data mesh", ("points of a mesh",), ("7 heights",))
@@ -504,37 +502,10 @@ def test_touches_of_a_csv_are_held_out_from_a_mesh() -> None:
 
 # --- what is refused --------------------------------------------------------------------------
 
-FOREIGN = "--format {} is for the controller of kind orthoglide"
-TWO_MACHINES = "two machines: arms 344 and 265 mm long, delta radius 162 and 130 mm"
 
-
-@pytest.mark.parametrize(
-    ("command", "code", "said"),
-    [
-        *((f"{verb} SESSION --machine v400.yaml", 3, "machine of kind linear_delta has none")
-          for verb in ("solve", "diagnose", "plan", "report", "export")),
-        ("solve SIX --machine v400.yaml", 3,
-         "readings of gauges. truth-v400 is of kind linear_delta."),
-        ("solve SIX --data mesh --machine PROTOTYPE", 2, "--data is for a printer's file"),
-        ("export printer.cfg --format table", 2, FOREIGN.format("table")),
-        ("export SIX --format marlin --machine PROTOTYPE", 2,
-         "of kind linear_delta; this machine is of kind orthoglide"),
-        ("verify printer.cfg kossel.cfg", 2, TWO_MACHINES),
-        ("diagnose printer.cfg --holdout kossel.cfg", 2, TWO_MACHINES),
-        ("diagnose printer.cfg kossel.cfg --together", 2, TWO_MACHINES),
-        ("measure --machine v400.yaml", 2, "BED_MESH_CALIBRATE"),
-        ("apply t41.csv --machine v400.yaml --yes", 2,
-         "export t41.csv --machine v400.yaml --format"),
-        ("plan --machine v400.yaml --layout print-13 --program p.csv", 2, "DELTA_ANALYZE"),
-        ("machine new --kind linear_delta --width 80 --yes", 2,
-         "--width is not for a machine of kind linear_delta"),
-        ("machine new --radius 140 --yes", 2, "--radius"),
-        ("diagnose series.csv --machine v400.yaml", 4, "A series at one place says how the probe"),
-    ],
-)  # fmt: skip
-def test_what_is_not_of_printers_is_refused(command: str, code: int, said: str) -> None:
-    names = {"SIX": SIX, "SESSION": SESSION, "PROTOTYPE": PROTOTYPE}
-    assert said in refused(code, *(names.get(word, word) for word in command.split()))
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("refused_printers.txt")))
+def test_what_is_not_of_printers_is_refused(line: str) -> None:
+    refuses(line)
 
 
 @pytest.mark.parametrize(

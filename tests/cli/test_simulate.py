@@ -11,9 +11,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.measured import Readings
 from tests.cli.program import DOUBLE, SAMPLES, SESSION, SINGLE, lines, refused, run
 from tests.machines import LARGE, NOMINAL, NOMINAL_LARGE, ROOT
-from tests.printers import CONFIG
 
-GAUGES_ONLY = "--protocol and --gauge-at are for machines that are measured"
 LARGE_FILE = str(ROOT / "configs" / "orthoglide_large.yaml")
 CAUSES = (
     "axis_gap=0.1,0.2,-0.1", "axis_squareness=1,-1,0.5", "leg_length=0.01,0,-0.02",
@@ -66,28 +64,6 @@ def test_every_cause_changes_the_readings_and_a_placed_one_nowhere_else() -> Non
     ):
         assert (np.flatnonzero(np.abs(change(cause)) > 1e-6) + 1).tolist() == rows
     assert change("misread@3=0.1", "gauge_slip@3=1")[2] == pytest.approx(1.1, abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ("--cause rust=1", "There is no cause 'rust'"),
-        ("--cause axis_gap=1,2", "takes 3 values in mm, not 2. Write axis_gap=xy,yz,zx"),
-        ("--cause axis_gap=1,2,x", "This is not a number."),
-        ("--cause axis_gap@x=1,2,3", "axis_gap cannot act at 'x'"),
-        ("--cause backlash=-1,0,0", "cannot be negative"),
-        ("--cause misread=0.1", "misread cannot act in this session"),
-        ("--cause misread@61=0.1", "misread cannot act at '61'"),
-        ("--cause sign_flip@x,y=1", "takes 0 values, not 1"),
-        # Readings that do not pair up cannot be exchanged.
-        ("--protocol single --cause exchanged_columns", "cannot act in this session"),
-        # An Orthoglide has no bed and no towers.
-        ("--places 13", "are for a linear delta"),
-        ("--cause tower_lean=1,1,1,1,1,1", "kind"),
-    ],
-)
-def test_what_no_orthoglide_can_have_is_refused(given: str, said: str) -> None:
-    assert said in refused(2, "simulate", *given.split())
 
 
 def test_output_is_written_but_never_over_a_file(tmp_path: Path) -> None:
@@ -143,22 +119,3 @@ def test_the_sample_sessions_are_what_their_readme_says(tmp_path: Path) -> None:
     )
     assert [row.pop("simulated") for row in made["readings"]] == ["yes"] * 60
     assert made["readings"] == kept["readings"]
-
-
-@pytest.mark.parametrize(
-    ("given", "message", "remedy"),
-    [
-        ("--cause axis_gap=0.5,0.5,0.5", "no cause 'axis_gap' of kind", "tower_lean"),
-        ("--cause misread=0.3", "misread cannot act", "its place: 12 (a reading)"),
-        ("--protocol single", GAUGES_ONLY, "Leave"),
-        ("--gauge-at 0.9", GAUGES_ONLY, "Leave"),
-    ],
-)
-def test_a_printer_has_no_gauges_and_causes_of_its_own(
-    given: str, message: str, remedy: str
-) -> None:
-    shown = refused(2, "simulate", "--machine", str(CONFIG), *given.split())
-    assert message in shown
-    assert remedy in shown
-    assert "swapped_gauges" not in shown
-    assert "leg)" not in shown

@@ -1,12 +1,11 @@
 """`report`, `verify` and `export` from the command line: exit codes and files."""
 
-import json
 from itertools import product
 from pathlib import Path
 
 import pytest
 
-from tests.cli.program import SIX, UNDETERMINED, done, refused, run
+from tests.cli.program import SIX, UNDETERMINED, answer, done, refused, run
 from tests.machines import NOMINAL, SAMPLES
 from tests.results import cases
 from tests.results.sessions import FINE, TRUE, session, write
@@ -22,15 +21,17 @@ def healthy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_report_takes_the_latest_session(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    for day in (30, 10, 20):
+    monkeypatch.chdir(tmp_path)
+    assert run("report").exit_code == 3
+    for day in (30, 10):
         path = tmp_path / f"session-{day}.yaml"
         write(session(TRUE, day), NOMINAL, path, finished=f"2026-01-{day}T09:30:00+00:00")
-    monkeypatch.chdir(tmp_path)
-    found = run("report", "--json")
-    assert json.loads(found.stdout)["answer"]["input"]["path"] == "session-30.yaml"
-    (tmp_path / "empty").mkdir()
-    monkeypatch.chdir(tmp_path / "empty")
-    assert run("report").exit_code == 3
+    found = answer("report")
+    assert found["answer"]["input"]["path"] == "session-30.yaml"
+    # Also beside the default method by its name, and in what is exported.
+    number = found["identity"]["number"]
+    assert answer("report", "--method", "readings")["identity"]["number"] == number
+    assert number in run("export", "session-30.yaml").stdout
 
 
 def test_report_files_are_not_replaced_unasked(healthy: Path, tmp_path: Path):
@@ -57,7 +58,7 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
     after = tmp_path / "after.yaml"
     write(session(TRUE - TRUE, 4), NOMINAL, after)
     applied = ("--applied", *TRUE.tolist())
-    found = json.loads(run("report", healthy, "--json", "--after", after, *applied).stdout)
+    found = answer("report", healthy, "--after", after, *applied)
     assert found["after"]["answer"] == "as modelled"
     page = run("report", healthy, "--after", after, *applied, "--limit", 0.05)
     assert "found  expected  as left" in page.stdout
@@ -66,21 +67,12 @@ def test_report_as_left(healthy: Path, tmp_path: Path):
     assert "Nothing more: keep this report with the machine." in page.stdout
     assert run("report", healthy, *applied).exit_code == 2
     # A limit is drawn, and decides nothing before the result is measured.
-    limited = json.loads(run("report", healthy, "--limit", 0.1, "--json").stdout)
+    limited = answer("report", healthy, "--limit", 0.1)
     assert (limited["limit_mm"], limited["after"]) == (0.1, None)
     # The map afterwards is that of the machine as it was measured then.
     errors = found["answer"]["workspace"], found["after"]["workspace"]
     assert errors[1]["before_mm"] < 0.1 * errors[0]["before_mm"]
     assert errors[1]["before_mm"] != errors[0]["after_mm"]
-
-
-def test_the_same_inputs_and_options_give_the_same_number(healthy: Path, tmp_path: Path):
-    numbers = [json.loads(run(*command, "--json").stdout)["identity"]["number"] for command in (
-        ("report", healthy), ("report", healthy), ("report", healthy, "--method", "readings"),
-        ("report", healthy, "--method", "six"),
-    )]  # fmt: skip
-    assert numbers[0] == numbers[1] == numbers[2] != numbers[3]
-    assert numbers[0] in run("export", healthy).stdout
 
 
 def test_verify_prints_what_the_paper_prints():
@@ -90,7 +82,7 @@ def test_verify_prints_what_the_paper_prints():
     assert "Predicted 0.20 mm, measured 0.21 mm (r.m.s.; before 0.62 mm)." in found
     assert "The machine moved by 1.03 [0.91, 1.14] times what was entered, as modelled." in found
 
-    numbers = json.loads(run("verify", *EXPERIMENTS[1:], *applied, "--json").stdout)
+    numbers = answer("verify", *EXPERIMENTS[1:], *applied)
     assert numbers["response"]["agrees"] is True
     assert numbers["decision"] is None
     page = run("verify", *EXPERIMENTS[1:], *applied, "--html", "-", "--limit", 0.36)

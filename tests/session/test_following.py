@@ -22,7 +22,7 @@ from orthoglide_cal.session import opening
 from orthoglide_cal.session.events import RECORD, Taken, replay
 from orthoglide_cal.session.opening import Request, open_session, planned_next
 from orthoglide_cal.session.readings import PriorReadings
-from tests.cli.program import done
+from tests.cli.program import done, refusals, refuses
 from tests.machines import ROOT, SAMPLES
 from tests.printer_files import OFF, printer_cfg
 from tests.truth.delta import V400
@@ -280,40 +280,14 @@ def test_journals_of_version_1_go_on_to_the_session_that_their_program_wrote(
     assert replay([first]).planned is None
 
 
-LARGE = str(ROOT / "configs" / "orthoglide_large.yaml")
-TOGETHER = "--then and {} do not go together"
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        (("--protocol", "single"), TOGETHER.format("--protocol or --design")),
-        (("--design", "best"), TOGETHER.format("--protocol or --design")),
-        (("--cycles", "2"), TOGETHER.format("--cycles")),
-        (("--order", "paper"), TOGETHER.format("--order")),
-        (("--until", "0.1"), TOGETHER.format("--until")),
-        (("--resume",), TOGETHER.format("--resume")),
-        (("--choice", "999"), "There is no recommendation 999"),
-        (("--seed", "8"), "was not measured on this simulated machine"),
-        (("--offsets-active", "1000", "0", "0"), "These are not three joint offsets"),
-        (("--machine", LARGE), "was measured on another machine than that of --machine"),
-        # Other files to go on with; the last one counts.
-        (("--then", f"{SAMPLES}/experiment1.csv"), "holds differences; new readings cannot be"),
-        (("--then", f"{SAMPLES}/experiment2.csv"), "Give the file of the raw readings"),
-        (("--then", f"{SAMPLES}/single_posture_session.csv"), "readings of both kinds cannot be"),
-        (("--then", "none.csv"), "There is no such file"),
-        (("--then", "printer.cfg"), "No protocol guides through measuring a linear delta"),
-        (("--then", "-"), "standard input is the keyboard"),
-    ],
-)
+@pytest.mark.parametrize("line", refusals(HERE / "refused_then.txt"))
 def test_what_cannot_be_gone_on_with_is_refused(
-    first: Path, tmp_path: Path, options: tuple[str, ...], said: str
+    first: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, line: str
 ) -> None:
-    printer = tmp_path / "printer.cfg"
-    printer.write_text(printer_cfg(V400, OFF), encoding="utf-8")
-    code = 3 if "none.csv" in options else 2
-    assert said in refused(code, tmp_path, "n.yaml", "--then", str(first), *options, "--yes")
-    assert list(tmp_path.iterdir()) == [printer]
+    monkeypatch.chdir(tmp_path)
+    Path("printer.cfg").write_text(printer_cfg(V400, OFF), encoding="utf-8")
+    refuses(line, "measure", "n.yaml", "--yes", "--then", str(first))
+    assert [path.name for path in tmp_path.iterdir()] == ["printer.cfg"]
 
 
 def test_the_first_file_is_never_the_new_one(first: Path) -> None:

@@ -57,9 +57,8 @@ def written(events: list[Event]) -> tuple[bytes, list[int]]:
 @pytest.mark.parametrize(
     "record",
     [
-        None, [], {}, {"kind": "taken"}, {"kind": "hello", "at": AT}, {"kind": "undone"},
-        {"kind": [], "at": AT}, {"kind": {}, "at": AT}, {"at": AT},
-        {"kind": "undone", "at": 3}, {"kind": "undone", "at": "2025-03-01T09:00"},
+        [], {"kind": "taken"}, {"kind": "hello", "at": AT}, {"kind": "undone"}, {"at": AT},
+        {"kind": "undone", "at": "2025-03-01T09:00"},
         {"kind": "undone", "at": "2025-75-01T09:00:00+01:00"},
         {"kind": "undone", "at": AT, "more": 1},
         {"kind": "noted", "at": AT, "step": "1", "text": "x"},
