@@ -57,7 +57,7 @@ def _grid(model: Model, points: int) -> tuple[Floats, Floats, Floats]:
 
     Last where the controller sends the carriages for them, (n³, 3) [mm].
     """
-    low, high = model.orthoglide.reachable_cube
+    low, high, _ = model.machine.cube
     axis = np.linspace(low, high, points)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     grid = np.stack((x, y, z), axis=-1).reshape(-1, 3)
@@ -103,7 +103,8 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         covariance: of the offsets, shape (3, 3) [mm²].
         k: coverage factor for the uncertainty that remains.
 
-    Raises PostureError: a corner of the cube that the machine cannot reach.
+    Raises PostureError: a corner of the cube that the machine cannot reach; UsageError: it has no
+    cube.
     """
     axis, points, indicated = _grid(model, SAMPLES)
     tool = model.real.geometry.tool_for(_standing(model, indicated, offsets))
@@ -120,7 +121,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         worst_after_mm=tuple(points[np.argmax(after)].tolist()),
         left_mm=float(left.max()),
         cube_mm=(float(axis[0]), float(axis[-1])),
-        stated_edge_mm=model.orthoglide.workspace_mm,
+        stated_edge_mm=model.machine.cube.stated_edge,
         maps=WorkspaceMaps(
             axis_mm=axis,
             levels_mm=axis[levels],
