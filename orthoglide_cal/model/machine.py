@@ -192,14 +192,6 @@ class Bed(NamedTuple):
     highest_mm: float  # no reading is larger
 
 
-class Cube(NamedTuple):
-    """Tool positions [low, high]³ over which the error of the tool is shown [mm]."""
-
-    low: float
-    high: float
-    stated_edge: float  # of the workspace in the machine file
-
-
 class Suspicion(NamedTuple):
     """A plunger that leaves its bar, or comes near its end."""
 
@@ -439,8 +431,11 @@ class Machine(Schema):
         raise self._refusal("linear_delta")
 
     @property
-    def cube(self) -> Cube:
-        """Cube within its joint limits; raises UsageError for a machine without one."""
+    def cube(self) -> tuple[float, float]:
+        """(low, high): tool positions [low, high]³ over which its error is shown [mm].
+
+        Raises UsageError for a machine without them.
+        """
         raise self._refusal("orthoglide")
 
     @property
@@ -519,9 +514,10 @@ class Machine(Schema):
         return self.plausible
 
     @property
-    @abstractmethod
     def travel_mm(self) -> float:
         """How far a carriage can move, about [mm]."""
+        low, high = self.limits_mm
+        return high - low
 
     @property
     @abstractmethod
@@ -575,9 +571,12 @@ class Machine(Schema):
             what = f"No protocol guides through measuring a {self.kind.replace('_', ' ')}."
             raise UsageError(what, self.vocabulary.probing)
 
-    @abstractmethod
     def judging(self, then: Machine) -> Machine:
-        """The machine by which readings are judged that were taken when it was as `then`."""
+        """The machine by which readings are judged that were taken when it was as `then`.
+
+        Itself, where postures say where the carriages stood.
+        """
+        return self
 
     def check_same(self, later: Machine) -> None:
         """Raises UsageError for a machine that calibration cannot make of this one."""

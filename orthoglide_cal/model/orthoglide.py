@@ -27,7 +27,6 @@ from orthoglide_cal.model.kinematics import (
     behind_batch,
 )
 from orthoglide_cal.model.machine import (
-    Cube,
     Influence,
     Instrument,
     JointOffsets,
@@ -203,10 +202,6 @@ class Orthoglide(Machine):
         """An offset is stated with its U, however large that is."""
         return (math.inf,) * len(AXES)
 
-    def judging(self, then: Machine) -> Machine:
-        """Itself: postures say where the carriages stood."""
-        return self
-
     @property
     def limits_mm(self) -> tuple[float, float]:
         return self.joint_limits_mm
@@ -216,11 +211,6 @@ class Orthoglide(Machine):
         truly = {axis: plain(self.home_mm + moved, decimals) for axis, moved in changes.items()}
         lines = (f"{a}: the controller says {says} mm, truly {mm} mm" for a, mm in truly.items())
         return ("At the isotropic posture, as the controller is set now:", *lines, "")
-
-    @property
-    def travel_mm(self) -> float:
-        low, high = self.joint_limits_mm
-        return high - low
 
     @property
     def geometry_words(self) -> str:
@@ -258,7 +248,7 @@ class Orthoglide(Machine):
         )
 
     @property
-    def cube(self) -> Cube:
+    def cube(self) -> tuple[float, float]:
         """The cube within the joint limits, no larger than the workspace.
 
         The limits are displacements of the carriages: p_i + √(L² − p_j² − p_k²) − L. The largest is
@@ -275,7 +265,7 @@ class Orthoglide(Machine):
             low = (reach - math.sqrt(3.0 * length**2 - 2.0 * reach**2)) / 3.0
         low = min(max(low, -length / 2.0), 0.0)
         excess = max(high - low - self.workspace_mm, 0.0) / 2.0
-        return Cube(low + excess, high - excess, self.workspace_mm)
+        return low + excess, high - excess
 
     def reach_mm(self, gauge_at: float) -> tuple[float, float]:
         """Lowest and highest displacement within the limits at which the plunger keeps `MARGIN`.

@@ -47,7 +47,6 @@ class Workspace(Schema):
     limit_mm: float | None = None
     left_mm: float = Field(description="what the causes alone leave after entering")
     cube_mm: tuple[float, float]
-    stated_edge_mm: float = Field(description="of the workspace in the machine file")
     maps: SkipJsonSchema[WorkspaceMaps | None] = Field(None, exclude=True, repr=False)
 
 
@@ -57,7 +56,7 @@ def _grid(model: Model, points: int) -> tuple[Floats, Floats, Floats]:
 
     Last where the controller sends the carriages for them, (n³, 3) [mm].
     """
-    low, high, _ = model.machine.cube
+    low, high = model.machine.cube
     axis = np.linspace(low, high, points)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     grid = np.stack((x, y, z), axis=-1).reshape(-1, 3)
@@ -121,7 +120,6 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         worst_after_mm=tuple(points[np.argmax(after)].tolist()),
         left_mm=float(left.max()),
         cube_mm=(float(axis[0]), float(axis[-1])),
-        stated_edge_mm=model.machine.cube.stated_edge,
         maps=WorkspaceMaps(
             axis_mm=axis,
             levels_mm=axis[levels],

@@ -41,13 +41,11 @@ correct range_mm in the machine file and begin anew."""
 def machine(model: Model, simulated: bool) -> str:
     """The machine and its numbers, as they are confirmed before the first move."""
     machine, gauge = model.machine, model.machine.instrument
-    low, high = machine.limits_mm
     known = ", ".join(effect.cause.id for effect in model.accepted)
     return "\n".join([
         *([SIMULATED] if simulated else []),
         f"Machine  {visible(machine.name)}",
-        f"         legs {machine.leg_mm:g} mm, joints {low:+g} to {high:+g} mm from the"
-        " isotropic posture",
+        f"         {machine.geometry_words}",
         *([f"         known causes: {known}"] if known else []),
         f"Gauge    {gauge.resolution_mm:g} mm divisions, {gauge.most_mm:g} mm travel,"
         f" repeats within {gauge.repeatability_mm:g} mm",
