@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
-from orthoglide_cal.words import listed
+from orthoglide_cal.words import clipped, listed
 
 _INDEX, _NUMBER = re.compile(r"\[[0-9]+\]"), re.compile(r"[0-9]+")
 # Kinds of faults that one screen has room for: a fault takes up to three lines.
@@ -134,7 +134,7 @@ class InputError(OrthocalError, ValueError):
         return ", ".join(filter(None, (file, self.place)))
 
     def __str__(self) -> str:
-        value = f" ({self.value!r})" if self.value is not None else ""
+        value = f" ({clipped(self.value)!r})" if self.value is not None else ""
         where = f"{self.where}: " if self.where else ""
         return f"{where}{self.what}{value} {self.remedy}".strip()
 

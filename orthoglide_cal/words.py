@@ -169,9 +169,15 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
+def clipped(text: str) -> str:
+    """Text from a file for a message: its first 40 characters where there are more."""
+    return text if len(text) <= 40 else f"{text[:39]}…"
+
+
 def listed(names: Sequence[str]) -> str:
     """Names for a message, with commas; the first ten where there are more."""
-    return ", ".join(names[:10]) + (f" and {len(names) - 10} more" if len(names) > 10 else "")
+    more = f" and {len(names) - 10} more" if len(names) > 10 else ""
+    return ", ".join(map(clipped, names[:10])) + more
 
 
 def wrapped(text: str, columns: int) -> str:

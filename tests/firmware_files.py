@@ -4,6 +4,7 @@ Written after the firmwares' documents, not after the program that reads them.
 """
 
 import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,9 +14,7 @@ from tests.truth.delta import Delta, Floats, Truth, touches
 UNEVEN = Delta(
     "uneven", (300.0, 301.5, 299.25), 150.0, (209.0, 331.5, 90.0), (380.0, 381.0, 379.5), 100.0
 )
-EQUAL = Delta(
-    "equal", (300.0, 300.0, 300.0), 150.0, (209.0, 331.5, 90.0), (380.0, 381.0, 379.5), 100.0
-)
+EQUAL = replace(UNEVEN, name="equal", arms=(300.0, 300.0, 300.0))
 # Of the probe: where it is, and the nozzle's height when it triggers [mm].
 OFFSET = (-12.0, 7.5, 2.35)
 USUAL = (210.0, 330.0, 90.0)

@@ -10,6 +10,7 @@ import ctypes
 import fcntl
 import os
 import pwd
+import re
 import shutil
 import socket
 import struct
@@ -19,84 +20,9 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-_JOINT = """\
-[AXIS_{axis}]
-MIN_LIMIT = -500
-MAX_LIMIT = 500
-MAX_VELOCITY = 500
-MAX_ACCELERATION = 5000
-[JOINT_{number}]
-TYPE = LINEAR
-HOME = 0.0
-MAX_VELOCITY = 500
-MAX_ACCELERATION = 5000
-MIN_LIMIT = -500
-MAX_LIMIT = 500
-FERROR = 5
-MIN_FERROR = 5
-HOME_OFFSET = {offset}
-HOME_SEARCH_VEL = 0
-HOME_LATCH_VEL = 0
-HOME_SEQUENCE = 0
-"""
-_HEAD = """\
-[EMC]
-VERSION = 1.1
-MACHINE = mill7
-[DISPLAY]
-DISPLAY = linuxcncrsh
-[TASK]
-TASK = milltask
-CYCLE_TIME = 0.010
-[RS274NGC]
-PARAMETER_FILE = sim.var
-[EMCMOT]
-EMCMOT = motmod
-COMM_TIMEOUT = 1.0
-SERVO_PERIOD = 1000000
-[HAL]
-HALFILE = mill.hal
-[TRAJ]
-COORDINATES = X Y Z
-LINEAR_UNITS = mm
-ANGULAR_UNITS = degree
-MAX_LINEAR_VELOCITY = 500
-[EMCIO]
-EMCIO = io
-CYCLE_TIME = 0.100
-TOOL_TABLE = tool.tbl
-[KINS]
-KINEMATICS = trivkins coordinates=XYZ
-JOINTS = 3
-"""
-_HAL = """\
-loadrt [KINS]KINEMATICS
-loadrt [EMCMOT]EMCMOT servo_period_nsec=[EMCMOT]SERVO_PERIOD num_joints=[KINS]JOINTS
-addf motion-command-handler servo-thread
-addf motion-controller servo-thread
-net j0 joint.0.motor-pos-cmd => joint.0.motor-pos-fb
-net j1 joint.1.motor-pos-cmd => joint.1.motor-pos-fb
-net j2 joint.2.motor-pos-cmd => joint.2.motor-pos-fb
-net estop iocontrol.0.user-enable-out => iocontrol.0.emc-enable-in
-net prepare iocontrol.0.tool-prepare => iocontrol.0.tool-prepared
-net change iocontrol.0.tool-change => iocontrol.0.tool-changed
-"""
-# A motor takes its carriage along once the lost motion is used up.
-_BEHIND = """\
-net j{n} => offset.{low}.in offset.{high}.in
-setp offset.{low}.offset -{half}
-setp offset.{high}.offset {half}
-net low{n} offset.{low}.out => limit1.{n}.min
-net high{n} offset.{high}.out => limit1.{n}.max
-net nut{n} limit1.{n}.out => limit1.{n}.in scale.{n}.in
-setp scale.{n}.gain {gain}
-addf offset.{low}.update-output servo-thread
-addf offset.{high}.update-output servo-thread
-addf limit1.{n} servo-thread
-addf scale.{n} servo-thread
-"""
-HOME = (0.5, -12.25, 0.0)  # offsets of the joints, where it begins [mm]
-
+# Its files; in that of the HAL half the lost motion and the scale of each carriage are filled in.
+INI, HAL = (Path(__file__).with_name(f"mill.{end}").read_text() for end in ("ini", "hal"))
+HOME = [float(offset) for offset in re.findall(r"HOME_OFFSET = (\S+)", INI)]  # at first [mm]
 ALLOWED = "ORTHOCAL_TEST_LINUXCNC"
 _OF_ONE = {"linuxcncsvr", "milltask", "rtapi_app", "linuxcncrsh"}
 _NETWORK = 0x40000000  # CLONE_NEWNET
@@ -161,16 +87,9 @@ class LinuxCnc:
         self.folder = folder = Path(tempfile.mkdtemp(prefix="orthocal-"))
         folder.chmod(0o755)
         self.ini = folder / "mill.ini"
-        joints = zip("XYZ", HOME, strict=True)
-        blocks = [
-            _JOINT.format(axis=axis, number=number, offset=offset)
-            for number, (axis, offset) in enumerate(joints)
-        ]
-        self.ini.write_text(_HEAD + "".join(blocks))
-        hal = _HAL + "loadrt limit1 count=3\nloadrt offset count=6\nloadrt scale count=3\n"
-        for n, (width, more) in enumerate(zip(lost_mm, excess, strict=True)):
-            hal += _BEHIND.format(n=n, low=2 * n, high=2 * n + 1, half=width / 2, gain=1.0 + more)
-        (folder / "mill.hal").write_text(hal)
+        self.ini.write_text(INI)
+        half, gain = [width / 2 for width in lost_mm], [1.0 + more for more in excess]
+        (folder / "mill.hal").write_text(HAL.format(half=half, gain=gain))
         for name in ("tool.tbl", "sim.var"):
             (folder / name).touch()
         self.user = "nobody" if os.geteuid() == 0 else None

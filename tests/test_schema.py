@@ -1,12 +1,9 @@
 """What texts of files may be: numbers by a strict pattern, counts, versions, dates."""
 
-import doctest
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from orthoglide_cal import schema
 from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.schema import parse_count, parse_number, yaml_number
@@ -70,7 +67,3 @@ def test_every_number_reads_back_exactly(value):
 
 def test_whole_numbers_have_no_point():
     assert number_text(60.0) == "60"
-
-
-def test_docstrings():
-    assert doctest.testmod(schema).failed == 0

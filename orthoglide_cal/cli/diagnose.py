@@ -95,9 +95,7 @@ def diagnose(
                 document = solution_document(Case(given, answer_to(given, details=full), machine))
                 common.deliver(document, as_json=json, details=details)
                 return error.exit_code
-            answer = answer_to(
-                given, diagnosed=diagnosed, holdout=holdout, details=full, promised=full
-            )
+            answer = answer_to(given, diagnosed=diagnosed, holdout=holdout, details=full)
         if together:
             answer = with_dates(answer, diagnosed, dates)
         document = diagnosis_document(Case(given, answer, machine))

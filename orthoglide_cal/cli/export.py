@@ -99,9 +99,7 @@ def released(
         answer = answer_to(given, method, diagnosed=diagnosed, details=details, corrects=corrects)
     case = Case(given, answer, machine)
     if not answer.parameters or not (answer.release.usable or force):
-        every = answer.release.remedies
-        steps = dict.fromkeys((case.says(one.sentence), case.remedied(one)) for one in every)
-        remedies = [f"{text} {typed or ''}".rstrip() for text, typed in steps]
+        remedies = [f"{step.content} {step.command or ''}".rstrip() for step in case.remedies()]
         if force is not None and answer.parameters:
             remedies.append("To export it anyway, marked as FORCED: --force")
         raise UnusableResultError(

@@ -22,7 +22,6 @@ def start() -> None:
     from orthoglide_cal.report import document as doc
     from orthoglide_cal.results import unwritten
     from orthoglide_cal.session.opening import is_practice, unfinished
-    from orthoglide_cal.words import SIMULATED
 
     here = Path()
     file = machine = to = None
@@ -74,7 +73,7 @@ def start() -> None:
     page = doc.Page(
         "orthocal",
         title,
-        stamp=SIMULATED if simulated else None,
+        simulated=simulated,
         facts=doc.Facts([(name, doc.given(value)) for name, value in facts]),
         sections=[doc.Section(None, *state), doc.next_steps(steps)],
     )

@@ -124,16 +124,19 @@ def budget_of(
     """
     unit = estimator @ estimator.T
     rounding2 = gauge.rounding_mm**2
-    evaluation, noise2, dof = "B", gauge.repeatability_mm**2, math.inf
+    evaluation, noise2, dof, dof_of_rounding = "B", gauge.repeatability_mm**2, math.inf, math.inf
     if scatter is not None:
         evaluation, noise2 = "A", max(scatter.sigma_mm**2 - rounding2, 0.0)
+        # The scatter holds the rounding, too; what is left of it is known no better. Rounding in
+        # place of a smaller scatter is known no better than that.
         if noise2 > 0.0:
-            # The scatter holds the rounding, too; what is left of it is known no better.
             dof = scatter.dof * (noise2 / scatter.sigma_mm**2) ** 2
-    size = math.sqrt(noise2)
+        else:
+            dof_of_rounding = scatter.dof
+    size, rounding = math.sqrt(noise2), gauge.rounding_mm
     parts = [
         Contribution.of(Origin.NOISE, noise2 * unit, size, "mm", type=evaluation, dof=dof),
-        Contribution.of(Origin.RESOLUTION, rounding2 * unit, gauge.rounding_mm, "mm"),
+        Contribution.of(Origin.RESOLUTION, rounding2 * unit, rounding, "mm", dof=dof_of_rounding),
     ]
     for one in uncertain:
         moved, assumed = estimator @ one.columns, one.assumed

@@ -127,6 +127,10 @@ class NoiseGrid(ReadOnly):
         return [(ratio, np.flatnonzero(number == k)) for k, ratio in enumerate(ratios.tolist())]
 
 
+# The noise of whitened values.
+UNIT = NoiseGrid(np.ones(1), np.zeros(1))
+
+
 @dataclass(frozen=True, eq=False)
 class Places(ReadOnly):
     """W·patterns, one column for each place, shape (k, P), not written out."""

@@ -521,8 +521,7 @@ def pattern_density(
     power, match = power[..., None, :], match[..., None, :]
     if cause.counts:
         size = np.array(list(cause.counts))[:, None] * cause.millimetres(machine)
-        log = (-0.5 * size) * power
-        log += match
+        log = match - (0.5 * size) * power
         log *= size
         share = np.log(list(cause.counts.values()))
     else:

@@ -16,7 +16,7 @@ from itertools import combinations, permutations, product
 
 import numpy as np
 
-from orthoglide_cal.estimation.gaussian import log_mean, log_sum, whiten
+from orthoglide_cal.estimation.gaussian import log_mean, log_sum
 from orthoglide_cal.estimation.losses import (
     FALSE_RELEASE,
     MISSED_FAULT,
@@ -62,13 +62,12 @@ class Response(ReadOnly):
     moved: Floats  # what the axes moved by, shape (3,) [mm]
     free: Floats  # columns of what is free about it, of size 1, shape (3, q) [mm]
 
-    def log_weight(self, moved: Floats, unit_covariance: Floats, noise: NoiseGrid) -> float:
+    def log_weight(self, change: Floats, jacobian: Floats, noise: NoiseGrid) -> float:
         """ln of prior times evidence; arguments as of `decide_response`, and σ with its weights."""
-        stands = np.diag(STANDS * self.moved)
-        left, *columns = whiten(unit_covariance, moved - self.moved, stands, self.free)
-        sizes = np.repeat(SIZES[:, None], len(moved) + self.free.shape[1], axis=1)
-        sizes[:, : len(moved)] = 1.0
-        log = Gaussian(np.hstack(columns), sizes, noise).by_noise(left)
+        columns = jacobian @ np.hstack((np.diag(STANDS * self.moved), self.free))
+        sizes = np.repeat(SIZES[:, None], columns.shape[1], axis=1)
+        sizes[:, : len(self.moved)] = 1.0
+        log = Gaussian(columns, sizes, noise).by_noise(change - jacobian @ self.moved)
         return log_mean(log) + math.log(self.share * PRIOR[self.behaviour])
 
     def otherwise(self, applied: Floats) -> list[bool]:
@@ -98,29 +97,18 @@ def responses(applied: Floats) -> Iterator[Response]:
 
 
 def decide_response(
-    moved: Floats,
-    unit_covariance: Floats,
-    square: float,
-    spare: int,
-    noise_mm: float,
-    applied: Floats,
+    change: Floats, jacobian: Floats, applied: Floats, noise_mm: float
 ) -> tuple[Behaviour, Response]:
     """The statement of least expected loss about a correction, and its likeliest hypothesis.
 
     Args:
-        moved: what the axes moved by, from least squares, shape (3,) [mm].
-        unit_covariance: of it for unit variance of one reading, shape (3, 3).
-        square, spare: what no movement of the axes explains [mm²], and its degrees of freedom.
-        noise_mm: standard deviation of one reading, as stated.
+        change: of the readings, in independent noise, shape (k,) [mm].
+        jacobian: derivative of it by what the axes moved by, shape (k, 3).
         applied: what was entered, shape (3,) [mm], not all zero.
+        noise_mm: standard deviation of one reading, as stated.
     """
-    variance = (noise_mm * NOISE) ** 2
-    log_noise = -0.5 * (spare * np.log(variance) + square / variance)
-    noise = NoiseGrid(noise_mm * NOISE, log_noise)
-    weighed = [
-        (response.log_weight(moved, unit_covariance, noise), response)
-        for response in responses(applied)
-    ]
+    noise = NoiseGrid(noise_mm * NOISE, np.zeros(len(NOISE)))
+    weighed = [(one.log_weight(change, jacobian, noise), one) for one in responses(applied)]
     weights: dict[Behaviour, list[float]] = {}
     for log, response in weighed:
         weights.setdefault(response.behaviour, []).append(log)

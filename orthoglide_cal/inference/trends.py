@@ -5,7 +5,7 @@
 y_i is what session i finds of each parameter. L_i w is common to the sessions (legs, gauge scale,
 the touched bed, the effect of the temperature): it cancels between them. Steps and rates are
 columns, scatter is covariance under the dates. All have priors of many sizes and of subsets of
-parameters, so the evidence of each trend is a sum of Gaussian integrals.
+parameters, so the evidence of each trend is a sum of densities as `evidence` has them.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from orthoglide_cal.estimation.gaussian import condition, log_density, log_mean, root_of, whiten
-from orthoglide_cal.inference.hypothesis import of_any_size
+from orthoglide_cal.estimation.gaussian import condition, log_mean, root_of, whiten, whiten_shared
+from orthoglide_cal.inference.evidence import UNIT, Gaussian
 from orthoglide_cal.model.plan import Floats, ReadOnly
 
 SIZES = 2.0 ** np.arange(-1.0, 10.0)  # prior ones, in units of what a session knows
-FREE = 1e6  # prior size of what is reported
+FREE = 1e4  # prior size, in the same units, of the parameters and of what is reported: any
 LOG_FURTHER = math.log(0.5)  # log prior of one more step
 MOST_STEPS = 20  # limit of effort
 POSITIVE = 1e-6  # added share of variance, which keeps covariances positive definite
@@ -125,44 +125,32 @@ class TrendFit:
 
     def __init__(self, data: DatedValues, parts: Sequence[Part], scatter: Floats) -> None:
         self.data, self.parts, self.scatter = data, parts, scatter
-        columns, width, count = data.columns(parts), len(scatter), data.shared.shape[2]
+        columns, centre = data.columns(parts), data.values.mean(axis=0)
         spread = data.covariance + np.diag(scatter**2 + POSITIVE * data.unit**2)
+        common = np.ones(data.shared.shape[2])
         sizes = (np.full(len(part.subset), part.size) for part in parts)
-        prior = np.concatenate([np.full(width, np.inf), np.ones(count), *sizes])
-        every = np.diag(data.unit)
-        values, white, self._every = whiten(spread, data.values[..., None], columns, every)
-        self._columns = white.reshape(-1, len(prior))
-        self.mean, self.covariance = condition(self._columns, values.reshape(-1), prior, 1.0)
-        self._left = values.reshape(-1) - self._columns @ self.mean
+        self._prior = np.concatenate([np.full(len(scatter), FREE), common, *sizes])
+        both = (data.values - centre)[..., None], columns
+        values, white, self._every = whiten(spread, *both, np.diag(data.unit))
+        self._values, self._columns = values.reshape(-1), white.reshape(-1, len(self._prior))
+        density = Gaussian(self._columns, self._prior[None], UNIT).by_noise(self._values)
+        self.log_evidence = float(density[0, 0] - 0.5 * np.linalg.slogdet(spread)[1].sum())
+        self.mean, self.covariance = condition(self._columns, self._values, self._prior, 1.0)
+        self.mean[: len(scatter)] += centre / data.unit
         self.residual = data.values - columns @ self.mean
-        log = log_density(spread, self.residual[..., None]).sum()
-        log -= 0.5 * ((self.mean / prior) ** 2).sum() + np.log(prior[width:]).sum()
-        self.log_evidence = float(log + 0.5 * np.linalg.slogdet(self.covariance)[1])
-
-    @property
-    def trends(self) -> Trends:
-        """Trends that act, what matters most first."""
-        acting = [part.trend for part in self.parts]
-        acting += [Trend.SCATTERING] * bool(self.scatter.any())
-        return tuple(trend for trend in Trend if trend in acting) or (Trend.UNCHANGED,)
 
     def one_more(self, trend: Trend) -> tuple[float, Part]:
         """Log evidence that one more part adds, over all that it may be, and the likeliest."""
-        data, course = self.data, self.data.courses[trend]
-        new = (course[..., None, None] * self._every).reshape(len(course), self._left.size, -1)
-        turned = new.swapaxes(1, 2)
-        inside = turned @ self._columns
-        power = turned @ new - inside @ self.covariance @ inside.swapaxes(1, 2)
-        match = turned @ self._left
-        # By place, subset and size.
-        logs = np.empty((len(course), len(data.subsets), len(SIZES)))
-        for number, subset in enumerate(map(list, data.subsets)):
-            along, axes = np.linalg.eigh(power[:, subset][:, :, subset])
-            apart = np.einsum("gij,gi->gj", axes, match[:, subset])
-            size2, along = SIZES[:, None] ** 2, np.maximum(along, 0.0)
-            logs[:, number] = of_any_size(along[:, None], apart[:, None], size2).sum(axis=2)
-        place, chosen, size = np.unravel_index(int(logs.argmax()), logs.shape)
-        return log_mean(logs), Part(trend, int(place), data.subsets[chosen], float(SIZES[size]))
+        subsets, course = self.data.subsets, self.data.courses[trend]
+        # What it adds at each place, of each parameter, in addition to what acts already.
+        new = np.einsum("gn,npq->npgq", course, self._every).reshape(len(self._values), -1)
+        left, new = whiten_shared(self._columns * self._prior, self._values, new)
+        new = new.reshape(len(left), len(course), -1).swapaxes(0, 1)
+        tried = ((new[..., one], np.tile(SIZES[:, None], len(one))) for one in map(list, subsets))
+        logs = [Gaussian(*one, UNIT).by_noise(left)[..., 0] for one in tried]
+        gain = np.stack(logs) + 0.5 * left @ left
+        chosen, place, size = np.unravel_index(int(gain.argmax()), gain.shape)
+        return log_mean(gain), Part(trend, int(place), subsets[chosen], float(SIZES[size]))
 
     @property
     def homing(self) -> Floats:
@@ -177,14 +165,11 @@ class TrendFit:
         start = len(self.scatter) + self.data.shared.shape[2]
         for part in self.parts:
             slot = slice(start, start := start + len(part.subset))
-            unit = self.data.unit[list(part.subset)]
-            unit = unit / self.data.span if trend is Trend.DRIFTING else unit
+            span = self.data.span if trend is Trend.DRIFTING else 1.0
+            unit = self.data.unit[list(part.subset)] / span
             if part.trend is trend:
-                yield (
-                    part,
-                    unit * self.mean[slot],
-                    np.outer(unit, unit) * self.covariance[slot, slot],
-                )
+                spread = np.outer(unit, unit) * self.covariance[slot, slot]
+                yield part, unit * self.mean[slot], spread
 
     def state(
         self, at: int, later: float = 0.0, measured: bool = False, more: int = 0
@@ -207,10 +192,9 @@ class TrendFit:
 
 def fit_trends(data: DatedValues) -> dict[Trends, tuple[float, TrendFit]]:
     """Each set of trends with ln of its prior times evidence, and its fit without priors."""
-    count = len(data.values)
-    sets = [acting for size in range(3) for acting in combinations(PRIOR, size)]
-    fits = [_fit(data, acting) for acting in sets if len(acting) < count]
-    return {fit.trends: (log, fit) for log, fit in fits}
+    sets = (acting for size in range(3) for acting in combinations(PRIOR, size))
+    possible = [acting for acting in sets if len(acting) < len(data.values)]
+    return {acting or (Trend.UNCHANGED,): _fit(data, acting) for acting in possible}
 
 
 def _fit(data: DatedValues, acting: Trends) -> tuple[float, TrendFit]:

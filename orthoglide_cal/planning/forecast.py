@@ -6,7 +6,7 @@ gauge's stated noise and the degrees of freedom that the readings will have. On 
 """
 
 from bisect import bisect_left
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property, lru_cache
@@ -81,8 +81,9 @@ class SessionForecast(Schema):
         budget = budget_of_readings(estimator, plan, machine.instrument, scatter, both)
         return cls(model=model, budget=budget, readings=len(plan), **session._asdict(), **more)
 
+    @computed_field
     @cached_property
-    def by_parameter(self) -> Mapping[str, Sequence[Any]]:
+    def parameters(self) -> dict[str, dict[str, Any]]:
         """Of each parameter, in its unit: u from the scatter of the readings, U, whether it is
         determined, U of what other readings could reduce and of what is taken as stated."""
         machine, budget, zero = self.model.machine, self.budget, 0.0 * self.budget.std_mm
@@ -91,7 +92,7 @@ class SessionForecast(Schema):
         parts = (_without(budget, sources) for sources in (fixed, others))
         lessened, stated = (zero if part is None else part.expanded_mm for part in parts)
         scatter = (part.std for part in budget.contributions if part.source in AVERAGED)
-        return {
+        columns = {
             "unit": machine.parameter_units,
             "noise_std": np.sqrt(np.sum(np.square([*scatter]), axis=0)).tolist(),
             "expanded": budget.expanded_mm.tolist(),
@@ -99,18 +100,13 @@ class SessionForecast(Schema):
             "lessened": lessened.tolist(),
             "fixed": stated.tolist(),
         }
-
-    @computed_field(description="the same for each parameter, also those that are no lengths")
-    @property
-    def parameters(self) -> dict[str, dict[str, object]]:
-        rows = zip(*self.by_parameter.values(), strict=True)
-        named = zip(self.model.machine.parameter_names, rows, strict=True)
-        return {name: dict(zip(self.by_parameter, row, strict=True)) for name, row in named}
+        named = zip(machine.parameter_names, zip(*columns.values(), strict=True), strict=True)
+        return {name: dict(zip(columns, row, strict=True)) for name, row in named}
 
     @computed_field(description="what the scatter of the readings leaves of each length")
     @property
     def noise_std_mm(self) -> dict[str, float]:
-        return lengths(self.model, self.by_parameter["noise_std"])
+        return lengths(self.model, [row["noise_std"] for row in self.parameters.values()])
 
     @computed_field(description="U of each length")
     @cached_property

@@ -15,11 +15,14 @@ from operator import itemgetter
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
-from orthoglide_cal.estimation.gaussian import unexplained, whiten_shared
+from orthoglide_cal.causes import PatternCause, RelabelCause
+from orthoglide_cal.estimation.gaussian import condition, unexplained, whiten_shared
 from orthoglide_cal.inference.candidates import Candidates
 from orthoglide_cal.inference.data import Placed, Whitened, places_of
+from orthoglide_cal.inference.evidence import UNIT, Gaussian
+from orthoglide_cal.inference.hypothesis import pattern_density
 from orthoglide_cal.model.cause import Cause, Place, Stage
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model, differentiate_absent
 from orthoglide_cal.model.plan import Floats, Plan, ReadOnly
 
@@ -64,20 +67,15 @@ def separations(model: Model, plan: Plan, among: Collection[str] | None = None) 
     candidates = Candidates.of(model, ordered=True)
     places = places_of(white.problem, candidates.extras)
     extras = {placed.cause.id: placed for placed in places if placed.tried}
-    possible = (*candidates.broad, *(placed.cause for placed in extras.values()))
+    possible: list[Cause] = [*candidates.broad, *(placed.cause for placed in extras.values())]
+    asked = (cause for cause in possible if among is None or cause.id in among)
     # Of the machine first, then of the measurement.
-    causes = tuple(
-        cause
-        for stage in Stage
-        for id, cause in CAUSES.items()
-        if cause in possible and cause.stage is stage and (among is None or id in among)
-    )
-    # What one plausible size, or one count, adds at each place, (places, n, 1) [mm].
-    columns = {}
-    for id, placed in extras.items():
-        if isinstance(one := placed.cause, PatternCause) and placed.patterns:
-            size = one.millimetres(white.machine) if one.counts else one.prior_std(white.machine)[0]
-            columns[id] = size * placed.patterns.patterns.columns(slice(None)).T[..., None]
+    causes = tuple(sorted(asked, key=lambda cause: ([*Stage].index(cause.stage), cause.id)))
+    columns = {
+        id: placed.patterns.patterns.columns(slice(None)).T[..., None]
+        for id, placed in extras.items()
+        if placed.patterns
+    }
     total = np.zeros((len(causes), len(causes) + 1))
     if causes:
         every = np.concatenate([one.columns for one in white.uncertain(supposed)], axis=-1)
@@ -100,15 +98,12 @@ def _margins(
     On a machine with these offsets, of a linear model of its readings, with what one plausible size
     of each influence adds to the whitened data, `carried` (k, u) [mm]. What is left of readings
     counts in standard deviations: what offsets, zeros and influences of plausible size imitate has
-    been taken out. `columns` are those of causes at one of many places, (places, n, 1) [mm].
+    been taken out. `columns` are of one unit of causes at one of many places, (places, n, 1).
     """
     plan, machine, noise = white.plan, white.machine, white.machine.instrument.noise_mm
     broad = [cause for cause in causes if cause.id not in extras]
     readings, (slope, *slopes) = differentiate_absent(white.problem.model, offsets, plan, broad)
-    columns = columns | {
-        cause.id: (by_parameter * cause.prior_std(machine))[None]
-        for cause, by_parameter in zip(broad, slopes, strict=True)
-    }
+    columns = columns | {c.id: one[None] for c, one in zip(broad, slopes, strict=True)}
     contrasts = white.matrix @ np.eye(len(plan)) / noise
     leaves = unexplained(*whiten_shared(carried / noise, white.matrix @ slope, contrasts))
 
@@ -128,12 +123,12 @@ def _margins(
             recorded = [cause.record(readings, effect, plan, machine) for effect in effects]
             added = np.stack(recorded, axis=1) - readings[:, None]
         else:
-            added = np.hstack([*(columns[cause.id] @ _signs(cause).T)])
+            added = np.hstack([*(columns[cause.id] @ _plausible(cause, machine).T)])
             unit = share = np.ones(added.shape[1])
         truths.append((added, unit, share / share.sum()))
     changes, units = (np.concatenate([t[k] for t in truths], axis=-1) for k in (0, 1))
     left = leaves @ changes
-    plain = (left**2).sum(axis=0) + steadiness(units)
+    steady = steadiness(units)
     changed = readings + changes.T
 
     def undone(cause: RelabelCause, place: Place) -> Floats:
@@ -145,46 +140,41 @@ def _margins(
     costs = [
         np.min([undone(cause, place) for place in extras[cause.id].tried], axis=0)
         if isinstance(cause, RelabelCause)
-        else plain - _explained(leaves @ columns[cause.id], left, cause)
+        else _cost(leaves @ columns[cause.id], left, cause, machine) + steady
         for cause in causes
     ]
     ends = np.cumsum([len(share) for _, _, share in truths])
-    blocks = np.split(np.stack([*costs, plain]), ends[:-1], axis=1)
+    blocks = np.split(np.stack([*costs, (left**2).sum(axis=0) + steady]), ends[:-1], axis=1)
     rows = enumerate(zip(blocks, truths, strict=True))
     return np.stack([np.maximum(b - b[k], 0.0) @ share for k, (b, (_, _, share)) in rows])
 
 
-def _explained(columns: Floats, left: Floats, cause: Cause) -> Floats:
-    """By how much a cause reduces the cost of changes (k, r) at its best place, shape (r,).
+def _cost(columns: Floats, left: Floats, cause: Cause, machine: Machine) -> Floats:
+    """Cost of changes (k, r) with a cause at its best place, and of its best size, shape (r,).
 
-    Sizes of one standard deviation each add columns (places, k, p). Of named parameters that cannot
-    be negative the best choice acts, the others are zero; whole numbers cost what they are rarer
-    than the most frequent ones.
+    One unit of each parameter adds columns (places, k, p). Of named parameters that cannot be
+    negative the best choice acts, the others are zero; whole numbers cost what they are rarer than
+    the most frequent ones.
     """
-    turned = columns.swapaxes(-1, -2)
-    gram, overlap = turned @ columns, turned @ left
-    if cause.counts:
-        likeliest = max(cause.counts.values())
-        gained = [
-            2.0 * size * overlap - size**2 * gram + 2.0 * np.log(share / likeliest)
-            for size, share in cause.counts.items()
-        ]
-        return np.asarray(np.max(gained, axis=(0, 1, 2)))
-    gram = gram + np.eye(gram.shape[-1])
-    best = np.zeros(left.shape[1])
+    if isinstance(cause, PatternCause) and cause.counts:
+        pattern, without = columns[..., 0].T, -0.5 * (left**2).sum(axis=0)[:, None]
+        both = (pattern**2).sum(axis=0), (left.T @ pattern)[:, None]
+        log = pattern_density(machine, cause, *both, without).max(axis=(1, 2, 3))
+        return np.asarray(2.0 * (np.log(max(cause.counts.values())) - log))
     named = len(cause.names) if cause.positive else 0
-    for acting in product((True, False), repeat=named):
-        kept = np.flatnonzero([*acting, *(True for _ in range(cause.unknowns - named))])
-        pull = overlap[:, kept]
-        sizes = np.linalg.solve(gram[:, kept[:, None], kept], pull)
-        gain = (pull * sizes).sum(axis=1)
-        possible = np.all(sizes[:, : sum(acting)] >= 0.0, axis=1)
-        best = np.maximum(best, np.where(possible, gain, 0.0).max(axis=0))
-    return best
+    costs = []
+    for acting in product((1.0, 0.0), repeat=named):
+        some = columns * cause.prior_std(machine) * [*acting, *np.ones(cause.unknowns - named)]
+        density = Gaussian(some, np.ones((1, cause.unknowns)), UNIT)
+        cost, _ = density.against(density.overlap(left, left[:, 0]), left[:, 0])
+        sizes, _ = condition(some[0], left, np.ones(cause.unknowns), 1.0)
+        impossible = np.any(sizes[:named] < 0.0, axis=0)
+        costs.append(np.where(impossible, np.inf, cost.min(axis=(0, 1, 2))))
+    return np.asarray(np.min(costs, axis=0))
 
 
-def _signs(cause: Cause) -> Floats:
-    """Parameters of one plausible size each, in every combination of signs, shape (r, p).
+def _plausible(cause: Cause, machine: Machine) -> Floats:
+    """Parameters of one plausible size each, or one count, in every combination of signs, (r, p).
 
     One sign of all of them together changes no square, and is left out. So are terms that are
     smaller than the first.
@@ -192,4 +182,7 @@ def _signs(cause: Cause) -> Floats:
     first = 1 if not cause.positive else len(cause.names)
     others = product((1.0, -1.0), repeat=cause.freedom - first)
     small = (0.0,) * (cause.unknowns - cause.freedom)
-    return np.array([(*(1.0 for _ in range(first)), *rest, *small) for rest in others])
+    signs = np.array([(*(1.0 for _ in range(first)), *rest, *small) for rest in others])
+    if isinstance(cause, PatternCause) and cause.counts:
+        return signs * cause.millimetres(machine)
+    return signs * cause.prior_std(machine)

@@ -22,7 +22,6 @@ from orthoglide_cal.results import Answer, CheckReading, Identity, Remedy, Valid
 from orthoglide_cal.results.answer import InputFile
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
-    SIMULATED,
     counted,
     decimals_for,
     plain,
@@ -63,11 +62,6 @@ class Case:
     def source(self) -> Source:
         """Where the data came from."""
         return self.given.measured.source
-
-    @property
-    def stamp(self) -> str | None:
-        """The first line of its pages; None where a machine was measured."""
-        return SIMULATED if self.answer.simulated else None
 
     @property
     def invalidating(self) -> str:
@@ -387,7 +381,7 @@ def signed_page(
         scope=f"The results relate only to the machine and the {words.instruments} named here, as"
         f" they were when measured, and to the {words.positions} and conditions stated. The report"
         " is valid only with all its pages: reproduce it only in full.",
-        stamp=SIMULATED if simulated else None,
+        simulated=simulated,
     )
 
 

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Literal, Self
 
 from orthoglide_cal.report.escape import Html
+from orthoglide_cal.words import SIMULATED
 
 # The last line of every page that is written to a file: such a file may be written again.
 MARK = "<!-- Written by orthocal -->\n"
@@ -186,8 +187,12 @@ class Page:
     sections: Sequence[Section] = ()  # the evidence, from the second page on
     signatures: Sequence[str] = ()  # lines to sign on, at the end of the first page
     scope: str | None = None  # for what it holds; stands at its end
-    # The first line, its first word also across a printed page; None for what may be relied on.
-    stamp: str | None = None
+    simulated: bool = False  # no machine was measured
+
+    @property
+    def stamp(self) -> str | None:
+        """The first line, its first word also across a printed page; None for measured ones."""
+        return SIMULATED if self.simulated else None
 
     @property
     def in_characters(self) -> list[Section]:

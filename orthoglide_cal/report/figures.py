@@ -15,6 +15,7 @@ from typing import Self
 
 import numpy as np
 
+from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.plan import Bools, Floats, Ints
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.model.workspace import Workspace
@@ -479,8 +480,7 @@ def bed_maps(
     title: str,
     place_mm: Floats,
     left_mm: Mapping[str, Floats],
-    bed_mm: float,
-    towers_deg: Sequence[float],
+    bed: Bed,
     largest_um: float | None = None,
 ) -> tuple[Html, ...]:
     """Residuals of the touches of a bed: one map for each model.
@@ -489,10 +489,10 @@ def bed_maps(
         title: of all of them.
         place_mm: of n touches, shape (n, 2).
         left_mm: model → measured − modelled, shape (n,).
-        bed_mm, towers_deg: radius of the bed, directions of towers a, b and c.
+        bed: its radius, and the directions of towers a, b and c.
         largest_um: the end of the scale of several maps; None: each map has its own.
     """
-    reach = max(float(np.abs(place_mm).max(initial=1.0)), bed_mm)
+    reach = max(float(np.abs(place_mm).max(initial=1.0)), bed.radius_mm)
     scale, x0, y0 = 0.5 * _BED / reach, _BESIDE + _BED / 2.0, _OVER + _BED / 2.0
     away = _BED / 2 + 12  # of the towers' names from the middle
     size = max(min(0.42 * _BED / len(place_mm) ** 0.5, 10.0), 3.0)
@@ -515,8 +515,8 @@ def bed_maps(
         at = " ".join(f"{axis}{mm:.0f}" for axis, mm in zip("XY", place_mm[largest], strict=True))
         finding = f"Residuals of the touches: at most {signed(float(microns[largest]), 1)} µm,"
         finding += f" at {at}; {int(out.sum())} stand out, ringed."
-        body = [tag("circle", cx=x0, cy=y0, r=scale * bed_mm, class_="bed"), *dots]
-        for tower, angle in zip("abc", map(math.radians, towers_deg), strict=True):
+        body = [tag("circle", cx=x0, cy=y0, r=scale * bed.radius_mm, class_="bed"), *dots]
+        for tower, angle in zip("abc", map(math.radians, bed.tower_angles_deg), strict=True):
             x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
             body.append(words(x, y + 5, tower, "middle", "axis halo"))
         body += [

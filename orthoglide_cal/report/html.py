@@ -165,16 +165,11 @@ def _line(content: doc.Blank) -> Html:
 def _inline(part: doc.Marked | None) -> Html:
     if part is None:
         return tag("span", class_="blank", role="img", aria_label="not given")
-    match part.style:
-        case "code":
-            return tag("code", part.text)
-        case "typed":
-            return tag("code", part.text, class_="typed")
-        case "strong":
-            return tag("strong", part.text)
-        case "doubtful":
-            return tag("strong", tag("bdi", part.text), class_="doubt")
-        case "given":
-            return tag("bdi", part.text)
+    if part.style in ("code", "typed"):
+        return tag("code", part.text, class_="typed" if part.style == "typed" else None)
+    if part.style == "doubtful":
+        return tag("strong", tag("bdi", part.text), class_="doubt")
+    if part.style in ("strong", "given"):
+        return tag("strong" if part.style == "strong" else "bdi", part.text)
     pieces = enumerate(_WHOLE.split(part.text))
     return join(tag("span", piece, class_="nb") if k % 2 else piece for k, piece in pieces)

@@ -268,10 +268,13 @@ def _check_recordable(given: Input, file: StoredMachine) -> None:
             "Measure again; or take it back, if it was not entered: "
             + command("apply", source.path, machine=Path(path), options="--undo"),
         )
-    active = given.model.machine.corrected
-    if (before, active) != (machine.active, machine.corrected) and not _newer(
-        given.conditions.started, machine.history
-    ):
+    active, began = given.model.machine.corrected, given.conditions.started
+    # A session that says what is active, and began after the last entry, says it as it is.
+    newer = began is not None and all(
+        datetime.fromisoformat(began).astimezone() > datetime.fromisoformat(entry.date).astimezone()
+        for entry in machine.history[-1:]
+    )
+    if (before, active) != (machine.active, machine.corrected) and not newer:
         raise UsageError(
             f"This was measured with {_joined(before)} mm in the controller"
             f" ({', '.join(machine.parameter_names)}); since then {_joined(machine.active)} mm were"
@@ -325,14 +328,6 @@ def take_back(
             raise UsageError(problem, "Nothing was changed. Remove COMP_FILE from the INI by hand.")
     then = with_history(file, last.before, last.corrected_before, *history)
     return Application(file, last, True, then, None, controller, data)
-
-
-def _newer(started: str | None, history: tuple[Entered, ...]) -> bool:
-    """True if a session that says what is active began after the last entry."""
-    if started is None:
-        return False
-    began = datetime.fromisoformat(started).astimezone()
-    return all(began > datetime.fromisoformat(entry.date).astimezone() for entry in history[-1:])
 
 
 def _joined(values: tuple[float, ...]) -> str:

@@ -9,7 +9,6 @@ import re
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from functools import partial
 from itertools import chain, compress, pairwise, zip_longest
 from operator import itemgetter
 from pathlib import PurePath
@@ -298,20 +297,6 @@ def _standing(sessions: Sequence[_DiagnosedSession]) -> list[Ids]:
     return [max(filter(best.issuperset, w), key=w.__getitem__, default=()) for w in weights]
 
 
-def _sized(
-    named: Sequence[tuple[str, str]],
-    values: Floats,
-    covariance: Floats,
-    chosen: Sequence[int] | None = None,
-) -> Sizes:
-    """Some of the parameters with these names and units, or all: values (q,), covariance (q, q)."""
-    chosen = range(len(named)) if chosen is None else chosen
-    rows = zip(chosen, values.tolist(), np.sqrt(np.diagonal(covariance)).tolist(), strict=True)
-    return tuple(
-        Estimate(name=named[k][0], unit=named[k][1], value=value, std=std) for k, value, std in rows
-    )
-
-
 def _reached(
     limit_mm: float, now: Sizes, rates: Sizes, scatter: Sizes, last: datetime | None
 ) -> Reached:
@@ -434,7 +419,13 @@ def compare(
         names = machine.named(cause.names).values()
         named += [(f"{cause.id} {name}", cause.unit) for name in names]
     notes += _put_right(diagnosed, adjusted, [name for name, _ in named])
-    sized = partial(_sized, named)
+
+    def sized(values: Floats, covariance: Floats, chosen: Sequence[int] = ()) -> Sizes:
+        """Some of the parameters, or all: values (q,), covariance (q, q)."""
+        names = [named[k] for k in chosen] or named
+        rows = zip(names, values.tolist(), np.sqrt(np.diagonal(covariance)).tolist(), strict=True)
+        return tuple(Estimate(name=id, unit=unit, value=v, std=u) for (id, unit), v, u in rows)
+
     data = DatedValues(
         np.array([session.values for session in diagnosed]),
         np.array([session.covariance for session in diagnosed]),
@@ -470,9 +461,8 @@ def compare(
     )
     drifts = (sized(rate, spread, p.subset) for p, rate, spread in fit.sizes(Trend.DRIFTING))
     drift = tuple(chain(*drifts))
-    scattering = np.flatnonzero(fit.scatter)
-    homing = fit.homing[scattering]
-    scatter = sized(0.0 * homing, np.diag(homing**2), scattering.tolist())
+    every = sized(0.0 * fit.homing, np.diag(fit.homing**2))
+    scatter = tuple(compress(every, fit.scatter))
     now, last = sized(*fit.state(-1)), moments[-1] if dated else None
     refuted = any(session.refuted for session in sessions)
     homing_decides = Trend.SCATTERING in (verdict, *rivals)

@@ -56,7 +56,6 @@ from orthoglide_cal.inference import (
 from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.model.workspace import Workspace, workspace_error
 from orthoglide_cal.results import answer as schema
@@ -81,7 +80,6 @@ def answer_to(
     diagnosed: Diagnosis | None = None,
     holdout: str | None = None,
     details: bool = False,
-    promised: bool = True,
     corrects: Collection[str] = (),
 ) -> schema.Answer:
     """Solve, diagnose and judge one input.
@@ -92,7 +90,6 @@ def answer_to(
         holdout: file of the readings that the diagnosis predicted; None for those left out.
         details: also what only details, JSON and pages show: how the answer depends on plausible
             sizes, the tool's error over the workspace, and the residuals if nothing is wrong.
-        promised: also what would be measured after parameters are entered that must not be.
         corrects: ids that the controller is to correct, too: those hold no release.
 
     Raises:
@@ -132,7 +129,7 @@ def answer_to(
         again = Reason.of("retake", kept=kept)
         retake = Remedy(sentence=again, verb="measure", options="--resume")
         decision = decision.changed(remedies=(retake, *decision.remedies))
-    alone, diagnosed_as = _alone(given, solution, diagnosis), None
+    alone, diagnosed_as = widened(given, solution, diagnosis), None
     if diagnosis is not None and diagnosis.verdict is not Verdict.CONSISTENT:
         diagnosed_as = _as_diagnosed(given, solution, diagnosis)
     named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED
@@ -142,28 +139,22 @@ def answer_to(
     real = (diagnosed_as if named else None) or chosen
     budget, std = chosen.budget, chosen.budget.std_mm
     decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
-    parameters = _parameters(chosen)
+    parameters = parameters_of(chosen)
     # They may hold a release; without one only a page shows them.
     asked = given.others if decision.usable or details else ()
     others = tuple(answer_to(other, method, details=details) for other in asked)
     if decision.usable:
         decision = _with_others(decision, parameters, others)
     right = diagnosis.put_right if diagnosis else None
-
-    def promised_after(change: Floats) -> tuple[PromisedDifference, ...]:
-        return promise(measured, real, change, right)
-
     change = np.array([parameter.change(decimals) for parameter in parameters])
-    rows: tuple[PromisedDifference, ...] = ()
+    rows = promise(measured, real, change, right)
     shown_budget = shown_as.budget if shown_as else solution.budget
     if decision.usable and _within_noise(model, chosen, shown_budget):
         # What would change then; the differences become no smaller where U allows for all of it.
-        rows = promised_after(change)
         gain = sum((row.measured_mm - row.expected_mm) ** 2 for row in rows)
         if gain <= sum(row.expanded_mm**2 for row in rows):
-            decision, change, rows = decision.changed(needed=False), 0.0 * change, ()
-    if not rows and (promised or decision.usable):
-        rows = promised_after(change)
+            decision = decision.changed(needed=False)
+            rows = promise(measured, real, 0.0 * change, right)
     if decision.usable:
         parameters = tuple(
             parameter.changed(
@@ -200,7 +191,7 @@ def answer_to(
         correlation=tuple(map(tuple, correlation.tolist())),
         sigma_rho_mm=rms(std) if set(machine.parameter_units) == {"mm"} else None,
         alone=schema.Alone(
-            parameters=_parameters(alone),
+            parameters=parameters_of(alone),
             rms_after_mm=solution.rms_after_mm,
             wrong_by=float(shift.max()),
             unit=machine.parameter_units[int(np.argmax(shift))],
@@ -240,7 +231,7 @@ def answer_to(
         **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
         # The parameters alone are those of the solution.
         explanations=tuple(
-            one.changed(rms_mm=solution.rms_after_mm, parameters=_parameters(alone))
+            one.changed(rms_mm=solution.rms_after_mm, parameters=parameters_of(alone))
             if one.sound
             else one
             for one in diagnosis.explanations
@@ -264,17 +255,16 @@ def with_dates(
     for dated in inputs:
         machines = diagnosis.model.machine, dated.model.machine
         model = dated.model.extended(effect.transferred(*machines) for effect in lasting)
-        alone = _alone(replace(dated, model=model), solve(dated.measured, model), None)
+        alone = widened(dated, solve(dated.measured, model), None)
         path = dated.measured.source.path
-        dates.append(schema.OfDate(path=path, parameters=_parameters(alone)))
+        dates.append(schema.OfDate(path=path, parameters=parameters_of(alone)))
     return answer.changed(inputs=tuple(map(schema.InputFile.of, inputs)), dates=tuple(dates))
 
 
-def _alone(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> OffsetEstimate:
-    """The solution's own parameters, with what the diagnosis leaves open."""
+def widened(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> Solution:
+    """The solution as unsure as the diagnosis and the temperature leave it."""
     more = diagnosis.adds_to(solution) if diagnosis else ()
-    budget = solution.budget.extended([*more, *_warmth(given)])
-    return OffsetEstimate(given.model, solution.offsets_mm, budget, solution.noise)
+    return replace(solution, budget=solution.budget.extended([*more, *_warmth(given)]))
 
 
 def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> OffsetEstimate:
@@ -361,7 +351,8 @@ def remainder(promised: Sequence[PromisedDifference], model: Model) -> Reason | 
     return Reason.of("remains", ids=ids, left_mm=left)
 
 
-def _parameters(known: OffsetEstimate) -> tuple[Parameter, ...]:
+def parameters_of(known: OffsetEstimate) -> tuple[Parameter, ...]:
+    """Every parameter with its U."""
     budget = known.budget
     return Parameter.all_of(known.model, known.offsets_mm, budget.std_mm, budget.k)
 
@@ -394,10 +385,12 @@ def _residuals(
             leg, direction = (AXES[axis] for axis in which.series)
             place: dict[str, object] = {"leg": leg, "direction": direction, "posture": which.name}
         else:
-            place = {"cycle": int(measured.cycle[k]), "weight": weight[k]}
-            place |= {"posture": measured.posture[k] or None, **measured.plan.entry(k)}
             warm = float(measured.temperature[k])
-            place |= {
+            place = {
+                "cycle": int(measured.cycle[k]),
+                "weight": weight[k],
+                "posture": measured.posture[k] or None,
+                **measured.plan.entry(k),
                 "moved_mm": travel[k],
                 "temperature_c": None if math.isnan(warm) else warm,
                 "minutes": 60.0 * measured.plan.hours[k],
@@ -576,16 +569,14 @@ def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Relea
         "rivals": diagnosis.rivals,
         "sound": nothing_wrong(diagnosis.explanations) is not None,
     }
-    reasons = [Reason.of("undecided", **data)]
+    few = diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0
+    reasons = Reason.of("undecided", **data), *([Reason.of("few_readings")] * few)
     advice = [Reason.of("do", what=cause.remedy) for cause in diagnosis.causes]
-    if following is not None:
+    if few or not (following or advice):
+        advice = [Reason.of("more_readings")]
+    elif following:
         advice = [following.what]
-    if diagnosis.measured.kind is DataKind.READINGS and diagnosis.spare <= 0:
-        reasons.append(Reason.of("few_readings"))
-        advice = []
-    advice = advice or [Reason.of("more_readings")]
-    remedies = tuple(Remedy(sentence=reason) for reason in advice)
-    return Release(reasons=tuple(reasons), remedies=remedies)
+    return Release(reasons=reasons, remedies=tuple(Remedy(sentence=a) for a in advice))
 
 
 def _named(solution: Solution, diagnosis: Diagnosis, corrects: Collection[str]) -> Release:

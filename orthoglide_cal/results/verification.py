@@ -22,7 +22,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Literal, NamedTuple
+from typing import Literal, Self
 
 import numpy as np
 from pydantic import Field, computed_field
@@ -40,7 +40,7 @@ from orthoglide_cal.files.machine_file import differing
 from orthoglide_cal.inference import Parameter, diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
 from orthoglide_cal.model.cause import NORMAL_K, Effect
-from orthoglide_cal.model.machine import Corrections
+from orthoglide_cal.model.machine import Corrections, Instrument
 from orthoglide_cal.model.measured import DataKind, Measured, Readings, Source
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.plan import Floats, ReadOnly, joined
@@ -49,7 +49,7 @@ from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import InputFile, Spread
 from orthoglide_cal.results.history import moment_of, wrong_order
-from orthoglide_cal.results.making import remainder, spread
+from orthoglide_cal.results.making import parameters_of, remainder, spread, widened
 from orthoglide_cal.results.validity import Validity, compare_reservations, validity
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
@@ -62,11 +62,11 @@ A_PROMISE = 0.95
 
 
 class Outcome(StrEnum):
-    """Conformity with a limit, with a guard band U on both sides (ISO 14253-1)."""
+    """Conformity with a limit, with a guard band U on both sides (ISO 14253-1); worst first."""
 
-    PASS = "pass"
     FAIL = "fail"
     UNDECIDED = "undecided"
+    PASS = "pass"
 
 
 class ComparedInput(InputFile):
@@ -85,6 +85,11 @@ class Coefficient(Schema):
     std: float
     ci95: tuple[float, float]
     agrees: bool  # the interval holds 1
+
+    @classmethod
+    def of(cls, value: float, std: float, dof: int) -> Self:
+        low, high = value - half_width(dof) * std, value + half_width(dof) * std
+        return cls(value=value, std=std, ci95=(low, high), agrees=low <= 1.0 <= high)
 
 
 class AxisResponse(Schema):
@@ -213,8 +218,8 @@ class Verification(Schema):
     @property
     def options(self) -> tuple[object, ...]:
         """Options that the user chose besides the files."""
-        chosen = [*self.applied_mm.values()], self.decision and self.decision.limit_mm
-        return chosen if self.applied_mm else ()
+        limit = self.decision and self.decision.limit_mm
+        return ([*self.applied_mm.values()], limit) if self.applied_mm else ()
 
 
 def verify(
@@ -319,12 +324,9 @@ def _outcome(after_mm: float, expanded_mm: float, limit_mm: float) -> Outcome:
 
 def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
     """The limit is kept if each deviation keeps it."""
-    largest = max(rows, key=lambda row: abs(row.after_mm))
-    outcomes = {row.outcome for row in rows}
-    order = Outcome.FAIL, Outcome.UNDECIDED, Outcome.PASS
-    outcome = next(outcome for outcome in order if outcome in outcomes)
+    largest, outcomes = max(rows, key=lambda row: abs(row.after_mm)), {row.outcome for row in rows}
     return Conformity(
-        outcome=outcome,
+        outcome=next(outcome for outcome in Outcome if outcome in outcomes),
         limit_mm=limit_mm,
         largest_mm=abs(largest.after_mm),
         largest_difference=largest.difference,
@@ -415,16 +417,12 @@ def _common(
     before, after = (
         ComparedInput.of(
             given,
-            data=None,
             started=given.conditions.started,
             finished=given.conditions.finished,
             operator=given.conditions.operator,
             validity=validity(given),
         )
         for given in inputs
-    )
-    first, second = (
-        Parameter.all_of(s.model, s.offsets_mm, s.std_mm, s.budget.k) for s in solutions
     )
     return {
         "inputs": tuple((s.measured.source, s.model) for s in solutions),
@@ -435,8 +433,8 @@ def _common(
             *compare_reservations(before.validity, after.validity),
             *([Reason.of("order_as_given")] if unordered else ()),
         ),
-        "first": first,
-        "second": second,
+        "first": parameters_of(solutions[0]),
+        "second": parameters_of(solutions[1]),
         "entered": tuple(entered),
     }
 
@@ -450,11 +448,9 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     try:
         diagnosis = diagnose(given.measured, model)
     except UnusableResultError:
-        return solve(given.measured, model), given.measured
-    solution = diagnosis.alone
-    solution.require_possible()
-    budget = solution.budget.extended(diagnosis.adds_to(solution))
-    return replace(solution, budget=budget), diagnosis.put_right
+        return widened(given, solve(given.measured, model), None), given.measured
+    diagnosis.alone.require_possible()
+    return widened(given, diagnosis.alone, diagnosis), diagnosis.put_right
 
 
 def _differences(
@@ -656,31 +652,32 @@ def _respond(
     predicted = problem.change(offsets, applied) + shared.change - moved
     values = shared.change, moved, predicted, jacobian
     change, moved, predicted, jacobian = whiten(shared.covariance, *values)
-    gain = _regress(predicted[:, None], change, gauge.rounding_mm)
     # The axes are fitted together; corrections have one gain.
-    moves, entered, axes = gain, np.ones(1), dict[str, AxisResponse]()
+    acting = change, predicted[:, None], np.ones(1)
+    (gain,), left = _regress(change, predicted[:, None], gauge)
+    axes, spare = dict[str, AxisResponse](), len(change) - 1
     if applied.any():
-        moves, entered = _regress(jacobian, moved, gauge.rounding_mm), applied
-    left, spare = moves.left, moves.spare
-    answer, likeliest = decide_response(
-        moves.sizes, moves.unit, left, spare, gauge.noise_mm, entered
-    )
+        acting, spare = (moved, jacobian, applied), len(change) - len(applied)
+        moves, left = _regress(moved, jacobian, gauge)
+    answer, likeliest = decide_response(*acting, gauge.noise_mm)
     if applied.any():
-        rows = applied.tolist(), moves.sizes.tolist(), moves.stds, likeliest.otherwise(applied)
-        for axis, by, value, std, otherwise in zip(AXES, *rows, strict=True):
+        rows = zip(AXES, applied.tolist(), moves, likeliest.otherwise(applied), strict=True)
+        for axis, by, move, otherwise in rows:
             axes[axis] = AxisResponse(
                 applied_mm=by,
-                found_mm=value,
-                ci95_mm=_coefficient(value, std, spare).ci95,
-                coefficient=_coefficient(value / by, std / abs(by), spare) if by else None,
+                found_mm=move.value,
+                ci95_mm=move.ci95,
+                coefficient=Coefficient.of(move.value / by, move.std / abs(by), spare)
+                if by
+                else None,
                 otherwise=otherwise,
             )
     another = bool(axes) and answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
     typical = float(np.sqrt(np.mean(np.diag(shared.covariance))))
     p_value = chance_of_residual(left, spare, gauge.noise_mm)
     return {
-        "response": _coefficient(float(gain.sizes[0]), gain.stds[0], gain.spare),
-        "response_dof": gain.spare,
+        "response": gain,
+        "response_dof": len(change) - 1,
         "axes": axes,
         "answer": answer,
         "acted_as_mm": _by_axis(likeliest.moved) if another else None,
@@ -694,26 +691,13 @@ def _respond(
     }
 
 
-class _Regression(NamedTuple):
-    """Least squares of a whitened change."""
-
-    sizes: Floats  # shape (q,)
-    unit: Floats  # their covariance for unit noise, shape (q, q)
-    stds: list[float]  # of each
-    left: float  # sum of squares that they leave [mm²]
-    spare: int  # its degrees of freedom
-
-
-def _regress(columns: Floats, change: Floats, rounding_mm: float) -> _Regression:
+def _regress(change: Floats, columns: Floats, gauge: Instrument) -> tuple[list[Coefficient], float]:
+    """Least squares of a whitened change: coefficients, sum of squares that they leave [mm²]."""
     inverse = np.linalg.pinv(columns)
-    sizes, unit = inverse @ change, inverse @ inverse.T
+    sizes = inverse @ change
     residual = change - columns @ sizes
     left, spare = float(residual @ residual), len(change) - len(sizes)
     # No reading is known better than its gauge's resolution allows.
-    sigma = max(math.sqrt(left / spare), rounding_mm)
-    return _Regression(sizes, unit, (sigma * np.sqrt(np.diag(unit))).tolist(), left, spare)
-
-
-def _coefficient(value: float, std: float, dof: int) -> Coefficient:
-    low, high = value - half_width(dof) * std, value + half_width(dof) * std
-    return Coefficient(value=value, std=std, ci95=(low, high), agrees=low <= 1.0 <= high)
+    sigma = max(math.sqrt(left / spare), gauge.rounding_mm)
+    rows = zip(sizes.tolist(), (sigma * np.linalg.norm(inverse, axis=1)).tolist(), strict=True)
+    return [Coefficient.of(*row, spare) for row in rows], left

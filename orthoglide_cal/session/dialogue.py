@@ -316,7 +316,7 @@ class Dialogue:
         if key == "?":
             self.asker.say("Answer in a few words; Return alone goes back; q saves and quits.")
             return self._words(prompt)
-        return text
+        return "" if key == "u" else text  # what is not yet written is not done
 
     # ---- readings
 

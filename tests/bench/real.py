@@ -82,7 +82,7 @@ def answered(path: Path, data: str, later: Path | None = None) -> Found:
             held = read_input(str(later), stored=data)
             known = {"holdout": held.measured, "then": held.model, "recalibrated": True}
         diagnosis = diagnose(given.measured, given.model, **known)
-        return Case(given, answer_to(given, diagnosed=diagnosis, promised=False)).data()
+        return Case(given, answer_to(given, diagnosed=diagnosis)).data()
     except OrthocalError as error:
         return {"error": str(error)}
 

@@ -26,6 +26,7 @@ def test_it_does_not_happen_on_other_kinds(cause: Cause, subject: Subject) -> No
         silent = other.machine.changed(tolerances={})
         assert cause.possible(silent) == (type(silent) in cause.sizes)
         assert cause.assumed(silent) == (type(silent) in cause.sizes)
+        assert cause.stated(silent) == cause.sizes.get(type(silent), 0.0)
     assert cause.possible(subject.machine)
     assert not cause.assumed(subject.machine)
 
@@ -89,6 +90,8 @@ def test_each_takes_its_size_from_the_tolerances(cause: Cause, subject: Subject)
     assert stds[: len(cause.names)] == pytest.approx(
         np.hypot(stated, doubted) * cause.scale * share
     )
+    if cause.id == "backlash":  # first positions are less uncertain than the widths
+        assert stds[3:] == pytest.approx(0.3 * stds[:3])
     assert cause.scale == {"mrad": 1e-3, "1e-3": 1e-3}.get(cause.unit, 1.0)
     assert cause.sizes[kind] == stated
     file = (ROOT / "configs" / subject.file).read_text(encoding="utf-8")

@@ -163,6 +163,21 @@ def test_options_take_commas_and_units_as_a_session_does(typed: str) -> None:
     assert (told.exit_code, told.stdout) == (0, plain.stdout)
 
 
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        *((f"{command} --html {target}", "Leave out --html")
+          for command in ("plan", "report DOUBLE") for target in ("-", "page.html")),
+        ("export DOUBLE --format table", "--json does not go with --format table"),
+    ],
+)  # fmt: skip
+def test_json_and_another_form_are_asked_for_apart(command: str, said: str, folder: Path) -> None:
+    shown = run(*worded(command), "--json")
+    assert shown.exit_code == 2
+    assert said in words(shown.stdout)
+    assert not list(folder.iterdir())
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_a_full_disk_behind_standard_output_is_said_in_one_line() -> None:
     with Path("/dev/full").open("w") as full:

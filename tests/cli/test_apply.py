@@ -190,15 +190,13 @@ def simulated_session() -> None:
 
 
 def test_a_simulated_machine_is_measured_again_with_its_seed() -> None:
-    """What the screens suggest leads back to the same machine, with its correction."""
+    """What the screens suggest leads back to the same machine, with its correction.
+
+    The session may come from standard input.
+    """
     simulated_session()
-    shown = run("apply", "s.yaml", "--yes").stdout
+    shown = done("apply", "-", "--yes", text=Path("s.yaml").read_text(encoding="utf-8"))
+    assert len(history()) == 1
     assert "orthocal measure --gauge simulated --seed 4" in shown
     assert "orthocal measure --gauge simulated --seed 4" in run().stdout
     assert "The machine file records that the" in words(run("solve", "s.yaml").stdout)
-
-
-def test_a_session_may_come_from_standard_input() -> None:
-    simulated_session()
-    done("apply", "-", "--yes", text=Path("s.yaml").read_text(encoding="utf-8"))
-    assert len(history()) == 1

@@ -13,6 +13,8 @@ from orthoglide_cal.files.machine_file import (
     machine_text,
     machine_values,
 )
+from tests.printer_files import printer_cfg
+from tests.truth.delta import V400, Truth
 
 from .program import answer, as_measured, done, refused, run, words
 
@@ -25,11 +27,6 @@ HOME_LATCH_VEL = -1
 HOME_OFFSET = 510.0
 """
 INI = "[TRAJ]\nLINEAR_UNITS = mm\n" + "".join(map(JOINT.format, range(3)))
-HEADER = """
-#*# <---------------------- SAVE_CONFIG ---------------------->
-#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
-#*#
-"""
 TRUE = {"x": 0.3, "y": -0.2, "z": 0.1}
 ACCEPTED = """identified:
 - cause: encoder_scale
@@ -76,10 +73,7 @@ def test_what_is_corrected_is_not_found_again(large: Path, cause: tuple[str, ...
     left = {(each["id"], each["name"]): each["left"] for each in said["corrections"]}
     id = cause[0].partition("=")[0] if cause else "encoder_scale"
     assert left == {(id, "x"): "", (id, "y"): "", (id, "z"): "below_u"}
-    assert (
-        sum(line.startswith("COMP_FILE =") for line in Path("mill.ini").read_text().split("\n"))
-        == 2
-    )
+    assert Path("mill.ini").read_text().count("\nCOMP_FILE =") == 2
     (entry,) = yaml.safe_load(large.read_text())["history"]
     assert yaml.safe_load(large.read_text())["corrected"] == entry["corrected"]
     measured("after.csv", 6, *cause)
@@ -89,9 +83,8 @@ def test_what_is_corrected_is_not_found_again(large: Path, cause: tuple[str, ...
     assert verified["corrected"] == entry["corrected"]
     assert not answer("solve", "after.csv")["release"]["needed"]
     before = large.read_bytes(), Path("mill.ini").read_bytes()
-    assert "Nothing to enter" in words(
-        run("apply", "after.csv", "--to", "mill.ini", "--yes").stderr
-    )
+    again = run("apply", "after.csv", "--to", "mill.ini", "--yes")
+    assert "Nothing to enter" in words(again.stderr)
     assert (large.read_bytes(), Path("mill.ini").read_bytes()) == before
     # What was measured before it is not entered twice, either.
     assert "applied already" in refused(2, "apply", "before.csv", "--to", "mill.ini", "--yes")
@@ -156,15 +149,8 @@ def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
     accepted = ACCEPTED.replace("0.4", "4.0").replace(" x:", " a:").replace(" y:", " b:")
     text = shipped.read_text().replace("identified: []\n", accepted.replace(" z:", " c:"))
     Path("machine.yaml").write_text(text)
-    stands = yaml.safe_load(text)
-    above = [f"[stepper_{tower}]\nrotation_distance: 40\n" for tower in "abc"]
-    block = [
-        f"#*# [stepper_{tower}]\n#*# angle = {angle}\n#*# arm_length = {stands['arm_length_mm']}\n"
-        f"#*# position_endstop = {stands['endstops_mm'][tower]}\n"
-        for tower, angle in zip("abc", stands["tower_angles_deg"], strict=True)
-    ]
-    radius = f"#*# [printer]\n#*# delta_radius = {stands['delta_radius_mm']}\n"
-    printer = "".join(("[printer]\nkinematics: delta\n", *above, HEADER, radius, *block))
+    # The shipped machine is the one of these settings.
+    printer = printer_cfg(V400, Truth(), sections="")
     Path("printer.cfg").write_text(printer)
     done("simulate", "--machine", "machine.yaml", "--seed", "3", "--output", "touches.csv")
     as_measured("touches.csv")
@@ -176,7 +162,7 @@ def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
         pitch = written.get(f"[stepper_{tower}] rotation_distance", 40.0)
         assert pitch == pytest.approx(40.0 * (1.0 + share), abs=1e-4)
         rise = written[f"[stepper_{tower}] position_endstop"] - enter[tower]
-        assert rise == pytest.approx(share * stands["endstops_mm"][tower], abs=0.01)
+        assert rise == pytest.approx(share * V400.endstops[0], abs=0.01)
     done("apply", "--undo", "--machine", "machine.yaml", "--to", "printer.cfg", "--yes")
     assert Path("printer.cfg").read_text() == printer
     assert "no switch is moved" in refused(2, "adjust", *options, "--cause", "home_switch")
@@ -189,10 +175,8 @@ def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
 
 
 def test_accepted_is_what_the_machine_has_not_what_its_controller_leaves() -> None:
-    model, scale = (
-        default_machine().correcting({"encoder_scale": {"x": 0.4}}),
-        CAUSES["encoder_scale"],
-    )
+    model = default_machine().correcting({"encoder_scale": {"x": 0.4}})
+    scale = CAUSES["encoder_scale"]
     found = scale.at(np.array([1e-4, -2e-4, 0.0])).accepted("2026-01-01", 64 * "0")
     again = machine_from_text(machine_text(model.accepting(found)), "machine.yaml")
     assert machine_values(again)["identified"][0]["parameters"]["x"]["value"] == pytest.approx(0.5)

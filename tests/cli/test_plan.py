@@ -1,7 +1,9 @@
-"""`orthocal plan`: what it promises is what `measure` and `solve` do then."""
+"""`orthocal plan`: what it promises is what is measured and solved then; what comes next."""
 
+import csv
 import html
 import re
+import shutil
 import textwrap
 from pathlib import Path
 
@@ -11,8 +13,12 @@ import yaml
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.planning.design import GIVES_UP
-from tests.cli.program import DOUBLE, lines, once, run, words
+from tests import truth
+from tests.cli.program import DOUBLE, SIX, answer, lines, once, run, words, written
+from tests.files.test_printer_file import GOOD
 from tests.machines import ROOT
+from tests.printers import CONFIG
+from tests.session.terminal import run_program
 
 OWN = [id for id, cause in CAUSES.items() if Orthoglide in cause.sizes]
 
@@ -122,12 +128,186 @@ def test_its_page_has_what_is_shown_and_short_facts() -> None:
     assert all(len(textwrap.wrap(html.unescape(fact), 27)) <= 2 for fact in facts), facts
 
 
-@pytest.mark.parametrize("command", [("plan",), ("report", DOUBLE)])
-@pytest.mark.parametrize("target", ["-", "page.html"])
-def test_a_page_and_json_are_asked_for_apart(
-    command: tuple[str, ...], target: str, folder: Path
-) -> None:
-    done = run(*command, "--html", target, "--json")
-    assert done.exit_code == 2
-    assert "Leave out --html" in words(done.stdout + done.stderr)
+NAMES = ["a", "b", "c", "radius", "angle_a", "angle_b"]
+MACHINE = ("--machine", str(CONFIG))
+
+
+def test_the_json_is_that_of_the_contract_as_far_as_it_fits() -> None:
+    (data,) = lines(run("plan", *MACHINE, "--json"))
+    for row in data["by_cycles"]:
+        assert list(row["parameters"]) == NAMES
+        assert list(row["expanded_mm"]) == list(row["noise_std_mm"]) == NAMES[:4]
+        assert row["minutes"] > 0.0
+        for name in NAMES[:4]:
+            assert row["parameters"][name]["expanded"] == row["expanded_mm"][name]
+    sizes = {row["layout"]: row["readings"] for row in data["by_cycles"]}
+    for count in (7, 13, 25, 49, 121):
+        assert sizes[f"bed-{count}"] == count
+        assert sizes[f"blocks-{count}"] == 3 * count
+        assert sizes[f"print-{count}"] == count + 12
+    assert data["protocol"] == "telling"
+    design = data["design"]
+    assert design["causes"] == ["tower_lean", "bed_shape"]
+    assert design["reached"]
+    assert design["rivals_sigma"] >= design["wanted_sigma"] == 5.0
+    assert len(design["places_mm"]) == design["readings"] == sizes["telling"]
+    pairs = {frozenset(each["causes"]): each["sigma"] for each in data["separation"]}
+    assert pairs[frozenset(design["causes"])] == pytest.approx(design["rivals_sigma"])
+    assert "tower_radius" in data["invisible"]
+    assert data["limits"]["source"] == "leg_length"
+    flat = lines(run("plan", *MACHINE, "--layout", "bed-49", "--json"))[0]
+    pairs = {frozenset(each["causes"]): each["sigma"] for each in flat["separation"]}
+    assert pairs[frozenset(design["causes"])] < 1.0
+
+
+def test_the_page_fits_a_terminal_and_names_what_shows_the_rest() -> None:
+    shutil.copy(CONFIG, "delta.yaml")
+    shown = run("plan", "--machine", "delta.yaml", "--details").stdout
+    assert run("plan", *MACHINE, "--html", "plan.html").exit_code == 0
+    assert "A leg_length" in Path("plan.html").read_text(encoding="utf-8")
+    assert max(map(len, shown.splitlines())) <= 80
+    # Each layout is one line of a table.
+    table = shown[shown.index("  layout ") : shown.index("  U of each parameter: a, b, c")]
+    assert {len(line.split()) for line in table.replace("→ ", "").splitlines()[:-1]} == {10}
+    words = " ".join(shown.replace("│", " ").split())
+    assert "radius in mm, angle_a, angle_b in deg (95 %)" in words
+    assert "No layout determines leg_length" in words
+    assert "tower_radius a rule from the middle of the bed to each rail" in words
+    assert "To distinguish tower_lean and bed_shape" in words
+
+
+def test_a_printers_own_file_is_a_machine_to_plan_for(tmp_path: Path) -> None:
+    path = tmp_path / "printer.cfg"
+    path.write_text(GOOD, encoding="utf-8")
+    (data,) = lines(run("plan", str(path), "--data", "mesh", "--json"))
+    assert data["machine"] == "printer.cfg"
+    assert data["next"]
+    text = run("plan", str(path), "--data", "mesh", "--program", "-").stdout
+    rows = list(csv.DictReader(text.splitlines()))
+    assert [{name: float(row[f"{name}_mm"]) for name in "xyz"} for row in rows] == data["design"][
+        "places_mm"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ("--cycles 3", "no gauges and no protocol"),
+        ("--layout bed-8", "Choose one of bed-7, "),
+        ("--program p.nc", "End it in .csv"),
+        ("--program p.csv --json", "Leave out --json"),
+    ],
+)
+def test_what_a_printer_has_not_is_refused(options: str, said: str, folder: Path) -> None:
+    shown = run("plan", *MACHINE, *options.split())
+    assert shown.exit_code == 2
+    assert said in (shown.stdout if "--json" in options else shown.stderr)
     assert not list(folder.iterdir())
+
+
+# A skewed bar that may as well be rails that do not meet.
+OPEN = truth.make_session(7_100_014, truth.PROTOTYPE, truth.DIAL, ("bar_skew",))
+
+
+def test_the_ranking_begins_with_what_diagnose_names() -> None:
+    given = written(OPEN)
+    plan, diagnosis = answer("plan", *given), answer("diagnose", *given)
+    first, *others = plan["next"]
+    assert diagnosis["verdict"] == "ambiguous"
+    assert diagnosis["next_measurement"] == first
+    assert first["chance"] > 0.95
+    # By the expected time; what stays open means coming back, eight hours later.
+    lost = [each["minutes"] + 480.0 * (1.0 - each["chance"]) for each in plan["next"]]
+    assert lost == sorted(lost)
+    surest = max(each["chance"] for each in plan["next"])
+    quicker = [each for each in plan["next"] if each["minutes"] < first["minutes"]]
+    assert first["chance"] > 0.99 * surest
+    assert all(each["chance"] < first["chance"] for each in quicker)
+    assert others[-1]["chance"] < 0.5
+
+
+def test_what_would_not_show_but_matters_is_decided_by_the_next_measurement() -> None:
+    """A gap that exchanged columns would turn into another: named, yet nothing to enter."""
+    session = truth.make_session(7_100_001, truth.PROTOTYPE, truth.MICRON, ("axis_gap",))
+    given = written(session)
+    found = answer("diagnose", *given)
+    following = found["next_measurement"]
+    assert found["verdict"] == "named"
+    assert following["between"] == [["axis_gap"], ["axis_gap", "exchanged_columns"]]
+    said = " ".join(run("diagnose", *given).output.split())
+    assert "--rule-out exchanged_columns" in said
+    assert "it distinguishes axis_gap from axis_gap with exchanged_columns" in said
+    assert "measure --then" in said
+    assert "Next: about 2 min give one answer" in run("plan", *given).output
+    (fault,) = found["unshown"]
+    assert (fault["id"], fault["matters"]) == ("exchanged_columns", True)
+    assert not found["release"]["usable"]
+    ruled_out = ("diagnose", *given, "--rule-out", "exchanged_columns")
+    checked = answer(*ruled_out)
+    assert (checked["next_measurement"], checked["unshown"]) == (None, [])
+    assert checked["ruled_out"] == ["exchanged_columns"]
+    assert "Ruled out by hand: exchanged_columns" in run(*ruled_out).stdout
+    assert run(*ruled_out[:-1], "nothing").exit_code == 2
+
+
+def test_what_no_reading_tells_is_measured_again() -> None:
+    """Beside a lost motion a stand that is gone may have crept: it is not looked for."""
+    hidden = ("gauge_drift", "backlash")
+    session = truth.make_session(7_500_005, truth.LARGE, truth.DIAL, hidden)
+    page = run("diagnose", *written(session)).output
+    said = " ".join(page.split())
+    assert "No further reading of this kind is likely to decide. All of them are faults of" in said
+    assert "leave the old readings out" in said
+    assert "orthocal measure" not in page
+
+
+def test_what_cannot_be_joined_is_followed_by_a_session_of_its_own() -> None:
+    """The command that is shown measures it; it is solved alone, as was said."""
+    shown = run("plan", SIX).stdout
+    assert "measure --then" not in shown
+    assert "It needs no old data" in " ".join(shown.split())
+    (told,) = re.findall(r"^ +orthocal (measure.*)$", shown, re.MULTILINE)
+    assert "double-posture, one cycle per leg" in words(shown.split("\nNext\n")[1])
+    simulated = ("session.yaml", "--gauge", "simulated", "--seed", "4", "--yes")
+    done = run_program(Path(), *told.split()[1:], *simulated)
+    assert done.returncode in (0, 4), done.stderr
+    found = answer("solve", "session.yaml")
+    assert found["input"]["readings"] == 6 * (3 * 1 + 1)
+
+
+def test_the_page_of_a_file_speaks_of_that_file() -> None:
+    """What a session of its own would give stands apart, under its own heading."""
+    shown = once("plan", DOUBLE, "--target", "0.022", "--details").stdout
+    head, _, alone = shown.partition("A separate session would give")
+    # However long its path is, and where it wraps.
+    assert "".join(f"Readings {DOUBLE}, 60".split()) in "".join(head.split())
+    assert "Session" not in head
+    assert "are assumed" not in head
+    assert "Session  double-posture" in alone
+    assert "± 0.022 mm takes" in alone
+
+
+def test_a_target_beside_a_file_is_answered() -> None:
+    def said(target: str) -> str:
+        shown = once("plan", DOUBLE, "--target", target).stdout.partition("\nNext\n")[0]
+        return words(shown)
+
+    (plan,) = lines(once("plan", DOUBLE, "--json"))
+    able = [n for n in plan["next"] if max(n["expanded_mm"].values()) <= 0.022]
+    quickest = min(able, key=lambda each: each["minutes"])
+    assert f"± 0.022 mm takes about {quickest['minutes']:.0f} min: {quickest['what']}" in said(
+        "0.022"
+    )
+    assert "± 0.03 mm is reached already." in said("0.03")
+    assert "± 0.005 mm is reached by none of these." in said("0.005")
+
+
+def test_sound_readings_need_nothing_and_say_what_they_give() -> None:
+    shown = run("plan", DOUBLE, "--details").stdout
+    (solved,) = lines(run("solve", DOUBLE, "--json"))
+    now = max(each["expanded"] for each in solved["parameters"])
+    assert "✔ Nothing needs to be measured" in shown
+    assert shown.index("1. See what to enter") < shown.index("2. Or, to reduce U: ")
+    assert f"Now it is ± {now:.3f} mm." in " ".join(shown.replace("│", " ").split())
+    assert re.search(rf"^ +{now:.3f}  nothing: U as it is$", shown, re.MULTILINE)
+    assert "half an hour is added for the session" in " ".join(shown.split())

@@ -5,7 +5,7 @@ Files that tests only read are made once; what reads them is run once.
 
 import re
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -68,27 +68,6 @@ def touched(truth: Truth, layout: Layout, seed: int = 2) -> str:
     return delta_csv(probe_bed(V400, truth, (), layout, np.random.default_rng(seed)))
 
 
-def off_by(text: str, change: Callable[[int, list[float]], float]) -> str:
-    """Touches whose readings are off by a function of their number and place."""
-    header, *rows = text.splitlines()
-    for k, row in enumerate(rows):
-        *cells, value = row.split(",")
-        at = [float(cell) for cell in cells[3:5]]
-        rows[k] = ",".join((*cells, f"{float(value) + change(k, at):.6f}"))
-    return "\n".join((header, *rows)) + "\n"
-
-
-def seven(height: float) -> str:
-    """Seven touches of a printer that is right, but that every second of the rim is higher."""
-    turn = {30.0: 1, 90.0: -1, 150.0: 1, 210.0: -1, 270.0: 1, 330.0: -1}
-
-    def rim(_: int, at: list[float]) -> float:
-        angle = round(np.degrees(np.arctan2(at[1], at[0])) % 360.0)
-        return height * turn[angle] if any(at) else 0.0
-
-    return off_by(exact(V400, Truth(), Layout(places=7)), rim)
-
-
 def series(count: int, rate: float) -> str:
     """Touches of the middle, one every ten seconds, by a probe that drifts [mm/h]."""
     noise = 0.005 * np.random.default_rng(7).standard_normal(count)
@@ -101,13 +80,20 @@ def tilted(tilt: float) -> str:
     return touched(Truth(endstops=np.array([tilt, 0.0, -tilt])), Layout(places=81), 4)
 
 
-GRID = [(x, y, 0.002 * x - 0.001 * y) for x in (-2, 0, 2) for y in (-2, 0, 2)]
+GRID = [(x, y) for x in (-2, 0, 2) for y in (-2, 0, 2)]
 NEAR = ((0, 0), (5, 0), (0, 5), (-5, 0), (0, -5), (3, 3), (3, -3), (-3, -3))
 HEIGHTS = (0.01, 0.02, -0.01, 0.03, 0.04, 0.01, 0.011, 0.012)
 
 
-def table(rows: list[tuple[float, ...]]) -> str:
-    return "\n".join(("x_mm,y_mm,reading_mm", *(",".join(map(str, row)) for row in rows))) + "\n"
+def table(at: Iterable[Sequence[float]], heights: Iterable[float]) -> str:
+    rows = (f"{x:g},{y:g},{z:.6f}" for (x, y), z in zip(at, heights, strict=True))
+    return "\n".join(("x_mm,y_mm,reading_mm", *rows)) + "\n"
+
+
+def seven(height: float) -> str:
+    """Seven touches of a printer that is right, but that every second of the rim is higher."""
+    rim = (height * (-1) ** k for k in range(6))
+    return table(places_of(Layout(places=7), V400.bed).tolist(), (0.0, *rim))
 
 
 FILES: dict[str, Callable[[], str]] = {
@@ -121,17 +107,14 @@ FILES: dict[str, Callable[[], str]] = {
     "t41.csv": lambda: exact(V400, OFF, Layout(places=41)),
     "belt.csv": lambda: touched(STRETCHED, Layout(25, THREE)),
     "lost.csv": lambda: touched(replace(OFF, lost=np.array([0.12, 0.0, 0.1])), Layout(81)),
-    "noisy.csv": lambda: off_by(
-        exact(V400, OFF, Layout(places=41)), lambda k, _: 0.3 * (-1) ** (k // 2 % 3) * (k % 2 == 0)
-    ),
     "right.csv": lambda: tilted(0.0),
     "tilted.csv": lambda: tilted(0.06),
     "seven.csv": lambda: seven(0.033),
     "seven14.csv": lambda: seven(0.0145),
     "six.csv": lambda: "\n".join(seven(0.1).splitlines()[:7]) + "\n",
     "three.csv": lambda: "\n".join(exact(V400, OFF, Layout(places=13)).splitlines()[:4]) + "\n",
-    "grid.csv": lambda: table(GRID),
-    "near.csv": lambda: table([(*at, high) for at, high in zip(NEAR, HEIGHTS, strict=True)]),
+    "grid.csv": lambda: table(GRID, (0.002 * x - 0.001 * y for x, y in GRID)),
+    "near.csv": lambda: table(NEAR, HEIGHTS),
     "series.csv": lambda: series(60, 1.0),
     "later.csv": lambda: touched(OFF, Layout(25), 5),
 }
@@ -174,7 +157,7 @@ def known(longer: float) -> tuple[str, str]:
 def test_measured_arms_that_the_firmware_has_not_make_the_radius_unsure() -> None:
     """What is found goes with the firmware's arms, and is wrong by more than they were read to."""
     mesh = ("solve", "longer.cfg", "--data", "mesh")
-    told, sure = (parameters(answer(*mesh, *known(longer))) for longer in (0.9, 0.0))
+    told, sure = (parameters(answer(*mesh, *known(longer))) for longer in (0.9, 0.01))
     wrong = abs(told["radius"]["active"] + told["radius"]["found"] - TRUE["radius"])
     assert sure["radius"]["expanded"] < wrong < told["radius"]["expanded"]
     said = page(*mesh, *known(0.9))
@@ -229,9 +212,7 @@ def test_no_better_than_before_is_not_as_promised() -> None:
     x, y = at.T / V400.bed
     shape, off = 0.08 * (x**4 - 6.0 * x**2 * y**2 + y**4), 0.02 * x
     for name, height in (("before.csv", shape + off), ("after.csv", shape - 1.2 * off)):
-        rows = [f"{a:g},{b:g},{z:.6f}" for (a, b), z in zip(at.tolist(), height, strict=True)]
-        Path(name).write_text("x_mm,y_mm,reading_mm\n" + "\n".join(rows) + "\n")
-    Path("v400.yaml").write_text(delta_yaml(V400))
+        Path(name).write_text(table(at.tolist(), height))
     compared = answer("verify", "before.csv", "after.csv", *MACHINE)
     promised, after = compared["rms_promised_mm"], compared["rms_after_mm"]
     assert promised < 0.95 * compared["rms_before_mm"] < after
@@ -356,7 +337,7 @@ def test_what_is_not_recommended_is_not_accepted() -> None:
          ("larger than usual for the probe's noise", "not large enough to call the model wrong"),
          ("smaller ones",)),
         ("solve tilted.csv", ("± U enter",), ()),
-        ("diagnose noisy.csv --details", ("The bed from above",), ()),
+        ("diagnose belt.csv --details", ("The bed from above",), ()),
         *((f"{command} --data calibration", ("7 heights and 3 distances",), ("of a mesh",))
           for command in ("solve printer.cfg", "validate printer.cfg")),
         *((f"{command} --data mesh", ("points of a mesh",), ("7 heights",))
@@ -572,8 +553,7 @@ def test_a_calibration_that_is_stored_again_is_no_second_one(command: str) -> No
     assert "the same readings" in told or "without those that are simulated or copies" in told
 
 
-@pytest.mark.parametrize("verb", ["solve", "diagnose"])
-@pytest.mark.parametrize("file", ["three.csv", "near.csv"])
+@pytest.mark.parametrize(("verb", "file"), [("diagnose", "three.csv"), ("solve", "near.csv")])
 def test_places_that_determine_nothing_are_no_failed_search(verb: str, file: str) -> None:
     """Within 5 mm of the middle the radius and the tower angles hardly show beside the noise."""
     told = refused(4, verb, file, *MACHINE)

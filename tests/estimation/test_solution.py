@@ -1,6 +1,7 @@
 """What a solution says of itself: that it is the optimum, and whether the model fits."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -27,27 +28,19 @@ SOLVED: list[tuple[Measured, str]] = [
     *((differences(TWELVE, NOMINAL), m) for m in ("six-linear", "twelve-linear", "six", "twelve")),
     *((differences(SINGLE, NOMINAL), m) for m in ("single", "single-sequential")),
 ]
-solved = pytest.mark.parametrize(
+
+
+@pytest.mark.parametrize(
     ("data", "method"), SOLVED, ids=[f"{data.kind}-{method}" for data, method in SOLVED]
 )
-
-
-@solved
 def test_it_is_an_optimum_by_the_problem_that_it_holds(data: Measured, method: str) -> None:
     solution = solve(data, NOMINAL, method)
     assert solution.converged
     assert 0.0 <= solution.remaining <= OPTIMAL
     assert solution.model is NOMINAL
-
-
-@solved
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_moved_offsets_are_no_optimum(data: Measured, method: str, axis: int) -> None:
-    """The step that is left leads back to the optimum, by as much as they were moved."""
-    solution = solve(data, NOMINAL, method)
-    for size in (2.0 * OPTIMAL, -0.1):
-        way = size * solution.std_mm * np.eye(3)[axis]
-        moved = replace(solution, offsets_mm=solution.offsets_mm + way)
+    # From moved offsets the step that is left leads back to it, by as much as they were moved.
+    for size, axis in product((2.0 * OPTIMAL, -0.1), np.eye(3)):
+        moved = replace(solution, offsets_mm=solution.offsets_mm + size * solution.std_mm * axis)
         assert not moved.converged
         # By the stated noise: experiment 1 scatters by a hundred times as much.
         assert 0.5 * abs(size) <= moved.remaining

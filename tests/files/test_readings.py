@@ -148,6 +148,13 @@ def test_a_file_without_a_header(tmp_path):
     assert "the header has: x, iso, y, 0.1" in found[0].remedy
 
 
+def test_what_is_no_table_does_not_fill_the_screen(tmp_path):
+    for text in (f"<svg {'q' * 5000},<rect>\n", f"{HEAD}\nx,iso,{'q' * 5000},1\n"):
+        (fault, *_) = problems(measured, tmp_path, text)
+        assert "qqq…" in str(fault)
+        assert len(str(fault)) < 300
+
+
 def test_the_line_is_where_a_row_begins(tmp_path):
     text = f'{HEAD},note\nx,iso,y,0.1,"two\nlines"\n\nx,max,y,bad,\n'
     assert [fault.line for fault in problems(measured, tmp_path, text)] == [5]

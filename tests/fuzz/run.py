@@ -119,6 +119,7 @@ class Fuzz:
         yield from [("machine", through("m.yaml", WITH_MACHINE), machine)] * 2
         yield "journal", gone_on_with, journal
         # Damage that the checksums hide, as of a journal that another version wrote.
+        assert signed(records(journal)) == journal
         yield "records", lambda text: gone_on_with(signed(text)), records(journal)
         yield "options", lambda text: judged(json.loads(text)), ""
 

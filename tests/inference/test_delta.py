@@ -245,14 +245,8 @@ def test_a_rough_bed_is_told_to_be_rough(size: float) -> None:
     assert ("times its stated or usual size" in said) == (size > 2.0)
 
 
-def test_many_points_of_a_sound_machine_name_nothing() -> None:
-    """So many that a part of the bed's local shape counts as noise."""
-    session = make_delta_session(0, V400, (), Layout(800), (V400.texture, GRAIN))
+@pytest.mark.parametrize(("places", "rough"), [(41, False), (41, True), (800, True)])
+def test_a_sound_machine_has_no_name(places: int, rough: bool) -> None:
+    """Of 800 points a part of the bed's local shape counts as noise."""
+    session = make_delta_session(0, V400, (), Layout(places), (rough * V400.texture, GRAIN))
     assert diagnosed(session).verdict is Verdict.CONSISTENT
-
-
-def test_41_points_of_a_sound_machine_name_nothing() -> None:
-    for seed in range(2):
-        bumps = (V400.texture, GRAIN) if seed % 2 else (0.0, GRAIN)
-        session = make_delta_session(seed, V400, (), Layout(41), bumps)
-        assert diagnosed(session).verdict is Verdict.CONSISTENT

@@ -11,17 +11,11 @@ from orthoglide_cal.inference.fit import Fit, leave_out_cells
 from orthoglide_cal.model.plan import Floats, Ints
 from tests import truth
 from tests.inference.sessions import known
+from tests.model.test_plan import groups
 
 
 def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def cells_of(white: Whitened) -> list[Ints]:
-    """Readings of each (leg, direction, posture)."""
-    plan = white.plan
-    keys = np.stack((plan.leg, plan.direction, plan.displacement), axis=1)
-    return [np.flatnonzero((keys == key).all(axis=1)) for key in np.unique(keys, axis=0)]
 
 
 def refits(white: Whitened, fit: Fit, cells: list[Ints]) -> Iterator[tuple[Floats, Floats]]:
@@ -55,7 +49,8 @@ def test_leaving_a_cell_out_is_refitting_without_it(hidden: str, seed: int, rel:
     accepted = found.fit((hidden,))
     wrong = accepted.wrong_readings
     assert len(wrong) == (hidden == "misread")
-    cells = [cell[~np.isin(cell, wrong)] for cell in cells_of(white)]
+    # Readings of each (leg, direction, posture).
+    cells = [np.setdiff1d(cell, wrong) for cell in groups(white.plan.cells)]
     assert len(cells) == 18
     for fit in (found.fit(()), accepted):
         errors, scaled = [], []

@@ -13,6 +13,7 @@ from orthoglide_cal.model.model import Model
 from tests import truth
 from tests.inference.sessions import given, ids, known
 from tests.inference.test_printers import quartic
+from tests.readings import some
 from tests.truth.delta import KOSSEL, V400, Layout, Truth, make_delta_session, probe_bed
 
 LIMIT = 0.99
@@ -96,18 +97,6 @@ def misread(seed: int) -> tuple[str, Readings, Model, set[int]]:
     return cause, replace(readings, value=value), model, set(wrong.tolist())
 
 
-def without(readings: Readings, wrong: set[int]) -> Readings:
-    kept = np.setdiff1d(np.arange(len(readings)), sorted(wrong))
-    arrays = {
-        name: getattr(readings, name)[kept] for name in ("value", "line", "cycle", "temperature")
-    }
-    texts = {
-        name: tuple(getattr(readings, name)[k] for k in kept.tolist())
-        for name in ("posture", "gauge", "note")
-    }
-    return replace(readings, plan=readings.plan.subset(kept), **arrays, **texts)
-
-
 @pytest.mark.parametrize("seeds", [range(1, 2), pytest.param(range(300), marks=pytest.mark.slow)])
 def test_leaving_out_what_is_wrong_reverses_no_sure_answer(seeds: range) -> None:
     """No wrong name, and of the named nine in ten with exactly the readings that are wrong."""
@@ -132,7 +121,8 @@ def test_leaving_out_what_is_wrong_reverses_no_sure_answer(seeds: range) -> None
         )
         if not told or max(sure, found.causes[0].probability) < LIMIT:
             continue
-        then = diagnose(without(readings, told), model)
+        kept = ~np.isin(np.arange(len(readings)), [*told])
+        then = diagnose(some(readings, kept), model)
         if rest:
             assert rest <= {*ids(then), *then.ambiguous_with}, seed
         else:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference
-from orthoglide_cal.model.orthoglide import double_posture, reduction, single_posture
-from orthoglide_cal.model.readings import Contact, GaugePlan, Posture, Series
+from orthoglide_cal.model.orthoglide import double_posture, reduction
+from orthoglide_cal.model.readings import GaugePlan, Posture, Series
 from tests.machines import PROTOTYPE
 
 OFFSETS = np.array([0.4, -0.9, 0.6])
@@ -22,32 +22,6 @@ NAMES = {
 def test_differences_are_named_as_the_paper_prints_them(kind: DataKind) -> None:
     """Direction first, leg second, in the order of Table 4."""
     assert [difference.name for difference in DIFFERENCES[kind]] == NAMES[kind].split()
-
-
-@pytest.mark.parametrize(
-    ("kind", "posture", "ends"),
-    [
-        (DataKind.SIX, None, ((60.0, Contact.FIXED), (-100.0, Contact.FIXED))),
-        (DataKind.TWELVE, Posture.MAX, ((60.0, Contact.FIXED), (0.0, Contact.FIXED))),
-        (DataKind.TWELVE, Posture.MIN, ((-100.0, Contact.FIXED), (0.0, Contact.FIXED))),
-        (DataKind.SINGLE, Posture.ISO, ((0.0, Contact.TOOL), (0.0, Contact.JOINT))),
-        (DataKind.SINGLE, Posture.MIN, ((-100.0, Contact.TOOL), (-100.0, Contact.JOINT))),
-    ],
-)
-def test_what_each_difference_subtracts(
-    kind: DataKind, posture: Posture | None, ends: tuple[tuple[float, Contact], ...]
-) -> None:
-    """Max − min, that posture − iso, tool end − joint end: means of repeats."""
-    series, plan = Series(2, 1), double_posture(PROTOTYPE)
-    if kind is DataKind.SINGLE:
-        series, plan = Series(0, 2), single_posture(PROTOTYPE, 3)
-    values = np.random.default_rng(5).normal(0.0, 1.0, len(plan))
-    first, second = (
-        values[plan.of(series) & (plan.displacement == moved) & (plan.contact == contact)].mean()
-        for moved, contact in ends
-    )
-    (row,) = reduction(kind, (Difference(series, posture),), PROTOTYPE, plan)
-    assert row @ values == pytest.approx(first - second, abs=1e-15)
 
 
 def test_readings_of_different_set_ups_are_never_subtracted() -> None:

@@ -50,21 +50,6 @@ def test_contact_comes_before_the_record_whatever_the_order_of_the_causes() -> N
         assert found == pytest.approx(sign * (clean + step), abs=1e-12)
 
 
-def test_the_size_of_a_cause_is_the_machine_file_s_else_its_kind_s() -> None:
-    """Tolerances of 0.02 mm and, of first positions, 0.3 of that; 1 mrad as rad."""
-    gap, own = CAUSES["axis_gap"], CAUSES["axis_gap"].sizes[type(PROTOTYPE)]
-    for tolerances, size, assumed in (({"axis_gap": 0.07}, 0.07, False), ({}, own, True)):
-        machine = PROTOTYPE.changed(tolerances=tolerances)
-        assert (gap.size(machine), gap.assumed(machine)) == (size, assumed)
-        assert gap.possible(machine)
-        assert gap.prior_std(machine) == pytest.approx([size] * 3)
-    assert not gap.possible(PROTOTYPE.changed(tolerances={"axis_gap": 0.0}))
-    assert not gap.possible(PRINTER.changed(tolerances={}))
-    assert CAUSES["backlash"].prior_std(PROTOTYPE) == pytest.approx([0.02] * 3 + [0.006] * 3)
-    assert CAUSES["axis_squareness"].prior_std(PROTOTYPE) == pytest.approx([1e-3] * 3)
-    assert CAUSES["sign_flip"].prior_std(PROTOTYPE).shape == (0,)
-
-
 def test_a_changed_machine_has_the_fields_of_its_kind() -> None:
     assert PROTOTYPE.changed(leg_length_mm=300.0).nominal_rails.lengths.tolist() == [300.0] * 3
     with pytest.raises(TypeError, match="arm_length_mm"):

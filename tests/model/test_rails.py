@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.errors import PostureError
-from orthoglide_cal.model.kinematics import Points, behind_batch, trilaterate
+from orthoglide_cal.model.kinematics import Points, trilaterate
 from orthoglide_cal.model.machine import Machine
 from tests.machines import NOMINAL, PROTOTYPE, both_machines
 from tests.model.geometries import bent_rails, tool_positions
 
 POINT = np.array([31.0, -47.0, 12.0])
 L = PROTOTYPE.leg_length_mm
-STEP = 1e-30  # of complex steps
 
 
 @both_machines
@@ -28,22 +27,6 @@ def test_bent_rails_keep_the_legs_as_long_as_they_are(machine: Machine) -> None:
     # Direct undoes inverse, and inverse direct.
     assert np.abs(rails.tool_for(joints) - tool).max() < 1e-9
     assert np.abs(rails.joints_for(rails.tool_for(joints + 0.37)) - joints - 0.37).max() < 1e-9
-
-
-@both_machines
-@pytest.mark.parametrize("bent", [False, True])
-def test_the_derivative_is_that_of_the_direct_kinematics(machine: Machine, bent: bool) -> None:
-    """Against complex steps, and these against finite differences that err by 1e-8."""
-    rails = bent_rails(machine) if bent else machine.nominal_rails
-    tool = tool_positions(machine, 50)
-    joints = rails.joints_for(tool)
-    computed = behind_batch(Points.of(rails, joints, strict=True).tool_derivative, 2)
-    for k in range(3):
-        stepped = rails.tool_for(joints + 1j * STEP * np.eye(3)[k]).imag / STEP
-        assert np.abs(computed[..., k] - stepped).max() < 1e-12
-        move = 1e-3 * np.eye(3)[k]
-        difference = (rails.tool_for(joints + move) - rails.tool_for(joints - move)) / 2e-3
-        assert np.abs(stepped - difference).max() < 1e-7
 
 
 def test_legs_that_do_not_reach_say_by_how_much() -> None:

@@ -138,7 +138,11 @@ def test_a_parameter_that_readings_do_not_determine_is_said_to_be_so() -> None:
     gauge = V400_MODEL.machine.probe.changed(repeatability_mm=0.3)
     coarse = measurement_plan(Model(V400_MODEL.machine.changed(probe=gauge)), Wanted())
     of_coarse, of_usual = (
-        {each.name for each in plan.by_cycles if not all(each.by_parameter["determined"])}
+        {
+            each.name
+            for each in plan.by_cycles
+            if not all(row["determined"] for row in each.parameters.values())
+        }
         for plan in (coarse, usual())
     )
     assert "bed-7" in of_coarse

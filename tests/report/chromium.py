@@ -11,9 +11,7 @@ import os
 import shutil
 import signal
 import subprocess
-import tempfile
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from select import select
 from typing import Any
@@ -26,6 +24,7 @@ FLAGS = (
     "--disable-sync", "--hide-scrollbars", "--remote-debugging-pipe",
 )  # fmt: skip
 PATIENCE = 60.0  # seconds for one answer
+FUNCTIONS = Path(__file__).with_name("page.js").read_text(encoding="utf-8")
 
 
 def find_chromium() -> str | None:
@@ -111,20 +110,25 @@ class Browser:
         line, _, self._buffer = self._buffer.partition(b"\0")
         return json.loads(line)
 
-    def open(self, path: Path, *, width: int = 800, dark: bool = False, media: str = "") -> None:
-        """Load a page from a file at a width [px] and wait until it is complete."""
-        self.events.clear()
+    def view(self, width: int = 800, *, dark: bool = False, media: str = "") -> None:
+        """Show the page on another screen of a width [px], or on paper."""
         size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
         self.call("Emulation.setDeviceMetricsOverride", **size)
         scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
         self.call("Emulation.setEmulatedMedia", media=media, features=[scheme])
+
+    def open(self, path: Path, *, width: int = 800, dark: bool = False, media: str = "") -> None:
+        """Load a page from a file and wait until it is complete."""
+        self.events.clear()
+        self.view(width, dark=dark, media=media)
         self.call("Page.navigate", url=path.resolve().as_uri())
         while not any(event.get("method") == "Page.loadEventFired" for event in self.events):
             self.events.append(self._message(PATIENCE))
 
     def evaluate(self, expression: str) -> Any:
-        """Value of a JavaScript expression in the page."""
-        answer = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        """Value of a JavaScript expression in the page, which may call what page.js defines."""
+        whole = f"{FUNCTIONS}\n{expression}"
+        answer = self.call("Runtime.evaluate", expression=whole, returnByValue=True)
         if "exceptionDetails" in answer:
             raise RuntimeError(str(answer["exceptionDetails"]))
         return answer["result"].get("value")
@@ -143,13 +147,3 @@ class Browser:
     def pdf(self) -> bytes:
         answer = self.call("Page.printToPDF", preferCSSPageSize=True, printBackground=True)
         return base64.b64decode(answer["data"])
-
-
-@contextlib.contextmanager
-def browser(program: str) -> Iterator[Browser]:
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        running = Browser(program, Path(folder))
-        try:
-            yield running
-        finally:
-            running.close()

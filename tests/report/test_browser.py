@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -14,7 +15,7 @@ from orthoglide_cal.model.machine import Details
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.html import html
 from tests.report.cases import changed, documents, report_of
-from tests.report.chromium import Browser, browser, find_chromium
+from tests.report.chromium import Browser, find_chromium
 from tests.results import cases
 
 PROGRAM = find_chromium()
@@ -26,87 +27,10 @@ A4_CONTENT = round((210 - 30) / 25.4 * 96)
 # Documents that a command writes as a page.
 KINDS = (*cases.CASES, "as_left", "verified", "planned", "remembered")
 
-# Elements that reach beyond the page, unless a box of their own scrolls them.
-OVERFLOW = """(() => {
-  const edge = document.documentElement.clientWidth + 0.5, found = [];
-  for (const e of document.querySelectorAll('body *')) {
-    const box = e.getBoundingClientRect();
-    if (box.width === 0 || e.closest('svg') !== null && e.tagName !== 'svg') continue;
-    const scrolled = e.parentElement.closest('.scroll');
-    if (scrolled === null && (box.right > edge || box.left < -0.5))
-      found.push(e.tagName + ' ' + e.className + ' ' + Math.round(box.right));
-  }
-  if (document.documentElement.scrollWidth > edge) found.push('page scrolls sideways');
-  return found;
-})()"""
-
-# Blocks that lie over each other, and tables that have to be scrolled.
-COVERED = """(() => {
-  const found = [...document.querySelectorAll('div.scroll')].filter(
-    e => e.scrollWidth > e.clientWidth + 1).map(e => 'scrolled: ' + e.textContent.slice(0, 60));
-  const blocks = [...document.querySelectorAll(
-    'header > *, h2, .steps li, .scroll, .tiles, figure, section > p, section > dl, .sign, footer')
-    ].map(e => [e, e.getBoundingClientRect()]).filter(([e, box]) => box.height > 0);
-  blocks.forEach(([one, a], k) => blocks.slice(0, k).forEach(([other, b]) => {
-    if (!one.contains(other) && !other.contains(one) && a.left < b.right - 1
-        && b.left < a.right - 1 && a.top < b.bottom - 1 && b.top < a.bottom - 1)
-      found.push(one.textContent.slice(0, 40) + ' / ' + other.textContent.slice(0, 40));
-  }));
-  return found;
-})()"""
-
-# Texts of a picture that are cut off at its edge by more than a letter.
-CUT = """(() => {
-  const found = [];
-  for (const svg of document.querySelectorAll('svg')) {
-    const frame = svg.getBoundingClientRect();
-    for (const e of svg.querySelectorAll('text')) {
-      const box = e.getBoundingClientRect();
-      if (box.right > frame.right + 8 || box.left < frame.left - 8
-          || box.bottom > frame.bottom + 8 || box.top < frame.top - 8)
-        found.push(svg.querySelector('title').textContent + ': ' + e.textContent);
-    }
-  }
-  return found;
-})()"""
-
-# Texts of pictures that are smaller than 10 px, and such as overprint each other.
-SMALL = """(() => [...document.querySelectorAll('svg text')].filter(e => {
-  const svg = e.ownerSVGElement, scale = svg.getBoundingClientRect().width
-    / svg.viewBox.baseVal.width;
-  return parseFloat(getComputedStyle(e).fontSize) * scale < 9.99;
-}).map(e => e.textContent))()"""
-OVERPRINTED = """(() => {
-  const found = [];
-  for (const svg of document.querySelectorAll('svg')) {
-    const texts = [...svg.querySelectorAll('text')].map(
-      e => [e.getBoundingClientRect(), e.textContent]);
-    texts.forEach(([a, one], k) => texts.slice(0, k).forEach(([b, other]) => {
-      if (a.left < b.right - 1 && b.left < a.right - 1 && a.top < b.bottom - 6
-          && b.top < a.bottom - 6) found.push(one + ' / ' + other);
-    }));
-  }
-  return found;
-})()"""
-
-# Colour of every text and of what lies behind it, as the browser computed them.
-COLOURS = """(() => {
-  const behind = e => {
-    for (; e; e = e.parentElement) {
-      const c = getComputedStyle(e).backgroundColor;
-      if (c !== 'rgba(0, 0, 0, 0)') return c;
-    }
-    return 'rgb(255, 255, 255)';
-  };
-  return [...document.querySelectorAll('h1, h2, p, td, th, dt, dd, li, code, footer')]
-    .filter(e => e.textContent.trim() && !e.closest('svg'))
-    .map(e => [e.tagName, getComputedStyle(e).color, behind(e)]);
-})()"""
-
 
 @pytest.fixture(scope="module")
-def chromium() -> Iterator[Browser]:
-    with browser(PROGRAM) as running:
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with closing(Browser(PROGRAM, tmp_path_factory.mktemp("browser"))) as running:
         yield running
 
 
@@ -120,36 +44,32 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_page_is_silent_alone_and_fits(chromium: Browser, pages: dict[str, Path], kind: str):
-    for width in WIDTHS:
-        chromium.open(pages[kind], width=width)
-        assert chromium.complaints() == []
-        outside = [url for url in chromium.requests() if not url.startswith("data:")]
-        assert outside == [pages[kind].as_uri()]
-        assert chromium.evaluate(OVERFLOW) == [], width
-        assert kind == "hostile" or chromium.evaluate(COVERED) == [], width
-        assert chromium.evaluate(CUT) == [], width
-        assert chromium.evaluate(OVERPRINTED) == [], width
-        assert chromium.evaluate(SMALL) == [], width
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_print_is_a4_with_numbered_pages(chromium: Browser, pages: dict[str, Path], kind: str):
+def test_page_is_silent_alone_fits_and_is_printed(
+    chromium: Browser, pages: dict[str, Path], kind: str
+):
+    """On every width, and on numbered A4 pages."""
+    apart = [] if kind == "hostile" else ["covered"]
     chromium.open(pages[kind])
+    assert chromium.complaints() == []
+    outside = [url for url in chromium.requests() if not url.startswith("data:")]
+    assert outside == [pages[kind].as_uri()]
+    for width in WIDTHS:
+        chromium.view(width)
+        for faults in ("overflow", "cut", "overprinted", "small", *apart):
+            assert chromium.evaluate(f"{faults}()") == [], (faults, width)
     pdf = chromium.pdf()
-    boxes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", pdf)
+    sizes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", pdf)
     count = len(re.findall(rb"/Type /Page\b", pdf))
     assert 1 <= count <= {"hostile": 14, "as_left": 7}.get(kind, 5)
-    for width, height in boxes:
+    for width, height in sizes:
         assert float(width) == pytest.approx(595.0, abs=1.0)
         assert float(height) == pytest.approx(842.0, abs=1.0)
-    chromium.open(pages[kind], width=A4_CONTENT, media="print")
-    assert chromium.evaluate(OVERFLOW) == []
-    assert chromium.evaluate(SMALL) == []
-    assert kind == "hostile" or chromium.evaluate(COVERED) == []
+    chromium.view(A4_CONTENT, media="print")
+    for faults in ("overflow", "small", *apart):
+        assert chromium.evaluate(f"{faults}()") == [], faults
     # Decision, offsets, what to do and the lines to sign on: above the first break.
     if kind not in ("hostile", "failed", "planned", "remembered"):
-        end = chromium.evaluate("document.querySelector('.sign').getBoundingClientRect().bottom")
+        ((*_, end),) = chromium.evaluate("boxes('.sign')")
         assert end < (297 - 31) / 25.4 * 96
 
 
@@ -158,8 +78,8 @@ def test_what_to_enter_stands_on_the_first_screen(
     chromium: Browser, pages: dict[str, Path], width: int, height: int
 ):
     chromium.open(pages["healthy"], width=width)
-    ends = "[...document.querySelectorAll('.tile')].map(e => e.getBoundingClientRect().bottom)"
-    assert len(below := chromium.evaluate(ends)) == 3
+    below = [bottom for *_, bottom in chromium.evaluate("boxes('.tile')")]
+    assert len(below) == 3
     assert max(below) < height
 
 
@@ -198,7 +118,7 @@ def test_a_long_name_leaves_the_decision_in_sight(
 ):
     page = written(tmp_path / "long.html", cases.healthy(), "A very long name of a machine " * 17)
     chromium.open(page, width=width, media=media)
-    end = chromium.evaluate("document.querySelector('.notice').getBoundingClientRect().bottom")
+    (*_, end), *_ = chromium.evaluate("boxes('.notice')")
     assert end < 740  # of a telephone's screen of 360 × 740, in the first view
     # The name is cut where it heads the page, and whole where the machine is described.
     whole = chromium.evaluate(
@@ -210,23 +130,18 @@ def test_a_long_name_leaves_the_decision_in_sight(
 
 def test_one_click_selects_a_command(chromium: Browser, pages: dict[str, Path]):
     chromium.open(pages["healthy"])
-    box = chromium.evaluate(
-        "(() => { const b = document.querySelector('.command').getBoundingClientRect();"
-        " return [b.left + b.width / 4, b.top + b.height / 2]; })()"
-    )
+    (left, right, top, bottom), *_ = chromium.evaluate("boxes('.command')")
+    place = {"x": 0.75 * left + 0.25 * right, "y": 0.5 * (top + bottom)}
     for kind in ("mousePressed", "mouseReleased"):
-        chromium.call("Input.dispatchMouseEvent", type=kind, x=box[0], y=box[1], button="left",
-                      clickCount=1)  # fmt: skip
+        chromium.call("Input.dispatchMouseEvent", type=kind, button="left", clickCount=1, **place)
     selected = chromium.evaluate("getSelection().toString()")
     assert selected.strip() == "orthocal export made.csv --format linuxcnc"
 
 
 def test_a_wide_screen_is_used(chromium: Browser, pages: dict[str, Path]):
-    boxes = "[...document.querySelectorAll('section')].map(e => { const b ="
-    boxes += " e.getBoundingClientRect(); return [b.left, b.right, b.top, b.bottom]; })"
     for width, columns in ((800, 1), (1200, 1), (1600, 2)):
         chromium.open(pages["named_in_machine"], width=width)
-        found = chromium.evaluate(boxes)
+        found = chromium.evaluate("boxes('section')")
         assert len({round(left) for left, *_ in found}) == columns
         covered = max(right for _, right, *_ in found) - min(left for left, *_ in found)
         assert covered > min(0.9 * width, 1050 * columns)
@@ -236,14 +151,12 @@ def test_a_wide_screen_is_used(chromium: Browser, pages: dict[str, Path]):
 
 
 def test_pictures_do_not_glare_in_the_dark(chromium: Browser, pages: dict[str, Path]):
-    fills = "[...document.querySelectorAll('.heat')].map(e => getComputedStyle(e).fill)"
     for dark in (False, True):
         chromium.open(pages["named_in_machine"], dark=dark)
-        light = [_luminance(fill) for fill in chromium.evaluate(fills)]
+        light = [_luminance(fill) for fill in chromium.evaluate("fills('.heat')")]
         assert (max(light) < 0.4) is dark
         # Each step of a scale differs from its neighbours, and from the first to the last goes on.
-        scale = "[...document.querySelectorAll('svg[viewBox=\"0 0 276 30\"] .heat')]"
-        steps = chromium.evaluate(f"{scale}.map(e => getComputedStyle(e).fill)")
+        steps = chromium.evaluate("""fills('svg[viewBox="0 0 276 30"] .heat')""")
         levels = [_luminance(fill) for fill in steps]
         assert levels == sorted(levels, reverse=not dark)
         assert len(set(levels)) == 7
@@ -256,21 +169,22 @@ def test_text_contrast_in_both_schemes(
 ):
     """At least 4.5 : 1, as WCAG 2 asks of text."""
     chromium.open(pages[kind], dark=dark)
-    found = chromium.evaluate(COLOURS)
+    found = chromium.evaluate("colours()")
     assert len(found) > 50
     paper = {back for _, _, back in found}
     assert any(_luminance(back) < 0.1 for back in paper) is dark
     # Lines of pictures: at least 3 : 1, as it asks of graphics.
-    strokes = "[...document.querySelectorAll('.rail, .bar, .thread, .whisker, .dial, .due')].map("
-    strokes += "e => (s => [e.className.baseVal, s.stroke, s.strokeOpacity])(getComputedStyle(e)))"
     back = min(paper, key=_luminance) if dark else "rgb(255, 255, 255)"
-    for name, stroke, opacity in chromium.evaluate(strokes):
-        light, low = sorted((_luminance(stroke), _luminance(back)), reverse=True)
-        assert (light + 0.05) / (low + 0.05) >= 3.0, name
+    for name, stroke, opacity in chromium.evaluate("strokes()"):
+        assert _contrast(stroke, back) >= 3.0, name
         assert opacity == "1", name
     for tag, front, back in found:
-        light, low = sorted((_luminance(front), _luminance(back)), reverse=True)
-        assert (light + 0.05) / (low + 0.05) >= 4.5, (tag, front, back)
+        assert _contrast(front, back) >= 4.5, (tag, front, back)
+
+
+def _contrast(one: str, other: str) -> float:
+    low, light = sorted(map(_luminance, (one, other)))
+    return (light + 0.05) / (low + 0.05)
 
 
 def _luminance(colour: str) -> float:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.program import done, refused, run
+from tests.cli.program import SIX, UNDETERMINED, done, refused, run
 from tests.machines import NOMINAL, SAMPLES
 from tests.results import cases
 from tests.results.sessions import FINE, TRUE, session, write
@@ -118,3 +118,17 @@ def test_export_table_needs_an_accepted_cause(healthy: Path, tmp_path: Path):
     table = run("export", gap, "--machine", extended, "--format", "table", "--points", 2)
     assert table.exit_code == 0, table.stderr
     assert len(table.stdout.splitlines()) == 9
+
+
+def test_what_must_not_be_used_is_marked_if_forced() -> None:
+    said = refused(4, "export", SIX)
+    assert "Export refused." in said
+    assert "To export it anyway, marked as FORCED: --force" in said
+    forced = run("export", SIX, "--force", "--format", "linuxcnc")
+    assert forced.exit_code == 0
+    assert "# FORCED: this result must not be used." in forced.stdout
+    assert forced.stdout.count("HOME_OFFSET = ") == 3
+    assert forced.stderr.startswith("FORCED: ")
+    nothing = run("export", "-", "--force", text=UNDETERMINED)
+    assert (nothing.exit_code, nothing.stdout) == (4, "")
+    assert "--force" not in nothing.stderr

@@ -25,7 +25,6 @@ from tests.printer_files import OFF, exact
 from tests.report.cases import changed
 from tests.results import cases
 from tests.results.cases import HOSTILE, case_of, identity_of
-from tests.results.sessions import TRUE, given, session
 from tests.truth.delta import V400, Layout, Truth, delta_yaml, tool
 from tests.truth.forward import tool_from_carriages
 
@@ -38,10 +37,10 @@ def export(case: Case) -> tuple[Case, Identity]:
 
 @pytest.fixture(scope="module")
 def released() -> Case:
-    """The healthy session on a machine with offsets already active."""
+    """The healthy session on a machine, of a file, with offsets already active."""
     healthy = cases.healthy().given
-    model = changed(NOMINAL, offsets_mm=JointOffsets(0.1, -0.2, 0.3))
-    return case_of(replace(healthy, model=model))
+    model = changed(NOMINAL, offsets_mm=JointOffsets(0.12345, -0.2, 0.3))
+    return replace(case_of(replace(healthy, model=model)), machine_file=Path("mine.yaml"))
 
 
 def sections(text: str) -> ConfigParser:
@@ -61,20 +60,18 @@ def test_linuxcnc_snippet_is_an_ini_with_one_offset_per_joint(released: Case) ->
     text = controller.as_linuxcnc(*export(released))
     settings = sections(text)
     found = [float(settings[f"JOINT_{k}"]["HOME_OFFSET"]) for k in range(3)]
-    assert found == pytest.approx(np.array([0.1, -0.2, 0.3]) + changes(released))
+    assert found == pytest.approx(np.array([0.12345, -0.2, 0.3]) + changes(released))
     assert [len(settings[name]) for name in settings.sections()] == [1, 1, 1]
     assert "re-home all three axes" in text
-    assert "previous +0.100" in text
+    assert "previous +0.12345" in text, "to its last digit"
     assert "Check: put the gauge 155 mm from carriage" in text
 
 
 def test_text_says_what_the_controller_says_and_what_is_true(released: Case) -> None:
     text = controller.as_text(*export(released))
-    assert (
-        f"x: the controller says 310.250 mm, truly {310.25 + changes(released)[0]:.3f} mm" in text
-    )
+    true = 310.25 + changes(released)[0]
+    assert f"x: the controller says 310.25000 mm, truly {true:.5f} mm" in text
     assert "re-home" in text
-    assert "orthocal verify" in text
     row = next(line for line in text.splitlines() if line.strip().startswith("z "))
     cells = row.split()
     assert float(cells[4]) == pytest.approx(float(cells[1]) + float(cells[2]))
@@ -91,6 +88,12 @@ def test_what_must_not_be_used_is_marked(make, name: str) -> None:
     assert "FORCED" in text
     reason = case.says(case.answer.release.reasons[0]).split(":")[0]
     assert reason in " ".join(text.replace("\n# ", " ").split())
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_the_command_to_verify_keeps_the_machine_file(released: Case, name: str) -> None:
+    text = FORMATS[name](*export(released))
+    assert "orthocal verify made.csv AFTER --machine mine.yaml --applied" in text
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -112,19 +115,6 @@ def test_compensation_table_is_numbers() -> None:
     assert {row["not_compensated"] for row in rows} == {"thermal_drift"}
     first = np.array([float(rows[0][f"add_to_joint_{axis}_mm"]) for axis in "xyz"])
     assert first == pytest.approx(table.corrections_mm[0], abs=5.1e-5)
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_the_command_to_verify_keeps_the_machine_file(released: Case, name: str) -> None:
-    case = replace(released, machine_file=Path("mine.yaml"))
-    text = FORMATS[name](*export(case))
-    assert "orthocal verify made.csv AFTER --machine mine.yaml --applied" in text
-
-
-def test_previous_offsets_keep_their_digits() -> None:
-    model = changed(NOMINAL, offsets_mm=JointOffsets(0.12345, 0.0, 0.0))
-    text = controller.as_linuxcnc(*export(case_of(given(session(TRUE, 3), model))))
-    assert "previous +0.12345" in text
 
 
 # --- lines for printers, read as each firmware documents them -----------------------------------
@@ -194,8 +184,11 @@ def exported(tmp_path: Path, truth: Truth, format: str, *known: Effect) -> str:
 
 @pytest.mark.parametrize("format", FIRMWARES)
 def test_the_tool_is_where_the_firmware_will_believe_it(tmp_path, format):
-    really = tool(V400, OFF, V400.home - BELOW)
-    found = reached(*READ[format](exported(tmp_path, OFF, format)))
+    really, text = tool(V400, OFF, V400.home - BELOW), exported(tmp_path, OFF, format)
+    found = reached(*READ[format](text))
+    remarks = " ".join(line[2:] for line in text.splitlines() if line.startswith("# "))
+    obeyed = "Where these settings stand above the block, too, delete them there" in remarks
+    assert obeyed == (format == "klipper")
     assert found == pytest.approx(really, abs=2e-3)
     before = reached(np.array(V400.arms), V400.radius, USUAL, np.array(V400.endstops))
     assert np.abs(before - really).max() > 0.2
@@ -210,12 +203,6 @@ def test_arms_that_were_accepted_as_longer_are_entered(tmp_path, format):
         tool(V400, truth, V400.home - BELOW), abs=2e-3
     )
     assert "leg_length" not in text
-
-
-def test_klipper_is_told_which_lines_it_would_obey_instead(tmp_path):
-    text = exported(tmp_path, OFF, "klipper")
-    remarks = " ".join(line[2:] for line in text.splitlines() if line.startswith("# "))
-    assert "Where these settings stand above the block, too, delete them there" in remarks
 
 
 @pytest.mark.parametrize("format", FIRMWARES)

@@ -20,6 +20,7 @@ from orthoglide_cal.report.documents.calibration import calibration_document
 from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.solution import budget_sections, solution_document
 from orthoglide_cal.report.documents.verification import verification_document
+from orthoglide_cal.report.sentences import _COMPOSED, _SENTENCES
 from orthoglide_cal.results import identify
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.words import two_figures
@@ -199,3 +200,12 @@ def test_small_sources_are_counted(count: int, said: str) -> None:
     (section,) = budget_sections(NOMINAL.machine, *budget_lines(budget))
     rows = grid_of(section).rows
     assert [row[0] for row in rows if "other" in str(row[0])] == [said]
+
+
+def test_reasons_and_sentences_belong_together() -> None:
+    source = "".join(path.read_text() for path in (ROOT / "orthoglide_cal").rglob("*.py"))
+    known = {*_COMPOSED, *_SENTENCES}
+    assert set(re.findall(r'Reason\.of\(\s*"(\w+)"', source)) <= known
+    quoted = set(re.findall(r'"(\w+)"', source))
+    # The names of some are made of a field or a cause.
+    assert {re.sub("^(gauge|doubted)_", "", code) for code in known - quoted} <= quoted

@@ -8,12 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from orthoglide_cal import errors, words
+from orthoglide_cal import errors, schema, words
+from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.report import case, figures
 from orthoglide_cal.report.documents.pictures import _sign, _signs
 from orthoglide_cal.results.answer import Residual, Shim
 
-BED = 100.0, (210.0, 330.0, 90.0)
+BED = Bed(100.0, (210.0, 330.0, 90.0), 10.0)
 
 
 def marks(picture: str) -> list[tuple[float, float]]:
@@ -163,7 +164,7 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
 
 def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():
     place, left = np.array([[0.0, 100.0], [50.0, 0.0], [-50.0, 0.0]]), np.array([0.0, 0.04, -0.04])
-    (panel,) = figures.bed_maps("", place, {"radius only": left}, *BED)
+    (panel,) = figures.bed_maps("", place, {"radius only": left}, BED)
     _, (x0, y0), (x1, y1), (x2, _) = marks(panel)  # the first is the bed
     assert y0 < y1  # of the picture, which counts downwards
     assert x2 < x0 < x1
@@ -178,7 +179,7 @@ def test_a_map_of_a_bed_has_y_upwards_and_a_middle_colour_for_nothing():
     many = np.tile(place, (4, 1)) + np.arange(12)[:, None]
     noise = 0.01 * np.cos(np.arange(12.0))
     noise[7] = 0.5
-    (ringed,) = figures.bed_maps("", many, {"radius only": noise}, *BED)
+    (ringed,) = figures.bed_maps("", many, {"radius only": noise}, BED)
     assert ringed.count('class="ring"') == 1
     assert "1 stand out, ringed" in ringed
     assert len(set(re.findall(r'class="heat d(\d)"></circle>', ringed))) > 4
@@ -227,7 +228,7 @@ def test_what_is_found_of_a_machine_is_drawn_to_its_sign():
     assert "x −0.080 mm" in figures.parameter_sketch("cause", carriage)
 
 
-@pytest.mark.parametrize("module", [errors, case, figures, words])
+@pytest.mark.parametrize("module", [errors, case, figures, schema, words])
 def test_the_examples_in_docstrings_are_true(module):
     result = doctest.testmod(module)
     assert result.attempted > 0

@@ -18,7 +18,7 @@ from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reductio
 from orthoglide_cal.model.plan import without_zeros
 from orthoglide_cal.model.readings import GaugePlan, Posture
 from orthoglide_cal.report.documents.verification import verification_document
-from orthoglide_cal.results import identify
+from orthoglide_cal.results import answer_to, identify
 from orthoglide_cal.results.verification import Outcome, _respond, shared_contrasts, verify
 from tests import truth
 from tests.estimation.sessions import of_values
@@ -111,6 +111,19 @@ def test_raw_sessions_of_both_protocols(plan: GaugePlan):
     assert result.response.value == pytest.approx(1.0, abs=0.05)
     assert not result.other_change.found
     assert abs(result.rms_promised_mm - result.rms_after_mm) < 0.02
+
+
+def test_what_is_left_is_as_sure_as_solve_says():
+    """At 26 °C the legs may have grown: both count it."""
+    warm = Conditions(temperature_c=(25.9, 26.1))
+    first, second = (
+        given(session(*one), conditions=warm) for one in ((TRUE, 1), ([0.01, 0.0, -0.02], 2))
+    )
+    result = verify(first, second, TRUE)
+    for left, told in zip(result.second, answer_to(second).parameters, strict=True):
+        assert (left.found, left.expanded) == (told.found, told.expanded)
+    cold = verify(given(first.measured), given(second.measured), TRUE)
+    assert result.second[0].expanded > 1.1 * cold.second[0].expanded
 
 
 def test_unequal_sessions_share_what_both_determine():

@@ -34,15 +34,11 @@ from tests.truth.delta import (
     V400,
     Delta,
     Layout,
-    Truth,
     delta_csv,
     delta_yaml,
     make_delta_session,
-    places_of,
-    touches,
 )
 from tests.truth.delta_separation import GRAIN
-from tests.truth.plan import Floats
 
 from .terminal import Terminal, run_program
 from .virtual import AT, opened
@@ -156,30 +152,6 @@ def test_what_was_adjusted_is_the_whole_change(cause: str) -> None:
     assert history.verdict is Trend.UNCHANGED
     assert "adjusted" in [note.code for note in history.notes]
     assert compare((before, after)).verdict is Trend.CHANGED
-
-
-def test_calibrating_takes_up_a_tilted_plate_and_what_a_push_moves() -> None:
-    """Why a plate's screws are left alone, and a printer is calibrated after a push."""
-    x, y = places_of(Layout(), V400.bed).T
-    nothing = np.zeros(len(x))
-
-    def changed(by: float = 1.0, **parts: Sequence[object]) -> Floats:
-        moved = replace(Truth(), **{name: np.array(part) * by for name, part in parts.items()})
-        sides = (touches(V400, at, x, y, nothing, nothing) for at in (moved, Truth()))
-        return (next(sides) - next(sides)) / by
-
-    unit = np.eye(3)
-    known = [changed(0.01, endstops=k) for k in unit] + [changed(0.01, angles=k) for k in unit[:2]]
-    known = np.transpose([*known, changed(0.01, radius=1.0)])
-
-    def shown(change: Floats) -> tuple[float, float]:
-        left = change - known @ np.linalg.lstsq(known, change)[0]
-        return float(np.sqrt(np.mean(change**2))), float(np.sqrt(np.mean(left**2)))
-
-    lean, apart = shown(changed(leans=[[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]]))
-    assert lean > 0.04
-    assert apart < min(0.1 * lean, 0.3 * V400.noise)
-    assert shown(x / V400.bed)[1] < 0.03
 
 
 def test_a_probe_leads_to_upright_towers(tmp_path: Path) -> None:

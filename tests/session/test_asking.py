@@ -1,6 +1,9 @@
 """One prompt, answered by keyboard or gauge; with a clock that only the test moves on."""
 
+import re
+import time
 from collections.abc import Iterable
+from pathlib import Path
 
 import pytest
 
@@ -10,16 +13,21 @@ from orthoglide_cal.session.asking import (
     ALONE_S,
     ANSWER_S,
     BETWEEN_GAUGES_S,
+    BY_HAND_S,
     POLL_S,
     RECONNECT_S,
     STREAM,
     Asker,
+    DeadTime,
     Line,
     Style,
     Unasked,
 )
+from orthoglide_cal.session.events import replay
 from orthoglide_cal.session.gauges import GaugeLost, LiveGauge, Token
 
+from .going_on import events_of
+from .terminal import PROGRAM, Terminal
 from .virtual import Screen, steps_of
 
 STEP = steps_of()[0]
@@ -277,3 +285,53 @@ def test_the_end_of_input_is_the_end(live: bool, itself: bool) -> None:
     scene = Scene([], live)
     with pytest.raises(EOFError):
         Asker(scene, Screen(), Gauge(scene, itself), scene.clock).ask(ASKED, STEP)
+
+
+def kept(folder: Path) -> dict[int, float]:
+    return {
+        number: item.take.value_mm
+        for number, item in replay(events_of(folder / "s.journal")).accepted.items()
+    }
+
+
+def test_a_number_begun_before_its_prompt_is_not_taken_for_its_end(tmp_path: Path) -> None:
+    """ "-0.4" before the prompt and "1" after it are not the reading 1."""
+    with Terminal(tmp_path, "s.yaml", program=PROGRAM) as terminal:
+        assert terminal.step() == 1
+        terminal.type("-0.64\r0.4", end="")
+        assert terminal.step() == 2
+        time.sleep(BETWEEN_GAUGES_S + 0.2)
+        terminal.type("1")
+        terminal.expect("ignored: 0.41 came before the prompt")
+        assert terminal.step() == 2
+    assert kept(tmp_path) == {1: -0.64}
+
+
+def test_what_is_ignored_is_said_on_standard_error(tmp_path: Path) -> None:
+    program = f"import sys; sys.stderr = open('e', 'w'); {PROGRAM}"
+    with Terminal(tmp_path, "s.yaml", program=program) as terminal:
+        assert terminal.step() == 1
+        terminal.type("-0.64\r-0.64")
+        assert terminal.step() == 2
+    assert "ignored" not in terminal.seen
+    said = (tmp_path / "e").read_text().splitlines()[0]
+    assert re.fullmatch(r"ignored: -0\.64 came \d\.\d\d s after the one before; .+", said)
+
+
+def test_what_came_before_its_prompt_follows_no_reading() -> None:
+    dead = DeadTime()
+    dead.begin(100.0, driving=False, mine=True)
+    assert dead.ignore(100.9) == pytest.approx(0.9)
+    assert (dead.unasked, dead.after_reading) == (1, True)
+    assert dead.ignore(dead.opens) is None
+    assert (dead.unasked, dead.after_reading) == (1, False)
+
+
+def test_a_hand_is_told_from_a_gauge_by_its_pace() -> None:
+    dead = DeadTime()
+    dead.begin(100.0, driving=True, mine=True)
+    slow, fast = 5 * 1.1 * BY_HAND_S, 5 * 0.9 * BY_HAND_S
+    assert not dead.is_early(100.4, 100.4 + slow, 5, shown=100.1)
+    assert dead.is_early(100.4, 100.4 + fast, 5, shown=100.1)
+    assert dead.is_early(100.2, 100.2 + slow, 5, shown=100.1)  # no hand is back so soon
+    assert dead.is_early(100.4, 100.4 + slow, 5, shown=100.5)  # before its prompt

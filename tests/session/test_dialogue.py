@@ -1,4 +1,4 @@
-"""The loop, driven without a terminal: whole sessions, screens, keys, questions, resume."""
+"""The loop, driven without a terminal: screens, keys, questions; resumed, ended early, reopened."""
 
 import contextlib
 import re
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from orthoglide_cal.errors import UsageError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.session_file import session_json
 from orthoglide_cal.model.machine import Origin
@@ -17,8 +18,9 @@ from orthoglide_cal.planning.steps import Posture
 from orthoglide_cal.results import answer_to
 from orthoglide_cal.session.asking import Asker, Style
 from orthoglide_cal.session.dialogue import Dialogue, Quit
-from orthoglide_cal.session.events import Doubt
+from orthoglide_cal.session.events import Doubt, Retake
 
+from .going_on import events_of
 from .virtual import (
     DOUBLE,
     a_dialogue,
@@ -164,13 +166,6 @@ def test_retake_of_a_leg_whose_stand_has_moved_is_the_whole_set_up(tmp_path: Pat
     assert values(again) == {}
 
 
-@pytest.mark.parametrize("line", ["r 59", "r -1", "r abc", "r 0", "r z", "r"])
-def test_retake_of_nothing(tmp_path: Path, line: str) -> None:
-    dialogue, _ = answered(tmp_path / "s.journal", ["-0.64", line, ""])
-    assert values(dialogue) == {1: -0.64}
-    assert dialogue.state.count == 2
-
-
 def test_notes_stay_with_their_step(tmp_path: Path) -> None:
     lines = ["n door \x1b[A\u202eslammed", "-0.64", "n", "second note", "n"]
     dialogue, _ = answered(tmp_path / "s.journal", lines)
@@ -202,10 +197,14 @@ def test_resuming_says_that_the_stands_are_in_place(tmp_path: Path) -> None:
     assert screen.text.count("do not touch") == 1  # nothing counts any more: set it up again
 
 
-@pytest.mark.parametrize("line", ["", "911", "\x1b[A", "urr", "k", "t", "ß0.64"])
-def test_nothing_but_a_reading_is_a_reading(tmp_path: Path, line: str) -> None:
-    dialogue, screen = answered(tmp_path / "s.journal", [line, line])
-    assert dialogue.state.count == 1
+@pytest.mark.parametrize(
+    "line",
+    ["", "911", "\x1b[A", "urr", "k", "t", "ß0.64", "r 59", "r -1", "r abc", "r 0", "r z", "r"],
+)
+def test_what_is_no_reading_and_no_key_changes_nothing(tmp_path: Path, line: str) -> None:
+    dialogue, screen = answered(tmp_path / "s.journal", ["-0.64", line, line])
+    assert values(dialogue) == {1: -0.64}
+    assert dialogue.state.count == 2
     assert "\x1b" not in screen.text
 
 
@@ -242,19 +241,13 @@ def with_slip() -> list[str]:
     return [*typed(right)[:8], f"{right[8] + 1.0:.2f}"]
 
 
-def test_a_slip_is_questioned_and_can_be_read_again(tmp_path: Path) -> None:
-    good = f"{readings_of(steps_of(), 1)[8]:.2f}"
-    dialogue, screen = answered(tmp_path / "s.journal", [*with_slip(), good])
-    ((take, _),) = dialogue.state.replaced
-    assert (take.step, take.doubt) == (9, Doubt.REVOLUTION)
-    assert take.question in " ".join(screen.text.split())
-    assert values(dialogue)[9] == float(good)
-    assert take.question in content(dialogue)["retaken"][0]["reason"]
-
-
 @pytest.mark.parametrize("key", ["k", "K", "yes", "m"])
 def test_a_slip_can_be_kept_with_a_note(tmp_path: Path, key: str) -> None:
-    dialogue, _ = answered(tmp_path / "s.journal", [*with_slip(), key])
+    """Also after a crash: the question is put again."""
+    path = tmp_path / "s.journal"
+    answered(path, with_slip())
+    dialogue, screen = answered(path, [key])
+    assert Style.QUESTION in [style for _, style in screen.shown]
     assert dialogue.state.pending is None
     take = dialogue.state.accepted[9].take
     row = content(dialogue)["readings"][8]
@@ -263,16 +256,18 @@ def test_a_slip_can_be_kept_with_a_note(tmp_path: Path, key: str) -> None:
     assert bool(dialogue.state.moved) == (key == "m")
 
 
-@pytest.mark.parametrize(("off", "kept"), [(0.0, True), (0.01, True), (0.02, False)])
-def test_the_same_reading_again_is_kept_without_a_second_question(
-    tmp_path: Path, off: float, kept: bool
-) -> None:
-    """Within three standard deviations of a reading, 0.0199 mm with this gauge."""
+@pytest.mark.parametrize(("off", "kept"), [(-1.0, True), (0.0, True), (0.01, True), (0.02, False)])
+def test_a_slip_is_questioned_and_read_again(tmp_path: Path, off: float, kept: bool) -> None:
+    """What is right by now is kept, and the same again without a second question: within three
+    standard deviations of a reading, 0.0199 mm with this gauge."""
     lines = with_slip()
     again = f"{float(lines[-1]) + off:.2f}"
-    dialogue, _ = answered(tmp_path / "s.journal", [*lines, again])
-    assert (9 in dialogue.state.accepted) == kept
-    assert replaced(dialogue) == [float(lines[-1])]
+    dialogue, screen = answered(tmp_path / "s.journal", [*lines, again])
+    ((take, _),) = dialogue.state.replaced
+    assert (take.step, take.value_mm, take.doubt) == (9, float(lines[-1]), Doubt.REVOLUTION)
+    assert take.question in " ".join(screen.text.split())
+    assert take.question in content(dialogue)["retaken"][0]["reason"]
+    assert values(dialogue).get(9) == (float(again) if kept else None)
 
 
 @pytest.mark.parametrize("line", ["u", "t", "n what", "hello"])
@@ -280,14 +275,6 @@ def test_keys_work_at_a_question(tmp_path: Path, line: str) -> None:
     dialogue, _ = answered(tmp_path / "s.journal", [*with_slip(), line])
     assert (dialogue.state.pending is None) == (line == "u")
     assert sorted(values(dialogue)) == list(range(1, 9))
-
-
-def test_a_question_is_put_again_after_a_crash(tmp_path: Path) -> None:
-    path = tmp_path / "s.journal"
-    answered(path, with_slip())
-    dialogue, screen = answered(path, ["k"])
-    assert Style.QUESTION in [style for _, style in screen.shown]
-    assert 9 in dialogue.state.accepted
 
 
 def test_a_moved_stand_gets_a_new_zero_and_the_offsets_stay_right(tmp_path: Path) -> None:
@@ -321,3 +308,69 @@ def test_a_clock_that_is_set_back_does_not_turn_the_order_around(tmp_path: Path)
     late = opened(at="2025-03-01T19:00:00.000+01:00")  # the clock shows 9 in the morning
     dialogue, _ = answered(tmp_path / "t.journal", ["-0.64"], first=late)
     assert dialogue.so_far.minutes.tolist() == [0.0]
+
+
+RIGHT, SHORT = (typed(readings_of(steps_of(cycles=cycles))) for cycles in (3, 1))
+ENDED = "the session was ended"
+
+
+@pytest.mark.parametrize("answer", ["yes", "n", "0.41", "why"])
+def test_s_all_ends_the_session_only_after_yes(tmp_path: Path, answer: str) -> None:
+    dialogue, screen = answered(tmp_path / "s.journal", ["-0.64", "s all", answer, "0.41"])
+    assert "59 readings are missing." in screen.text
+    assert ("End the session here? y/n > ", Style.PROMPT) in screen.shown
+    ends = answer.startswith("y")
+    assert (dialogue.state.ended is not None) == ends
+    assert dialogue.state.skipped == dict.fromkeys(range(2, 61) if ends else (), ENDED)
+    assert values(dialogue) == ({1: -0.64} if ends else {1: -0.64, 2: 0.41})
+
+
+def reopened(path: Path, lines: list[str], agreed: bool = True) -> Dialogue:
+    dialogue, _, journal = a_dialogue(path, lines, first=opened(cycles=1))
+    with closing(journal):
+        dialogue.offer_again(agreed)
+        dialogue.run()
+        dialogue.publish()
+    return dialogue
+
+
+@pytest.fixture
+def ended(tmp_path: Path) -> Path:
+    """The journal of a session that was ended after 18 of 24 readings."""
+    reopened(tmp_path / "s.journal", [*SHORT[:18], "s all power cut"])
+    return tmp_path / "s.journal"
+
+
+def test_an_ended_session_goes_on_where_it_was_ended(ended: Path) -> None:
+    file = ended.with_suffix(".yaml")
+    early = file.read_bytes()
+    assert len(values(reopened(ended, [], agreed=False))) == 18  # nobody is asked there
+    again = reopened(ended, SHORT[18:])
+    assert values(again) == dict(enumerate(map(float, SHORT), start=1))
+    assert again.state.ended is not None
+    assert again.state.skipped == {}
+    assert file.read_bytes() != early
+    assert reopened(ended, []).state.ended is not None  # nothing is missing: nothing is asked
+
+
+def test_a_session_file_that_somebody_changed_is_not_replaced(ended: Path) -> None:
+    file = ended.with_suffix(".yaml")
+    file.write_bytes(file.read_bytes() + b"# mine\n")
+    before = file.read_bytes()
+    with pytest.raises(UsageError, match="not overwritten"):
+        reopened(ended, SHORT[18:])
+    assert file.read_bytes() == before
+
+
+def test_skipped_steps_of_another_set_up_bring_its_readings_with_them(tmp_path: Path) -> None:
+    """The stands were moved since: leg X again, and leg Y, to which they come back."""
+    path = tmp_path / "s.journal"
+    answered(path, [*RIGHT[:9], "s cable", *RIGHT[10:25]])
+    dialogue, screen, journal = a_dialogue(path, [])
+    with closing(journal):
+        dialogue.offer_again(agreed=True)
+    (retake,) = [e for e in events_of(path) if isinstance(e, Retake)]
+    assert retake.steps == tuple(range(1, 26))
+    assert "24 earlier readings are taken again" in " ".join(screen.text.split())
+    first, _ = answered(tmp_path / "t.journal", [*RIGHT[:9], "s cable", *RIGHT[10:25], "r 10", "y"])
+    assert values(first) == {}  # the key r does the same

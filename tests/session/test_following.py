@@ -1,7 +1,9 @@
-"""Going on from readings: recommended, guided, and written together with the first ones."""
+"""Going on from readings: recommended, guided, written with the first ones; killed; refused."""
 
 import contextlib
+import json
 import re
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +19,17 @@ from orthoglide_cal.planning import rank_measurements
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.session import opening
-from orthoglide_cal.session.events import Taken
+from orthoglide_cal.session.events import RECORD, Taken, replay
 from orthoglide_cal.session.opening import Request, open_session, planned_next
 from orthoglide_cal.session.readings import PriorReadings
 from tests.cli.program import done
 from tests.machines import ROOT, SAMPLES
+from tests.printer_files import OFF, printer_cfg
+from tests.truth.delta import V400
 
 from .going_on import SIMULATED, choice, content, events_of, is_step, is_turn, is_usual, read
-from .terminal import finished
-from .virtual import Screen, Script
+from .terminal import Terminal, finished, refused, run_program
+from .virtual import Screen, Script, without_times
 
 
 def test_the_best_recommendation_is_shown_guided_and_joined(first: Path, tmp_path: Path) -> None:
@@ -214,3 +218,113 @@ def test_the_machine_file_says_what_was_applied_meanwhile(tmp_path: Path) -> Non
     found = solve(new, default_machine())
     hidden = np.random.default_rng([7, 0]).uniform(-1.5, 1.5, 3)
     assert np.all(np.abs(found.offsets_mm - hidden) < 5.0 * found.std_mm)
+
+
+HERE = Path(__file__).parent
+
+
+def test_a_killed_session_needs_nothing_but_its_journal(first: Path, tmp_path: Path) -> None:
+    """Killed in the program before any reading, and after several; FILE is gone meanwhile.
+
+    What is measured is said once at the beginning, and again where it is gone on with.
+    """
+    copy = tmp_path / "a.yaml"
+    copy.write_bytes(first.read_bytes())
+    arguments = choice(copy, is_step)
+    whole = run_program(tmp_path, "whole.yaml", *arguments)
+    assert whole.returncode == 0
+    options: tuple[str, ...] = arguments[:-1]
+    for kill_at in (1, 2, 4, 7):
+        with Terminal(tmp_path, "k.yaml", *options) as terminal:
+            while terminal.step() != kill_at:
+                terminal.type("")
+            terminal.child.kill(signal.SIGKILL)
+        copy.unlink(missing_ok=True)
+        options = ("--resume",)
+    shown = finished(tmp_path, "k.yaml", "--resume")
+    for text in (whole.stdout, shown):
+        assert " ".join(text.split()).count("Without touching the stands") == 1, text
+    expected = without_times((tmp_path / "whole.yaml").read_text())
+    assert without_times((tmp_path / "k.yaml").read_text()) == expected
+
+
+def test_what_is_read_comes_back_as_it_was_written(first: Path, tmp_path: Path) -> None:
+    finished(tmp_path, "s.yaml", *choice(first, is_step))
+    begun, planned, *_ = events_of(tmp_path / "s.journal")
+    assert begun.version == 2
+    assert RECORD.validate_json(json.dumps(planned.model_dump())) == planned
+    assert planned.following.data.text == first.read_text()
+    assert {reading.entered for reading in planned.readings} == {(0.3, 0.0, 0.0)}
+    record = planned.model_dump()
+    for spoilt in ({"leg": "x"}, {"contact": 9}, {"entered": [0.3, 0.0]}, {"turned": 1}):
+        readings = [{**record["readings"][0], **spoilt}]
+        with pytest.raises(ValueError, match=r"\w"):
+            RECORD.validate_json(json.dumps({**record, "readings": readings}))
+    # Without it nothing is read.
+    alone, *_ = (tmp_path / "s.journal").read_bytes().splitlines(keepends=True)
+    (tmp_path / "1.journal").write_bytes(alone)
+    assert "or another reading for it" in refused(3, tmp_path, "1.yaml", "--resume")
+
+
+@pytest.mark.parametrize("cut", [1, 2, 12, 25, 26])
+def test_journals_of_version_1_go_on_to_the_session_that_their_program_wrote(
+    tmp_path: Path, cut: int
+) -> None:
+    """Written, whole, by the last program that knew version 1 only; its simulated gauge, too."""
+    lines = (HERE / "whole_version_1.journal").read_bytes().splitlines(keepends=True)
+    (tmp_path / "s.journal").write_bytes(b"".join(lines[:cut]))
+    finished(tmp_path, "s.yaml", "--resume")
+    expected = without_times((HERE / "whole_version_1.yaml").read_text())
+    assert without_times((tmp_path / "s.yaml").read_text()) == expected
+    first = events_of(tmp_path / "s.journal")[0]
+    assert replay([first]).planned is None
+
+
+LARGE = str(ROOT / "configs" / "orthoglide_large.yaml")
+TOGETHER = "--then and {} do not go together"
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--protocol", "single"), TOGETHER.format("--protocol or --design")),
+        (("--design", "best"), TOGETHER.format("--protocol or --design")),
+        (("--cycles", "2"), TOGETHER.format("--cycles")),
+        (("--order", "paper"), TOGETHER.format("--order")),
+        (("--until", "0.1"), TOGETHER.format("--until")),
+        (("--resume",), TOGETHER.format("--resume")),
+        (("--choice", "999"), "There is no recommendation 999"),
+        (("--seed", "8"), "was not measured on this simulated machine"),
+        (("--offsets-active", "1000", "0", "0"), "These are not three joint offsets"),
+        (("--machine", LARGE), "was measured on another machine than that of --machine"),
+        # Other files to go on with; the last one counts.
+        (("--then", f"{SAMPLES}/experiment1.csv"), "holds differences; new readings cannot be"),
+        (("--then", f"{SAMPLES}/experiment2.csv"), "Give the file of the raw readings"),
+        (("--then", f"{SAMPLES}/single_posture_session.csv"), "readings of both kinds cannot be"),
+        (("--then", "none.csv"), "There is no such file"),
+        (("--then", "printer.cfg"), "No protocol guides through measuring a linear delta"),
+        (("--then", "-"), "standard input is the keyboard"),
+    ],
+)
+def test_what_cannot_be_gone_on_with_is_refused(
+    first: Path, tmp_path: Path, options: tuple[str, ...], said: str
+) -> None:
+    printer = tmp_path / "printer.cfg"
+    printer.write_text(printer_cfg(V400, OFF), encoding="utf-8")
+    code = 3 if "none.csv" in options else 2
+    assert said in refused(code, tmp_path, "n.yaml", "--then", str(first), *options, "--yes")
+    assert list(tmp_path.iterdir()) == [printer]
+
+
+def test_the_first_file_is_never_the_new_one(first: Path) -> None:
+    before = first.read_bytes()
+    for name in ("a.yaml", "a"):
+        assert "never changed" in refused(2, first.parent, name, "--then", "a.yaml", "--yes")
+    assert first.read_bytes() == before
+
+
+def test_stands_that_were_pushed_are_not_gone_on_with(first: Path, tmp_path: Path) -> None:
+    """New offsets act once the machine was homed."""
+    given = (*choice(first, is_step), "--offsets-active", "0.5", "0", "0")
+    assert "changed since the last reading" in refused(2, tmp_path, "n.yaml", *given)
+    assert not list(tmp_path.iterdir())

@@ -106,45 +106,29 @@ def test_a_selection_is_the_forecast_of_that_part(cause: str | None) -> None:
     assert (moved > 1e-3) == bool(cause)
 
 
-def test_predictions_are_conditional_normal_distributions() -> None:
-    """From the inverse of the whole covariance (precision matrix) instead of a solve."""
+def test_predictions_are_conditional_mixtures() -> None:
+    """From the inverse of the whole covariance (precision matrix), and with scipy's densities."""
     model, values = an_example()
     past, new = np.array([0, 1, 2, 3, 4, 5, 6, 9, 12, 20, 22, 23]), 24
     found = model.given(values[past, None], past, np.array([new]))
+    means, stds = found.means[:, 0, 0], found.std_by_explanation[:, 0, 0]
+    likely = model.by_explanation(values[past, None], past)[:, 0]
     for size, spread in enumerate(model.covariance):
         rows = np.append(past, new)
         precision = np.linalg.inv(spread[np.ix_(rows, rows)])
         expected = -precision[-1, :-1] @ values[past] / precision[-1, -1]
-        assert found.means[size, 0, 0] == pytest.approx(expected, abs=1e-5)
-        std = found.std_by_explanation[size, 0, 0]
-        assert std == pytest.approx(precision[-1, -1] ** -0.5, rel=1e-5)
-
-
-def test_likelihoods_are_those_of_scipy() -> None:
-    model, values = an_example()
-    rows = np.arange(2, 25)
-    found = model.by_explanation(values[rows, None], rows)[:, 0]
-    for size, spread in enumerate(model.covariance):
-        matrix = spread[np.ix_(rows, rows)]
-        exact = stats.multivariate_normal(np.zeros(len(rows)), matrix).logpdf(values[rows])
-        constant = -0.5 * len(rows) * math.log(2.0 * math.pi)
-        assert found[size] + constant == pytest.approx(exact, abs=1e-5)
-    mean = np.log(np.mean(np.exp(found - found.max()))) + found.max()
-    assert model.log_density(values[rows, None], rows).item() == pytest.approx(mean)
-
-
-def test_the_tail_is_that_of_a_mixture() -> None:
-    model, values = an_example()
-    past = np.arange(24)
-    found = model.given(values[past, None], past, np.array([25]))
-    value, chances = found.mean + 0.04, np.exp(found.log_weight[:, 0])
-    means, stds = found.means[:, 0, 0], found.std_by_explanation[:, 0, 0]
-    exact = sum(
-        chance * 2.0 * stats.norm.sf(abs(value.item() - mean) / std)
-        for chance, mean, std in zip(chances, means, stds, strict=True)
-    )
+        assert means[size] == pytest.approx(expected, abs=1e-5)
+        assert stds[size] == pytest.approx(precision[-1, -1] ** -0.5, rel=1e-5)
+        own = spread[np.ix_(past, past)]
+        exact = stats.multivariate_normal(np.zeros(len(past)), own).logpdf(values[past])
+        constant = -0.5 * len(past) * math.log(2.0 * math.pi)
+        assert likely[size] + constant == pytest.approx(exact, abs=1e-5)
+    mean = np.log(np.mean(np.exp(likely - likely.max()))) + likely.max()
+    assert model.log_density(values[past, None], past).item() == pytest.approx(mean)
+    value, chances = found.mean + 0.04, np.exp(likely - likely.max())
+    chances /= chances.sum()
+    exact = np.sum(chances * 2.0 * stats.norm.sf(abs(value.item() - means) / stds))
     assert found.tail(value).item() == pytest.approx(exact)
-    assert chances.sum() == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("part", ["axis_gap", "axis_squareness", "bar_skew"])

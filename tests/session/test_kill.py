@@ -160,26 +160,3 @@ def in_a_child(action: Callable[[], None]) -> int:
         finally:
             os._exit(code)
     return os.waitpid(child, 0)[1]
-
-
-@pytest.mark.parametrize("moment", ["fsync", "hardlink_to", "after", "unlink"])
-def test_killed_while_the_session_file_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: str
-) -> None:
-    """The file is not there, or complete; writing it again ends with the same bytes."""
-    dialogue = uninterrupted(tmp_path / "s.journal", SINGLE, 1)
-    text = session_text(dialogue.so_far.session)
-    target = tmp_path / "s.yaml"
-
-    def write_and_die() -> None:
-        if moment == "fsync":
-            monkeypatch.setattr(os, "fsync", lambda _: die())
-        elif moment != "after":
-            monkeypatch.setattr(Path, moment, lambda *_, **__: die())
-        dialogue.publish()
-        die()
-
-    assert os.WTERMSIG(in_a_child(write_and_die)) == signal.SIGKILL
-    assert not target.exists() or target.read_text(encoding="utf-8") == text
-    dialogue.publish()
-    assert target.read_text(encoding="utf-8") == text

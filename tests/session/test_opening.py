@@ -87,8 +87,11 @@ def test_resume_finds_the_only_unfinished_session_which_is_not_begun_anew(tmp_pa
     before = begun(tmp_path)
     assert "orthocal measure s.yaml --resume" in refused(2, tmp_path, "s.yaml")
     assert (tmp_path / "s.journal").read_bytes() == before
-    done = run_program(tmp_path, "--resume", stdin="-0.95\n")
-    assert "Resumed: 2 readings" in done.stdout
+    (tmp_path / "s.journal").write_bytes(before[:-10])
+    done = run_program(tmp_path, "--resume", stdin="0.42\n")
+    assert "cut off the last entry" in done.stdout
+    assert "Resumed: 1 reading " in done.stdout
+    assert "saved +0.420" in done.stdout
     (tmp_path / "t.journal").write_bytes(before)
     assert "s.journal, t.journal" in refused(2, tmp_path, "--resume")
 
@@ -103,22 +106,6 @@ def test_a_session_that_cannot_be_is_refused(tmp_path: Path, wrong: dict[str, in
     said = refused(3, tmp_path, "s.yaml", "--resume")
     assert f"s.journal, line 1: The journal is damaged here: opened.{next(iter(wrong))}" in said
     assert "Use the orthocal that wrote it" in said
-
-
-def test_a_cut_journal_says_what_was_ignored(tmp_path: Path) -> None:
-    data = begun(tmp_path)
-    (tmp_path / "s.journal").write_bytes(data[:-10])
-    done = run_program(tmp_path, "s.yaml", "--resume", stdin="0.42\n")
-    assert "cut off the last entry" in done.stdout
-    assert "saved +0.420" in done.stdout
-
-
-def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
-    folder = tmp_path / "empty"
-    folder.mkdir()
-    other = machine_file(tmp_path, "identified: []", "identified: [{cause: nonsense}]")
-    assert "not a cause id" in refused(3, folder, "s.yaml", "--machine", other)
-    assert list(folder.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -139,6 +126,7 @@ def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
           for value in ("nan", "inf", "1e300")),
         (("s.yaml", "--offsets-active", "310.25", "0", "0"), "not three joint offsets"),
         (("missing/s.yaml",), "No such file or directory"),
+        (("s.yaml", "--machine", "../machine.yaml"), "not a cause id"),
         *(((name, *resume), "file") for resume in ((), ("--resume",))
           for name in (".", "", "..", "/", "a" * 300, "missing/..")),
         (("--resume",), "no unfinished session"),
@@ -148,9 +136,11 @@ def test_a_machine_that_cannot_be_used_leaves_no_file(tmp_path: Path) -> None:
 def test_what_makes_no_session_is_refused_and_leaves_no_file(
     tmp_path: Path, arguments: tuple[str, ...], said: str
 ) -> None:
-    out_of_reach = {"missing/s.yaml", "plain:/dev/ttyNOPE"} & set(arguments)
-    assert said in refused(3 if out_of_reach else 2, tmp_path, *arguments)
-    assert list(tmp_path.iterdir()) == []
+    machine_file(tmp_path, "identified: []", "identified: [{cause: nonsense}]")
+    (folder := tmp_path / "empty").mkdir()
+    unusable = {"missing/s.yaml", "plain:/dev/ttyNOPE", "../machine.yaml"} & set(arguments)
+    assert said in refused(3 if unusable else 2, folder, *arguments)
+    assert list(folder.iterdir()) == []
 
 
 def test_no_reading_at_all_ends_without_a_number(tmp_path: Path) -> None:

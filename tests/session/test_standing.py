@@ -21,13 +21,13 @@ from .virtual import Screen, a_dialogue
 class Rsh(threading.Thread):
     """Answers as linuxcncrsh does; `joints` in inches, so that a unit that is lost shows."""
 
-    def __init__(self, unit: str = "INCH") -> None:
+    def __init__(self) -> None:
         super().__init__(daemon=True)
         self.server = socket.create_server(("127.0.0.1", 0))
         self.joints, self.asked = list[tuple[float, ...] | None](), list[str]()
         self.said = {
             "hello": "HELLO ACK EMCNETSVR 1.1",
-            "get user_linear_units": f"USER_LINEAR_UNITS {unit}",
+            "get user_linear_units": "USER_LINEAR_UNITS INCH",
             "get kinematics_type": "KINEMATICS_TYPE 3",
             "get joint_homed": "JOINT_HOMED YES YES YES NO NO NO",
         }
@@ -67,10 +67,13 @@ def rsh() -> Iterator[Rsh]:
     server.stop()
 
 
-def followed(path: Path, server: Rsh, *lines: str) -> tuple[Dialogue, Screen]:
+def followed(
+    path: Path, server: Rsh, *lines: str, later: dict[str, str] | None = None
+) -> tuple[Dialogue, Screen]:
     """A session that follows the server, answered by these lines."""
     dialogue, screen, _ = a_dialogue(path / "s.journal", lines)
     dialogue.standing = Standing(server.address)
+    server.said |= later or {}
     with closing(dialogue), pytest.raises(Quit):
         dialogue.run()
     return dialogue, screen
@@ -138,30 +141,27 @@ def test_what_cannot_be_followed(address: str) -> None:
     assert "Errno" not in str(caught.value)
 
 
-@pytest.mark.parametrize("homed", ["NO NO NO", "YES YES NO", "YES YES"])
-def test_it_is_not_followed_until_it_is_homed(homed: str) -> None:
-    server = Rsh()
-    server.said["get joint_homed"] = f"JOINT_HOMED {homed}"
-    with pytest.raises(UsageError, match="is not homed"):
-        Standing(server.address)
-    server.stop()
+@pytest.mark.parametrize(
+    ("asked", "told", "refusal"),
+    [
+        *(("get joint_homed", f"JOINT_HOMED {homed}", "is not homed")
+          for homed in ("NO NO NO", "YES YES NO", "YES YES")),
+        ("get user_linear_units", "USER_LINEAR_UNITS CUSTOM", "CUSTOM"),
+    ],
+)  # fmt: skip
+def test_it_is_not_followed_until_it_is_homed_nor_in_an_unknown_unit(
+    rsh: Rsh, asked: str, told: str, refusal: str
+) -> None:
+    rsh.said[asked] = told
+    with pytest.raises(UsageError, match=refusal):
+        Standing(rsh.address)
 
 
 def test_what_loses_its_home_is_followed_no_more(tmp_path: Path, rsh: Rsh) -> None:
     rsh.joints = [ISO]
-    dialogue, screen, _ = a_dialogue(tmp_path / "s.journal", ("0.10", "q"))
-    dialogue.standing = Standing(rsh.address)
-    rsh.said["get joint_homed"] = "JOINT_HOMED NO NO NO"
-    with closing(dialogue), pytest.raises(Quit):
-        dialogue.run()
+    lost = {"get joint_homed": "JOINT_HOMED NO NO NO"}
+    _, screen = followed(tmp_path, rsh, "0.10", "q", later=lost)
     assert "it is not homed any more" in screen.text
-
-
-def test_a_unit_that_is_unknown_is_refused() -> None:
-    server = Rsh("CUSTOM")
-    with pytest.raises(UsageError, match="CUSTOM"):
-        Standing(server.address)
-    server.stop()
 
 
 @pytest.mark.skipif(missing() is not None, reason=str(missing()))

@@ -146,18 +146,19 @@ def play(
     machine: Machine | None = None,
     minutes: Sequence[float] | None = None,
     questions: int = 60,
+    begin: int = 0,
 ) -> list[tuple[int, Question]]:
     """Take readings and keep each one: (step number, question) wherever one was asked.
 
-    Stops after that many `questions`.
+    Stops after that many `questions`; those before number `begin` are taken without any.
     """
     state = replay([opened()])
     asked = []
     for index, step in enumerate(steps):
         value = float(values[index])
         now = 0.2 * index + 4.0 * (step.setup - 1) if minutes is None else float(minutes[index])
-        question = check(read_next(state, steps, index, now, value, machine), Unit.MM)
-        if question is None:
+        coming = read_next(state, steps, index, now, value, machine) if index >= begin else None
+        if coming is None or (question := check(coming, Unit.MM)) is None:
             state = advance(state, taken(step.number, value, now))
             continue
         asked.append((step.number, question))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .beyond import RARE, SAME, SIZES, Distinction, Gaussian, Rival
+from .beyond import RARE, SIZES, Distinction, Gaussian
 from .delta import (
     KOSSEL,
     TOLERANCES,
@@ -139,12 +139,4 @@ def distinguish_bed(hidden: HiddenInBed) -> Distinction:
             float(at.costs(record, SIZES[:, None, None] * pattern).min())
             for pattern in (columns(how, rows, minutes, shape) for shape in tried)
         )
-    key = hidden.how, hidden.where
-    own = costs.pop(key)
-    same = {claim for claim, cost in costs.items() if claim[0] and abs(cost - own) < SAME}
-    rivals = [
-        Rival(how, where, float(np.sqrt(max(cost - own, 0.0))))
-        for (how, where), cost in costs.items()
-        if (how, where) not in same
-    ]
-    return Distinction(frozenset((key, *same)), min(rivals, key=lambda rival: rival.sigma))
+    return Distinction.among(costs, (hidden.how, hidden.where))

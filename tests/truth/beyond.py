@@ -4,10 +4,10 @@ An effect adds columns times sizes to the readings. A gauge has sizes of its own
 time constant are common. The same columns, with a plausible size, are the rivals of an effect.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -249,6 +249,10 @@ class Gaussian:
         return Gaussian(free, noise, np.hstack((before, added)))
 
 
+Claim = tuple[str, Any]
+"""How an effect acts, and where; of listed causes the first is empty."""
+
+
 class Rival(NamedTuple):
     """The best other claim: an effect elsewhere or of another kind, or listed causes (no `how`)."""
 
@@ -269,6 +273,21 @@ class Distinction:
 
     same: frozenset[tuple[str, Where]]
     nearest: Rival
+
+    @staticmethod
+    def among(
+        costs: Mapping[Claim, float], key: Claim, doubled: Collection[Claim] = ()
+    ) -> "Distinction":
+        """Of what each claim costs; rivals that hold the true place stand twice as far."""
+        own = costs[key]
+        same = {claim for claim, cost in costs.items() if claim[0] and abs(cost - own) < SAME}
+        same.add(key)
+        rivals = [
+            Rival(*claim, float(np.sqrt(max(cost - own, 0.0))) * (1 + (claim in doubled)))
+            for claim, cost in costs.items()
+            if claim not in same
+        ]
+        return Distinction(frozenset(same), min(rivals, key=lambda rival: rival.sigma))
 
     @property
     def clear(self) -> bool:
@@ -335,7 +354,6 @@ def distinguish(hidden: Beyond) -> Distinction:
             own = (hidden.twin.clean - near.centre) / sigma
             true, truly = true.with_columns(own[:, None]), truly + own
 
-    key = hidden.how, hidden.where
     pairs = [alone.with_columns(family) for family in near.families.values()]
     listed = [_listed(alone, values, near) for values in (record, *others)]
     listed += [RARE + _listed(at, values, near) for at in pairs for values in (record, *others)]
@@ -347,12 +365,10 @@ def distinguish(hidden: Beyond) -> Distinction:
     if session.effects:
         for how, where, cost, _ in _effects(true, truly, hidden):
             costs[how, where] = min(cost + RARE, costs[how, where])
-    mine, own = hidden.where.rows(plan), costs.pop(key)
-    same = {other for other, cost in costs.items() if other[0] and abs(cost - own) < SAME}
-    rivals = [
-        Rival(how, where, float(np.sqrt(max(cost - own, 0.0))) * (1 + (how == key[0] and holds)))
-        for (how, where), cost in costs.items()
-        if (how, where) not in same
-        for holds in [not np.any(mine & ~where.rows(plan))]
-    ]
-    return Distinction(frozenset((key, *same)), min(rivals, key=lambda rival: rival.sigma))
+    mine = hidden.where.rows(plan)
+    holding = {
+        (hidden.how, where)
+        for how, where in costs
+        if how == hidden.how and not np.any(mine & ~where.rows(plan))
+    }
+    return Distinction.among(costs, (hidden.how, hidden.where), holding)

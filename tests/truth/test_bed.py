@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from .bed import HOWS, KINDS, Region, distinguish_bed, draw_bed
+from .test_beyond import in_time
 
 
 @pytest.mark.parametrize("how", HOWS)
@@ -15,19 +16,8 @@ def test_an_effect_is_what_it_says_in_its_region_and_nothing_elsewhere(how: str,
     assert 0 < rows.sum() < len(rows)
     assert not added[~rows].any()
     values, minutes = added[rows], session.minutes[rows]
-    if how == "settles":
-        at_rest = values[0] * np.exp(-(minutes - minutes[0]) / hidden.shape)
-    elif how == "steps":
-        at_rest = np.where(minutes < hidden.shape, 0.0, values[-1])
-    elif how == "drifts":
-        turn = 2.0 * np.pi * minutes / hidden.shape
-        waves = np.column_stack((np.sin(turn), np.cos(turn)))
-        at_rest = waves @ np.linalg.lstsq(waves, values, rcond=None)[0]
-    else:
-        assert np.unique(values).size == values.size
-        return
-    assert values == pytest.approx(at_rest, abs=1e-9)
-    assert np.abs(values).max() > 4.0 * session.machine.noise
+    assert values == pytest.approx(in_time(how, values, minutes, hidden.shape), abs=1e-9)
+    assert np.abs(values).max() > (1.0 if how == "scatters" else 4.0) * session.machine.noise
 
 
 def test_regions_have_the_answers_names_and_cover_the_bed() -> None:

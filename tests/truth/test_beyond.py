@@ -16,6 +16,20 @@ def _added(hidden: Beyond) -> Floats:
     return np.asarray(hidden.session.clean - hidden.twin.clean)
 
 
+def in_time(how: str, values: Floats, minutes: Floats, shape: float) -> Floats:
+    """The course of the effect that these values are of; of scatter, of which no two are alike."""
+    if how == "settles":
+        return np.asarray(values[0] * np.exp(-(minutes - minutes[0]) / shape))
+    if how == "steps":
+        return np.where(minutes < shape, 0.0, values[-1])
+    if how == "drifts":
+        turn = 2.0 * np.pi * minutes / shape
+        waves = np.column_stack((np.sin(turn), np.cos(turn)))
+        return waves @ np.linalg.lstsq(waves, values, rcond=None)[0]
+    assert np.unique(values).size == values.size
+    return values
+
+
 @pytest.mark.parametrize("how", HOWS)
 def test_an_effect_is_what_it_says_in_its_place_and_nothing_elsewhere(how: str) -> None:
     hidden = draw_beyond(1, PROTOTYPE, MICRON, how, "leg")
@@ -26,12 +40,8 @@ def test_an_effect_is_what_it_says_in_its_place_and_nothing_elsewhere(how: str) 
         rows = np.flatnonzero(plan.setup == gauge)
         values, minutes = added[rows], plan.minutes[rows]
         assert np.abs(values).max() > 2.0 * MICRON.sigma
-        if how == "settles":
-            expected = values[0] * np.exp(-(minutes - minutes[0]) / hidden.shape)
-        elif how == "steps":
-            expected = np.where(minutes < hidden.shape, 0.0, values[-1])
-            assert not values[0]
-        elif how == "repeats":
+        assert how != "steps" or not values[0]
+        if how == "repeats":
             expected = [values[posture[rows] == name][0] for name in posture[rows]]
         elif how == "hysteresis":
             moved = np.diff(hidden.twin.clean[rows])
@@ -39,13 +49,8 @@ def test_an_effect_is_what_it_says_in_its_place_and_nothing_elsewhere(how: str) 
         elif how == "temperature":
             change = hidden.session.warm - hidden.session.warm[0]
             expected = change[rows] * (values[-1] / change[rows][-1])
-        elif how == "drifts":
-            turn = 2.0 * np.pi * minutes / hidden.shape
-            waves = np.column_stack((np.sin(turn), np.cos(turn)))
-            expected = waves @ np.linalg.lstsq(waves, values, rcond=None)[0]
-        else:  # scatters: no two readings are alike
-            expected = values
-            assert np.unique(values).size == values.size
+        else:
+            expected = in_time(how, values, minutes, hidden.shape)
         assert values == pytest.approx(expected, abs=1e-9)
 
 

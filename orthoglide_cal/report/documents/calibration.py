@@ -32,7 +32,11 @@ from orthoglide_cal.report.case import (
     to_do,
 )
 from orthoglide_cal.report.documents import pictures, solution, verification
-from orthoglide_cal.report.documents.diagnosis import diagnosis_notice, diagnosis_section
+from orthoglide_cal.report.documents.diagnosis import (
+    RESIDUALS,
+    diagnosis_notice,
+    diagnosis_section,
+)
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import Verification
 from orthoglide_cal.words import plain, short, two_figures
@@ -246,7 +250,7 @@ def _evidence(case: Case, when: str) -> Iterator[doc.Section]:
     """Residuals, diagnosis, uncertainty and conditions of one measurement, named by `when`."""
     answer, sections = case.answer, [_conditions(case, when)]
     if answer.parameters:
-        left = doc.Section("Residuals (measured − model)", *pictures.residual_blocks(case, when))
+        left = doc.Section(RESIDUALS, *pictures.residual_blocks(case, when))
         budget = solution.budget_sections(case.machine, answer.budget, answer.total)
         sections = [diagnosis_section(case), left, *budget, *sections]
     for section in sections:

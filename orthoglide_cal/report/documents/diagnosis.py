@@ -20,7 +20,7 @@ from orthoglide_cal.report.case import (
     decision_notice,
     to_do,
 )
-from orthoglide_cal.report.documents.pictures import brief_residuals, residual_sections
+from orthoglide_cal.report.documents.pictures import brief_residuals, residual_blocks
 from orthoglide_cal.report.documents.solution import (
     alone_block,
     common_unit,
@@ -46,6 +46,7 @@ from orthoglide_cal.words import (
     unit_words,
 )
 
+RESIDUALS = "Residuals (measured − model)"
 _NOTHING, _UNLISTED = "nothing wrong", "none of the listed causes"
 # What one screen has room for.
 _MOST_OPEN = 4  # explanations
@@ -58,8 +59,12 @@ _DECIDED, _BEYOND, _UNDECIDED = 30, 24, 20  # lines of its screen
 def diagnosis_document(case: Case) -> doc.Document:
     """The whole answer."""
     if not case.answer.parameters:
-        page = doc.Page("Diagnosis", notice=decision_notice(case), stamp=case.stamp)
-        page = replace(page, sections=(doc.next_steps(to_do(case)),))
+        page = doc.Page(
+            "Diagnosis",
+            simulated=case.answer.simulated,
+            notice=decision_notice(case),
+            sections=[doc.next_steps(to_do(case))],
+        )
         return doc.Document(case.data, lambda: page)
     return doc.Document(case.data, partial(_page, case), partial(_screen, case))
 
@@ -93,7 +98,10 @@ def _screen(case: Case) -> doc.Page:
         sections = [doc.Section(None, *blocks) for blocks in (*groups, *residuals)]
         last = doc.next_steps([*steps, *again], *notes, case.more("diagnose"))
         page = doc.Page(
-            "Diagnosis", stamp=case.stamp, notice=diagnosis_notice(case), sections=(*sections, last)
+            "Diagnosis",
+            simulated=answer.simulated,
+            notice=diagnosis_notice(case),
+            sections=(*sections, last),
         )
         if height(page) <= most:
             return page
@@ -343,12 +351,12 @@ def _page(case: Case) -> doc.Page:
     blocks += [*open_blocks(case), *alone_block(case), *_note_blocks(case)]
     return doc.Page(
         kind="Diagnosis",
-        stamp=case.stamp,
+        simulated=answer.simulated,
         notice=diagnosis_notice(case),
         sheet=(doc.next_steps(_steps(case)),),
         sections=(
             doc.Section("Causes", *_cause_blocks(case)),
-            *residual_sections(case, _fit_blocks(case)),
+            doc.Section(RESIDUALS, *residual_blocks(case), *_fit_blocks(case)),
             doc.Section(parameters_title(case), *blocks),
         ),
     )

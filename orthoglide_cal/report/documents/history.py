@@ -18,7 +18,6 @@ from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import height
 from orthoglide_cal.results.history import History
 from orthoglide_cal.words import (
-    SIMULATED,
     counted,
     decimals_for,
     percent,
@@ -56,8 +55,8 @@ def _screen(history: History, notes: Sequence[str], steps: Sequence[doc.Instruct
     for most in range(max(min(len(history.sessions), _HIGH), 3), 2, -1):
         table = doc.Section(None, _table(history, most), *notes[:3])
         sections = table, doc.next_steps(steps, more)
-        stamp = SIMULATED if history.simulated else None
-        page = doc.Page("History", stamp=stamp, notice=_notice(history), sections=sections)
+        notice, simulated = _notice(history), history.simulated
+        page = doc.Page("History", notice=notice, sections=sections, simulated=simulated)
         if height(page) <= _HIGH:
             break
     return page
@@ -74,7 +73,7 @@ def _page(history: History, notes: Sequence[str], steps: Sequence[doc.Instructio
         notes.append(f"With {counted(count, 'further session')}, U of the best values: {known}.")
     return doc.Page(
         kind="History",
-        stamp=SIMULATED if history.simulated else None,
+        simulated=history.simulated,
         title=history.machine,
         notice=_notice(history),
         sheet=[doc.Section("From session to session", _courses(history)), doc.next_steps(steps)],
@@ -246,12 +245,11 @@ def _shapes(history: History) -> Iterator[doc.Figure]:
     """The bed as the parameters leave it: first, last; difference where the places are the same."""
     if not history.shapes:
         return
-    (place, first, seen), (other, last, _) = history.shapes
-    bed = seen.radius_mm, seen.tower_angles_deg
+    (place, first, bed), (other, last, _) = history.shapes
     largest = 1000.0 * max(float(np.abs(left).max()) for left in (first, last))
-    maps = figures.bed_maps("first", place, {"": first}, *bed, largest)
-    maps += figures.bed_maps("last", other, {"": last}, *bed, largest)
+    maps = figures.bed_maps("first", place, {"": first}, bed, largest)
+    maps += figures.bed_maps("last", other, {"": last}, bed, largest)
     if np.array_equal(place, other):
-        maps += figures.bed_maps("difference", place, {"": last - first}, *bed, largest)
+        maps += figures.bed_maps("difference", place, {"": last - first}, bed, largest)
     key = f"All on one scale, up to {largest:.0f} µm. Ringed: what stands out."
     yield doc.Figure(None, "", maps, columns=2, key=key)

@@ -1,6 +1,7 @@
 """Residuals, in characters for a terminal and as figures for a page."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,14 +19,11 @@ from orthoglide_cal.report.sentences import pattern_name, pattern_words
 from orthoglide_cal.results.answer import Answer, Residual
 from orthoglide_cal.words import plain, short, signed, unit_words, with_uncertainty
 
-SIGNS = "· noise, + − over 2σ, ▲ ▼ over 4σ"
-LEG_LEGEND = f"Mean of the repeats, then one sign for each: {SIGNS}."
-BED_LEGEND = (
-    "The bed from above, y upwards: + the probe triggered too high, − too low. In characters:"
-    f" {SIGNS}."
+# Below the signs of a bed.
+_BED_LEGEND = (
+    "  Seen from above, y upwards: + the probe triggered too high, − too low;",
+    "  · noise, + − over 2σ, ▲ ▼ over 4σ.",
 )
-# More signs than this would not fit beside a name: the largest deviations of each stand for all.
-_SIGNS = 30
 _MOST_SERIES = 6  # on a screen, each in half as many postures
 _MOST_DRAWN = 3  # parameters of a cause
 _RINGED = "Ringed: beyond four robust standard deviations."
@@ -39,40 +37,15 @@ _OVER = {
 _CELLS = 17  # of a bed in signs, along x and along y
 
 
-def residual_sections(case: Case, fit: Sequence[doc.Block]) -> list[doc.Section]:
-    """Measured minus modelled in characters, without and with the causes found.
-
-    `fit` says whether the parameters suffice.
-    """
-    answer, sigma = case.answer, case.machine.instrument.noise_mm
-    if answer.input.kind != DataKind.READINGS:
-        return [doc.Section("Differences, mm", _differences(case), *fit)]
-    bed = _on_bed(answer)
-    sections = []
-    for model, left in _left(case).items():
-        blocks: list[doc.Block] = [] if bed else [_by_leg(answer.residuals, left, sigma)]
-        for title, touches in _surfaces(answer).items() if bed else ():
-            lines = _signs(_places(answer)[touches], left[touches], sigma)
-            blocks += [*filter(None, [title]), doc.Listing(lines)]
-        title = f"Measured minus modelled, µm: {model}"
-        sections.append(doc.Section(title, *blocks, _distances(answer)))
-    return [*sections, doc.Section(None, doc.small(BED_LEGEND if bed else LEG_LEGEND), *fit)]
-
-
 def brief_residuals(case: Case) -> list[doc.Block]:
-    """The same without and with the causes, side by side; nothing where a screen has no room."""
+    """What is left in characters; nothing where a screen has no room."""
     if case.answer.input.kind != DataKind.READINGS:
         return [_differences(case)]
     if _on_bed(case.answer):
         return []
-    left = _left(case)
-    without, with_it = (_by_leg(case.answer.residuals, values) for values in left.values())
-    if len(without.rows) > _MOST_SERIES or len(without.head) > _MOST_SERIES // 2 + 1:
-        return []
-    pairs = zip(without.rows, with_it.rows, strict=True)
-    rows = [(*one, "", *other[1:]) for one, other in pairs]
-    title = f"Mean residuals, µm: {', and '.join(left)}."
-    return [title, doc.Grid(("", *without.head[1:], "  ", *with_it.head[1:]), rows)]
+    title, grid = _by_leg(case)
+    many = len(grid.rows) > _MOST_SERIES or len(grid.head) > _MOST_SERIES + 2
+    return [] if many else [title, grid]
 
 
 def differences_figure(
@@ -111,31 +84,39 @@ def differences_figure(
 
 
 def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
-    """The same as figures, named by `when`; of differences none, they have one of their own."""
+    """Measured − modelled without and with the causes, in figures and characters.
+
+    `when` tells two measurements on one page apart.
+    """
     answer, sigma = case.answer, case.machine.instrument.noise_mm
     if answer.input.kind != DataKind.READINGS:
-        return []
-    rows = answer.residuals
-    left = _left(case)
+        return [_differences(case)]
+    rows, left = answer.residuals, _left(case)
     known = (pattern for pattern in answer.patterns if pattern.accepted)
     beyond = [_pattern_figure(case, pattern, number, when) for number, pattern in enumerate(known)]
     if not _on_bed(answer):
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
-        name, title = _named("residual", "Residuals", when)
-        panels = figures.reading_panels(name, title, rows, left, noise_mm=sigma)
-        return [*beyond, doc.Figure(None, "", panels, key=key)]
-    bed, places = _bed(case), _places(answer)
+        name, named = _named("residual", "Residuals", when)
+        panels = figures.reading_panels(name, named, rows, left, noise_mm=sigma)
+        title, grid = _by_leg(case)
+        return [*beyond, doc.Figure(None, "", panels, key=key, plain=replace(grid, caption=title))]
+    bed, places = case.machine.bed, _places(answer)
     measured = np.array([row.measured_mm for row in rows])
     blocks: list[doc.Block] = []
     for title, touches in _surfaces(answer).items():
         # Without their mean: the first layer's height is set apart.
         shown = {"before": measured[touches] - measured[touches].mean()}
         shown |= {f"after, {model}": values[touches] for model, values in left.items()}
-        maps = figures.bed_maps(title, places[touches], shown, *bed)
-        lines = _signs(places[touches], left[list(left)[-1]][touches], sigma)
+        maps = figures.bed_maps(title, places[touches], shown, bed)
+        signs = [
+            line
+            for model, values in left.items()
+            for line in (f"{model}:", *_signs(places[touches], values[touches], sigma))
+        ]
         key = f"Each map has its own scale. {_RINGED}"
-        blocks.append(doc.Figure(title or None, "", maps, 2, key, doc.Listing(lines)))
+        plain = doc.Listing((*signs, *_BED_LEGEND))
+        blocks.append(doc.Figure(title or None, "", maps, 2, key, plain))
     return [*beyond, *blocks, _distances(answer)]
 
 
@@ -210,7 +191,7 @@ def cause_figure(case: Case, cause: FoundCause) -> Iterator[doc.Figure]:
         panels = [
             panel
             for title, at in _surfaces(case.answer).items()
-            for panel in figures.bed_maps(title, places[at], {alone: before[at]}, *_bed(case))
+            for panel in figures.bed_maps(title, places[at], {alone: before[at]}, case.machine.bed)
         ]
         key = f"Residuals. {_RINGED}"
     elif not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
@@ -276,10 +257,6 @@ def readings_table(case: Case, when: str) -> doc.Section:
     ]
     grid = doc.Grid(("no.", at, "measured, mm", "left, mm"), table, words=(1,))
     return doc.Section(f"Appendix: readings, {when}".removesuffix(", "), grid)
-
-
-def _bed(case: Case) -> tuple[float, Sequence[float]]:
-    return case.machine.bed.radius_mm, case.machine.bed.tower_angles_deg
 
 
 def _on_bed(answer: Answer) -> bool:
@@ -373,14 +350,12 @@ def _differences(case: Case) -> doc.Grid:
     return doc.Grid(head, rows, caption=comparison_words(answer.input.kind == DataKind.SINGLE)[1])
 
 
-def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = None) -> doc.Grid:
-    """One row per series, one column per posture, of measured − modelled, shape (n,).
-
-    With signs by the standard deviation of one reading, if that is given.
-    """
+def _by_leg(case: Case) -> tuple[str, doc.Grid]:
+    """Means of the repeats [µm], one row per series, one column per model and posture; a title."""
+    rows, left = case.answer.residuals, _left(case)
     postures = list(dict.fromkeys(row.posture or "" for row in rows))
     several, parts = len({row.gauge_at for row in rows}) > 1, len({row.part for row in rows}) > 1
-    cells: dict[str, dict[str, list[float]]] = {}
+    cells: dict[str, dict[str, list[int]]] = {}
     keys = [
         (figures.series_of(row), row.end or "", row.gauge_at or 0.0, row.part or 1, row.order)
         for row in rows
@@ -389,25 +364,13 @@ def _by_leg(rows: Sequence[Residual], left_mm: Floats, sigma_mm: float | None = 
         row, name = rows[k], keys[k][0].words
         name += f", {row.end} end" if row.end else f", at {row.gauge_at:g}" if several else ""
         name += f", part {row.part}" if parts else ""
-        by_posture = cells.setdefault(name, {posture: [] for posture in postures})
-        by_posture[row.posture or ""].append(float(left_mm[k]))
-    columns = []
-    for posture in postures:
-        column = [_mean_and_signs(by_posture[posture], sigma_mm) for by_posture in cells.values()]
-        # Signs begin below each other, however many repeats there are.
-        signs = [len(cell.partition(" ")[2]) for cell in column]
-        pairs = zip(column, signs, strict=True)
-        columns.append([cell + " " * (max(signs) - count) for cell, count in pairs])
-    return doc.Grid(("leg, direction", *postures), tuple(zip(cells, *columns, strict=True)))
-
-
-def _mean_and_signs(left: Sequence[float], sigma_mm: float | None) -> str:
-    """The mean over the repeats [µm] and a sign for each, in order of time."""
-    if not left:
-        return ""
-    mean = signed(1000.0 * float(np.mean(left)), 1)
-    if sigma_mm is None:
-        return mean
-    parts = np.array_split(left, min(len(left), _SIGNS))
-    marks = "".join(_sign(float(part[np.argmax(np.abs(part))]), sigma_mm) for part in parts)
-    return f"{mean} {marks}"
+        cells.setdefault(name, {}).setdefault(row.posture or "", []).append(k)
+    table = []
+    for name, at in cells.items():
+        means = [
+            [signed(1000.0 * float(values[at[p]].mean()), 1) if p in at else "" for p in postures]
+            for values in left.values()
+        ]
+        table.append([name, *means[0], *(cell for others in means[1:] for cell in ("", *others))])
+    head = ["", *postures, *["  ", *postures] * (len(left) - 1)]
+    return f"Mean residuals, µm: {', and '.join(left)}.", doc.Grid(head, table)

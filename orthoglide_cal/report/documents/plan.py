@@ -74,7 +74,6 @@ def plan_document(
         lengths = (row.expanded for row in begun.answer.parameters if row.unit == "mm")
         plan = plan.changed(now_mm=max(lengths, default=None), simulated=begun.answer.simulated)
     going_on = begun if plan.next else None
-    stamp = going_on.stamp if going_on else None
     absent = None if plan.next else {"next"}
     data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent, context=sentence)
     if going_on is not None and not plan.next[0].between:
@@ -95,7 +94,7 @@ def plan_document(
             ]
         to_do = _to_do(plan, machine_file, begun)
         sections.append(doc.next_steps(to_do, "More: the same with --details"))
-        return doc.Page("Plan", stamp=stamp, notice=notice, sections=sections)
+        return doc.Page("Plan", simulated=plan.simulated, notice=notice, sections=sections)
 
     def page() -> doc.Page:
         machine = plan.model.machine
@@ -123,7 +122,7 @@ def plan_document(
         sections += [*budget_sections(machine, plan.budget, plan.total), _separation(plan)]
         return doc.Page(
             kind="Plan",
-            stamp=stamp,
+            simulated=plan.simulated,
             title=plan.machine,
             facts=facts,
             notice=notice,
@@ -208,8 +207,7 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     else:
         lines.append(f"U: {reach}")
     lines += near
-    known = zip(chosen.parameters, chosen.by_parameter["determined"], strict=True)
-    missing = [name for name, determined in known if not determined]
+    missing = [name for name, row in chosen.parameters.items() if not row["determined"]]
     if missing:
         lines.append(f"Not determined: {' and '.join(missing)}. {words.more}")
     tone = doc.Tone.WARN if warning or missing else doc.Tone.INFO
@@ -314,11 +312,9 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     if cycles:
         columns["noise"] = [two_figures(max(session.noise_std_mm.values())) for session in shown]
         meaning.append("Noise: part of u that comes from scatter, of the worst offset.")
-    for k, name in enumerate(machine.parameter_names):
-        rows = [session.by_parameter for session in shown]
-        columns[name] = [
-            two_figures(row["lessened"][k]) if row["determined"][k] else "–" for row in rows
-        ]
+    for name in machine.parameter_names:
+        rows = (session.parameters[name] for session in shown)
+        columns[name] = [two_figures(row["lessened"]) if row["determined"] else "–" for row in rows]
     if plan.chosen.tool_mm is not None:
         columns["tool"] = [two_figures(session.tool_mm or 0.0) for session in shown]
         meaning.append("Tool: U at the worst point of the workspace, offsets entered.")
@@ -330,7 +326,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     # What no layout determines, and what it adds to U.
     fixed = [line.source for line in plan.budget if line.source in machine.fixed_parameters]
     if fixed:
-        added = map(two_figures, plan.chosen.by_parameter["fixed"])
+        added = (two_figures(row["fixed"]) for row in plan.chosen.parameters.values())
         last = " and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)
         for column, cell in zip(columns.values(), last, strict=True):
             column.append(cell)

@@ -15,7 +15,7 @@ from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, 
 from orthoglide_cal.report.documents.solution import common_unit
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Application
-from orthoglide_cal.words import SIMULATED, counted, plain, short, signed, two_figures
+from orthoglide_cal.words import counted, plain, short, signed, two_figures
 
 if TYPE_CHECKING:
     from orthoglide_cal.paper.tables import Reproduction
@@ -181,8 +181,7 @@ def application_document(
         if application.corrections:
             sections.append(doc.Section(None, _corrections(application)))
         sections.append(doc.Section(None, doc.Instructions(steps)))
-        stamp = SIMULATED if simulated else None
-        return doc.Page(title, machine.name, sections=sections, stamp=stamp)
+        return doc.Page(title, machine.name, sections=sections, simulated=simulated)
 
     return doc.Document(data, page)
 

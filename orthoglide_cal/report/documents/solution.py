@@ -84,11 +84,11 @@ def _screen(case: Case) -> doc.Page:
             blocks = [[*parameters, *kept, *notes, *numbers]]
         page = doc.Page(
             kind="Solution",
-            stamp=case.stamp,
+            simulated=case.answer.simulated,
             notice=decision_notice(case),
             sections=(*(doc.Section(None, *part) for part in blocks), last),
         )
-        if height(page) <= _MOST_LINES - (case.stamp is not None):
+        if height(page) <= _MOST_LINES - answer.simulated:
             break
     return page
 
@@ -150,7 +150,7 @@ def _page(case: Case) -> doc.Page:
         notes.append(case.says(answer.judgement))
     return doc.Page(
         kind="Solution",
-        stamp=case.stamp,
+        simulated=case.answer.simulated,
         notice=decision_notice(case),
         sheet=(doc.next_steps(to_do(case)),),
         sections=(

@@ -32,7 +32,6 @@ from orthoglide_cal.results.verification import (
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     MM_PER_INCH,
-    SIMULATED,
     chance,
     coverage_words,
     difference_decimals,
@@ -71,7 +70,7 @@ def _screen(result: Verification) -> doc.Page:
     both = f"{before} before and after" if before == after else f"{before} and {after}"
     return doc.Page(
         kind="Verification",
-        stamp=SIMULATED if result.simulated else None,
+        simulated=result.simulated,
         notice=replace(verification_notice(result), aside=f"{result.machine}, {both}"),
         sections=(
             doc.Section(None, *([_differences(result)] if result.differences else [])),
