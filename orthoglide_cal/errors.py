@@ -154,9 +154,7 @@ class InvalidFileError(InputError):
         return "\n".join([*lines, *others])
 
 
-def fault_kinds(
-    faults: Sequence[InputError],
-) -> tuple[list[tuple[InputError, str]], list[str]]:
+def fault_kinds(faults: Sequence[InputError]) -> tuple[list[tuple[InputError, str]], list[str]]:
     """The first fault of each kind with how many there are; then, how many are left out.
 
     Those of one kind differ in numbers only.

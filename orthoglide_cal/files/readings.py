@@ -231,10 +231,7 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
 
 
 def row_at(cell: PlannedReading, posture: str, *, several: bool) -> ReadingRow:
-    """Where the gauge of a planned reading stands; what is as usual is left out.
-
-    `several`: the plan has more than one part.
-    """
+    """Where the gauge of a planned reading, of one or `several` parts, stands if not as usual."""
     fixed = cell.contact is Contact.FIXED
     return ReadingRow(
         leg=AXES[cell.leg],

@@ -22,16 +22,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer, Va
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import (
-    AnyCell,
-    AnyPlan,
-    Floats,
-    Ints,
-    Numbers,
-    Plan,
-    ReadOnly,
-    Reduction,
-)
+from orthoglide_cal.model.plan import AnyCell, AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
 from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.schema import Day, Digest, Number, Positive, Reason, Schema, Word, ask
 
@@ -408,11 +399,9 @@ class Machine(Schema):
         texts = {name: text for name, text in self.report if text is not None}
         gauges = {gauge.id: gauge for gauge in (*self.gauges, *owner.gauges)}
         for mine in self.gauges:
-            if mine.certificate in (None, gauges[mine.id].certificate):
-                known = {name: value for name, value in mine if value is not None}
-                gauges[mine.id] = gauges[mine.id].changed(**known)
-            else:
-                gauges[mine.id] = mine
+            same = mine.certificate in (None, gauges[mine.id].certificate)
+            known = {name: value for name, value in mine if value is not None}
+            gauges[mine.id] = gauges[mine.id].changed(**known) if same else mine
         return self.changed(report=owner.report.changed(**texts), gauges=tuple(gauges.values()))
 
     @property
@@ -432,18 +421,12 @@ class Machine(Schema):
 
     @property
     def cube(self) -> tuple[float, float]:
-        """(low, high): tool positions [low, high]³ over which its error is shown [mm].
-
-        Raises UsageError for a machine without them.
-        """
+        """(low, high), tool positions [low, high]³ to be shown [mm]; UsageError without them."""
         raise self._refusal("orthoglide")
 
     @property
     def limits_mm(self) -> tuple[float, float]:
-        """Lowest and highest displacement of a carriage from the isotropic posture [mm].
-
-        Raises UsageError for a machine that is not measured at postures.
-        """
+        """Lowest and highest displacement of a carriage [mm]; UsageError without postures."""
         raise self._refusal("orthoglide")
 
     def displacement_mm(self, posture: Posture) -> float:
@@ -455,11 +438,8 @@ class Machine(Schema):
         """The named posture at a displacement [mm]; None for any other."""
         return next((p for p in Posture if self.displacement_mm(p) == displacement), None)
 
-    def joints_at(self, leg: Ints | int, displacement: Floats | float) -> Floats:
-        """Indicated joints (..., 3) [mm] with legs 0, 1, 2 displaced, both of shape (...).
-
-        Raises PostureError: out of reach; UsageError as of `limits_mm`.
-        """
+    def joints_at(self, leg: Numbers | int, displacement: Floats | float) -> Floats:
+        """Indicated joints (..., 3) [mm] with legs 0, 1, 2 displaced; UsageError likewise."""
         raise self._refusal("orthoglide")
 
     def reach_mm(self, gauge_at: float) -> tuple[float, float]:

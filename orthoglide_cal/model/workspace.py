@@ -40,8 +40,6 @@ class Workspace(Schema):
 
     before_mm: float
     after_mm: float
-    before_mean_mm: float
-    after_mean_mm: float
     worst_before_mm: tuple[float, ...] = Field(description="tool position where it is largest")
     worst_after_mm: tuple[float, ...]
     limit_mm: float | None = None
@@ -114,8 +112,6 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
     return Workspace(
         before_mm=float(before.max()),
         after_mm=float(after.max()),
-        before_mean_mm=float(before.mean()),
-        after_mean_mm=float(after.mean()),
         worst_before_mm=tuple(points[np.argmax(before)].tolist()),
         worst_after_mm=tuple(points[np.argmax(after)].tolist()),
         left_mm=float(left.max()),
