@@ -170,8 +170,8 @@ def counted(number: int, noun: str) -> str:
 
 
 def clipped(text: str) -> str:
-    """Text from a file for a message: its first 40 characters where there are more."""
-    return text if len(text) <= 40 else f"{text[:39]}…"
+    """Text from a file for a message: no more than a line of the screen."""
+    return text if len(text) <= 80 else f"{text[:79]}…"
 
 
 def listed(names: Sequence[str]) -> str:

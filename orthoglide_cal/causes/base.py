@@ -75,7 +75,6 @@ class RelabelCause(Cause):
     """A cause without size: readings written down with another sign, label or unit."""
 
     unit = ""
-    size_reason = "it happens or it does not"
 
     def relabel(self, plan: AnyPlan, place: Place) -> tuple[np.ndarray, Floats]:
         """Indices and signs, shape (n,): recorded = signs · true[indices]; its own inverse."""

@@ -26,8 +26,8 @@ class BarSkew(Cause):
     title = "a touched bar is not parallel to its leg"
     stage = Stage.CONTACT
     unit = "mrad"
+    # The face of the bar that the plunger runs on, to its centre line.
     sizes = MappingProxyType({Orthoglide: 1.0})
-    size_reason = "the face of the bar that the plunger runs on, to its centre line"
     scale = 1e-3
     names = tuple(series.name for series in _SERIES)
     lasting = True
@@ -59,8 +59,8 @@ class GaugeDrift(PatternCause):
     title = "a gauge or its stand creeps"
     stage = Stage.CONTACT
     unit = "mm/h"
+    # A magnetic stand settling, a plunger arm creeping.
     sizes = MappingProxyType({Orthoglide: 0.05})
-    size_reason = "a magnetic stand settling, a plunger arm creeping"
     names = ("rate",)
     timed = True
     instrument = "the gauge left on its bar for an hour, machine standing"
@@ -84,8 +84,7 @@ class StandShift(PatternCause):
     title = "a gauge or its stand was knocked"
     stage = Stage.CONTACT
     unit = "mm"
-    sizes = MappingProxyType({Orthoglide: 0.1})
-    size_reason = "a light knock against the stand"
+    sizes = MappingProxyType({Orthoglide: 0.1})  # a light knock against the stand
     names = ("step",)
     timed = True
     any_size = True
@@ -204,8 +203,8 @@ class BedShape(_Surface):
 
     id = "bed_shape"
     title = "the heights follow a smooth shape over the bed"
+    # Glass and spring steel on a printed frame bend by a tenth towards the edge.
     sizes = MappingProxyType({LinearDelta: 0.1})
-    size_reason = "glass and spring steel on a printed frame bend by a tenth towards the edge"
     names = _TERMS
     shares = (_falling(0.1, above=3), *map(_falling, (0.25, 0.35, 0.5, 0.7, 1.0)))
     instrument = "a straight edge and feeler gauges on the bed"
@@ -223,8 +222,8 @@ class ProbeTilt(_Surface):
 
     id = "probe_tilt"
     title = "the probe tilts with the effector"
+    # Arms of a pair that differ by 0.1 mm, a probe 20 mm from the nozzle.
     sizes = MappingProxyType({LinearDelta: 0.05})
-    size_reason = "arms of a pair that differ by 0.1 mm, a probe 20 mm from the nozzle"
     names = ("xx", "xy", "yy")
     instrument = "the same touches with the nozzle itself"
     advice = (
@@ -240,8 +239,8 @@ class ProbeDrift(Cause):
     title = "the probe drifts"
     stage = Stage.CONTACT
     unit = "mm/h"
+    # An inductive probe or its mount cooling by some degrees.
     sizes = MappingProxyType({LinearDelta: 0.05})
-    size_reason = "an inductive probe or its mount cooling by some degrees"
     names = ("rate",)
     timed = True
     same_remedy_as = "thermal_drift"

@@ -34,8 +34,8 @@ class AxisGap(Cause):
     title = "the actuator axes do not meet in one point"
     stage = Stage.GEOMETRY
     unit = "mm"
+    # Usual assembly leaves ±0.5 mm, as for the joint offsets (sec. 2.2).
     sizes = MappingProxyType({Orthoglide: 0.5})
-    size_reason = "usual assembly leaves ±0.5 mm, as for the joint offsets (sec. 2.2)"
     names = ("xy", "yz", "zx")
     lasting = True
     compensable = True
@@ -60,8 +60,7 @@ class AxisSquareness(Cause):
     title = "the actuator axes are not square to each other"
     stage = Stage.GEOMETRY
     unit = "mrad"
-    sizes = MappingProxyType({Orthoglide: 1.0})
-    size_reason = "0.2 mm over a 200 mm square, the same alignment"
+    sizes = MappingProxyType({Orthoglide: 1.0})  # 0.2 mm over a 200 mm square, the same alignment
     scale = 1e-3
     names = ("xy", "yz", "zx")
     lasting = True
@@ -94,8 +93,8 @@ class LegLength(Cause):
     title = "the legs differ from the nominal length"
     stage = Stage.GEOMETRY
     unit = "mm"
+    # The paper states ±0.01 mm for machined links and joints.
     sizes = MappingProxyType({Orthoglide: 0.01, LinearDelta: 0.3})
-    size_reason = "the paper states ±0.01 mm for machined links and joints"
     names = ("x", "y", "z")
     lasting = True
     compensable = True
@@ -148,8 +147,8 @@ class TowerLean(Cause):
     title = "a tower leans"
     stage = Stage.GEOMETRY
     unit = "mrad"
+    # 1 mm over a frame of 500 mm, put together with a square.
     sizes = MappingProxyType({LinearDelta: 2.0})
-    size_reason = "1 mm over a frame of 500 mm, put together with a square"
     scale = 1e-3
     names = ("a_out", "b_out", "c_out", "a_side", "b_side", "c_side")
     lasting = True
@@ -193,8 +192,7 @@ class TowerRadius(Cause):
     title = "the towers are not equally far from the middle"
     stage = Stage.GEOMETRY
     unit = "mm"
-    sizes = MappingProxyType({LinearDelta: 0.3})
-    size_reason = "printed or moulded corners, bolted by hand"
+    sizes = MappingProxyType({LinearDelta: 0.3})  # printed or moulded corners, bolted by hand
     names = ("a", "b", "c")
     lasting = True
     instrument = "a rule from the middle of the bed to each rail"

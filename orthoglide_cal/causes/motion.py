@@ -19,9 +19,9 @@ class EncoderScale(Cause):
     title = "a carriage moves more or less than indicated"
     stage = Stage.MOTION
     unit = "1e-3"
+    # Belt or screw lead error, or a scale entered with few digits.
     sizes = MappingProxyType({Orthoglide: 1.0, LinearDelta: 1.0})
     by_joint = True
-    size_reason = "belt or screw lead error, or a scale entered with few digits"
     scale = 1e-3
     names = ("x", "y", "z")
     lasting = True
@@ -55,9 +55,9 @@ class Backlash(Cause):
     title = "a carriage has lost motion"
     stage = Stage.MOTION
     unit = "mm"
+    # A worn but serviceable screw and nut.
     sizes = MappingProxyType({Orthoglide: 0.02, LinearDelta: 0.05})
     by_joint = True
-    size_reason = "a worn but serviceable screw and nut"
     names = ("x", "y", "z")
     nuisance = (0.3, 0.3, 0.3)
     positive = True
@@ -90,8 +90,8 @@ class ThermalDrift(Cause):
     title = "the actuator zeros drift with time"
     stage = Stage.MOTION
     unit = "mm/h"
+    # 300 mm of steel and aluminium warming by a few degrees an hour.
     sizes = MappingProxyType({Orthoglide: 0.05, LinearDelta: 0.05})
-    size_reason = "300 mm of steel and aluminium warming by a few degrees an hour"
     names = ("x", "y", "z")
     lasting = True
     timed = True

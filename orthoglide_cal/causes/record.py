@@ -41,8 +41,7 @@ class Misread(PatternCause):
     title = "one reading is wrong"
     stage = Stage.RECORD
     unit = "mm"
-    sizes = MappingProxyType({Orthoglide: 0.1, LinearDelta: 0.1})
-    size_reason = "a slip of one numbered division"
+    sizes = MappingProxyType({Orthoglide: 0.1, LinearDelta: 0.1})  # a slip of one numbered division
     hides_reading = True
     any_size = True
     instrument = "every reading taken twice"
@@ -75,8 +74,7 @@ class GaugeSlip(PatternCause):
     title = "whole turns of the dial were miscounted"
     stage = Stage.RECORD
     unit = "turns"
-    sizes = MappingProxyType({Orthoglide: 1.0})
-    size_reason = "the small pointer was misjudged by one"
+    sizes = MappingProxyType({Orthoglide: 1.0})  # the small pointer was misjudged by one
     names = ("turns",)
     counts = MappingProxyType({-1: 0.42, 1: 0.42, -2: 0.07, 2: 0.07, -3: 0.01, 3: 0.01})
     instrument = "a digital gauge, which counts its turns itself"

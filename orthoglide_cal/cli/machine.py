@@ -112,15 +112,19 @@ def new(
             "Return takes the value in brackets. It is the prototype's, scaled where that fits.\n"
             f"{_BACK} goes back one question."
         )
-        _ask_all(answers, {k: text for k, text in asked.items() if k not in answers}, target)
-        _ask_tolerances(answers, target)
+        keys, place = [key for key in asked if key not in answers], 0
+        while place < len(keys):
+            goes_on = _ask(answers, keys[place], asked[keys[place]], target)
+            place = place + 1 if goes_on else max(place - 1, 0)
     write_text(target, _text(answers, target))
     show(target, json)
     from orthoglide_cal.report.sentences import sentence
 
     for doubt in () if sys.stderr.isatty() else common.read_machine_file(target).remarks:
         common.tell(sentence(doubt))
-    common.tell(f"Written to {target}, with usual tolerances. Check its values.")
+    common.tell(
+        f"Written to {target}, with the usual size of each error (tolerances). Check its values."
+    )
     guided = MACHINES[kind].vocabulary.measure
     first = command(MACHINES[kind].first_steps[0][1])
     following = common.PRACTISE if practice and guided else first
@@ -154,26 +158,6 @@ def _questions(schema: "type[BaseModel]", group: str = "") -> Iterator[tuple[str
             yield group + name, f"{title} ({field.description})"
 
 
-def _ask_tolerances(answers: Answers, target: Path) -> None:
-    """Ask how large each error plausibly is, unless the usual will do."""
-    from orthoglide_cal.causes import CAUSES
-    from orthoglide_cal.model.kinds import MACHINES
-    from orthoglide_cal.words import unit_words
-
-    common.tell("`diagnose` must know how large each error plausibly is.")
-    if typer.confirm("Take the usual tolerances", default=True, err=True):
-        return
-    common.tell("Return keeps the value; 0 rules the cause out. The causes: orthocal guide causes")
-    kind, questions = MACHINES[answers["kind"]], {}
-    for cause in CAUSES.values():
-        key = f"tolerances.{cause.id}"
-        # What has no unit has no size: it happens or does not.
-        if cause.usual(kind) is not None and cause.unit and key not in answers:
-            title = f"{cause.title} ({cause.size_reason})"
-            questions[key] = f"{title}\n{cause.id}, {unit_words(cause.unit)}"
-    _ask_all(answers, questions, target)
-
-
 def _tolerance(given: str) -> tuple[str, float]:
     """Key and value of CAUSE=SIZE. Raises UsageError."""
     cause, _, size = given.partition("=")
@@ -182,14 +166,6 @@ def _tolerance(given: str) -> tuple[str, float]:
     except InputError as error:
         fault = f"--tolerance {given}: {error.what}"
         raise UsageError(fault, "Write it as axis_gap=0.3") from error
-
-
-def _ask_all(answers: Answers, questions: dict[str, str], target: Path) -> None:
-    """Ask one question after the other, or the one before it again; the answers are added."""
-    keys, place = [*questions], 0
-    while place < len(keys):
-        goes_on = _ask(answers, keys[place], questions[keys[place]], target)
-        place = place + 1 if goes_on else max(place - 1, 0)
 
 
 def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:

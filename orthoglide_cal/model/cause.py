@@ -81,7 +81,6 @@ class Cause:
     # Kind of machine → plausible size of a parameter (one standard deviation, in `unit`) where the
     # machine file gives none; of another kind its class says it, or it does not happen there.
     sizes: Mapping[type[Machine], float] = MappingProxyType({})
-    size_reason: str  # why that is its size, in a few words
     scale: float = 1.0  # one unit in internal units (mm, rad, mm/h, 1)
     names: tuple[str, ...] = ()  # of its parameters
     # Plausible sizes of further parameters, not reported, behind the named ones.

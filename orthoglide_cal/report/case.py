@@ -65,7 +65,7 @@ class Case:
 
     @property
     def invalidating(self) -> str:
-        """What makes parameters worthless that are released, in one sentence; "" for nothing."""
+        """Why released parameters may be worthless, in one sentence; "" where nothing says so."""
         worst = (r for r in self.answer.release.cautions if r.code in INVALIDATING)
         return next(map(self.says, worst), "")
 

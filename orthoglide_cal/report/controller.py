@@ -41,8 +41,7 @@ def _around(
 ) -> str:
     """The lines to enter, below title, origin and warnings, above what to do then.
 
-    What is around them begins with a sign, that of a comment. A result that must not be used, and
-    is exported all the same, says so.
+    Each of the others begins with `sign`, as a comment does. A forced result is marked as such.
     """
     release = case.answer.release
     head = [

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.machine_file import default_machine, new_machine, read_machine_file
-from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.session.journal import Journal, decode
 from orthoglide_cal.session.opening import session_file
 from tests.printers import CONFIG
@@ -52,34 +50,6 @@ def test_tolerances_are_options_too() -> None:
     # Every other line is as in the file that it was made from.
     text = Path("machine.yaml").read_text(encoding="utf-8")
     assert re.search(r"^  axis_gap: 0\.3 +# mm; usual assembly leaves", text, re.MULTILINE)
-
-
-def test_tolerances_are_asked_for_with_their_reasons(tmp_path: Path) -> None:
-    own = [cause for cause in CAUSES.values() if Orthoglide in cause.sizes]
-    sized = [cause for cause in own if cause.unit]
-    given = ("--tolerance", "backlash=0.01", *ANSWERS)
-    with Terminal(tmp_path, command=("machine", "new", *given), agreed=False) as terminal:
-        terminal.expect(r"usual tolerances \[Y/n\]: $")
-        terminal.type("n")
-        for cause in sized:
-            if cause.id == "backlash":
-                continue
-            terminal.expect(rf"{cause.id}, \S+ \[[\d.]+\]: $")
-            if cause.id == "axis_squareness":
-                terminal.type("-1")
-                terminal.expect(rf"{cause.id}, \S+ \[[\d.]+\]: $")
-                terminal.type("0,4")
-                continue
-            terminal.type("")
-        assert terminal.finish() == 0, terminal.seen
-    seen = " ".join(terminal.seen.split())
-    for cause in sized:
-        assert (f"{cause.title} ({cause.size_reason})" in seen) == (cause.id != "backlash")
-    # Of what only another kind of machine has nothing is asked.
-    assert not any(cause.title in seen for cause in CAUSES.values() if cause not in own)
-    known = dict(default_machine().machine.tolerances)
-    tolerances = dict(read_machine_file(tmp_path / "machine.yaml").model.machine.tolerances)
-    assert tolerances == {**known, "backlash": 0.01, "axis_squareness": 0.4}
 
 
 def test_an_existing_file_and_a_script_without_yes() -> None:
@@ -177,7 +147,7 @@ def test_the_start_page_follows_the_round(tmp_path: Path) -> None:
 
 def test_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
     wrong = ("Mill 2", "<", "Mill 3", "abc", "-5", "620,5 mm")
-    answers = (*wrong, "", "", "-100", "-700 20", "-150 90", *[""] * 4, "6", "0.006", "")
+    answers = (*wrong, "", "", "-100", "-700 20", "-150 90", *[""] * 4, "6", "0.006")
     with Terminal(tmp_path, command=("machine", "new"), agreed=False) as terminal:
         for answer in answers:
             terminal.expect(r"\]: $")

@@ -36,7 +36,6 @@ class LegSag(Cause):
     stage = Stage.CONTACT
     unit = "mm"
     sizes = {Orthoglide: 0.1}
-    size_reason = "a slender bar under its own weight"
     names = ("x", "y", "z")
     lasting = True
     instrument = "a second gauge on the leg"

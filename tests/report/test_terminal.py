@@ -73,7 +73,8 @@ def test_nothing_but_commands_and_listings_is_wider_than_80_columns(kind):
     for line in shown(page).splitlines():
         assert cell_len(line) <= 80 or any(text in line for text in kept), line
         assert line == line.rstrip()
-        assert "…" not in line.replace(" … ", "") or kind in ("hostile", "solved"), line
+        cut = kind in ("hostile", "solved", "faulty")  # names from a file that fill a line
+        assert "…" not in line.replace(" … ", "") or cut, line
 
 
 @pytest.mark.parametrize("kind", KINDS)

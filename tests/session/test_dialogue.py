@@ -175,7 +175,8 @@ def test_notes_stay_with_their_step(tmp_path: Path) -> None:
 
 
 def test_skip_needs_a_reason(tmp_path: Path) -> None:
-    dialogue, _ = answered(tmp_path / "s.journal", ["-0.64", "s", "", "s", "0.41", "s", " "])
+    keys = ["-0.64", "s", "", "s", "0.41", "s", " ", "s", "undo"]
+    dialogue, _ = answered(tmp_path / "s.journal", keys)
     assert dict(dialogue.state.skipped) == {}
     dialogue, _ = answered(tmp_path / "s.journal", ["s cable in the way", "s", "still there"])
     assert dict(dialogue.state.skipped) == {2: "cable in the way", 3: "still there"}

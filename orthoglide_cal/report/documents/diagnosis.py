@@ -10,7 +10,6 @@ from itertools import zip_longest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.inference import NextMeasurement, Verdict, nothing_wrong
-from orthoglide_cal.inference.baselines import Baselines
 from orthoglide_cal.inference.result import Explanation, FoundPattern
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.measured import weighing
@@ -227,17 +226,6 @@ def _baselines(case: Case) -> Iterator[doc.Block]:
     yield f"Errors of predicting {_omitted(case)}, µm r.m.s.: {', '.join(errors)}."
 
 
-def _baseline_step(baselines: Baselines) -> doc.Instruction:
-    """What to use instead of the extension where it predicts better."""
-    instead, mm = "Keep the earlier bed mesh: it", baselines.earlier_map_mm
-    if baselines.better == "quartic":
-        instead, mm = "Make a bed mesh: a quartic surface", baselines.quartic_mm
-    sizes = [f"{plain(1e3 * size, 1)} µm" for size in (mm or 0.0, baselines.extension_mm)]
-    return doc.Instruction(
-        f"{instead} predicts within {sizes[0]} r.m.s., the causes found within {sizes[1]}."
-    )
-
-
 def _open(answer: Answer) -> list[Explanation]:
     """The explanations that these data leave open; of some it was not worth fitting."""
     return [state for state in answer.explanations if state.parameters]
@@ -284,9 +272,14 @@ def _open_grid(case: Case) -> doc.Grid:
 
 def _steps(case: Case) -> Iterator[doc.Instruction]:
     """Next steps: remedies, the measurement that decides, or entering."""
-    answer, release = case.answer, case.answer.release
-    if answer.baselines is not None and answer.baselines.better and answer.causes:
-        yield _baseline_step(answer.baselines)
+    answer, release, baselines = case.answer, case.answer.release, case.answer.baselines
+    if baselines and baselines.better and answer.causes:
+        instead, mm = "Keep the earlier bed mesh: it", baselines.earlier_map_mm
+        if baselines.better == "quartic":
+            instead, mm = "Make a bed mesh: a quartic surface", baselines.quartic_mm
+        both = [f"{plain(1e3 * size, 1)} µm" for size in (mm or 0.0, baselines.extension_mm)]
+        text = f"{instead} predicts within {both[0]} r.m.s., the causes found within {both[1]}."
+        yield doc.Instruction(text)
     if answer.verdict is Verdict.AMBIGUOUS:
         # Whatever else is open, these readings are wrong.
         sure = set.intersection(*(set(state.ids) for state in _open(answer)))
@@ -302,7 +295,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
         for cause in answer.causes:
             if cause.where and not cause.in_machine and cause.id not in sure:
                 yield doc.Instruction(f"Or: {cause.remedy}")
-        baselines, shape = answer.baselines, case.machine.shape
+        shape = case.machine.shape
         open_ids = (*answer.ambiguous_with, *(cause.id for cause in answer.causes))
         worth = (
             baselines and not baselines.better and baselines.extension_mm < baselines.parameters_mm

@@ -331,8 +331,8 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         for column, cell in zip(columns.values(), last, strict=True):
             column.append(cell)
         meaning.append(
-            f"No layout determines {last[0]}, taken as stated: the last row is its contribution,"
-            " added as squares. In solve, causes that the readings cannot rule out are added."
+            f"No layout determines {last[0]}: it is taken as stated, and the last row is its share"
+            " of U (squares add up). solve also adds causes that the readings cannot rule out."
         )
     caption = " ".join(meaning)
     if brief:
