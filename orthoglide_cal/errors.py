@@ -8,7 +8,7 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from orthoglide_cal.words import clipped, listed
 
@@ -154,12 +154,12 @@ class InvalidFileError(InputError):
         return "\n".join([*lines, *others])
 
 
-def fault_kinds(faults: Sequence[Any]) -> tuple[list[tuple[Any, str]], list[str]]:
+def fault_kinds(faults: Sequence[InputError]) -> tuple[list[tuple[InputError, str]], list[str]]:
     """The first fault of each kind with how many there are; then, how many are left out.
 
-    A fault has what, remedy and column; those of one kind differ in numbers only.
+    Those of one kind differ in numbers only.
     """
-    kinds: dict[str, list[Any]] = {}
+    kinds: dict[str, list[InputError]] = {}
     for fault in faults:
         kinds.setdefault(_NUMBER.sub("", f"{fault.what} {fault.remedy}"), []).append(fault)
     shown = []

@@ -7,7 +7,7 @@ import numpy as np
 from orthoglide_cal.model.cause import Cause, Screw, Stage
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.orthoglide import Orthoglide
+from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
 from orthoglide_cal.model.plan import Numbers
 from orthoglide_cal.model.readings import AXES
 
@@ -117,6 +117,7 @@ class HomeSwitch(Cause):
     id = "home_switch"
     stage = Stage.MOTION
     unit = "mm"
+    sizes = MappingProxyType({Orthoglide: OFFSET_MM})  # a printer's endstops are numbers
     names = ("x", "y", "z")
     lasting = True
 

@@ -43,7 +43,7 @@ def adjust(
         raise UnusableResultError(fault, "Measure again, then adjust by the new session.")
     diagnosis = diagnose(given.measured, given.model)
     if cause == HOME_SWITCH.id:
-        if not known.adds_to_joints:
+        if HOME_SWITCH.usual(type(known)) is None:
             fault = "Its firmware holds the endstops as numbers: no switch is moved."
             raise UsageError(fault, f"See them: {command('solve', session, machine=machine)}")
         released(given, machine, diagnosed=diagnosis)

@@ -165,19 +165,19 @@ def _entered(
     from orthoglide_cal.files.machine_file import new_machine_file
     from orthoglide_cal.report.controller import firmware_values
     from orthoglide_cal.results import apply as application
-    from orthoglide_cal.results.application import check_measured
+    from orthoglide_cal.results.application import check_measured, recording
     from orthoglide_cal.session.adjusting import check_not_adjusted
 
     file = None  # what is written to a printer needs none
     if known or to is None or to.adds:
         file = common.own_machine_file(known)
-    if file and to is None and not (judged := file.model.machine).keeps_entered:
-        options = f"--format {judged.controller_formats[0]}"
+    given = common.read_input(path, machine, data, rule_out)
+    if to is None and recording(given) == "elsewhere":
+        options = f"--format {given.model.machine.controller_formats[0]}"
         shown = command("export", path, machine=machine, options=options)
         written = command("apply", path, machine=machine, options="--to printer.cfg")
         remedy = f"See what to give it: {shown}\nOr write it: {written}"
         raise UsageError("Its firmware keeps what it is given; nothing is recorded here.", remedy)
-    given = common.read_input(path, machine, data, rule_out)
     check_measured(given, None if to else file)
     check_not_adjusted(given.measured.source, machine)
     measured_on = given.model.machine

@@ -19,8 +19,9 @@ import numpy as np
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.cause import PER_HOUR
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model, differentiate_absent, simulate, simulate_with_jacobian
-from orthoglide_cal.model.orthoglide import Orthoglide, double_posture
+from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import GaugePlan
 
@@ -35,7 +36,7 @@ _SIZES = np.array([1 / 27, 1 / 9, 1 / 3, 1.0, 3.0])
 class PlanForecast:
     """Knowledge of a plan's readings before the first is taken: computed once.
 
-    Any of them, in the order in which they are taken, are then forecast by selection.
+    Some of them, in the order in which they are taken, are then forecast by selection.
     """
 
     def __init__(self, model: Model, plan: GaugePlan) -> None:
@@ -49,7 +50,7 @@ class PlanForecast:
         causes = CAUSES.values()
         self._drift = math.hypot(*(c.size(machine) for c in causes if c.unit == PER_HOUR))
         self._settling = math.hypot(*(c.size(machine) for c in causes if c.settles))
-        self._misfits = _SIZES * misfit_mm(model.orthoglide)
+        self._misfits = _SIZES * misfit_mm(machine)
 
     def forecast(
         self,
@@ -105,7 +106,7 @@ class PlanForecast:
         return first
 
 
-def misfit_mm(machine: Orthoglide) -> float:
+def misfit_mm(machine: Machine) -> float:
     """Plausible size of what the model leaves out of a posture's reading, of all causes [mm].
 
     Of each cause at the posture that it changes most, compared with the isotropic one.

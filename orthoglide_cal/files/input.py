@@ -41,6 +41,7 @@ from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings, Source, notes_on
 from orthoglide_cal.model.model import Model, differentiate
+from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import Reason, Schema, Sentence
 
 # The machine that the user names, or the settings of its firmware.
@@ -378,10 +379,11 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     try:
         if probed:
             readings = probe_readings.probe_readings_from_table(table, judge.machine.bed)
-        elif "difference" in columns:
-            return Input(differences_from_table(table, judge.orthoglide), judge, Conditions())
         else:
-            readings = readings_from_table(table, judge.orthoglide)
+            gauged = Orthoglide.require(judge.machine)
+            if "difference" in columns:
+                return Input(differences_from_table(table, gauged), judge, Conditions())
+            readings = readings_from_table(table, gauged)
     except UsageError as error:
         what = f"These are {'touches of a bed' if probed else 'readings of gauges'}. {error.what}"
         line = table.header_line

@@ -12,7 +12,7 @@ from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.rows import YES, ProbeRow, Rows, check_order, times_of
 from orthoglide_cal.files.table import Table
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, ProbePlan, touching
+from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
 from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
 from orthoglide_cal.model.plan import Floats, Ints, Plan, ReadOnly
@@ -80,8 +80,9 @@ def places_csv(plan: Plan) -> str:
 
 def probe_points_csv(readings: Readings) -> str:
     """Touches as a CSV that can be read again."""
-    plan = ProbePlan.require(readings.plan)
-    columns = (plan.order + 1, 60.0 * plan.hours, *plan.place.T[:2], plan.surface, readings.value)
+    plan = readings.plan
+    surface = np.array([plan.entry(index)["surface_mm"] for index in range(len(plan))])
+    columns = (plan.order + 1, 60.0 * plan.hours, *plan.spots.T[:2], surface, readings.value)
     mark, marked = (",simulated", f",{YES}") if readings.source.simulated else ("", "")
     rows = [
         f"{number},{minutes:.2f},{x:g},{y:g},{z:g},{value + z:.6f}{marked}"

@@ -27,11 +27,11 @@ from orthoglide_cal.files.rows import (
 )
 from orthoglide_cal.files.table import Table, csv_text
 from orthoglide_cal.files.text import number_text
-from orthoglide_cal.model.machine import OwnGauge
+from orthoglide_cal.model.machine import Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
-from orthoglide_cal.model.orthoglide import Orthoglide, PlannedReading, plan_of, planned_readings
+from orthoglide_cal.model.orthoglide import PlannedReading, plan_of, planned_readings
 from orthoglide_cal.model.plan import known_plan
-from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture, number_setups
+from orthoglide_cal.model.readings import AXES, Contact, Posture, number_setups
 from orthoglide_cal.schema import Moment, Positive, Reason, Schema, parse_number
 
 # The note of a reading that was questioned and kept, with its step.
@@ -108,7 +108,7 @@ class Conditions(Circumstances):
         return (min(known) + max(known)) / 2.0 if known else None
 
 
-def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
+def readings_from_table(table: Table, machine: Machine) -> Readings:
     """The readings of a CSV. Raises InvalidFileError with everything that is wrong."""
     remarks = table.check_header(ReadingRow)
     for cells in table.rows:
@@ -119,7 +119,7 @@ def readings_from_table(table: Table, machine: Orthoglide) -> Readings:
 
 def readings_in(
     content: Content,
-    machine: Orthoglide,
+    machine: Machine,
     path: Steps = (),
     *,
     started: str | None = None,
@@ -130,10 +130,10 @@ def readings_in(
     `path` is that of their list, `started` (ISO 8601) counts where there are no `minutes`; remarks
     are added to those given. Raises InvalidFileError: everything that is wrong with the file.
     """
-    leg = machine.leg_length_mm
+    leg = machine.leg_mm
     than = "the leg is long"
     longest = {"reading_mm": (leg, "reading", than), "entered": (leg, "offset", than)}
-    rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.joint_limits_mm)
+    rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.limits_mm)
     rows.check_complete(("seq", "cycle", "minutes", "end"))
     _time(rows, started)
     check_order(rows)
@@ -145,7 +145,7 @@ def readings_in(
 
 
 def readings_of(
-    rows: Sequence[ReadingRow], machine: Orthoglide, source: Source, lines: Sequence[int]
+    rows: Sequence[ReadingRow], machine: Machine, source: Source, lines: Sequence[int]
 ) -> Readings:
     """Checked rows in the order of their file, and their lines, as arrays.
 
@@ -208,15 +208,16 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
     1e-6 minutes. Set-ups that the reader could not distinguish by part, leg, direction, position
     and gauge get labels of their own.
     """
-    plan, gauges = GaugePlan.require(readings.plan), readings.gauge
+    plan, gauges = readings.plan, readings.gauge
     seq, minutes = (np.argsort(plan.in_time) + 1).tolist(), (plan.hours * 60.0).tolist()
-    places = [planned.place for planned in planned_readings(plan)]
+    cells = planned_readings(plan)
+    places = [cell.place for cell in cells]
     understood = number_setups(places, gauges, plan.in_time.tolist(), ordered=True)
-    pairs = set(zip(understood.tolist(), plan.setup.tolist(), strict=True))
+    pairs = set(zip(understood.tolist(), plan.shared.tolist(), strict=True))
     if not len(pairs) == len(set(understood.tolist())) == plan.setups:
-        gauges = tuple(f"set-up {number + 1}" for number in plan.setup.tolist())
+        gauges = tuple(f"set-up {number + 1}" for number in plan.shared.tolist())
     return [
-        row_at(plan, k, readings.posture[k]).changed(
+        row_at(cells[k], readings.posture[k], several=plan.parts > 1).changed(
             cycle=int(readings.cycle[k]),
             reading_mm=float(readings.value[k]),
             seq=seq[k],
@@ -230,19 +231,18 @@ def reading_rows(readings: Readings) -> list[ReadingRow]:
     ]
 
 
-def row_at(plan: GaugePlan, index: int, posture: str) -> ReadingRow:
-    """Where the gauge of a planned reading stands; what is as usual is left out."""
-    at, offsets = float(plan.gauge_at[index]), plan.entered[index].tolist()
-    contact = Contact(plan.contact[index])
+def row_at(cell: PlannedReading, posture: str, *, several: bool) -> ReadingRow:
+    """Where the gauge of a planned reading, of one or `several` parts, stands if not as usual."""
+    fixed = cell.contact is Contact.FIXED
     return ReadingRow(
-        leg=AXES[plan.leg[index]],
+        leg=AXES[cell.leg],
         posture=posture,
-        direction=AXES[plan.direction[index]],
-        end=contact.end,
-        gauge_at=at if contact is Contact.FIXED and at != 0.5 else None,
-        part=int(plan.part[index]) + 1 if plan.parts > 1 else None,
-        bar=TURNED if plan.turned[index] else None,
-        entered=offsets if any(offsets) else None,
+        direction=AXES[cell.direction],
+        end=cell.contact.end,
+        gauge_at=cell.gauge_at if fixed and cell.gauge_at != 0.5 else None,
+        part=cell.part + 1 if several else None,
+        bar=TURNED if cell.turned else None,
+        entered=cell.entered if any(cell.entered) else None,
     )
 
 
@@ -289,10 +289,10 @@ def _check_parts(rows: Rows[ReadingRow]) -> None:
 
 
 def _remarks(
-    readings: Readings, rows: Sequence[Mapping[str, str]], machine: Orthoglide
+    readings: Readings, rows: Sequence[Mapping[str, str]], machine: Machine
 ) -> Iterator[Reason]:
     """Remarks on readings in which nothing is wrong."""
-    travel = machine.gauge.range_mm
+    travel = machine.instrument.most_mm
     beyond = np.flatnonzero(np.abs(readings.value) > travel)
     if beyond.size:
         line, value = int(readings.line[beyond[0]]), float(readings.value[beyond[0]])
@@ -316,10 +316,10 @@ def _remarks(
 # --- differences of readings, as the paper prints them --------------------------------------------
 
 
-def differences_from_table(table: Table, machine: Orthoglide) -> Differences:
+def differences_from_table(table: Table, machine: Machine) -> Differences:
     """The differences of a CSV. Raises InvalidFileError with everything that is wrong."""
     remarks = table.check_header(DifferenceRow)
-    longest = {"value_mm": (machine.leg_length_mm, "difference", "the leg is long")}
+    longest = {"value_mm": (machine.leg_mm, "difference", "the leg is long")}
     rows = Rows(table, DifferenceRow, longest=longest)
     kind = _kind(rows)
     values = {row.difference: row.value_mm for row in rows.checked()}

@@ -86,8 +86,7 @@ def session_from_tree(
     # The readings pass the same checks as those of a CSV; faults around them are raised with
     # theirs.
     started = session.started if session else None
-    machine = judge.orthoglide
-    readings = readings_in(tree, machine, ("readings",), started=started, remarks=remarks)
+    readings = readings_in(tree, judge.machine, ("readings",), started=started, remarks=remarks)
     if session is None:
         raise tree.error()
     conditions = conditions_in(readings)

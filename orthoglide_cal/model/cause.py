@@ -140,6 +140,10 @@ class Cause:
         """True if it can happen on this machine and its gauge."""
         return self.size(machine) > 0.0
 
+    def corrected_at_joints(self, machine: Machine) -> bool:
+        """True if the controller of this machine can take it away by tables of its joints."""
+        return self.by_joint and machine.adds_to_joints
+
     def within(self, spots: int) -> Self | None:
         """The cause with no more parameters than so many places may show; None if with none."""
         return self

@@ -230,17 +230,13 @@ def _log_moments(size: int, noise: float) -> Floats:
 
 
 def off_scale(value: Floats, step: float) -> np.ndarray:
-    """Where values [mm] lie between divisions of `step` [mm]; nowhere if it is 0."""
-    if step <= 0.0:
-        return np.full(np.shape(value), False)
+    """Where values [mm] lie between divisions of `step` [mm]."""
     return np.asarray(np.abs(value / step - np.rint(value / step)) > OFF_SCALE)
 
 
 def _doubt_differences(value: Floats, gauge: Gauge) -> Iterator[Reason]:
     """Decimals that neither differences of readings nor of means of up to ten have."""
     step = gauge.resolution_mm
-    if step <= 0.0:
-        return
     written = max(len(f"{v:.9f}".rstrip("0").partition(".")[2]) for v in value.tolist())
     nearest = (np.rint(value * count / step) * step / count for count in _MEANS_OF)
     if any(np.all(np.abs(value - mean) <= 0.5 * 10.0**-written + 1e-9) for mean in nearest):

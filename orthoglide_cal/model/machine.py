@@ -23,7 +23,7 @@ from orthoglide_cal.errors import InputError, OrthocalError, UsageError
 from orthoglide_cal.model.kinematics import GaugeResponse, Geometry, RealMachine
 from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import AnyCell, AnyPlan, Floats, Numbers, Plan, ReadOnly, Reduction
-from orthoglide_cal.model.readings import AXES
+from orthoglide_cal.model.readings import AXES, Posture
 from orthoglide_cal.schema import Day, Digest, Number, Positive, Reason, Schema, Word, ask
 
 LARGEST_OFFSET_MM = 1000.0  # nobody enters more
@@ -195,7 +195,7 @@ class Suspicion(NamedTuple):
 
 
 class Instrument(Schema):
-    """Any gauge or probe; each kind declares its values in the order of the machine file."""
+    """A gauge or probe; each kind declares its values in the order of the machine file."""
 
     if TYPE_CHECKING:
         resolution_mm: float
@@ -331,7 +331,6 @@ class Machine(Schema):
     # Where nothing was measured yet: what to do, the verb of the program, a file as it is usually
     # called; "" for none.
     first_steps: ClassVar[tuple[tuple[str, str, str], ...]]
-    has_cube: ClassVar[bool] = False  # the error of its tool is shown over a cube of its workspace
     adds_to_joints: ClassVar[bool] = False  # LinuxCNC adds its parameters, and tables, at joints
     keeps_entered: ClassVar[bool] = True  # its machine file, not its controller, has `active`
     controller_formats: ClassVar[tuple[str, ...]]  # of its usual controller's file first
@@ -369,12 +368,13 @@ class Machine(Schema):
     def require(cls, machine: Machine, otherwise: OrthocalError | None = None) -> Self:
         """The machine, if it is of this kind; raises this error, or UsageError, for another one."""
         if not isinstance(machine, cls):
-            raise otherwise or UsageError(
-                f"{machine.name} is of kind {machine.kind}.",
-                f"Give the file of a machine of kind {cls.model_fields['kind'].default}:"
-                " --machine FILE",
-            )
+            raise otherwise or machine._refusal(cls.model_fields["kind"].default)
         return machine
+
+    def _refusal(self, kind: str) -> UsageError:
+        """Error where only a machine of another kind will do."""
+        remedy = f"Give the file of a machine of kind {kind}: --machine FILE"
+        return UsageError(f"{self.name} is of kind {self.kind}.", remedy)
 
     @classmethod
     def named(cls, names: Sequence[str]) -> dict[str, str]:
@@ -399,11 +399,9 @@ class Machine(Schema):
         texts = {name: text for name, text in self.report if text is not None}
         gauges = {gauge.id: gauge for gauge in (*self.gauges, *owner.gauges)}
         for mine in self.gauges:
-            if mine.certificate in (None, gauges[mine.id].certificate):
-                known = {name: value for name, value in mine if value is not None}
-                gauges[mine.id] = gauges[mine.id].changed(**known)
-            else:
-                gauges[mine.id] = mine
+            same = mine.certificate in (None, gauges[mine.id].certificate)
+            known = {name: value for name, value in mine if value is not None}
+            gauges[mine.id] = gauges[mine.id].changed(**known) if same else mine
         return self.changed(report=owner.report.changed(**texts), gauges=tuple(gauges.values()))
 
     @property
@@ -419,10 +417,39 @@ class Machine(Schema):
     @property
     def bed(self) -> Bed:
         """Bed that its probe touches; raises UsageError for a machine without one."""
-        raise UsageError(
-            f"{self.name} is of kind {self.kind}.",
-            "Give the file of a machine of kind linear_delta: --machine FILE",
-        )
+        raise self._refusal("linear_delta")
+
+    @property
+    def cube(self) -> tuple[float, float]:
+        """(low, high), tool positions [low, high]³ to be shown [mm]; UsageError without them."""
+        raise self._refusal("orthoglide")
+
+    @property
+    def limits_mm(self) -> tuple[float, float]:
+        """Lowest and highest displacement of a carriage [mm]; UsageError without postures."""
+        raise self._refusal("orthoglide")
+
+    def displacement_mm(self, posture: Posture) -> float:
+        """Displacement of the leg's own carriage at a posture [mm]."""
+        low, high = self.limits_mm
+        return {Posture.ISO: 0.0, Posture.MAX: high, Posture.MIN: low}[posture]
+
+    def posture_at(self, displacement: float) -> Posture | None:
+        """The named posture at a displacement [mm]; None for any other."""
+        return next((p for p in Posture if self.displacement_mm(p) == displacement), None)
+
+    def joints_at(self, leg: Numbers | int, displacement: Floats | float) -> Floats:
+        """Indicated joints (..., 3) [mm] with legs 0, 1, 2 displaced; UsageError likewise."""
+        raise self._refusal("orthoglide")
+
+    def reach_mm(self, gauge_at: float) -> tuple[float, float]:
+        """Lowest and highest displacement at which a plunger stays where it can read [mm]."""
+        return self.limits_mm
+
+    @property
+    def gauge_places(self) -> tuple[float, ...]:
+        """Places along a leg from which a gauge reads it over all travel; none by default."""
+        return ()
 
     def together(
         self, dates: Sequence[tuple[Machine, Measured]], slope: Callable[[Plan], Floats]
@@ -467,9 +494,10 @@ class Machine(Schema):
         return self.plausible
 
     @property
-    @abstractmethod
     def travel_mm(self) -> float:
         """How far a carriage can move, about [mm]."""
+        low, high = self.limits_mm
+        return high - low
 
     @property
     @abstractmethod
@@ -482,8 +510,8 @@ class Machine(Schema):
         """Rails and legs as the controller has them."""
 
     @property
-    def expanding_mm(self) -> float:
-        """Length of what grows with the temperature between the carriages and the tool [mm]."""
+    def leg_mm(self) -> float:
+        """Mean length of its legs or arms: what grows with the temperature [mm]."""
         return float(self.nominal_rails.lengths.mean())
 
     @property
@@ -523,9 +551,12 @@ class Machine(Schema):
             what = f"No protocol guides through measuring a {self.kind.replace('_', ' ')}."
             raise UsageError(what, self.vocabulary.probing)
 
-    @abstractmethod
     def judging(self, then: Machine) -> Machine:
-        """The machine by which readings are judged that were taken when it was as `then`."""
+        """The machine by which readings are judged that were taken when it was as `then`.
+
+        Itself, where postures say where the carriages stood.
+        """
+        return self
 
     def check_same(self, later: Machine) -> None:
         """Raises UsageError for a machine that calibration cannot make of this one."""

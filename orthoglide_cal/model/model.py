@@ -21,7 +21,6 @@ from orthoglide_cal.model.cause import Cause, Effect, Estimate, Stage
 from orthoglide_cal.model.kinematics import RealMachine
 from orthoglide_cal.model.machine import Corrections, Instrument, Machine
 from orthoglide_cal.model.measured import Readings
-from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Floats, Numbers, Plan
 
 
@@ -32,11 +31,6 @@ class Model:
     machine: Machine  # nominal; the controller computes its commands from it
     accepted: tuple[Effect, ...] = ()  # what it leaves out, applied in this order in each stage
     ruled_out: tuple[str, ...] = ()  # ids of causes that were looked at by hand and are not there
-
-    @property
-    def orthoglide(self) -> Orthoglide:
-        """The machine, where gauges are read on legs; raises UsageError for another kind."""
-        return Orthoglide.require(self.machine)
 
     def extended(self, effects: Iterable[Effect]) -> "Model":
         """The model with more causes, after those that it has."""

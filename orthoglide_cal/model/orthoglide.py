@@ -85,7 +85,7 @@ class Orthoglide(Machine):
     linearization_points = read_only(
         OFFSET_MM * np.array([(1.0, *s) for s in product((1.0, -1.0), repeat=2)])
     )
-    has_cube = adds_to_joints = True
+    adds_to_joints = True
     controller_formats = ("linuxcnc", "table")
     vocabulary = Vocabulary(
         one="offset",
@@ -202,29 +202,15 @@ class Orthoglide(Machine):
         """An offset is stated with its U, however large that is."""
         return (math.inf,) * len(AXES)
 
-    def judging(self, then: Machine) -> Machine:
-        """Itself: postures say where the carriages stood."""
-        return self
-
-    def displacement_mm(self, posture: Posture) -> float:
-        """Displacement of the leg's own carriage at a posture [mm]."""
-        low, high = self.joint_limits_mm
-        return {Posture.ISO: 0.0, Posture.MAX: high, Posture.MIN: low}[posture]
+    @property
+    def limits_mm(self) -> tuple[float, float]:
+        return self.joint_limits_mm
 
     def home_words(self, changes: Mapping[str, float], decimals: int) -> tuple[str, ...]:
         says = plain(self.home_mm, decimals)
         truly = {axis: plain(self.home_mm + moved, decimals) for axis, moved in changes.items()}
         lines = (f"{a}: the controller says {says} mm, truly {mm} mm" for a, mm in truly.items())
         return ("At the isotropic posture, as the controller is set now:", *lines, "")
-
-    def posture_at(self, displacement: float) -> Posture | None:
-        """The named posture at a displacement [mm]; None for any other."""
-        return next((p for p in Posture if self.displacement_mm(p) == displacement), None)
-
-    @property
-    def travel_mm(self) -> float:
-        low, high = self.joint_limits_mm
-        return high - low
 
     @property
     def geometry_words(self) -> str:
@@ -262,8 +248,8 @@ class Orthoglide(Machine):
         )
 
     @property
-    def reachable_cube(self) -> tuple[float, float]:
-        """(low, high): the cube [low, high]³ within the joint limits, no larger than the workspace.
+    def cube(self) -> tuple[float, float]:
+        """The cube within the joint limits, no larger than the workspace.
 
         The limits are displacements of the carriages: p_i + √(L² − p_j² − p_k²) − L. The largest is
         at the middle of the upper face; the smallest at the corner (low, ±m, ±m), m the larger of
@@ -553,8 +539,9 @@ def plan_of(readings: Sequence[PlannedReading], **known: Numbers) -> GaugePlan:
     return GaugePlan(**{**given, "order": order, "hours": hours, "entered": entered, **known})
 
 
-def planned_readings(plan: GaugePlan) -> list[PlannedReading]:
-    """The readings of a plan, at no time at all."""
+def planned_readings(plan: Plan) -> list[PlannedReading]:
+    """The readings of a plan of gauges, at no time at all."""
+    plan = GaugePlan.require(plan)
     names = [name for name in PlannedReading._fields if name != "minutes"]
     rows = zip(*(getattr(plan, name).tolist() for name in names), strict=True)
     return [
@@ -564,7 +551,7 @@ def planned_readings(plan: GaugePlan) -> list[PlannedReading]:
 
 
 def double_posture(
-    machine: Orthoglide,
+    machine: Machine,
     cycles: int = 3,
     closing: bool = True,
     postures: Sequence[Posture] = POSTURES,
@@ -604,7 +591,7 @@ def visiting(
     return plan_of(readings)
 
 
-def single_posture(machine: Orthoglide, cycles: int = 1, closing: bool = False) -> GaugePlan:
+def single_posture(machine: Machine, cycles: int = 1, closing: bool = False) -> GaugePlan:
     """Iso, Max, Min of the x-leg, then of the y-leg; at each, joint end and tool end along z.
 
     The height of both leg ends above the base, at the same posture (sec. 3.2); arguments as of
@@ -632,7 +619,7 @@ def reduction(
     are averaged within a gauge set-up, then over the set-ups that hold both cells. A row is all
     zero where the plan lacks one of the cells.
     """
-    plan, machine = GaugePlan.require(plan), Orthoglide.require(machine)
+    plan = GaugePlan.require(plan)
     matrix = np.zeros((len(differences), len(plan)))
     for row, (series, posture) in zip(matrix, differences, strict=True):
         if kind is DataKind.SINGLE:
@@ -658,7 +645,6 @@ def reduction(
 
 def ideal_plan(kind: DataKind, machine: Machine) -> GaugePlan:
     """One reading of each cell that the differences of this kind need."""
-    machine = Orthoglide.require(machine)
     if kind is DataKind.SINGLE:
         return single_posture(machine)
     ends = (Posture.MAX, Posture.MIN)

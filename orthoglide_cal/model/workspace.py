@@ -40,14 +40,11 @@ class Workspace(Schema):
 
     before_mm: float
     after_mm: float
-    before_mean_mm: float
-    after_mean_mm: float
     worst_before_mm: tuple[float, ...] = Field(description="tool position where it is largest")
     worst_after_mm: tuple[float, ...]
     limit_mm: float | None = None
     left_mm: float = Field(description="what the causes alone leave after entering")
     cube_mm: tuple[float, float]
-    stated_edge_mm: float = Field(description="of the workspace in the machine file")
     maps: SkipJsonSchema[WorkspaceMaps | None] = Field(None, exclude=True, repr=False)
 
 
@@ -57,7 +54,7 @@ def _grid(model: Model, points: int) -> tuple[Floats, Floats, Floats]:
 
     Last where the controller sends the carriages for them, (n³, 3) [mm].
     """
-    low, high = model.orthoglide.reachable_cube
+    low, high = model.machine.cube
     axis = np.linspace(low, high, points)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     grid = np.stack((x, y, z), axis=-1).reshape(-1, 3)
@@ -105,7 +102,8 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         covariance: of the offsets, shape (3, 3) [mm²].
         k: coverage factor for the uncertainty that remains.
 
-    Raises PostureError: a corner of the cube that the machine cannot reach.
+    Raises PostureError: a corner of the cube that the machine cannot reach; UsageError: it has no
+    cube.
     """
     axis, points, indicated = _grid(model, SAMPLES)
     tool = model.real.geometry.tool_for(_standing(model, indicated, offsets))
@@ -116,13 +114,10 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
     return Workspace(
         before_mm=float(before.max()),
         after_mm=float(after.max()),
-        before_mean_mm=float(before.mean()),
-        after_mean_mm=float(after.mean()),
         worst_before_mm=tuple(points[np.argmax(before)].tolist()),
         worst_after_mm=tuple(points[np.argmax(after)].tolist()),
         left_mm=float(left.max()),
         cube_mm=(float(axis[0]), float(axis[-1])),
-        stated_edge_mm=model.orthoglide.workspace_mm,
         maps=WorkspaceMaps(
             axis_mm=axis,
             levels_mm=axis[levels],

@@ -115,7 +115,7 @@ def experiment(number: int) -> Differences:
 def table_1(model: Model) -> Reproduction:
     """Sensitivities next to T_α and 1: exact derivatives, at zero offsets, of the height of a leg's
     tool end over its joint end, at the postures of each leg, in both directions."""
-    machine = model.orthoglide
+    machine = model.machine
     ends = (Contact.TOOL, Contact.JOINT)
     cells = [(leg, to, at) for at in Posture for leg in range(3) for to in other_axes(leg)]
     readings = [
@@ -130,7 +130,7 @@ def table_1(model: Model) -> Reproduction:
         # Spanned by the leg and the third axis.
         plane = "".join(axis for axis in AXES if axis != AXES[direction]).upper()
         # α = asin(d/L), negative at the min posture (errata, Table 1).
-        tangent = math.tan(math.asin(machine.displacement_mm(posture) / machine.leg_length_mm))
+        tangent = math.tan(math.asin(machine.displacement_mm(posture) / machine.leg_mm))
         published = (tangent, 1.0, 0.0, None)
         computed = [by_axis[axis] for axis in (leg, direction, 3 - leg - direction)]
         name = f"{posture} {AXES[leg]}-leg {plane}"

@@ -99,8 +99,8 @@ def choose_adjustments(
         remedy = f"See what helps: {command('guide', cause.id)}"
         raise (UsageError if id else UnusableResultError)(problem, remedy)
     kind = type(diagnosis.model.machine)
-    having = [other.id for other in CAUSES.values() if other.adjustable and other.usual(kind)]
-    having += [HOME_SWITCH.id] * diagnosis.model.machine.adds_to_joints
+    every = (*CAUSES.values(), HOME_SWITCH)
+    having = [other.id for other in every if other.adjustable and other.usual(kind)]
     if id not in (None, *having):
         remedy = f"Choose one of: {', '.join(having)}."
         raise UsageError(f"There is no cause {id!r} at this machine.", remedy)

@@ -23,7 +23,7 @@ from orthoglide_cal.estimation.accuracy import unit_covariance
 from orthoglide_cal.model.machine import Machine, Suspicion
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.model import Model, simulate_with_jacobian
-from orthoglide_cal.model.orthoglide import MARGIN, ROUNDING, Orthoglide, visiting
+from orthoglide_cal.model.orthoglide import MARGIN, ROUNDING, visiting
 from orthoglide_cal.model.plan import Floats, Ints, Plan
 
 # Postures that are tried, as shares of the lower and of the upper joint limit.
@@ -44,7 +44,7 @@ GIVES_UP = (
 
 # A plan asks for it once for each number of cycles.
 @functools.lru_cache(maxsize=8)
-def design_of(machine: Orthoglide) -> tuple[tuple[float, ...], float]:
+def design_of(machine: Machine) -> tuple[tuple[float, ...], float]:
     """The postures and the gauge place that reach any accuracy with the fewest readings.
 
     Displacements [mm] of one cycle in their order, and a place along the leg, as of `visiting`.
@@ -55,7 +55,7 @@ def design_of(machine: Orthoglide) -> tuple[tuple[float, ...], float]:
     Raises:
         UnusableResultError: no such postures determine the offsets.
     """
-    postures = SHARES @ np.array(machine.joint_limits_mm)
+    postures = SHARES @ np.array(machine.limits_mm)
     every = np.array(list(product(range(MOST_VISITS + 1), repeat=len(postures))), dtype=np.intp)
     visits = every.sum(axis=1)
     every = every[(visits > 1) & (visits <= MOST_VISITS)]
@@ -71,7 +71,7 @@ def design_of(machine: Orthoglide) -> tuple[tuple[float, ...], float]:
     jacobians = slopes.reshape(len(PLACES), plan.setups, len(postures), 3)
     least, best = 1.0 / NOTHING**0.5, None
     for place, jacobian in zip(PLACES, jacobians, strict=True):
-        touched = place + postures / machine.leg_length_mm
+        touched = place + postures / machine.leg_mm
         near_joint = np.abs(touched - 0.5) > 0.5 - MARGIN + ROUNDING
         count = every[~np.any(every[:, near_joint], axis=1)]
         needed = _cost(jacobian, count)

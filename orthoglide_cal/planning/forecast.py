@@ -7,6 +7,7 @@ gauge's stated noise and the degrees of freedom that the readings will have. On 
 
 from bisect import bisect_left
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any, Self
@@ -14,6 +15,7 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field, computed_field
 
+from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, Posed, pose_plan
 from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
 from orthoglide_cal.estimation.budget import Budget, fixed_influences, influences
@@ -118,9 +120,10 @@ class SessionForecast(Schema):
 
         k·u of the tool position, and what accepted causes leave there; None without a workspace.
         """
-        if not self.model.machine.has_cube:
-            return None
-        return float(error_after(self.model, self.budget.covariance_mm2, self.budget.k)[1].max())
+        with suppress(UsageError):
+            after = error_after(self.model, self.budget.covariance_mm2, self.budget.k)[1]
+            return float(after.max())
+        return None
 
     @computed_field
     @cached_property

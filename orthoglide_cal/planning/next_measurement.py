@@ -35,12 +35,12 @@ from orthoglide_cal.inference.decision import keep_ratio
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.prediction import chance_of_one_answer, expect, predict
 from orthoglide_cal.model.cause import NORMAL_K
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
-    Orthoglide,
     double_posture,
     visiting,
 )
@@ -73,7 +73,7 @@ ALONE = (1, 2, 3, 5)  # cycles of a session of its own
 MOST = 8
 
 
-def options(first: Plan | None, machine: Orthoglide) -> tuple[NextMeasurement, ...]:
+def options(first: Plan | None, machine: Machine) -> tuple[NextMeasurement, ...]:
     """All that can be done next within the limits of a machine.
 
     `first` was read with gauges that stand in space; None where nothing can be solved with it.
@@ -94,7 +94,7 @@ def _later(first: Plan, plan: PlanT) -> PlanT:
     )
 
 
-def _walks(machine: Orthoglide, gauge_at: float) -> tuple[tuple[Reason, tuple[float, ...]], ...]:
+def _walks(machine: Machine, gauge_at: float) -> tuple[tuple[Reason, tuple[float, ...]], ...]:
     """Ways to the joint limits, or as far as the plunger stays on the bar.
 
     Each with one cycle of displacements [mm], of which the first closes the last.
@@ -112,7 +112,7 @@ def _walks(machine: Orthoglide, gauge_at: float) -> tuple[tuple[Reason, tuple[fl
     )
 
 
-def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[NextMeasurement]:
+def _going_on(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
     """With the stands where they are, on the leg that was read last, if they are fixed in space."""
     standing = first.in_time[first.standing[first.in_time]]
     # Of each direction that is read there, its last reading.
@@ -156,7 +156,7 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[NextMeasurement
             task = Reason.of("read_on", leg=AXES[leg], cycles=cycles, walk=walk)
             yield option(task, (*stops * cycles, 0.0))
     walk, stops = walks[0]
-    low, high = machine.joint_limits_mm
+    low, high = machine.limits_mm
     for axis in other_axes(leg):
         moved = machine.joints_at(leg, np.array(stops))[:, axis] - machine.home_mm
         for step in (STEP_MM, -STEP_MM):
@@ -167,7 +167,7 @@ def _going_on(first: GaugePlan, machine: Orthoglide) -> Iterator[NextMeasurement
                 break
 
 
-def _alone(machine: Orthoglide) -> Iterator[NextMeasurement]:
+def _alone(machine: Machine) -> Iterator[NextMeasurement]:
     """Sessions as `measure` guides them, of the best design where plungers would leave the bar."""
     usual = double_posture(machine)
     protocol = MeasuringProtocol.BEST if machine.bar_warning(usual) else MeasuringProtocol.DOUBLE
@@ -179,7 +179,7 @@ def _alone(machine: Orthoglide) -> Iterator[NextMeasurement]:
         yield NextMeasurement(what=task, plan=plan, minutes=minutes, session=typed)
 
 
-def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[NextMeasurement]:
+def _set_up_again(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
     """With the stands set up again, labels and + sides of the gauges checked."""
     walks = _walks(machine, HALF_WAY)
     usual = walks[0][1]
@@ -202,7 +202,7 @@ def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[NextMeasure
         for at in machine.gauge_places:
             if np.any(np.abs(fixed - at) <= ANOTHER_PLACE):
                 continue
-            task = Reason.of("repeat_at", cycles=cycles, gauge_mm=at * machine.leg_length_mm)
+            task = Reason.of("repeat_at", cycles=cycles, gauge_mm=at * machine.leg_mm)
             yield _session(first, machine, LEGS, task, usual * cycles, gauge_at=at)
     task = Reason.of("repeat_reversed", half_way=half_way)
     yield _session(first, machine, LEGS[::-1], task, usual)
@@ -210,7 +210,7 @@ def _set_up_again(first: GaugePlan, machine: Orthoglide) -> Iterator[NextMeasure
 
 def _session(
     first: GaugePlan,
-    machine: Orthoglide,
+    machine: Machine,
     legs: Sequence[int],
     task: Reason,
     stops: tuple[float, ...],
@@ -257,7 +257,7 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
     if not (choice or model.machine.vocabulary.measure):
         return ()
     first = plan if choice or (plan is not None and plan.fixed) else None
-    choice = choice or options(first, model.orthoglide)
+    choice = choice or options(first, model.machine)
     # With many readings a probability may be too small for a number: such a one decides nothing.
     possible = [(share, fit) for share, fit in diagnosis.by_place if share > 0.0]
     likeliest = sorted(possible, key=lambda pair: -pair[0])[:MOST]

@@ -2,7 +2,7 @@
 
 A kind of machine that measures itself offers layouts, ways to spread its readings; they are
 compared on equal terms, and the best is the quickest that distinguishes what hides behind each
-other in the usual ones. Any other is measured by protocols: a session is compared with other
+other in the usual ones. Every other kind is measured by protocols: a session is compared with other
 numbers of cycles, protocols and methods, and the best design takes the fewest readings for its U.
 """
 

@@ -21,8 +21,8 @@ import numpy as np
 from orthoglide_cal.errors import PostureError, UsageError
 from orthoglide_cal.files.gcode_template import PostureValues, Template
 from orthoglide_cal.files.table import csv_text, in_csv
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.model.plan import Bools, Floats, ReadOnly
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.planning.steps import SessionStep, posture_name
@@ -64,7 +64,7 @@ class Block(ReadOnly):
 class PostureProgram:
     """All blocks in order; the machine stands at the isotropic posture when it begins."""
 
-    machine: Orthoglide
+    machine: Machine
     approach_mm: float  # along each joint
     session: str  # the command to measure with: in other sessions blocks mean other postures
     blocks: tuple[Block, ...]
@@ -93,8 +93,8 @@ def posture_program(
         raise UsageError(
             f"The approach cannot be {approach_mm:g} mm long.", "Give a length such as 1."
         )
-    machine = model.orthoglide
-    low, high = machine.joint_limits_mm if travel_mm is None else travel_mm
+    machine = model.machine
+    low, high = machine.limits_mm if travel_mm is None else travel_mm
     if not low <= 0.0 <= high or low == high:
         raise UsageError(
             f"The carriages cannot go from {low:+g} to {high:+g} mm of the isotropic posture.",
@@ -134,7 +134,7 @@ def posture_program(
     return PostureProgram(machine, approach_mm, session, tuple(blocks))
 
 
-def _way(machine: Orthoglide, leg: int, start: float, end: float) -> Floats:
+def _way(machine: Machine, leg: int, start: float, end: float) -> Floats:
     """Joints from one displacement of a leg, left out, to another in short stretches, (n, 3)."""
     stretches = max(math.ceil(abs(end - start) / _STRETCH_MM), 1)
     return machine.joints_at(leg, np.linspace(start, end, stretches + 1)[1:])

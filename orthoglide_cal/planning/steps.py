@@ -11,7 +11,6 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.orthoglide import (
     MINUTES_PER_POSTURE,
     MINUTES_PER_SETUP,
-    Orthoglide,
     PlannedReading,
     double_posture,
     plan_of,
@@ -19,7 +18,7 @@ from orthoglide_cal.model.orthoglide import (
     single_posture,
     visiting,
 )
-from orthoglide_cal.model.plan import Ints
+from orthoglide_cal.model.plan import Plan
 from orthoglide_cal.model.readings import AXES, GaugePlan, Posture, Series
 from orthoglide_cal.planning.design import design_of
 
@@ -94,7 +93,6 @@ def sequence(
         protocol, cycles: which readings; repeats of Iso, Max, Min on each leg, and a closing Iso.
         order, stands: as of `steps_of`; the single-posture protocol uses one gauge.
     """
-    machine = Orthoglide.require(machine)
     match protocol:
         case MeasuringProtocol.DOUBLE:
             plan = double_posture(machine, cycles)
@@ -119,9 +117,7 @@ def sequence_options(protocol: MeasuringProtocol, cycles: int, order: Order, sta
     return " ".join(option for option, needed in options.items() if needed)
 
 
-def steps_of(
-    plan: GaugePlan, machine: Machine, order: Order, stands: int
-) -> tuple[SessionStep, ...]:
+def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[SessionStep, ...]:
     """The steps of any plan.
 
     Args:
@@ -131,13 +127,14 @@ def steps_of(
         stands: gauges that are read side by side. One gauge takes one direction of a leg after
             the other, and slides alone between the ends of a leg.
     """
-    rows, readings = plan.in_time.tolist(), planned_readings(plan)
-    machine = Orthoglide.require(machine)
+    rows, readings, zero_of = plan.in_time.tolist(), planned_readings(plan), plan.shared.tolist()
     alone = stands == 1 or not plan.fixed
-    if plan.fixed and alone:
-        rows = _grouped(rows, plan.setup, plan.leg, plan.direction)
-    elif alone and order is Order.FEWEST_MOVES:
-        rows = _grouped(rows, plan.setup, plan.leg, plan.contact)
+    if alone and (plan.fixed or order is Order.FEWEST_MOVES):
+        ends = [cell.direction if plan.fixed else cell.contact for cell in readings]
+        keys = [(zero, c.leg, end) for zero, c, end in zip(zero_of, readings, ends, strict=True)]
+        # Equal keys come together, in the order in which they first appear.
+        first: dict[object, int] = {}
+        rows = sorted(rows, key=lambda i: first.setdefault(keys[i], len(first)))
     steps: list[SessionStep] = []
     seen: Counter[PlannedReading] = Counter()
     setup, place, zeros, block = 0, None, dict[Series, int](), 0
@@ -148,22 +145,16 @@ def steps_of(
         seen[planned] += 1
         # A single gauge is carried over to the next series; two stand there together.
         here = (leg, direction if alone else None)
-        zero = int(plan.setup[i])
-        if here != place or zeros.get(plan.series[i], zero) != zero:
+        zero = zero_of[i]
+        if here != place or zeros.get(planned.series, zero) != zero:
             setup, place, zeros = setup + 1, here, {}
-        zeros[plan.series[i]] = zero
+        zeros[planned.series] = zero
         stand = 0 if alone else int(direction > min({0, 1, 2} - {leg}))
         visit = (setup, leg, posture, seen[planned], planned.entered)
         if not steps or visit != steps[-1].visit:
             block += 10
         steps.append(SessionStep(number, planned, posture, seen[planned], stand, setup, block))
     return tuple(steps)
-
-
-def _grouped(rows: Sequence[int], *keys: Ints) -> list[int]:
-    """Bring rows with equal keys together, in the order in which the keys first appear."""
-    first: dict[object, int] = {}
-    return sorted(rows, key=lambda i: first.setdefault(tuple(key[i] for key in keys), len(first)))
 
 
 def with_set_ups(

@@ -79,8 +79,10 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
 
 
 class _Formatter(string.Formatter):
-    def format_field(self, value: Any, format_spec: str) -> str:
-        words = sentence if isinstance(value, Reason) else _FORMATS.get(format_spec)
+    def format_field(self, value: object, format_spec: str) -> str:
+        if isinstance(value, Reason):
+            return sentence(value)
+        words = _FORMATS.get(format_spec)
         return words(value) if words else str(super().format_field(value, format_spec))
 
 

@@ -257,7 +257,7 @@ class _DiagnosedSession:
         if conditions.mean_temperature_c is not None:
             # As `warmth`, but per kelvin the same in all sessions.
             kelvin = conditions.mean_temperature_c - REFERENCE_C
-            grown = EXPANSION_PER_K * white.machine.expanding_mm * kelvin / math.sqrt(3.0)
+            grown = EXPANSION_PER_K * white.machine.leg_mm * kelvin / math.sqrt(3.0)
             first = np.arange(len(values))[:, None] < width
             common[Origin.TEMPERATURE,] = np.where(first, grown, 0.0)
         for cause in (CAUSES[id] for id in self.last.fixed_parameters if (id,) in common):

@@ -13,6 +13,7 @@ they may be entered, and if not what to do, is decided here, too.
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import chain
@@ -20,7 +21,7 @@ from itertools import chain
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import PostureError, UnusableResultError
+from orthoglide_cal.errors import PostureError, UnusableResultError, UsageError
 from orthoglide_cal.estimation import (
     OffsetEstimate,
     PromisedDifference,
@@ -277,7 +278,7 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Off
 
 
 def _warmth(given: Input) -> tuple[Contribution, ...]:
-    return warmth(given.conditions.mean_temperature_c, given.model.machine.expanding_mm)
+    return warmth(given.conditions.mean_temperature_c, given.model.machine.leg_mm)
 
 
 def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
@@ -420,13 +421,13 @@ def _check(
     if not promised:
         return None
     row = max(promised, key=lambda row: abs(row.measured_mm - row.expected_mm))
-    machine = given.model.orthoglide
+    machine = given.model.machine
     series, posture = next(e for e in chain(*DIFFERENCES.values()) if e.name == row.name)
     ends = (posture, posture) if posture else (Posture.MIN, Posture.MAX)
     moved = [machine.displacement_mm(end) for end in ends]
     tools = [tuple(value if axis == series.leg else 0.0 for axis in range(3)) for value in moved]
     joints = [tuple(machine.joints_at(series.leg, value).tolist()) for value in moved]
-    sigma = max(solution.noise.sigma_mm, machine.gauge.noise_mm)
+    sigma = max(solution.noise.sigma_mm, machine.instrument.noise_mm)
     return schema.CheckReading(
         what=row.name,
         leg=AXES[series.leg],
@@ -436,7 +437,7 @@ def _check(
         first_joints_mm=joints[0],
         second_joints_mm=joints[1],
         ends=posture is not None,
-        gauge_mm=None if posture else 0.5 * machine.leg_length_mm,
+        gauge_mm=None if posture else 0.5 * machine.leg_mm,
         before_mm=row.measured_mm,
         expected_mm=row.expected_mm,
         # The promise is of as many readings as were taken before; the check is of two.
@@ -446,13 +447,10 @@ def _check(
 
 def _workspace(estimate: OffsetEstimate, model: Model) -> Workspace | None:
     """Tool-position error before and after the adjustment; None if it cannot be computed."""
-    if not model.machine.has_cube:
-        return None
     budget = estimate.budget
-    try:
+    with suppress(PostureError, UsageError):
         return workspace_error(model, estimate.offsets_mm, budget.covariance_mm2, budget.k)
-    except PostureError:
-        return None
+    return None
 
 
 def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
@@ -607,8 +605,7 @@ def _named(solution: Solution, diagnosis: Diagnosis, corrects: Collection[str]) 
             accept, option = Reason.of("accept", id=cause.id), f"--accept {cause.id}"
             remedy = Remedy(sentence=accept, verb="diagnose", options=option)
         remedies.append(remedy)
-        machine = solution.model.machine
-        if CAUSES[cause.id].by_joint and machine.adds_to_joints:
+        if CAUSES[cause.id].corrected_at_joints(solution.model.machine):
             let = Reason.of("controller_corrects", id=cause.id)
             remedies.append(Remedy(sentence=let, verb="apply", options="--to FILE.ini"))
     probability = diagnosis.causes[0].probability

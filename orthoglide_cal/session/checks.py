@@ -81,11 +81,11 @@ def check_number(readings: ReadingsSoFar, unit: Unit) -> Question | None:
 
     What was kept once is not questioned again.
     """
-    value, gauge = float(readings.value[-1]), readings.setting.machine.gauge
+    value, gauge = float(readings.value[-1]), readings.setting.machine.instrument
     earlier = readings.value[readings.series]
     # Further from zero, or later from the gauge's other readings, than its plunger travels.
-    if np.abs(value - (earlier if earlier.size else 0.0)).max() > gauge.range_mm:
-        shown, travel = in_unit(value, unit, "+g"), in_unit(gauge.range_mm, unit)
+    if np.abs(value - (earlier if earlier.size else 0.0)).max() > gauge.most_mm:
+        shown, travel = in_unit(value, unit, "+g"), in_unit(gauge.most_mm, unit)
         where = (
             f"further from {in_unit(earlier[-1], unit, '+g')} than" if earlier.size else "beyond"
         )
@@ -108,7 +108,7 @@ def check_repeats(readings: ReadingsSoFar, unit: Unit) -> Question | None:
 
     Asked once in a session; what was kept is not questioned again.
     """
-    gauge = readings.setting.machine.gauge
+    gauge = readings.setting.machine.instrument
     # A session's first repeat is the first that can say something.
     if not readings.repeats or {(Doubt.DEAD, 0), (Doubt.SCATTER, 0)} & readings.settled:
         return None
@@ -220,7 +220,7 @@ def _explanations(
         return Blunder(Question(doubt, words), factors, rows, shift_mm)
 
     blunders: list[Blunder] = []
-    if turn := readings.setting.machine.gauge.revolution_mm:
+    if turn := readings.setting.machine.instrument.turn_mm:
         slip = math.copysign(turn, value[-1] - evidence.prediction.mean.item())
         for turns in (1, 2, 3):
             words = f"{_NUMBERS[turns]} revolution{'s' if turns > 1 else ''}?"

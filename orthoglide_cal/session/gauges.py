@@ -150,7 +150,7 @@ SERIAL_FORMATS = {  # by the name in --gauge NAME:PORT
     "mux": SerialFormat(
         r"(?P<channel>\d) MW\s?(?P<value>[+-]\d{1,6}\.\d{1,6}) (?P<unit>mm|inch)\s*"
     ),
-    # Any gauge that sends only a number with a decimal mark: "-1.23", "0,456 mm".
+    # Gauges that send only a number with a decimal mark: "-1.23", "0,456 mm".
     "plain": SerialFormat(
         r"\s*(?P<value>[+-]?\s?\d{0,4}[.,]\d{1,6})\s*(?P<unit>mm|inch|in|\")?\s*"
     ),
@@ -396,9 +396,9 @@ class SimulatedGauge(LiveGauge):
     reads_itself = True
 
     def __init__(self, setting: Setting, seed: int) -> None:
-        self._gauge = setting.machine.gauge
+        self._gauge = setting.machine.instrument
         self._seed = seed
-        active = np.array(setting.machine.offsets_mm)
+        active = np.array(setting.machine.active)
         # Nothing for no correction.
         steps = (active / _FINEST_MM).round().astype(np.int64) % 2**32
         self._active: list[int] = steps.tolist() if steps.any() else []

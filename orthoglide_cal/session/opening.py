@@ -370,7 +370,7 @@ def setting_in(
         cycles, order, stands = opened.cycles, opened.order, opened.stands
         steps = sequence(model.machine, opened.protocol, cycles, order, stands)
     elif not steps:
-        plan = GaugePlan.require(planned.readings[0].planned(planned.readings))
+        plan = planned.readings[0].planned(planned.readings)
         steps = steps_of(plan, model.machine, opened.order, opened.stands)
     known = all(1 <= getattr(event, "step", 1) <= len(steps) for event in journal.events)
     if not known or (planned is None) != (opened.version == 1):

@@ -28,9 +28,10 @@ from orthoglide_cal.files.rows import ReadingRow
 from orthoglide_cal.files.session_file import Session
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.files.yaml_tree import load_tree
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import Orthoglide, plan_of, planned_readings
+from orthoglide_cal.model.orthoglide import plan_of, planned_readings
 from orthoglide_cal.model.plan import Floats, Ints, joined
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
@@ -59,7 +60,7 @@ class PriorReadings:
         self.readings = given.measured
         self.conditions = given.conditions
         self.is_session = given.is_session
-        self.plan = GaugePlan.require(given.measured.plan)
+        self.plan = given.measured.plan
         self.repeats = Counter(planned_readings(self.plan))
 
     @cached_property
@@ -123,8 +124,8 @@ class Setting:
     following: Following | None = None  # how it continues others
 
     @property
-    def machine(self) -> Orthoglide:
-        return self.model.orthoglide
+    def machine(self) -> Machine:
+        return self.model.machine
 
     @cached_property
     def first(self) -> PriorReadings | None:
@@ -136,7 +137,7 @@ class Setting:
         """The machine with the offsets that its controller holds while this is measured."""
         if self.following is None:
             return self.model
-        held = np.add(self.machine.offsets_mm, self.following.entered)
+        held = np.add(self.machine.active, self.following.entered)
         return self.model.holding(tuple(held.round(9).tolist()))
 
     def short_mm(self, step: SessionStep) -> Floats:
@@ -226,7 +227,7 @@ class ReadingsSoFar:
                 "temperature_c": opened.temperature_c,
                 **cells,
             }
-        return row_at(setting.plan, number - 1, str(step.posture)).changed(**cells)
+        return row_at(step.cell, str(step.posture), several=setting.plan.parts > 1).changed(**cells)
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
@@ -263,7 +264,7 @@ class ReadingsSoFar:
     def session(self) -> Session:
         """The session file's content; the same records always give the same."""
         state, opened, first = self.state, self.state.opened, self.setting.first
-        resolution = self.setting.machine.gauge.resolution_mm
+        resolution = self.setting.machine.instrument.resolution_mm
         gauges = [
             GaugeIdentity(
                 id=gauge.id, certificate=gauge.certificate or None, resolution_mm=resolution
@@ -301,7 +302,7 @@ class ReadingsSoFar:
         """The offsets; None while the readings do not determine them."""
         # Those of a session that continues others show at its end, with the others. Readings
         # longer than a leg will be refused when the session file is read.
-        longest = self.setting.machine.leg_length_mm
+        longest = self.setting.machine.leg_mm
         if self.setting.first or not self.steps or np.abs(self.value).max() > longest:
             return None
         with suppress(OrthocalError):
@@ -313,7 +314,7 @@ class ReadingsSoFar:
         """U of the offsets if nothing else is wrong, shape (3,) [mm]; None without offsets."""
         if self.solution is None:
             return None
-        length, mean_c = self.setting.machine.leg_length_mm, self.state.opened.temperature_c
+        length, mean_c = self.setting.machine.leg_mm, self.state.opened.temperature_c
         return self.solution.budget.extended(warmth(mean_c, length)).expanded_mm
 
     def unneeded(self) -> list[SessionStep]:
@@ -360,7 +361,7 @@ class ReadingsSoFar:
 
         The median ignores blunders; the last reading is not asked.
         """
-        stated = self.setting.machine.gauge.noise_mm
+        stated = self.setting.machine.instrument.noise_mm
         last: dict[object, float] = {}
         jumps: list[float] = []
         earlier = zip(self.steps[:-1], self.setup, self.value.tolist(), strict=False)

@@ -40,18 +40,16 @@ correct range_mm in the machine file and begin anew."""
 
 def machine(model: Model, simulated: bool) -> str:
     """The machine and its numbers, as they are confirmed before the first move."""
-    machine, gauge = model.orthoglide, model.orthoglide.gauge
-    low, high = machine.joint_limits_mm
+    machine, gauge = model.machine, model.machine.instrument
     known = ", ".join(effect.cause.id for effect in model.accepted)
     return "\n".join([
         *([SIMULATED] if simulated else []),
         f"Machine  {visible(machine.name)}",
-        f"         legs {machine.leg_length_mm:g} mm, joints {low:+g} to {high:+g} mm from the"
-        " isotropic posture",
+        f"         {machine.geometry_words}",
         *([f"         known causes: {known}"] if known else []),
-        f"Gauge    {gauge.resolution_mm:g} mm divisions, {gauge.range_mm:g} mm travel,"
+        f"Gauge    {gauge.resolution_mm:g} mm divisions, {gauge.most_mm:g} mm travel,"
         f" repeats within {gauge.repeatability_mm:g} mm",
-        f"Offsets  {by_axis(machine.offsets_mm, '+.4g')} mm are in the controller now",
+        f"Offsets  {by_axis(machine.active, '+.4g')} mm are in the controller now",
     ])  # fmt: skip
 
 
@@ -101,7 +99,7 @@ def set_up(setting: Setting, setup: int, begun: bool, columns: int) -> tuple[str
         elif bars and bars[-1]:
             words = [f"0. Turn the bar of leg {leg} back, as it was at first."]
         half = "half-way: " if planned.gauge_at == 0.5 else ""
-        place = f"{planned.gauge_at * setting.machine.leg_length_mm:.0f} mm from the carriage"
+        place = f"{planned.gauge_at * setting.machine.leg_mm:.0f} mm from the carriage"
         moved = [step.cell.displacement for step in here]
         # A gauge on the + side reads more when the leg is pushed towards +.
         places = ", ".join(f"{name} on the +{name} side" for name in names)
@@ -176,6 +174,6 @@ def value_text(value_mm: float, unit: Unit, sign: str = "+") -> str:
 
 
 def in_unit(value_mm: float, unit: Unit, form: str = "g") -> str:
-    """Any other length in a unit: "10 mm", "0.393701 in (10 mm)"."""
+    """Another length in a unit: "10 mm", "0.393701 in (10 mm)"."""
     metric = f"{value_mm:{form}} mm"
     return metric if unit is Unit.MM else f"{value_mm / MM_PER_INCH:{form}} in ({metric})"

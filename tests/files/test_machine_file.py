@@ -227,7 +227,7 @@ def test_the_file_of_an_independent_program_with_three_arms():
     own = same.changed(name="truth-uneven", probe=same.probe.changed(texture_mm=UNEVEN.texture))
     machine = read(delta_yaml(UNEVEN)).machine
     assert machine == own
-    assert machine.expanding_mm == pytest.approx(np.mean(UNEVEN.arms))
+    assert machine.leg_mm == pytest.approx(np.mean(UNEVEN.arms))
 
 
 @pytest.mark.parametrize(

@@ -68,4 +68,4 @@ def test_legs_in_one_plane_are_singular() -> None:
 @pytest.mark.parametrize("moved", [L, -L, 400.0])
 def test_a_leg_displaced_by_its_length_is_named(moved: float) -> None:
     with pytest.raises(PostureError, match=f"Leg z cannot be displaced by {moved:g} mm"):
-        NOMINAL.orthoglide.joints_at(np.array([0, 2]), np.array([60.0, moved]))
+        NOMINAL.machine.joints_at(np.array([0, 2]), np.array([60.0, moved]))

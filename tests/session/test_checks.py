@@ -275,7 +275,7 @@ def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
     By construction about one session in a thousand has a false question; if it were one in 400,
     this test would fail by chance once in 40,000 runs.
     """
-    machine = model_of(truth.PROTOTYPE, gauge).orthoglide
+    machine = model_of(truth.PROTOTYPE, gauge).machine
     steps = steps_of(protocol)
     values = healthy_values(steps, 1000, machine, seed=11)
     state = state_of([])
@@ -310,7 +310,7 @@ def test_sessions_of_an_independent_truth_are_left_alone(
     asked = play(
         session.readings.tolist(),
         steps_of(),
-        model_of(machine, gauge).orthoglide,
+        model_of(machine, gauge).machine,
         session.plan.minutes.tolist(),
     )
     assert asked == []

@@ -136,7 +136,7 @@ def test_the_machine_is_named_and_confirmed_before_anything_is_written(tmp_path:
     options = ("s.yaml", "--machine", machine)
     with Terminal(tmp_path, *options, agreed=False) as terminal:
         terminal.expect("Machine  Orthoglide prototype\r\n")
-        terminal.expect(r"legs 400 mm, joints -100 to \+60 mm")
+        terminal.expect(r"leg 400 mm, travel -100 to \+60 mm")
         terminal.expect(r"Gauge    0\.01 mm divisions, 10 mm travel")
         terminal.expect(r"Offsets  X \+0  Y \+0  Z \+0 mm are in the controller now")
         terminal.expect("three offsets > ")

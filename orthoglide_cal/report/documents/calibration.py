@@ -319,9 +319,7 @@ def _conditions(case: Case, when: str) -> doc.Section:
     }
     blocks: list[doc.Block] = [doc.Facts(rows)]
     if places:
-        orthoglide = case.given.model.orthoglide
-        size = orthoglide.leg_length_mm, orthoglide.joint_limits_mm
-        drawn = figures.machine_sketch(*size, sorted(places), when)
+        drawn = figures.machine_sketch(machine.leg_mm, machine.limits_mm, sorted(places), when)
         key = "○ dial: its reading grows when the leg moves towards it."
         blocks.append(doc.Figure("Where the gauges stood", "", (drawn,), columns=0, key=key))
     if given.notes and answer.parameters:

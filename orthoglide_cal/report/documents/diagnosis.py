@@ -321,7 +321,7 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
             if cause.recommended:
                 typed = case.typed("diagnose", f"--accept {cause.id}")
                 yield doc.Instruction("Or accept it as part of the machine", typed)
-            if CAUSES[cause.id].by_joint and case.machine.adds_to_joints:
+            if CAUSES[cause.id].corrected_at_joints(case.machine):
                 typed = case.typed("apply", "--to FILE.ini")
                 yield doc.Instruction("Or let LinuxCNC correct it", typed)
     for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
