@@ -68,7 +68,7 @@ def suggested(screen: str, verb: str) -> str:
 
 def test_the_round_closes(tmp_path: Path) -> None:
     new = suggested(typed(tmp_path, "orthocal"), "machine new --practice")
-    made = typed(tmp_path, new, "Mill 3", "400", *[""] * 9)
+    made = typed(tmp_path, new, "Mill 3", "400", *[""] * 8)
     assert "Mill 3" in made
 
     assert "Mill 3" in measured(tmp_path, suggested(made, "measure"))

@@ -344,7 +344,7 @@ def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Hypothesis]:
     """Scores of bases without an extra, from the log density for each, scale and σ, (b, s, g)."""
     by_scale = log_sum(log, 2)
     scales = np.array(list(at.scales))[by_scale.argmax(axis=1)]
-    rows = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), log, strict=True)
+    rows = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), read_only(log), strict=True)
     return {
         ids_of(*base): Hypothesis(at, value, base, scale, by_noise=by_noise)
         for base, value, scale, by_noise in rows
