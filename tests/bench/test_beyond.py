@@ -82,6 +82,7 @@ def test_an_answer_without_a_description_is_wrong() -> None:
     assert any("does not act: 1 of 2" in text for text in failures_beyond([silent, named]))
 
 
+@pytest.mark.slow
 def test_the_bench_of_effects_beyond_the_list_runs(capsys: pytest.CaptureFixture[str]) -> None:
     one = "--beyond 1 --seed 4 --machine prototype --gauge micron"
     assert main(one.split()) in (0, 1)

@@ -164,7 +164,7 @@ def test_what_no_reading_tells_is_not_looked_for(
 
 SESSIONS = [
     (3, truth.MICRON, ("backlash",)),
-    (8, truth.DIAL, ("axis_gap",)),
+    pytest.param(8, truth.DIAL, ("axis_gap",), marks=pytest.mark.slow),
 ]
 
 
