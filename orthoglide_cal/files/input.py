@@ -539,7 +539,7 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
 
     others, unused = [], []
     chosen = stored or next(iter(file.data), None)
-    for name in file.data.keys() - {chosen}:
+    for name in (name for name in file.data if name != chosen):
         try:
             others.append(read(name))
         except InputError as error:
