@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
-from orthoglide_cal.words import clipped, listed
+from orthoglide_cal.words import listed, shortened
 
 _INDEX, _NUMBER = re.compile(r"\[[0-9]+\]"), re.compile(r"[0-9]+")
 # Kinds of faults that one screen has room for: a fault takes up to three lines.
@@ -112,11 +112,12 @@ class InputError(OrthocalError, ValueError):
     line: int | None = None  # in the file, from 1
     column: str | None = None  # header (CSV), dotted path (YAML), or section and option (INI)
     of_table: bool = False  # which that is: a table's columns are called so
-    value: str | None = None  # the offending text
+    value: str | None = None  # the offending text, shortened
 
     exit_code = 3
 
     def __post_init__(self) -> None:
+        self.value = shortened(self.value) if self.value else self.value
         # What is wrong; of a file with several faults each of them.
         self.problems: tuple[InputError, ...] = (self,)
 
@@ -134,7 +135,7 @@ class InputError(OrthocalError, ValueError):
         return ", ".join(filter(None, (file, self.place)))
 
     def __str__(self) -> str:
-        value = f" ({clipped(self.value)!r})" if self.value is not None else ""
+        value = f" ({self.value!r})" if self.value is not None else ""
         where = f"{self.where}: " if self.where else ""
         return f"{where}{self.what}{value} {self.remedy}".strip()
 

@@ -100,7 +100,7 @@ def parse_number(text: str, *, decimal_comma: bool = False) -> float:
     """
     plain = text.strip().replace("\u2212", "-")
     if len(plain) > _LONGEST or not _NUMBER.fullmatch(plain):
-        raise InputError("This is not a number.", _EXAMPLE, value=shortened(text))
+        raise InputError("This is not a number.", _EXAMPLE, value=text)
     if "," in plain and not decimal_comma:
         raise InputError(
             "A decimal comma cannot be read here.",
@@ -120,14 +120,9 @@ def parse_count(text: str, least: int) -> int:
         raise InputError(
             f"This is not a whole number from {least}.",
             f"Write {least}, {least + 1}, {least + 2}, …",
-            value=shortened(text),
+            value=text,
         )
     return int(plain)
-
-
-def shortened(text: str, longest: int = _LONGEST) -> str:
-    """A text for a message, cut to `longest` characters."""
-    return text if len(text) <= longest else text[: longest - 1] + "…"
 
 
 def yaml_number(value: object) -> float:

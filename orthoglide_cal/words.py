@@ -169,15 +169,15 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
-def clipped(text: str) -> str:
-    """Text from a file for a message: no more than a line of the screen."""
-    return text if len(text) <= 80 else f"{text[:79]}…"
+def shortened(text: str) -> str:
+    """A text from outside for a message: no more than fits beside its place and the remedy."""
+    return text if len(text) <= 60 else f"{text[:59]}…"
 
 
 def listed(names: Sequence[str]) -> str:
     """Names for a message, with commas; the first ten where there are more."""
     more = f" and {len(names) - 10} more" if len(names) > 10 else ""
-    return ", ".join(map(clipped, names[:10])) + more
+    return ", ".join(map(shortened, names[:10])) + more
 
 
 def wrapped(text: str, columns: int) -> str:

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from orthoglide_cal.errors import InputError, InvalidFileError
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.schema import Reason, parse_number, shortened, yaml_number
+from orthoglide_cal.schema import Reason, parse_number, yaml_number
 
 Steps = tuple[str | int, ...]
 _MOST = 1000  # faults; a file of garbage has millions, and nobody reads them
@@ -91,7 +91,7 @@ class Faults:
         try:
             yield
         except InputError as error:
-            self.add(error.what, error.remedy, line, column, shortened(text) or None)
+            self.add(error.what, error.remedy, line, column, text or None)
 
     def error(self) -> InvalidFileError:
         """All faults, at least one, by line."""

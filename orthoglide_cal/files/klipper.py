@@ -40,7 +40,7 @@ from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, LinearDelta, counter_clockwise, touching
 from orthoglide_cal.model.measured import NOZZLE, Readings, Source
 from orthoglide_cal.model.plan import Bools, Floats
-from orthoglide_cal.schema import Reason, parse_count, shortened
+from orthoglide_cal.schema import Reason, parse_count
 
 T = TypeVar("T")
 Entry = tuple[int, str]  # an option's line and text
@@ -138,21 +138,21 @@ class _Settings(Content):
             elif plain.startswith("["):
                 section = ""
                 what = "The section's name has no closing bracket."
-                self.add(what, "Write [name].", line=line, value=shortened(plain))
+                self.add(what, "Write [name].", line=line, value=plain)
             elif setting := _OPTION.match(plain):
                 option = setting[1].lower()
                 options[section][option] = line, setting[2]
             elif _MATTERS.fullmatch(section):
                 what = f"The line in [{section}] is not an option."
                 remedy = "Write “option: value”, or “#” in front of a remark."
-                self.add(what, remedy, line=line, value=shortened(plain))
+                self.add(what, remedy, line=line, value=plain)
         return sections, options
 
     def place(self, path: Steps) -> FaultPlace:
         """Where an option stands, or its section."""
         section, option = map(str, path)
         line, text = self.options[section].get(option, (self.sections.get(section), ""))
-        value = shortened(" ".join(text.split())) or None
+        value = " ".join(text.split()) or None
         return FaultPlace(line, f"{option} of [{section}]", value)
 
     def missing(self, section: str, option: str, line: int | None = None) -> None:
@@ -281,7 +281,7 @@ def _calculated(document: FileText, lines: Sequence[str], at: int) -> dict[str, 
         if not re.fullmatch(rf"\[(?:{entry}(?:, |(?=\])))*\]", text):
             what = f"This is not a list of {name}s with stepper positions."
             remedy = "Was the log cut off or changed? Give it as Klipper wrote it."
-            line, value = number + 1, shortened(text) or None
+            line, value = number + 1, text or None
             raise InputError(what, remedy, file=document.path, line=line, value=value)
         for index, parts in enumerate(re.findall(entry, text)):
             ends = ("", "_pos") if len(parts) == 2 else ("", "_pos1", "_pos2")
@@ -464,7 +464,7 @@ def _rows(settings: _Settings, section: str, across: int, along: int) -> tuple[l
     for line, cells in rows.items():
         if across and len(cells) != across:
             what = f"The row of the mesh has {len(cells)} heights, x_count says {across}."
-            settings.add(what, _AGAIN, line, column, shortened(",".join(cells)))
+            settings.add(what, _AGAIN, line, column, ",".join(cells))
             continue
         for cell in cells:
             with settings.noting(line, cell, column):

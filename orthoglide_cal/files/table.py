@@ -15,7 +15,7 @@ from orthoglide_cal.errors import visible
 from orthoglide_cal.files.faults import Content, FaultPlace, Faults, Steps, unused
 from orthoglide_cal.files.rows import CODED, Row
 from orthoglide_cal.files.text import FileText
-from orthoglide_cal.schema import Reason, parse_number, shortened
+from orthoglide_cal.schema import Reason, parse_number
 from orthoglide_cal.words import MM, listed, short
 
 _COLUMNS = 100
@@ -119,7 +119,7 @@ def read_table(file: FileText) -> Table:
             continue
         rest = (f"{lines[index]}\n" for index in range(at, len(lines)))
         reader = csv.reader(rest, delimiter=delimiter, strict=True, skipinitialspace=True)
-        shown = shortened(lines[at].strip(), 60)
+        shown = lines[at].strip()
         try:
             cells = [cell.strip(_BLANK_CELL) for cell in next(reader)]
         except csv.Error as error:

@@ -26,11 +26,11 @@ def test_without_scatter_the_stated_repeatability_counts() -> None:
 def test_few_readings_to_spare_cover_as_stated(dof: int) -> None:
     """By chance they scatter less than the gauge rounds; U holds 95 % of the errors all the same.
 
-    Of 2,000 draws, 3.3 standard deviations below 95 %: fails by chance once in 2,000 runs.
+    Of 2,000 draws, always the same; others would be 3.3 standard deviations lower once in 2,000.
     """
-    draws, sigma = 2000, np.hypot(GAUGE.repeatability_mm, ROUNDING)
-    scatters = sigma * np.sqrt(RNG.chisquare(dof, draws) / dof)
-    error = sigma * np.linalg.norm(ESTIMATOR[0]) * RNG.normal(size=draws)
+    rng, draws, sigma = np.random.default_rng(dof), 2000, np.hypot(GAUGE.repeatability_mm, ROUNDING)
+    scatters = sigma * np.sqrt(rng.chisquare(dof, draws) / dof)
+    error = sigma * np.linalg.norm(ESTIMATOR[0]) * rng.normal(size=draws)
     budgets = [budget_of(ESTIMATOR, GAUGE, Scatter(one, dof), ()) for one in scatters]
     expanded = np.array([budget.expanded_mm[0] for budget in budgets])
     assert np.mean(np.abs(error) <= expanded) > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / draws)

@@ -150,7 +150,7 @@ def test_what_is_no_table_does_not_fill_the_screen(tmp_path):
     for text in (f"<svg {'q' * 5000},<rect>\n", f"{HEAD}\nx,iso,{'q' * 5000},1\n"):
         (fault, *_) = problems(measured, tmp_path, text)
         assert "qqq…" in str(fault)
-        assert len(str(fault)) < 400
+        assert len(str(fault)) < 300
 
 
 def test_the_line_is_where_a_row_begins(tmp_path):
