@@ -90,10 +90,11 @@ def _screen(case: Case) -> doc.Page:
     if answer.not_excluded:
         notes.append(f"Not excluded, too small to show: {listed(answer.not_excluded)}.")
     while True:
-        groups: list[Sequence[doc.Block]] = [[_open_grid(case)], baselines]
+        decisive: list[doc.Block] = [_open_grid(case)]
         if not undecided:
             decisive = [*_sizes(case, offsets=True), *open_blocks(case)]
-            groups = [decisive, [_rms_grid(case), *baselines]]
+        rms = [_rms_grid(case)] if answer.holdout or not undecided else []
+        groups: list[Sequence[doc.Block]] = [decisive, [*rms, *baselines]]
         sections = [doc.Section(None, *blocks) for blocks in (*groups, *residuals)]
         last = doc.next_steps([*steps, *again], *notes, case.more("diagnose"))
         page = doc.Page(
@@ -257,7 +258,8 @@ def _open_grid(case: Case) -> doc.Grid:
     names = [row.name for row in case.answer.parameters]
     # Where nearly any cause fits, one of them shows what they may do.
     most = 1 if "few_readings" in case.answer.release.codes else _MOST_OPEN
-    others = [state for state in _open(case.answer) if not state.sound][:most]
+    rivals = (state for state in _open(case.answer) if not state.sound)
+    others = [state for state in rivals if round(100.0 * state.probability)][:most]
     for state in (*filter(None, [offsets_only(case.answer)]), *others):
         values = {
             one.name: signed(one.found, decimals_for(2.0 * one.std))
