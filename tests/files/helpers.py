@@ -49,12 +49,5 @@ def problems(call, *args) -> list[InputError]:
     raise AssertionError("nothing was wrong")
 
 
-def assert_fault(fault: InputError, place: tuple, what: str, remedy: str = "") -> None:
-    """It has this line, column and value, and these words."""
-    assert places([fault]) == [place]
-    assert what in fault.what
-    assert remedy in fault.remedy
-
-
 def places(faults: list[InputError]) -> list[tuple[int | None, str | None, str | None]]:
     return [(fault.line, fault.column, fault.value) for fault in faults]
