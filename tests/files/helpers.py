@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import yaml
+
 from orthoglide_cal.errors import InputError, InvalidFileError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine
@@ -11,6 +13,15 @@ from orthoglide_cal.model.measured import Differences, Measured, Readings
 MODEL = default_machine()
 MACHINE = MODEL.machine
 PROTOTYPE = Path(__file__).parents[2] / "configs" / "orthoglide_prototype.yaml"
+
+VARIANTS = yaml.safe_load(Path(__file__).with_name("variants.yaml").read_text(encoding="utf-8"))
+
+
+def replaced(text: str, pairs: dict[str, str]) -> str:
+    for old, new in pairs.items():
+        assert old in text
+        text = text.replace(old, new)
+    return text
 
 
 def document(text: str, path: str = "data.csv") -> FileText:

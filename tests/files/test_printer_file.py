@@ -19,7 +19,7 @@ from tests.sentences import sentences
 from tests.truth.delta import V400, Delta, Floats
 from tests.truth.forward import tool_from_carriages
 
-from .helpers import document, problems, saved
+from .helpers import VARIANTS, document, problems, replaced, saved
 
 GOOD = Path(__file__).with_name("printer.cfg").read_text(encoding="utf-8")
 # A round bed of five by five points: thirteen lie in the circle.
@@ -94,29 +94,9 @@ def test_points_beyond_the_mesh_radius_are_left_out():
     assert mesh.line[-1] == mesh.line[0] + 4
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "padded", "x"),
-    [
-        # The circle shows where the radius stated is another, and about another middle.
-        ("mesh_radius: 100\n", "", 12, 0.0),
-        ("mesh_radius: 100\n", "mesh_radius: 140\n", 12, 0.0),
-        ("mesh_radius: 100\n", "mesh_radius: 60\n", 12, 0.0),
-        ("min_x = -99.98\n#*# max_x = 99.98", "min_x = -89.98\n#*# max_x = 109.98", 12, 10.0),
-        # A mesh that repeats nothing is whole; offsets stored with it are the nozzle's.
-        ("0.100, 0.100, 0.100", "0.110, 0.120, 0.130", 0, -99.98),
-        ("#*# x_count = 5", "#*# x_offset = 2\n#*# x_count = 5", 12, 2.0),
-        # Where no circle shows, the radius stated counts.
-        ("0.100, 0.100, 0.100", "0.110, 0.120, 0.130", 12, 0.0),
-        # Where no steps are stored, nobody needs their length.
-        ("rotation_distance: 40\n", "", 12, 0.0),
-    ],
-)
-def test_the_mesh_of_another_file(old, new, padded, x):
-    assert old in GOOD
-    text = GOOD.replace(old, new)
-    text = text.replace("mesh_radius: 100\n", "") if padded == 0 else text
-    text = text.partition("#*# [delta_cal")[0] + MESH if "rotation" in old else text
-    mesh = read(text).data["mesh"]
+@pytest.mark.parametrize(("other", "padded", "x"), VARIANTS["meshes"])
+def test_the_mesh_of_another_file(other, padded, x):
+    mesh = read(replaced(GOOD, other)).data["mesh"]
     assert (sentences(mesh.remarks), len(mesh.plan)) == ([PADDED] if padded else [], 25 - padded)
     assert mesh.plan.place[0, 0] == pytest.approx(x - 2.0)
 
@@ -174,29 +154,9 @@ def test_the_lines_above_win_as_in_klipper_and_the_difference_is_told():
     ]
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        GOOD.replace("\n", "\r\n"),
-        GOOD.rstrip("\n"),
-        GOOD.replace("delta_radius: 130.5", "delta_radius\t=\t130.5\t# mm"),
-        GOOD.replace("delta_radius: 130.5", "Delta_Radius:130.5"),
-        GOOD.replace("delta_radius: 130.5", "delta_radius: 1\ndelta_radius: 130.5"),
-        GOOD.replace("kinematics: delta ", "  kinematics: delta "),
-        GOOD.replace("kinematics: delta ", "kinematics:\n  delta "),
-        GOOD.replace("delta_radius: 130.5", "; delta_radius: 9\n#x: 8\ndelta_radius: 130.5"),
-        GOOD.replace("print_radius: 110", "[stepper_a]\n[printer]\nprint_radius: 110"),
-        GOOD.replace("#*# \t  0.210", "#*#   \t\n#*# \t0.210"),
-        GOOD.replace("\t  ", "    "),
-        GOOD.replace("[printer]", "[ printer ]\t# mine").replace("[stepper_b]", "[stepper_b] 2"),
-        GOOD.replace("[probe]\npin", "[probe]   ; below the nozzle\npin"),
-        GOOD.replace("_distance: 40", "_distance: 80\nfull_steps_per_rotation: 400"),
-        GOOD + "#*# [stepper_a]\n#*# arm_length = 250.25\n",
-        GOOD.replace("[gcode_macro START]", "[heater_bed]\nsensor: {}: = ;\n[gcode_macro START]"),
-    ],
-)  # fmt: skip
-def test_what_makes_no_difference(text):
-    found, same = read(text), read(GOOD)
+@pytest.mark.parametrize("other", VARIANTS["klipper"])
+def test_what_makes_no_difference(other):
+    found, same = read(replaced(GOOD, other)), read(GOOD)
     assert found.machine == same.machine
     assert found.remarks == ()
     for one, other in (
