@@ -25,7 +25,7 @@ from orthoglide_cal.results.verification import verify
 from orthoglide_cal.session.adjusting import PHASES, Adjusted, Phase
 from orthoglide_cal.session.events import State, Taken, advance, replay
 from tests import truth
-from tests.cli.program import answer, refused, run
+from tests.cli.program import answer, refusals, refused, refuses, run
 from tests.inference.sessions import given
 from tests.truth.adjusting import LooseMachine, LoosePrinter, push
 from tests.truth.delta import (
@@ -274,20 +274,8 @@ def test_a_check_that_fails_ends_with_4(folder: Path) -> None:
     assert "was adjusted since" in refused(4, "apply", "before.csv", "--yes")
 
 
-@pytest.mark.parametrize(
-    ("options", "code", "what"),
-    [
-        (("before.csv", "--cause", "backlash"), 2, "No screw or shim corrects 'backlash'"),
-        (("before.csv", "--cause", "tower_lean"), 2, "axis_squareness, bar_skew, home_switch"),
-        (("before.csv", "--cause", "home_switch"), 4, "axis_squareness"),
-        (("before.csv", "--cause", "axis_gap"), 4, "does not name axis_gap"),
-        (("before.csv", "--resume"), 2, "There is no unfinished session"),
-        (("before.csv", "--gauge", "simulated"), 2, "does not see what you push"),
-        (("-",), 2, "Name the file"),
-        (("nothing.csv",), 3, "nothing.csv"),
-    ],
-)
-def test_wrong_input(folder: Path, options: tuple[str, ...], code: int, what: str) -> None:
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("refused_adjust.txt")))
+def test_wrong_input(folder: Path, line: str) -> None:
     before = sorted(folder.iterdir())
-    assert what in refused(code, "adjust", *options)
+    refuses(line, "adjust")
     assert sorted(folder.iterdir()) == before
