@@ -5,7 +5,6 @@ import re
 
 import pytest
 
-from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import (
     machine_from_text,
@@ -137,17 +136,6 @@ def test_resolution_with_its_unit_and_inches(tmp_path):
     assert given.measured.value[0] == -0.254
 
 
-def test_entries_that_are_no_readings(tmp_path):
-    text = session_text(values())
-    head = text[: text.index("readings:")]
-    found = problems(read_input, save(tmp_path, head + "readings: [a, {leg: x}]\n"), MODEL)
-    assert [fault.column for fault in found] == [
-        "readings[0]", "readings[1].posture", "readings[1].direction", "readings[1].reading_mm",
-    ]  # fmt: skip
-    found = problems(read_input, save(tmp_path, head + "readings: {a: b}\n"), MODEL)
-    assert found[0].column == "readings"
-
-
 def test_faults_of_all_parts_are_found_at_once(tmp_path):
     text = session_text(values(operator="Ada"))
     for old, new in (
@@ -173,14 +161,3 @@ def test_unknown_keys_are_said(tmp_path):
     remarks = sentences(read_input(save(tmp_path, text), MODEL).measured.remarks)
     assert any("weather" in remark for remark in remarks)
     assert any("colour" in remark for remark in remarks)
-
-
-@pytest.mark.parametrize(
-    ("text", "what"),
-    [(PROTOTYPE.read_text(), "machine file"), ("a: 1\n", "neither"), ("- 1\n", "neither"),
-     ("readings: []\n", "missing")],
-)  # fmt: skip
-def test_other_yaml_is_told_apart(tmp_path, text, what):
-    with pytest.raises(InputError, match=what) as caught:
-        read_input(save(tmp_path, text), MODEL)
-    assert caught.value.remedy
