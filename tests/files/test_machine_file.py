@@ -29,7 +29,7 @@ from orthoglide_cal.model.orthoglide import Gauge, Orthoglide, double_posture
 from tests.printers import CONFIG, UNEVEN, printer
 from tests.truth.delta import TOLERANCES, delta_yaml
 
-from .helpers import MACHINE, MODEL, PROTOTYPE, document, places, problems
+from .helpers import MACHINE, MODEL, PROTOTYPE, document, places, problems, replaced
 
 DIGEST = "0123456789abcdef" * 4
 TEXT, PRINTER = (path.read_text(encoding="utf-8") for path in (PROTOTYPE, CONFIG))
@@ -53,13 +53,6 @@ def test_what_an_earlier_version_recorded_is_read():
 
 def read(text: str) -> Model:
     return machine_from_text(text, "m.yaml")
-
-
-def changed(text: str, *pairs: tuple[str, str]) -> str:
-    for old, new in pairs:
-        assert text.count(old) == 1, old
-        text = text.replace(old, new)
-    return text
 
 
 def test_what_nobody_stated_of_a_gauge_stays_out_of_the_file():
@@ -101,11 +94,11 @@ def test_a_number_that_cannot_be_is_refused_wherever_it_stands(text, wrong):
 
 
 def test_all_faults_at_once_in_the_order_of_lines():
-    text = changed(
-        TEXT, ("leg_length_mm: 310.25", "leg_length_mm: x"), ("range_mm: 10", "rang_mm: 10"),
-        ("axis_gap: 0.5", "axis_gap: y"), ("axis_squareness: 1.0", "axis_squareness: 5000"),
-        ("misread: 0.1", "mis[ad: z"),
-    )  # fmt: skip
+    text = replaced(TEXT, {
+        "leg_length_mm: 310.25": "leg_length_mm: x", "range_mm: 10": "rang_mm: 10",
+        "axis_gap: 0.5": "axis_gap: y", "axis_squareness: 1.0": "axis_squareness: 5000",
+        "misread: 0.1": "mis[ad: z",
+    })  # fmt: skip
     assert places(problems(read, text)) == [
         (7, "leg_length_mm", "x"), (14, "gauge.range_mm", None), (16, "gauge.rang_mm", "10"),
         (26, "tolerances.axis_gap", "y"), (27, "tolerances.axis_squareness", "5000"),

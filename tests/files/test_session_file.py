@@ -17,7 +17,7 @@ from orthoglide_cal.files.session_file import Session, session_json, session_tex
 from tests.machines import extended
 from tests.sentences import sentences
 
-from .helpers import MODEL, PROTOTYPE, problems, saved
+from .helpers import MODEL, PROTOTYPE, problems, replaced, saved
 
 LARGE = read_machine_file(PROTOTYPE.with_name("orthoglide_large.yaml")).model
 
@@ -137,17 +137,11 @@ def test_resolution_with_its_unit_and_inches(tmp_path):
 
 
 def test_faults_of_all_parts_are_found_at_once(tmp_path):
-    text = session_text(values(operator="Ada"))
-    for old, new in (
-        ("operator: Ada", "operator: [a]"),
-        ("posture: max, direction: z", "posture: [a], direction: z"),
-        ("leg: y", "leg: q"),
-        ("reading_mm: -0.4", "reading_mm: x"),
-        ("reason: slipped", "reason: {}"),
-        ("leg: z, posture: iso", "leg: z"),
-    ):
-        assert old in text
-        text = text.replace(old, new)
+    text = replaced(session_text(values(operator="Ada")), {
+        "operator: Ada": "operator: [a]", "posture: max": "posture: [a]", "leg: y": "leg: q",
+        "reading_mm: -0.4": "reading_mm: x", "reason: slipped": "reason: {}",
+        "leg: z, posture: iso": "leg: z",
+    })  # fmt: skip
     found = problems(read_input, save(tmp_path, text))
     assert [fault.column for fault in found] == [
         "operator", "readings[0].reading_mm", "readings[1].posture", "readings[2].leg",
