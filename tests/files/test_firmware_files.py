@@ -9,7 +9,7 @@ import pytest
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import printer_settings, read_input, together
-from orthoglide_cal.files.machine_file import default_machine, machine_text, read_machine_file
+from orthoglide_cal.files.machine_file import default_machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report.case import Case, decision_notice
 from orthoglide_cal.results import answer_to
@@ -21,20 +21,20 @@ from tests.sentences import sentences
 
 from .helpers import problems, saved
 
-EVERY = ("heightmap.csv", "klipper.txt", "new.txt", "g29.txt", "grid.txt", "g33.txt", "klippy.log")
-
-
-def texts(machine: made.Delta, truth: made.Truth) -> dict[str, str]:
-    """Of each format, what a printer wrote; without noise."""
-    return {
-        "heightmap.csv": made.height_map(machine, truth),
-        "klipper.txt": made.klipper_console(machine, truth),
-        "new.txt": made.klipper_console(machine, truth, new=True),
-        "g29.txt": made.m503(machine) + made.g29(machine, truth),
-        "grid.txt": made.m503(machine) + made.grid(machine, truth),
-        "g33.txt": made.m503(machine) + made.g33(machine, truth),
-        "klippy.log": made.klippy_log(machine, truth),
-    }
+PRINTER = Model(printer(made.UNEVEN))
+MAP, CONSOLE = made.height_map(made.UNEVEN, OFF), made.klipper_console(made.UNEVEN, OFF)
+M503, G29 = made.m503(made.UNEVEN), made.g29(made.UNEVEN, OFF)
+GRID = M503 + made.grid(made.UNEVEN, OFF)
+# Of each format, what a printer wrote; without noise.
+TEXTS = {
+    "heightmap.csv": MAP,
+    "klipper.txt": CONSOLE,
+    "new.txt": made.klipper_console(made.UNEVEN, OFF, new=True),
+    "g29.txt": M503 + G29,
+    "grid.txt": GRID,
+    "g33.txt": M503 + made.g33(made.UNEVEN, OFF),
+    "klippy.log": made.klippy_log(made.UNEVEN, OFF),
+}
 
 
 def with_settings(folder: Path) -> None:
@@ -51,10 +51,6 @@ def found(given) -> np.ndarray:
     return np.array(given.model.machine.active) + solve(given.measured, given.model).offsets_mm
 
 
-def made_machine(folder: Path) -> str:
-    return saved(folder, machine_text(Model(printer(made.UNEVEN))), "machine.yaml")
-
-
 def remarks(*given) -> str:
     return " ".join(sentences(read_input(*given).measured.remarks))
 
@@ -65,11 +61,11 @@ def own(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", TEXTS)
 def test_each_format_tells_what_the_machine_is(own: Path, name: str) -> None:
     """The files state settings and heights; what the truth is neither states."""
-    known = read_machine_file(made_machine(own)).model if name == "grid.txt" else None
-    given = read_input(saved(own, texts(made.UNEVEN, OFF)[name], name), known)
+    known = PRINTER if name == "grid.txt" else None
+    given = read_input(saved(own, TEXTS[name], name), known)
     assert np.abs(found(given) - true_parameters()).max() < 3e-4
 
 
@@ -79,7 +75,7 @@ def true_parameters() -> np.ndarray:
 
 
 def test_a_height_map_of_either_version_without_what_was_not_probed(own: Path) -> None:
-    text = made.height_map(made.UNEVEN, OFF)
+    text = MAP
     given = read_input(saved(own, text, "two.csv"))
     two = given.measured
     assert given.conditions.started == "2024-03-05 17:21"
@@ -101,7 +97,7 @@ def test_a_height_map_of_either_version_without_what_was_not_probed(own: Path) -
 
 
 def test_an_override_counts_where_it_is_loaded_and_tells_the_age_of_a_map(own: Path) -> None:
-    path = saved(own, made.height_map(made.UNEVEN, OFF), "heightmap.csv")
+    path = saved(own, MAP, "heightmap.csv")
     head = "; config-override.g file generated in response to M500 at 2024-03-05 17:2{}\n"
     line = "M665 L310.000:310.500:311.000 R151.5 H379.000 B95.0 X0.100 Y0.200 Z0.000\n"
     saved(own, head.format(0) + line, "config-override.g")
@@ -123,16 +119,15 @@ def test_the_settings_may_be_named(tmp_path: Path) -> None:
     elsewhere = tmp_path / "printer"
     elsewhere.mkdir()
     with_settings(elsewhere)
-    every = texts(made.UNEVEN, OFF)
     for name, settings in (("heightmap.csv", "config.g"), ("klipper.txt", "printer.cfg")):
-        path = saved(tmp_path, every[name], name)
+        path = saved(tmp_path, TEXTS[name], name)
         given = read_input(path, printer_settings(elsewhere / settings))
         assert np.abs(found(given) - true_parameters()).max() < 3e-4
         [fault] = problems(read_input, path)
         assert "does not say which printer it is from." in fault.what
         assert f"--machine {settings}" in fault.remedy
     # A machine file does not tell where the probe is.
-    known = read_machine_file(made_machine(tmp_path)).model
+    known = PRINTER
     given = read_input(path, known)
     assert "z offset is not known" in " ".join(sentences(given.measured.remarks))
     assert abs(np.median(given.measured.value)) < 1e-9
@@ -181,15 +176,15 @@ def test_a_log_has_the_calibration_that_was_saved_last_or_says_that_none_was(own
 PLACEHOLDER = "a placeholder, not a measurement"
 NOTHING = (
     ("config.g", made.config_g(made.UNEVEN), "no readings", "such as heightmap.csv"),
-    ("g33.txt", made.m503(made.UNEVEN) + made.g33(made.UNEVEN, OFF, results=False),
+    ("g33.txt", M503 + made.g33(made.UNEVEN, OFF, results=False),
      "G33 was not told to print them", "G33 V0 or V3"),
-    ("ubl.txt", made.m503(made.UNEVEN) + "Bed Topography Report:\n(0,0) (8,0)\n",
+    ("ubl.txt", M503 + "Bed Topography Report:\n(0,0) (8,0)\n",
      "holds no probed heights with their places", "G29 V4"),
-    ("grid.txt", made.m503(made.UNEVEN) + made.grid(made.UNEVEN, OFF),
+    ("grid.txt", GRID,
      "G29 does not print where it probed", "G29 V4"),
-    ("map.csv", "\n".join(made.height_map(made.UNEVEN, OFF).split("\n")[:3]) + "\n0,0\n0,0\n",
+    ("map.csv", "\n".join(MAP.split("\n")[:3]) + "\n0,0\n0,0\n",
      "The map has 2 lines", "G29"),
-    ("zero.csv", made.height_map(made.UNEVEN, OFF).split("\n", 3)[0] + "\n"
+    ("zero.csv", MAP.split("\n", 3)[0] + "\n"
      "xmin,xmax,ymin,ymax,radius,spacing,xnum,ynum\n-10,10,-10,10,20,20,2,2\n 0, 0\n 0, 0\n",
      PLACEHOLDER, "G29"),
     ("mill.ini", "# mine\n[EMC]\nMACHINE = mill\n", "LinuxCNC's INI, not", "readings"),
@@ -210,7 +205,7 @@ def test_what_is_recognised_and_holds_nothing_is_told_so(
 
 def test_a_grid_without_a_place_in_reach_holds_no_heights(own: Path) -> None:
     path = saved(own, "Bilinear Leveling Grid:\n  0 1\n0 +1.0 +2.0\n1 ===== +4.0\n", "grid.txt")
-    [fault] = problems(read_input, path, read_machine_file(made_machine(own)).model)
+    [fault] = problems(read_input, path, PRINTER)
     assert "holds no probed heights with their places" in fault.what
 
 
@@ -227,7 +222,7 @@ def test_of_several_dates_each_says_what_is_older_or_was_not_used(own: Path) -> 
 
 
 def test_faults_have_their_line_and_their_file(own: Path) -> None:
-    path = saved(own, made.height_map(made.UNEVEN, OFF), "heightmap.csv")
+    path = saved(own, MAP, "heightmap.csv")
     saved(own, made.config_g(made.UNEVEN).replace("H379.0", "H{global.high}"), "config.g")
     [fault] = problems(read_input, path)
     assert (fault.file, fault.line, fault.column) == (str(own / "config.g"), 4, "H of M665")
@@ -238,16 +233,16 @@ def test_faults_have_their_line_and_their_file(own: Path) -> None:
     [fault] = problems(read_input, path)
     assert "not between 0 and the arms' length" in fault.what
     with_settings(own)
-    text = made.klipper_console(made.UNEVEN, OFF)
+    text = CONSOLE
     [fault] = problems(read_input, saved(own, text.replace("is z=", "is z=1e9", 1), "c.txt"))
     assert fault.line == 2
-    text = made.m503(made.UNEVEN) + made.g29(made.UNEVEN, OFF)
+    text = M503 + G29
     [fault] = problems(read_input, saved(own, text.replace("Bed X: ", "Bed X: --", 1), "c.txt"))
     assert fault.line == text[: text.index("Bed X")].count("\n") + 1
 
 
 def test_without_its_override_nothing_is_known_to_be_active(own: Path) -> None:
-    path = saved(own, made.height_map(made.UNEVEN, OFF), "heightmap.csv")
+    path = saved(own, MAP, "heightmap.csv")
     saved(own, made.config_g(made.UNEVEN) + "M501\n", "config.g")
     given = read_input(path)
     with pytest.raises(UnusableResultError, match=r"loads config-override.g \(M501\)"):
@@ -259,12 +254,12 @@ def test_without_its_override_nothing_is_known_to_be_active(own: Path) -> None:
     assert title.startswith("The settings in force are not known: config.g loads")
     assert run("diagnose", path).exit_code == 4, "it has no diagnosis"
     # The numbers of a machine file that is named are.
-    known = read_machine_file(made_machine(own)).model
+    known = PRINTER
     assert answer_to(read_input(path, known)).parameters
 
 
 def test_a_height_map_beside_another_kind_of_printer_is_said_to_be_of_it(own: Path) -> None:
-    path = saved(own, made.height_map(made.UNEVEN, OFF), "heightmap.csv")
+    path = saved(own, MAP, "heightmap.csv")
     text = re.sub("(?m)^m665.*$", "", made.config_g(made.UNEVEN))
     saved(own, text.replace("M669 K3", "M669 K1"), "config.g")
     [fault] = problems(read_input, path)
@@ -309,7 +304,7 @@ def test_heights_without_places_and_kimbras_output_are_named(own: Path) -> None:
     assert "prints 19 heights without their places" in fault.what
     assert "bed.g" in fault.remedy
     settings = "CFG:  M666 A0 B0 C0 I0 J0 K0 U0 V0 W0 R150.00 D300.00 H379.00\n"
-    [fault] = problems(read_input, saved(own, settings + made.g29(made.UNEVEN, OFF), "mk.txt"))
+    [fault] = problems(read_input, saved(own, settings + G29, "mk.txt"))
     assert "what MarlinKimbra prints" in fault.what
 
 
