@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.errors import UnusableResultError
+from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import printer_settings, read_input, together
 from orthoglide_cal.files.machine_file import default_machine
@@ -19,7 +19,7 @@ from tests.printer_files import OFF, printer_cfg
 from tests.printers import printer, true_values
 from tests.sentences import sentences
 
-from .helpers import problems, saved
+from .helpers import MODEL, problems, saved
 
 PRINTER = Model(printer(made.UNEVEN))
 MAP, CONSOLE = made.height_map(made.UNEVEN, OFF), made.klipper_console(made.UNEVEN, OFF)
@@ -239,6 +239,11 @@ def test_faults_have_their_line_and_their_file(own: Path) -> None:
     text = M503 + G29
     [fault] = problems(read_input, saved(own, text.replace("Bed X: ", "Bed X: --", 1), "c.txt"))
     assert fault.line == text[: text.index("Bed X")].count("\n") + 1
+
+
+def test_a_printers_file_is_no_machine_file_of_an_orthoglide(own: Path) -> None:
+    with pytest.raises(UsageError, match="Leave --machine out"):
+        read_input(saved(own, MAP, "heightmap.csv"), MODEL)
 
 
 def test_without_its_override_nothing_is_known_to_be_active(own: Path) -> None:
