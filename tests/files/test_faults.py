@@ -13,9 +13,13 @@ from orthoglide_cal.files.controller_file import controller_file
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import read_machine_file
 from orthoglide_cal.files.session_file import session_text
+from tests import firmware_files as made
+from tests.printer_files import OFF
 
 from .helpers import MODEL, problems, saved
 from .test_controller_file import CFG, INI
+from .test_firmware_files import CONSOLE, G29, GRID, M503
+from .test_firmware_files import PRINTER as KNOWN
 from .test_machine_file import HISTORY, PRINTER, TEXT, accepted, text_with
 from .test_printer_file import GOOD
 from .test_probe_readings import MODEL as WITH_BED
@@ -26,8 +30,10 @@ from .test_session_file import values, without
 CASES = yaml.safe_load(Path(__file__).with_name("faults.yaml").read_text(encoding="utf-8"))
 Reader = Callable[[str], object]
 of_gauges, of_probes = (partial(read_input, model=model) for model in (MODEL, WITH_BED))
+of_printer = partial(read_input, model=KNOWN)
 of_mesh, of_calibration = (partial(read_input, stored=kind) for kind in ("mesh", "calibration"))
 WITHOUT_RADIUS = re.sub(".*delta_radius.*\n", "", CFG)
+SILENT = made.g33(made.UNEVEN, OFF, results=False)
 SESSION = session_text(values())
 
 # Of each kind: a sound file, its name, and how it is read.
@@ -51,6 +57,12 @@ KINDS: dict[str, tuple[str, str, Reader]] = {
     "nothing stored": (cfg(""), "printer.cfg", read_input),
     "nothing stored, mesh": (cfg(""), "printer.cfg", of_mesh),
     "nothing stored, calibration": (cfg(""), "printer.cfg", of_calibration),
+    "settings of firmware": (made.config_g(made.UNEVEN), "config.g", read_input),
+    "Marlin": (M503, "c.txt", read_input),
+    "Marlin, its touches": (M503 + G29, "c.txt", read_input),
+    "Marlin, its grid": (GRID, "c.txt", read_input),
+    "Marlin, G33 in silence": (M503 + SILENT, "c.txt", read_input),
+    "a known printer": (CONSOLE, "c.txt", of_printer),
     "mill": (INI, "mill.ini", controller_file),
     "kossel": (CFG, "printer.cfg", controller_file),
     "kossel without radius": (WITHOUT_RADIUS, "printer.cfg", controller_file),

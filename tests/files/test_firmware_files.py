@@ -127,8 +127,7 @@ def test_the_settings_may_be_named(tmp_path: Path) -> None:
         assert "does not say which printer it is from." in fault.what
         assert f"--machine {settings}" in fault.remedy
     # A machine file does not tell where the probe is.
-    known = PRINTER
-    given = read_input(path, known)
+    given = read_input(path, PRINTER)
     assert "z offset is not known" in " ".join(sentences(given.measured.remarks))
     assert abs(np.median(given.measured.value)) < 1e-9
 
@@ -173,42 +172,6 @@ def test_a_log_has_the_calibration_that_was_saved_last_or_says_that_none_was(own
     )  # fmt: skip
 
 
-PLACEHOLDER = "a placeholder, not a measurement"
-NOTHING = (
-    ("config.g", made.config_g(made.UNEVEN), "no readings", "such as heightmap.csv"),
-    ("g33.txt", M503 + made.g33(made.UNEVEN, OFF, results=False),
-     "G33 was not told to print them", "G33 V0 or V3"),
-    ("ubl.txt", M503 + "Bed Topography Report:\n(0,0) (8,0)\n",
-     "holds no probed heights with their places", "G29 V4"),
-    ("grid.txt", GRID,
-     "G29 does not print where it probed", "G29 V4"),
-    ("map.csv", "\n".join(MAP.split("\n")[:3]) + "\n0,0\n0,0\n",
-     "The map has 2 lines", "G29"),
-    ("zero.csv", MAP.split("\n", 3)[0] + "\n"
-     "xmin,xmax,ymin,ymax,radius,spacing,xnum,ynum\n-10,10,-10,10,20,20,2,2\n 0, 0\n 0, 0\n",
-     PLACEHOLDER, "G29"),
-    ("mill.ini", "# mine\n[EMC]\nMACHINE = mill\n", "LinuxCNC's INI, not", "readings"),
-    ("part.gcode", "; sliced\n\nG28 X0\n", "G-code, not", "readings"),
-    ("before.adjust", '{"crc32":"b2dc114b","record":{}}\n', "a journal of orthocal", "readings"),
-)  # fmt: skip
-
-
-@pytest.mark.parametrize(("name", "text", "what", "remedy"), NOTHING, ids=[n[0] for n in NOTHING])
-def test_what_is_recognised_and_holds_nothing_is_told_so(
-    own: Path, name: str, text: str, what: str, remedy: str
-) -> None:
-    [fault] = problems(read_input, saved(own, text, name))
-    assert what in fault.what
-    assert remedy in fault.remedy
-    assert fault.file == str(own / name)
-
-
-def test_a_grid_without_a_place_in_reach_holds_no_heights(own: Path) -> None:
-    path = saved(own, "Bilinear Leveling Grid:\n  0 1\n0 +1.0 +2.0\n1 ===== +4.0\n", "grid.txt")
-    [fault] = problems(read_input, path, PRINTER)
-    assert "holds no probed heights with their places" in fault.what
-
-
 def test_of_several_dates_each_says_what_is_older_or_was_not_used(own: Path) -> None:
     cfg = printer_cfg(made.UNEVEN, OFF)
     parts = [cfg.index(f"#*# [{name}]") for name in ("delta_calibrate", "bed_mesh default")]
@@ -221,7 +184,7 @@ def test_of_several_dates_each_says_what_is_older_or_was_not_used(own: Path) -> 
     assert unused.startswith("two.cfg: The calibration in the same file was not used.")
 
 
-def test_faults_have_their_line_and_their_file(own: Path) -> None:
+def test_faults_of_settings_have_their_line_and_their_file(own: Path) -> None:
     path = saved(own, MAP, "heightmap.csv")
     saved(own, made.config_g(made.UNEVEN).replace("H379.0", "H{global.high}"), "config.g")
     [fault] = problems(read_input, path)
@@ -232,13 +195,6 @@ def test_faults_have_their_line_and_their_file(own: Path) -> None:
     saved(own, made.config_g(made.UNEVEN).replace("R150.0", "R299.5"), "config.g")
     [fault] = problems(read_input, path)
     assert "not between 0 and the arms' length" in fault.what
-    with_settings(own)
-    text = CONSOLE
-    [fault] = problems(read_input, saved(own, text.replace("is z=", "is z=1e9", 1), "c.txt"))
-    assert fault.line == 2
-    text = M503 + G29
-    [fault] = problems(read_input, saved(own, text.replace("Bed X: ", "Bed X: --", 1), "c.txt"))
-    assert fault.line == text[: text.index("Bed X")].count("\n") + 1
 
 
 def test_a_printers_file_is_no_machine_file_of_an_orthoglide(own: Path) -> None:
@@ -259,8 +215,7 @@ def test_without_its_override_nothing_is_known_to_be_active(own: Path) -> None:
     assert title.startswith("The settings in force are not known: config.g loads")
     assert run("diagnose", path).exit_code == 4, "it has no diagnosis"
     # The numbers of a machine file that is named are.
-    known = PRINTER
-    assert answer_to(read_input(path, known)).parameters
+    assert answer_to(read_input(path, PRINTER)).parameters
 
 
 def test_a_height_map_beside_another_kind_of_printer_is_said_to_be_of_it(own: Path) -> None:
