@@ -1,6 +1,7 @@
 """Shared by the tests of files: text in, faults out."""
 
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -14,7 +15,18 @@ MODEL = default_machine()
 MACHINE = MODEL.machine
 PROTOTYPE = Path(__file__).parents[2] / "configs" / "orthoglide_prototype.yaml"
 
-VARIANTS = yaml.safe_load(Path(__file__).with_name("variants.yaml").read_text(encoding="utf-8"))
+
+def parsed(text: str) -> Any:
+    """Content of YAML, by the fast loader where there is one."""
+    return yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+
+
+def table(name: str) -> Any:
+    """Cases for tests, from a file beside them."""
+    return parsed(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+
+
+VARIANTS = table("variants.yaml")
 
 
 def replaced(text: str, pairs: dict[str, str]) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from orthoglide_cal.files.controller_file import controller_file
 from orthoglide_cal.files.input import read_input
@@ -16,7 +15,7 @@ from orthoglide_cal.files.session_file import session_text
 from tests import firmware_files as made
 from tests.printer_files import OFF
 
-from .helpers import MODEL, problems, saved
+from .helpers import MODEL, problems, saved, table
 from .test_controller_file import CFG, INI
 from .test_firmware_files import CONSOLE, G29, GRID, M503
 from .test_firmware_files import PRINTER as KNOWN
@@ -27,7 +26,7 @@ from .test_probe_readings import cfg
 from .test_readings import HEAD, PARTED, WITH_PARTS
 from .test_session_file import values, without
 
-CASES = yaml.safe_load(Path(__file__).with_name("faults.yaml").read_text(encoding="utf-8"))
+CASES = table("faults.yaml")
 Reader = Callable[[str], object]
 of_gauges, of_probes = (partial(read_input, model=model) for model in (MODEL, WITH_BED))
 of_printer = partial(read_input, model=KNOWN)

@@ -29,11 +29,11 @@ from orthoglide_cal.model.orthoglide import Gauge, Orthoglide, double_posture
 from tests.printers import CONFIG, UNEVEN, printer
 from tests.truth.delta import TOLERANCES, delta_yaml
 
-from .helpers import MACHINE, MODEL, PROTOTYPE, document, places, problems, replaced
+from .helpers import MACHINE, MODEL, PROTOTYPE, document, parsed, places, problems, replaced
 
 DIGEST = "0123456789abcdef" * 4
 TEXT, PRINTER = (path.read_text(encoding="utf-8") for path in (PROTOTYPE, CONFIG))
-CALLIPER = str(yaml.safe_load(PRINTER)["probe"]["calliper_mm"])
+CALLIPER = str(parsed(PRINTER)["probe"]["calliper_mm"])
 
 
 def line_of(start: str) -> int:
@@ -124,7 +124,7 @@ def test_optional_parts():
 
 
 def test_optional_parts_of_a_printer():
-    content = yaml.safe_load(PRINTER)
+    content = parsed(PRINTER)
     del content["tolerances"], content["identified"]
     del content["probe"]["texture_mm"], content["probe"]["calliper_mm"]
     machine = read(yaml.safe_dump(content)).machine
@@ -240,7 +240,7 @@ def test_what_is_written_is_read_back_exactly(model):
     text = machine_text(model)
     again = read(text)
     assert again.machine == model.machine
-    assert {**machine_values(again), "complete": True} == yaml.safe_load(text)
+    assert {**machine_values(again), "complete": True} == parsed(text)
     assert machine_text(again) == text
     for after, before in zip(again.accepted, model.accepted, strict=True):
         assert_same(after, before)
@@ -250,7 +250,7 @@ def test_a_shape_that_was_found_with_fewer_terms_is_read():
     bed = CAUSES["bed_shape"]
     theta = np.concatenate((np.linspace(0.1, 0.7, 7), np.zeros(18)))
     found = bed.at(theta).accepted("2026-01-01", "0" * 64)
-    content = yaml.safe_load(machine_text(read(PRINTER).extended([found])))
+    content = parsed(machine_text(read(PRINTER).extended([found])))
     kept = content["identified"][0]
     kept["parameters"] = {name: kept["parameters"][name] for name in bed.names[:7]}
     kept["correlation"] = np.eye(7).tolist()
@@ -259,14 +259,14 @@ def test_a_shape_that_was_found_with_fewer_terms_is_read():
 
 
 def test_an_accepted_cause_is_written_with_all_that_is_known_of_it():
-    (entry,) = yaml.safe_load(text_with(accepted()))["identified"]
+    (entry,) = parsed(text_with(accepted()))["identified"]
     assert list(entry) == ["cause", "where", "parameters", "date", "data_sha256", "correlation"]
     assert entry["where"] == ""
     assert entry["parameters"]["xy"] == {"value": 0.31, "std": 0.333333333333, "unit": "mm"}
 
 
 def test_parameters_in_another_order_keep_their_correlations():
-    content = yaml.safe_load(text_with(accepted()))
+    content = parsed(text_with(accepted()))
     (entry,) = content["identified"]
     order = [2, 0, 1]
     names = [list(entry["parameters"])[k] for k in order]
