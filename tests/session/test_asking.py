@@ -52,6 +52,7 @@ class Scene:
         self.now = 100.0
         self.log: list[str] = []
         self.returns: list[bool] = []
+        self.before: list[str] = []  # typed before the next prompt
         self.columns, self.partial, self.resized = 80, "", False
         self._looks = iter(looks)
         self._said: list[Token] | None = []
@@ -65,7 +66,7 @@ class Scene:
 
     def read(self, timeout_s: float | None) -> Line | None:
         if timeout_s == 0.0:
-            return None
+            return Line(self.before.pop()) if self.before else None
         self.log.append(f"read {timeout_s}")
         try:
             gone, line, self._said = next(self._looks)
@@ -193,12 +194,14 @@ def test_an_answer_that_was_no_reading_begins_no_dead_time() -> None:
     assert asker.ask(ASKED, STEP) == "-0.64"
 
 
-def test_readings_of_a_simulated_gauge_are_never_too_soon() -> None:
-    scene = Scene([(0.0, "", [READ]), (0.0, "", [READ])])
-    asker = Asker(scene, Screen(), Gauge(scene, reads_itself=True), scene.clock)
-    for _ in range(2):
+def test_a_simulated_gauge_is_never_too_soon_nor_a_stream_and_lines_before_it_are_counted() -> None:
+    scene, screen = Scene([(2.0, "", [READ])] * 12), Screen()
+    asker = Asker(scene, screen, Gauge(scene, reads_itself=True), scene.clock)
+    for _ in range(12):
         assert asker.ask(ASKED, STEP) == READ
         asker.rest(driving=True)
+        scene.before = ["0.1", "0.2"]
+    assert screen.text.count("ignored: 2 lines typed before the prompt") == 11
 
 
 def test_a_gauge_in_the_dead_time_of_a_typed_reading_is_not_heard() -> None:
