@@ -21,6 +21,7 @@ from orthoglide_cal.model.plan import Floats, without_zeros
 from tests import truth
 from tests.inference.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, sure
+from tests.truth.effects import state_with
 from tests.truth.forward import PARTS, jacobian
 
 OFFSETS = np.array([1.3, -0.8, 2.1])
@@ -32,12 +33,6 @@ READINGS, MODEL = known(SESSION)
 PLAN, HIDDEN = SESSION.plan, SESSION.machine
 
 
-def state(offsets: Floats = OFFSETS) -> Floats:
-    values = np.zeros(30)
-    values[PARTS["offsets"]] = offsets
-    return values
-
-
 def by_source(model: Model, offsets: Floats = OFFSETS) -> dict[str, Influence]:
     return {each.source: each for each in influences(model, offsets, READINGS.plan)}
 
@@ -45,11 +40,9 @@ def by_source(model: Model, offsets: Floats = OFFSETS) -> dict[str, Influence]:
 def test_an_accepted_cause_brings_its_own_uncertainty() -> None:
     """With correlations. One of the legs takes the place of their tolerance, counted once."""
     root = 1e-3 * np.array([[0.2, 0.0, 0.0], [0.15, 0.1, 0.0], [-0.07, 0.08, 0.05]])
-    tilted = Effect(
-        CAUSES["axis_squareness"], 1e-3 * np.array([1.3, -0.8, 0.6]), covariance=root @ root.T
-    )
-    at = state()
-    at[PARTS["axis_squareness"]] = [1.3, -0.8, 0.6]
+    sizes = (1.3, -0.8, 0.6)
+    tilted = Effect(CAUSES["axis_squareness"], 1e-3 * np.array(sizes), covariance=root @ root.T)
+    at = state_with(OFFSETS, (truth.Effect("axis_squareness", parameters=sizes),))
     found = by_source(MODEL.extended([tilted]))
     by_size = 1e3 * jacobian(PLAN, HIDDEN, at)[:, PARTS["axis_squareness"]]
     columns = without_zeros(READINGS.plan, found["axis_squareness"].columns.T).T
@@ -63,7 +56,11 @@ def test_an_accepted_cause_brings_its_own_uncertainty() -> None:
     accepted = influences(MODEL.extended([legs]), OFFSETS, READINGS.plan)
     (one,) = [each for each in accepted if each.source == "leg_length"]
     assert one.size is None
-    by_size = jacobian(PLAN, HIDDEN, state())[:, PARTS["leg_length"]] * [0.002, 0.0, 0.001]
+    by_size = jacobian(PLAN, HIDDEN, state_with(OFFSETS, ()))[:, PARTS["leg_length"]] * [
+        0.002,
+        0.0,
+        0.001,
+    ]
     assert one.columns @ one.columns.T == pytest.approx(by_size @ by_size.T, rel=2e-3, abs=1e-9)
 
 
@@ -94,8 +91,7 @@ class EveryUnknown:
         def misfit(unknowns: Floats) -> Floats:
             offsets, zeros, others = np.split(unknowns, [3, 9])
             places, legs, scale = np.split(sizes * others, [6, 9])
-            at = state(offsets)
-            at[PARTS["leg_length"]] = legs
+            at = state_with(offsets, (truth.Effect("leg_length", parameters=tuple(legs)),))
             surface = truth.signals(plan, session.machine, at[None], None, places)[0]
             predicted = (1.0 + scale) * (surface + zeros[plan.setup])
             return np.asarray(np.concatenate(((session.readings - predicted) / sigma, others)))
