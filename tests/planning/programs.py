@@ -24,8 +24,9 @@ from tests.machines import NOMINAL
 from tests.truth.forward import tool_from_carriages
 
 _WORD = re.compile(r"([A-Z][A-Z0-9_]*=|[A-Z])\s*([+-]?(?:\d+\.?\d*|\.\d+))")
-
-# Comments that LinuxCNC and others obey.
+# What is left of one that does not end, or has another one in it, is not understood.
+_COMMENT = re.compile(r"\(([^()]*)\)|;.*")
+# Those that LinuxCNC and others obey.
 _OBEYED = re.compile(
     r"\s*(MSG|DEBUG|PRINT|PY|AXIS|LOG|LOGOPEN|LOGAPPEND|LOGCLOSE|PROBEOPEN|PROBECLOSE)\b", re.I
 )
@@ -76,25 +77,13 @@ class Controller:
         """Obey every line; the text must end the program itself."""
         for line in text.splitlines():
             assert len(line) <= 80, line
-            code = self._without_comments(line).upper().strip()
+            for inside in _COMMENT.findall(line):
+                assert not _OBEYED.match(inside), f"a comment that some controllers obey: {line}"
+            code = _COMMENT.sub("", line).upper().strip()
             if code:
                 assert not self.ended, f"after the end: {line}"
                 self._line(code)
         assert self.ended
-
-    @staticmethod
-    def _without_comments(line: str) -> str:
-        kept, rest = "", line
-        while "(" in rest or ";" in rest:
-            place = min(rest.find(sign) for sign in "(;" if sign in rest)
-            kept += rest[:place]
-            if rest[place] == ";":
-                return kept
-            inside, closed, rest = rest[place + 1 :].partition(")")
-            assert closed, f"a comment without an end: {line}"
-            assert "(" not in inside, f"a comment in a comment: {line}"
-            assert not _OBEYED.match(inside), f"a comment that some controllers obey: {line}"
-        return kept + rest
 
     def _line(self, code: str) -> None:
         words = _WORD.findall(code)

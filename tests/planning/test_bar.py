@@ -8,36 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orthoglide_cal.errors import PostureError
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.orthoglide import MARGIN, double_posture, single_posture
+from orthoglide_cal.model.orthoglide import MARGIN, double_posture
 from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import Contact
-from orthoglide_cal.planning.design import require_on_bar
 from orthoglide_cal.planning.next_measurement import options
-from tests.cli.program import run
+from tests.cli.program import run, words
 from tests.cli.test_plan import machine
-from tests.machines import LARGE, PROTOTYPE, both_machines
+from tests.machines import LARGE, PROTOTYPE
 
 SHORT = PROTOTYPE.changed(leg_length_mm=100.0, joint_limits_mm=(-90.0, 60.0))
 NEAR = PROTOTYPE.changed(joint_limits_mm=(-130.0, 60.0))
 LONG_WAY = PROTOTYPE.changed(joint_limits_mm=(-200.0, 0.0))
-
-
-@both_machines
-def test_the_usual_machines_need_no_word(machine: Machine) -> None:
-    assert machine.bar_warning(double_posture(machine)) is None
-    assert machine.reach_mm(0.5) == machine.joint_limits_mm
-    assert require_on_bar(double_posture(machine), machine) is None
-
-
-def test_off_the_bar_is_refused_and_near_its_end_is_said() -> None:
-    with pytest.raises(PostureError, match=r"40 mm beyond the carriage joint.*\n?.*--design best"):
-        require_on_bar(double_posture(SHORT), SHORT)
-    assert SHORT.bar_warning(single_posture(SHORT)) is None
-    warning = require_on_bar(double_posture(NEAR), NEAR)
-    assert "25.1 mm from it with carriage x at -130 mm" in warning.what
-    assert "[-124, 60]" in warning.remedy
 
 
 @given(length=st.floats(150.0, 900.0), low=st.floats(0.42, 0.8), high=st.floats(0.0, 0.8))
@@ -83,9 +65,12 @@ def test_no_command_is_silent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         refused = run(*arguments)
         assert refused.exit_code == 3
         assert "The plunger leaves the bar" in refused.stderr
+        assert "40 mm beyond the carriage joint" in refused.stderr
+    assert "cannot be measured" not in run("plan", "--protocol", "single", "--machine", path).stdout
     assert list(tmp_path.iterdir()) == [Path(path)]
     near = machine(tmp_path, joint_limits_mm=[-130, 60], leg_length_mm=310.0, workspace_mm=50)
     assert "! 60 readings" in run("plan", "--machine", near).stdout
     written = run("plan", "--program", "posture.csv", "--machine", near)
     assert written.exit_code == 0
-    assert "comes near the end of the bar" in written.stderr
+    assert "25 mm from it with carriage x at -130 mm" in words(written.stderr)
+    assert "[-124, 60]" in words(written.stderr)

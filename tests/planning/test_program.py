@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.cli.plan import write_program
-from orthoglide_cal.errors import InvalidFileError, PostureError, UsageError
+from orthoglide_cal.errors import InvalidFileError
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.program import posture_program
 from orthoglide_cal.planning.steps import MeasuringProtocol, Order
-from tests.cli.program import run
+from tests.cli.program import refusals, run
 from tests.machines import NOMINAL, PROTOTYPE, ROOT, both_models
 from tests.planning.programs import (
     SESSION,
@@ -32,7 +32,6 @@ from tests.planning.programs import (
 )
 from tests.truth.plan import joints_at
 
-NAN = float("nan")
 WIDE = (-150.0, 100.0)  # travel with room behind every posture of both machines
 protocols = pytest.mark.parametrize(
     ("protocol", "order", "stands"),
@@ -100,30 +99,6 @@ def test_the_leg_stays_under_the_plunger_on_the_way(model: Model, tmp_path: Path
         joints = move.start + shares * (move.end - move.start)
         tool = np.sort(np.abs(true_tool(length, joints)), axis=0)
         assert tool[1].max() < 0.25 + 1.5 * approach
-
-
-ROOM = r"N10: carriage X has no room for an approach of 100"
-OUTSIDE = r"N20: carriage X would be driven to \+60 mm"
-LIMITS = r"LOW must be below HIGH, and 0 between them"
-
-
-@pytest.mark.parametrize(
-    ("error", "said", "approach", "travel"),
-    [
-        (PostureError, ROOM, 100.5, (-100.0, 60.0)),
-        (PostureError, OUTSIDE, 1.0, (-100.0, 50.0)),
-        *((UsageError, "approach", wrong, None) for wrong in (0.0, -1.0, NAN, float("inf"))),
-        *(
-            (UsageError, LIMITS, 1.0, wrong)
-            for wrong in ((5.0, 3.0), (10.0, 60.0), (-100.0, -5.0), (0.0, 0.0), (NAN, 60.0))
-        ),
-    ],
-)
-def test_limits_that_are_too_narrow_are_named(
-    error: type[Exception], said: str, approach: float, travel: tuple[float, float] | None
-) -> None:
-    with pytest.raises(error, match=said):
-        posture_program(NOMINAL, steps_of(NOMINAL), SESSION, approach, travel)
 
 
 @pytest.mark.parametrize(
@@ -222,32 +197,15 @@ def test_the_csv_has_the_rows_of_the_program(tmp_path: Path) -> None:
         assert row["machine"] == '\'=1+1,"x"'
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "line", "said"),
-    [
-        ("(orthocal blocks)\n", "", None, "where the blocks go"),
-        ("(orthocal blocks)", "(orthocal blocks)\n(orthocal blocks)", 21, "given twice"),
-        ("X Y Z)\n(orthocal note: values", "X Y)\n(orthocal note: values", 4, "axis words"),
-        ("(orthocal axes: X Y Z)", "(orthocal axes: X Y F)", 4, "axis words"),
-        ("(orthocal pause: M0)", "(orthocal pause: M3)", None, "does not wait"),
-        ("(orthocal pause: M0)", "(orthocal paus: M0)", None, "Did you mean 'pause'"),
-        ("(orthocal slow: 100)", "(orthocal slow: 0)", None, "greater than zero"),
-        ("(orthocal slow: 100)", "(orthocal feed: 100)", None, "twice"),
-        ("(orthocal values: joints)", "(orthocal values: angles)", None, "displacements"),
-        ("G21 (mm)", "G20", None, "inches"),
-        ("G90 (absolute)", "g091", None, "last point"),
-        ("M2", "N20 M2", None, "block number"),
-    ],
-)
-def test_a_template_that_cannot_be_used_is_refused(
-    old: str, new: str, line: int | None, said: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("fault", refusals(Path(__file__).with_name("templates.txt")))
+def test_a_template_that_cannot_be_used_is_refused(fault: str, tmp_path: Path) -> None:
+    old, new, line, said = (part.strip().replace(r"\n", "\n") for part in fault.split("|"))
     template = default_template()
     assert old in template
     with pytest.raises(InvalidFileError, match=said) as caught:
         gcode(tmp_path, template=template.replace(old, new))
     assert str(caught.value.file).endswith("template.nc")
-    assert line is None or caught.value.line == line
+    assert not line or caught.value.line == int(line)
     assert caught.value.remedy
     assert not [*tmp_path.rglob("made.nc")]
 
@@ -279,34 +237,6 @@ def test_the_command_writes_the_program_of_measure(tmp_path: Path) -> None:
     assert shown.stdout == table.read_text(encoding="utf-8")
     shown = run("plan", *common, *moves, "--program", str(table))
     assert (shown.exit_code, "exists and is not overwritten" in shown.stderr) == (2, True)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "said"),
-    [
-        (("--program", "made.txt"), 2, "does not say what to write"),
-        (("--program", "made.csv", "--template", "mine.nc"), 2, "--template is for G-code"),
-        (("--program", "made.nc", "--template", "mine.nc"), 3, "no such file"),
-        (("--template", "mine.nc"), 2, "--program FILE"),
-        (("--travel", "-105", "65"), 2, "--program FILE"),
-        (("--program", "-", "--json"), 2, "Leave out --json"),
-        (("--program", "made.nc", "--order", "any"), 2, "fewest-moves"),
-        (("--program", "made.nc", "--approach", "101"), 3, "has no room for an approach"),
-        (("--program", "no folder/made.nc"), 3, "cannot be written"),
-    ],
-)
-def test_the_command_refuses(
-    arguments: tuple[str, ...],
-    code: int,
-    said: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    shown = run("plan", "--cycles", "1", *arguments)
-    assert shown.exit_code == code
-    assert said in (shown.stderr or shown.stdout).replace("\n", " ")
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
