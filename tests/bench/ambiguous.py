@@ -81,16 +81,6 @@ class Tally:
         """Of the recommendations."""
         return self.counts[what] / self.counts["asked"]
 
-    def __str__(self) -> str:
-        asked, silent = self.counts["asked"], self.counts["silent"]
-        return (
-            f"{asked} recommendations: {self.share():.1%} lead to the right name,"
-            f" {self.share('answered'):.1%} to the right answer under any of its names (foretold"
-            f" {self.chance / asked:.1%}), {self.share('bottom'):.1%} from the bottom half name it;"
-            f" {silent} sessions without one: no reading can tell. Of all that is ambiguous, these"
-            f" included, {self.counts['named'] / (asked + silent):.1%} end in the right name"
-        )
-
 
 def tally(cases: Iterable[tuple[Session, Diagnosis]], seed: int) -> Tally:
     """Let the truth measure what is recommended, and an option drawn from the bottom half."""

@@ -12,7 +12,7 @@ from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan
 from orthoglide_cal.model.plan import Floats, zero_free
 from orthoglide_cal.model.readings import Contact, GaugePlan
 from tests import truth
-from tests.causes.condition import MACHINES, as_plan, standard
+from tests.causes.test_forward import MACHINES, as_plan, standard
 from tests.machines import NOMINAL, PROTOTYPE
 from tests.truth.effects import Effect, contact_shift, state_with, write_down
 
