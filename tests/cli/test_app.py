@@ -28,8 +28,8 @@ from tests.cli.program import (
     refusals,
     refuses,
     run,
+    tells,
     worded,
-    words,
 )  # fmt: skip
 from tests.session.terminal import PROGRAM, Terminal
 
@@ -98,6 +98,11 @@ def test_what_is_refused_says_why_and_leaves_no_file(line: str, folder: Path) ->
     assert not list(folder.iterdir())
 
 
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("said.txt")))
+def test_what_a_screen_says(line: str) -> None:
+    tells(line)
+
+
 @pytest.mark.parametrize("typed", ["0,1 -0,254 0", "0.1mm -0.01in 0", "100um \u22120.254 0.0cm"])
 def test_options_take_commas_and_units_as_a_session_does(typed: str) -> None:
     plain, told = (
@@ -105,22 +110,6 @@ def test_options_take_commas_and_units_as_a_session_does(typed: str) -> None:
         for offsets in ("0.1 -0.254 0", typed)
     )
     assert (told.exit_code, told.stdout) == (0, plain.stdout)
-
-
-@pytest.mark.parametrize(
-    ("command", "said"),
-    [
-        *((f"{command} --html {target}", "Leave out --html")
-          for command in ("plan", "report DOUBLE") for target in ("-", "page.html")),
-        ("plan --machine PRINTER --program p.csv", "Leave out --json"),
-        ("export DOUBLE --format table", "--json does not go with --format table"),
-    ],
-)  # fmt: skip
-def test_json_and_another_form_are_asked_for_apart(command: str, said: str, folder: Path) -> None:
-    shown = run(*worded(command), "--json")
-    assert shown.exit_code == 2
-    assert said in words(shown.stdout)
-    assert not list(folder.iterdir())
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")

@@ -27,6 +27,7 @@ from tests.cli.program import (
     refused,
     refuses,
     run,
+    tells,
     words,
 )
 from tests.printer_files import OFF, exact, printer_cfg
@@ -313,42 +314,9 @@ def test_what_is_not_recommended_is_not_accepted() -> None:
 # --- little, nothing, or nothing to change ----------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("command", "present", "absent"),
-    [
-        # Calibrated again it would get other digits, and no better ones.
-        ("solve right.csv",
-         ("✔ Nothing to enter: the machine is calibrated within U",
-          "orthocal plan right.csv --machine v400.yaml"), ("orthocal export",)),
-        ("diagnose right.csv", ("Nothing to enter",), ()),
-        ("export right.csv --format klipper", ("Nothing to enter",), ()),
-        # One spare reading: any cause fits it, and that nothing is wrong is likelier than each.
-        ("diagnose seven.csv",
-         ("Undecided: nothing wrong (", "so few readings, nearly any cause fits",
-          "1. Probe more places"), ("Likeliest", "Something is wrong")),
-        ("solve seven.csv", ("or from a sound machine",), ()),
-        # Without a touch to spare the model is not said to fit.
-        ("diagnose six.csv", ("these data cannot show",),
-         ("✔", "Unexplained: ", "degrees of freedom")),
-        # A pattern that noise leaves in fewer than one of a hundred, on a bed without grain.
-        ("solve seven14.csv --machine smooth.yaml --details",
-         ("larger than usual for the probe's noise", "not large enough to call the model wrong"),
-         ("smaller ones",)),
-        ("solve tilted.csv", ("± U enter",), ()),
-        ("diagnose belt.csv --details", ("Seen from above, y upwards",), ()),
-        *((f"{command} --data calibration", ("7 heights and 3 distances",), ("of a mesh",))
-          for command in ("solve printer.cfg", "validate printer.cfg")),
-        *((f"{command} --data mesh", ("points of a mesh",), ("7 heights",))
-          for command in ("diagnose printer.cfg", "verify printer.cfg after.cfg")),
-    ],
-)  # fmt: skip
-def test_what_a_page_says_and_does_not(
-    command: str, present: tuple[str, ...], absent: tuple[str, ...]
-) -> None:
-    known = "--machine" in command or "printer.cfg" in command
-    said = page(*command.split(), *(() if known else MACHINE))
-    assert [part for part in present if part not in said] == [], said
-    assert [part for part in absent if part in said] == [], said
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("said_of_printers.txt")))
+def test_what_a_page_says_and_does_not(line: str) -> None:
+    tells(line)
 
 
 def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
