@@ -1,11 +1,8 @@
-"""Running the program: inside this process where that is enough, as a process of its own else."""
+"""Running the program inside this process."""
 
 import functools
 import json
-import os
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -125,22 +122,6 @@ def refuses(line: str, *before: str) -> None:
         assert told["input"] == ({"path": path} if path else None)
         error = words(told["error"])
         assert said in (error, f"{path}: {error}") or said.startswith("Usage: ")
-
-
-def process(
-    *arguments: str, text: str = "", environment: dict[str, str] | None = None
-) -> subprocess.CompletedProcess[str]:
-    """One command as a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "orthoglide_cal", *arguments],
-        input=text,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        env={**os.environ, **(environment or {})},
-        timeout=120,
-        check=False,
-    )
 
 
 def written(session: truth.Session) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 import pytest
 
 from orthoglide_cal.paper import tables
-from tests.cli.program import answer, done, lines, process, run
+from tests.cli.program import answer, done, lines, run
 
 
 @pytest.mark.parametrize("table", ["1", "4", "5", "accuracy"])
@@ -49,7 +49,4 @@ def test_table_3_is_one_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_table_3_in_full_from_the_command_line() -> None:
-    shown = process("paper", "--table", "3")
-    assert shown.returncode == 0
-    assert "Reproduced in every figure" in shown.stdout
-    assert shown.stderr == ""
+    assert "Reproduced in every figure" in done("paper", "--table", "3")
