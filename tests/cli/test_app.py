@@ -214,7 +214,7 @@ def test_a_reader_that_stops_reading_is_no_failure(enough: bool) -> None:
     assert said == ""
 
 
-@pytest.mark.parametrize("command", ["solve", "validate", "diagnose", "report", "export"])
+@pytest.mark.parametrize("command", ["solve", "validate", "diagnose", "report", "export", "guide"])
 def test_a_file_name_is_shown_and_never_obeyed(command: str, tmp_path: Path) -> None:
     """Neither in the answer nor in an error."""
     path = tmp_path / "\x1b[31mred\u202e.csv"

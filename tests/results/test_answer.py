@@ -14,7 +14,8 @@ from pydantic import ValidationError
 from scipy.stats import t as student
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.estimation import solve
+from orthoglide_cal.estimation import OffsetEstimate, promise, solve
+from orthoglide_cal.estimation.accuracy import Scatter
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose
 from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import Source
@@ -158,14 +159,19 @@ def test_the_check_is_where_the_offsets_show_most() -> None:
 def test_the_promise_takes_what_was_found_into_account() -> None:
     """With a gap the diagnosed offsets leave something: the check says what, as simulation does."""
     case = cases.named_in_machine()
-    measured, check = case.given.measured, case.answer.check
-    plan = measured.plan
+    answer, measured, diagnosis = case.answer, case.given.measured, diagnosis_of(case)
+    model, noise = making.with_causes(case.given.model, diagnosis), diagnosis.left_open[0][1].sigma
+    known = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.budget, Scatter(noise, np.inf))
+    entered = np.array([each.change(answer.decimals) for each in answer.parameters])
+    promised = [row.expanded_mm for row in promise(measured, known, entered)]
+    assert [row.expanded_mm for row in answer.deviations] == pytest.approx(promised, rel=1e-9)
+    check, plan = answer.check, measured.plan
     mine = plan.of(Series(AXES.index(check.leg), AXES.index(check.direction)))
     ends = [
         np.flatnonzero(mine & (plan.displacement == end[0]))[0]
         for end in (check.first_mm, check.second_mm)
     ]
-    readings = simulate(GAPED, TRUE - found(case.answer), plan)
+    readings = simulate(GAPED, TRUE - found(answer), plan)
     assert check.expected_mm == pytest.approx(readings[ends[1]] - readings[ends[0]], abs=0.01)
     solution = solve(measured, case.given.model)
     plain = next(row for row in solution.promised() if row.name == check.what)
