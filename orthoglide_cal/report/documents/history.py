@@ -226,9 +226,8 @@ def _courses(history: History) -> doc.Figure:
         sizes = ", ".join(with_uncertainty(value, half) for value, half, _ in rows)
         finding = f"{title}, from session to session: {sizes}."
         finding += f" {'; '.join(numbers)}." if numbers else ""
-        name = "course-" + "".join(letter if letter.isalnum() else "-" for letter in now.name)
         axis = "c-" + dict(zip("xyzabc", "xyzxyz", strict=True)).get(now.name, "x")
-        panels.append(figures.svg(name, wide, bottom + 26.0, now.name, finding, parts, axis))
+        panels.append(figures.svg(wide, bottom + 26.0, now.name, finding, parts, axis))
     key = "Bars: U without the part common to all sessions. Line: fit, broken at each change."
     if history.changes or history.drift:
         key += f" Number above: last change, or drift in {_MONTH:g} days, ± U (95 %)."
