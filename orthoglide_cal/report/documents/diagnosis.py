@@ -29,6 +29,7 @@ from orthoglide_cal.report.documents.solution import (
     parameters_title,
     sizes,
     sizes_grid,
+    solution_document,
 )
 from orthoglide_cal.report.sentences import pattern_name, pattern_remedy, pattern_words
 from orthoglide_cal.report.terminal import height
@@ -58,13 +59,7 @@ _DECIDED, _BEYOND, _UNDECIDED = 30, 24, 20  # lines of its screen
 def diagnosis_document(case: Case) -> doc.Document:
     """The whole answer."""
     if not case.answer.parameters:
-        page = doc.Page(
-            "Diagnosis",
-            simulated=case.answer.simulated,
-            notice=decision_notice(case),
-            sections=[doc.next_steps(to_do(case))],
-        )
-        return doc.Document(case.data, lambda: page)
+        return solution_document(case)
     return doc.Document(case.data, partial(_page, case), partial(_screen, case))
 
 

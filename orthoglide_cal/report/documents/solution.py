@@ -7,7 +7,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
 from orthoglide_cal.inference.result import Explanation
@@ -55,16 +54,14 @@ _STATE = "State how well that is known under tolerances in the machine file."
 
 
 def solution_document(case: Case) -> doc.Document:
-    """The whole answer; without parameters its page raises UnusableResultError: why, what to do."""
-    if not case.answer.parameters:
-        return doc.Document(case.data, partial(_refused, case))
-    return doc.Document(case.data, partial(_page, case), partial(_screen, case))
-
-
-def _refused(case: Case) -> doc.Page:
-    release = case.answer.release
-    remedies = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
-    raise UnusableResultError(" ".join(map(case.says, release.reasons)), remedies)
+    """The whole answer; without parameters why there are none, and what to do."""
+    if case.answer.parameters:
+        return doc.Document(case.data, partial(_page, case), partial(_screen, case))
+    notice, steps, simulated = decision_notice(case), to_do(case), case.answer.simulated
+    page = doc.Page(
+        "Solution", notice=notice, simulated=simulated, sections=[doc.next_steps(steps)]
+    )
+    return doc.Document(case.data, lambda: page)
 
 
 def _screen(case: Case) -> doc.Page:
