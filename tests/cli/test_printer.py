@@ -524,7 +524,9 @@ def test_a_calibration_that_is_stored_again_is_no_second_one(command: str) -> No
     assert "the same readings" in told or "without those that are simulated or copies" in told
 
 
-@pytest.mark.parametrize(("verb", "file"), [("diagnose", "three.csv"), ("solve", "near.csv"), ("diagnose", "series.csv")])
+@pytest.mark.parametrize(
+    ("verb", "file"), [("diagnose", "three.csv"), ("solve", "near.csv"), ("diagnose", "series.csv")]
+)
 def test_places_that_determine_nothing_are_no_failed_search(verb: str, file: str) -> None:
     """Within 5 mm of the middle the radius and the tower angles hardly show beside the noise."""
     shown = run(verb, file, *MACHINE)

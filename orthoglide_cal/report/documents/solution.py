@@ -15,7 +15,7 @@ from orthoglide_cal.model.measured import DataKind, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, comparison_words, decision_notice, to_do
 from orthoglide_cal.report.sentences import SOURCES
-from orthoglide_cal.report.terminal import height
+from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import Answer, Parameter
 from orthoglide_cal.words import (
     counted,
@@ -73,21 +73,18 @@ def _screen(case: Case) -> doc.Page:
         notes = []  # it says the same
     numbers = [] if release.settled else [*_improvement(case)]
     largest = [_largest_words(case)] if answer.budget and release.usable and release.needed else []
+    meaning = [_meaning(case)]
     last = doc.next_steps(to_do(case, brief=True), case.more("solve"))
-    for meant in ([*largest, _meaning(case)], largest, []):
-        kept, words = meant[: len(largest)], meant[len(largest) :]
-        blocks = [[*parameters, *kept, *notes], [*numbers, *words]]
+
+    def page() -> doc.Page:
+        blocks = [[*parameters, *largest, *notes], [*numbers, *meaning]]
         if not answer.deviations:  # one line needs no section
-            blocks = [[*parameters, *kept, *notes, *numbers]]
-        page = doc.Page(
-            kind="Solution",
-            simulated=case.answer.simulated,
-            notice=decision_notice(case),
-            sections=(*(doc.Section(None, *part) for part in blocks), last),
-        )
-        if height(page) <= _MOST_LINES - answer.simulated:
-            break
-    return page
+            blocks = [[*parameters, *largest, *notes, *numbers]]
+        sections = (*(doc.Section(None, *part) for part in blocks), last)
+        notice, simulated = decision_notice(case), answer.simulated
+        return doc.Page("Solution", simulated=simulated, notice=notice, sections=sections)
+
+    return fitting(page, _MOST_LINES - answer.simulated, meaning, largest)
 
 
 def _meaning(case: Case) -> str:
