@@ -3,7 +3,7 @@
 Other pages show its parts, too: the parameters, what is not determined, and where U comes from.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
@@ -109,13 +109,19 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
         rows = tuple(sorted(rows, key=lambda row: -abs(row.measured_mm))[:_LARGEST_DIFFERENCES])
     refused = not answer.release.usable
     if rows and answer.as_found is not None and answer.expected is not None:
-        names = [row.name for row in rows]
-        after = "if entered" if refused else "expected after"
-        measured = *(row.measured_mm for row in rows), answer.as_found.rms_mm
-        expected = *(row.expected_mm for row in rows), answer.expected.rms_mm
-        reach = {} if refused and not full else {"± U": tuple(row.expanded_mm for row in rows)}
         digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
-        yield deviations_grid(names, digits, {"measured": measured, after: expected} | reach)
+        sizes = (
+            ("measured", [row.measured_mm for row in rows], answer.as_found.rms_mm),
+            ("if entered" if refused else "expected after",
+             [row.expected_mm for row in rows], answer.expected.rms_mm),
+        )  # fmt: skip
+        table = [
+            (name, *(signed(mm, digits) for mm in values), plain(rms, digits))
+            for name, values, rms in sizes
+        ]
+        if full or not refused:
+            table.append(("± U", *(plain(row.expanded_mm, digits) for row in rows), ""))
+        yield doc.Grid(("Deviation, mm", *(row.name for row in rows), "r.m.s."), table)
     if answer.rms is None:
         return
     paper = offsets_only(answer) if answer.input.kind == DataKind.SIX and refused else None
@@ -186,18 +192,6 @@ def fit_facts(case: Case) -> Iterator[tuple[str, str]]:
         known = {name: "unknown" if mm is None else plain(mm, 4) for name, mm in sizes.items()}
         spare = f"; {counted(noise.dof, 'degree')} of freedom" if noise.dof else ""
         yield "Noise, mm", ", ".join(f"{name} {size}" for name, size in known.items()) + spare
-
-
-def deviations_grid(
-    names: Sequence[str], decimals: int, rows: Mapping[str, Sequence[float]]
-) -> doc.Grid:
-    """Differences with their r.m.s. last, [mm]; U in rows that have no r.m.s. has no sign."""
-    table = []
-    for name, sizes in rows.items():
-        rms = plain(sizes[-1], decimals) if len(sizes) > len(names) else ""
-        write = signed if rms else plain
-        table.append((name, *(write(size, decimals) for size in sizes[: len(names)]), rms))
-    return doc.Grid(("Deviation, mm", *names, "r.m.s."), table)
 
 
 def parameters_title(case: Case) -> str:
