@@ -110,7 +110,6 @@ def of(folder: Path, text: str) -> ControllerFile:
 
 UNCLEAR = [
     # replaced in the INI, by, words of the message
-    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5\nHOME_OFFSET = 0.6", "twice"),
     ("HOME_OFFSET = 0.500", "HOME_OFFSET : 0.6\nHOME_OFFSET = 0.5", "not a number"),
     ("HOME_OFFSET = 0.500", "HOME = 1", "missing"),
     ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0,5", r", \[JOINT_0\] HOME_OFFSET: This is not a"),
@@ -122,7 +121,6 @@ UNCLEAR = [
     ("HOME = 0.0\n", "HOME = 0.0\n[EMC]\n[JOINT_0]\n", "missing"),
     ("LINEAR_UNITS = mm", "LINEAR_UNITS = furlong", "unknown"),
     ("LINEAR_UNITS = mm", "", "LINEAR_UNITS: The value is missing"),
-    ("LINEAR_UNITS = mm", "LINEAR_UNITS = mm\nLINEAR_UNITS = inch", "twice"),
     *(("HOME_OFFSET = 3\n", f"[KINS]\nKINEMATICS = {kinematics}\n", rf"line 20.*{said}")
       for kinematics, said in (
         *((f"trivkins coordinates={letters}", "each of X, Y and Z one joint")
@@ -176,8 +174,12 @@ def test_axes_are_written_to_their_joints(
     assert tuple(settings[axis].line for axis in "xyz") == lines
 
 
-def test_only_the_first_section_of_a_name_is_read(tmp_path: Path) -> None:
-    assert of(tmp_path, INI.replace("[SPINDLE_0]", "[JOINT_0]")).settings["x"].line == 11
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("[SPINDLE_0]", "[JOINT_0]"), ("0.500\nHOME_", "0.500\nHOME_OFFSET = 0.6\nHOME_")],
+)
+def test_only_the_first_of_a_name_is_read(tmp_path: Path, old: str, new: str) -> None:
+    assert of(tmp_path, INI.replace(old, new)).settings["x"].line == 11
 
 
 @pytest.mark.parametrize(
