@@ -260,20 +260,19 @@ def _recommended(
     path: str, request: Request
 ) -> tuple[PriorReadings, tuple[NextMeasurement, ...], Model]:
     """Rank what to measure next, given the readings in a file, and on which machine."""
-    given, keeper, choice = request.model, request.keeper, request.choice
+    keeper, choice = request.keeper, request.choice
     if path == "-":
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
     data = read_document(path)
-    alone = read_input(data, None, request.otherwise)
-    alone.model.machine.check_guided()
-    names = machine_file.differing(alone.model, given) if given and alone.is_session else []
-    if names:
+    given = read_input(data, request.model, request.otherwise)
+    given.model.machine.check_guided()
+    if names := machine_file.differing(given.recorded or given.model, given.model):
         raise UsageError(
             f"{path} was measured on another machine than that of --machine: they differ in"
             f" {', '.join(names)}.",
             "Leave out --machine to use the machine of the session.",
         )
-    first = PriorReadings(data, given or alone.model)
+    first = PriorReadings(data, given)
     if not first.plan.fixed:
         raise UsageError(
             f"{path} was measured with the single-posture protocol. Further readings need fixed"
