@@ -114,9 +114,7 @@ class Settings(Content):
             if in_force.split() != text.split()
         ]
 
-    def _parsed(
-        self, lines: Iterable[tuple[int, str]]
-    ) -> tuple[dict[str, int], Options]:
+    def _parsed(self, lines: Iterable[tuple[int, str]]) -> tuple[dict[str, int], Options]:
         """Sections and options of the file's own lines, or of those that SAVE_CONFIG wrote."""
         sections: dict[str, int] = {}
         options = Options(dict)
