@@ -180,7 +180,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     numbers = {}
     for name, text in zip(names, lines[2].split(","), strict=False):
         if name == "spacing" or name[1:] in ("num", "min", "spacing"):
-            with faults.noting(3, text, name):
+            with faults.noting(3, name, text):
                 numbers[name] = within(text.strip(), -_FAR, _FAR)
     faults.check()
     spacing = numbers.get("spacing", 0.0)  # the first version had one for both
@@ -206,7 +206,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
             faults.add(what, _AGAIN, line=4 + row)
             continue
         for column, cell in enumerate(cells):
-            with faults.noting(4 + row, cell):
+            with faults.noting(4 + row, value=cell):
                 if cell != _UNPROBED:
                     heights[row, column] = within(cell, -LARGEST_MM)
     if not faults.problems and not np.isfinite(heights).any():
@@ -238,7 +238,7 @@ def _words(file: FileText) -> Words:
                     continue
                 word = code + letter
                 low = 0.0 if word in ("M665L", "M665R") else -LARGEST_MM
-                with faults.noting(number, letter + text, f"{letter} of {code}"):
+                with faults.noting(number, f"{letter} of {code}", letter + text):
                     new[word] = tuple(within(part, low) for part in text.split(":"))
                     if len(new[word]) not in ((1, 3) if word == "M665L" else (1,)):
                         remedy = "Write one, or L215:215:215."
@@ -294,7 +294,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             grid[number] = match[1].split()
         else:
             in_grid &= not grid
-        with faults.noting(number, line.strip()):
+        with faults.noting(number, value=line.strip()):
             if match := _BED.search(line):
                 x, y, height = (within(text, -LARGEST_MM) for text in match.groups())
                 bed.append((number, x - offset[0], y - offset[1], height))
@@ -449,7 +449,7 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
         lines = [(line, (*places[number], height)) for number, height in enumerate(heights)]
     rows = []
     for line, parts in lines:
-        with faults.noting(line, " ".join(parts)):
+        with faults.noting(line, value=" ".join(parts)):
             x, y, height = (within(part, -LARGEST_MM) for part in parts)
             if firmware != "text" or not math.hypot(x, y) > settings.machine.bed_radius_mm:
                 rows.append((line, x - offset[0], y - offset[1], height))

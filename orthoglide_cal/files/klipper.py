@@ -26,7 +26,7 @@ from typing import TypeVar
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Content, FaultPlace, Faults, Steps
+from orthoglide_cal.files.faults import Content, Faults, Place, Steps
 from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
@@ -147,12 +147,11 @@ class Settings(Content):
                 self.add(what, remedy, line=line, value=plain)
         return sections, options
 
-    def place(self, path: Steps) -> FaultPlace:
+    def place(self, path: Steps) -> Place:
         """Where an option stands, or its section."""
         section, option = map(str, path)
         line, text = self.options[section].get(option, (self.sections.get(section), ""))
-        value = " ".join(text.split()) or None
-        return FaultPlace(line, f"{option} of [{section}]", value)
+        return line, f"{option} of [{section}]", " ".join(text.split()) or None
 
     def missing(self, section: str, option: str, line: int | None = None) -> None:
         """The fault that an option is not there."""
@@ -182,11 +181,9 @@ class Settings(Content):
                 return default
             self.missing(section, option)
             return fault
-        try:
+        with self.noting(*self.place((section, option))):
             return rule(entry[1])
-        except InputError as error:
-            self.note((section, option), error.what, error.remedy)
-            return fault
+        return fault
 
     def number(
         self, section: str, option: str, default: float | None = None, low: float = -LARGEST_MM
@@ -294,7 +291,7 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     faults, rows = Faults(document.path), []
     for number, line in enumerate(document.text.split("\n"), start=1):
         for match in PROBED.finditer(line):
-            with faults.noting(number, match[0]):
+            with faults.noting(number, value=match[0]):
                 place = [within(match[group], -LARGEST_MM) for group in (2, 3, 4)]
                 rows.append((number, *place, match[1] == ":"))
     faults.check()
@@ -466,7 +463,7 @@ def _rows(settings: Settings, section: str, across: int, along: int) -> tuple[li
             settings.add(what, _AGAIN, line, column, ",".join(cells))
             continue
         for cell in cells:
-            with settings.noting(line, cell, column):
+            with settings.noting(line, column, cell):
                 heights.append(within(cell, -LARGEST_MM))
     if along and len(rows) != along:
         what = f"The mesh has {len(rows)} rows, y_count says {along}."
