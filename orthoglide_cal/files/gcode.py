@@ -173,12 +173,10 @@ def check_delta(folder: Path, path: str) -> None:
 def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, with the probed heights as their mesh. Raises InvalidFileError."""
     faults, lines = Faults(document.path), document.text.strip("\n").split("\n")
-    if len(lines) < 3:
-        what = "The height map has no numbers: it was cut off."
-        raise InputError(what, _AGAIN, file=document.path, line=len(lines))
-    names = [_NAMES.get(name.strip(), name.strip()) for name in lines[1].lower().split(",")]
+    head, values = [*lines[1:3], "", ""][:2]
+    names = [_NAMES.get(name.strip(), name.strip()) for name in head.lower().split(",")]
     numbers = {}
-    for name, text in zip(names, lines[2].split(","), strict=False):
+    for name, text in zip(names, values.split(","), strict=False):
         if name == "spacing" or name[1:] in ("num", "min", "spacing"):
             with faults.noting(3, name, text):
                 numbers[name] = within(text.strip(), -_FAR, _FAR)
@@ -197,8 +195,8 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     rows = lines[3:]
     if len(rows) != len(y):
         what = f"The map has {len(rows)} lines of heights, its header says {len(y)}."
-        faults.add(what, f"Was it cut off? {_AGAIN}", line=3 + len(rows))
-        faults.check()
+        remedy = f"Was it cut off? {_AGAIN}"
+        raise InputError(what, remedy, file=document.path, line=3 + len(rows))
     for row, text in enumerate(rows):
         cells = [cell.strip() for cell in text.split(",")]
         if len(cells) != len(x):
