@@ -89,8 +89,12 @@ def test_axes_are_written_to_their_joints(
     assert tuple(settings[axis].line for axis in "xyz") == lines
 
 
-def test_only_the_first_section_of_a_name_is_read(tmp_path: Path) -> None:
-    assert of(tmp_path, INI.replace("[SPINDLE_0]", "[JOINT_0]")).settings["x"].line == 11
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("[SPINDLE_0]", "[JOINT_0]"), ("0.500\nHOME_", "0.500\nHOME_OFFSET = 0.6\nHOME_")],
+)
+def test_only_the_first_of_a_name_is_read(tmp_path: Path, old: str, new: str) -> None:
+    assert of(tmp_path, INI.replace(old, new)).settings["x"].line == 11
 
 
 @pytest.mark.parametrize(

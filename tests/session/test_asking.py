@@ -10,7 +10,6 @@ import pytest
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.session.asking import (
     AFTER_A_DRIVE_S,
-    ALONE_S,
     ANSWER_S,
     BETWEEN_GAUGES_S,
     BY_HAND_S,
@@ -33,7 +32,6 @@ PROMPT = "1. Gauge Y > "
 PLACE = "Drive to X 1.000"
 ASKED = f"{PLACE}\n{PROMPT}"
 WORDS = "Why? > "
-ALONE = (ALONE_S, None, [])  # a look after which a reading is known to be alone
 READ = Token("-0.64", -0.64, source="plain:x")
 ERROR = Token("ERR6\x1b", source="plain:x")
 
@@ -125,7 +123,7 @@ def test_where_words_are_asked_the_gauge_is_not_heard() -> None:
 
 
 def test_a_reading_is_shown_in_the_line_of_the_prompt() -> None:
-    asker, screen, _ = at((0.1, None, []), (1.0, None, [READ]), ALONE)
+    asker, screen, _ = at((0.1, None, []), (1.0, None, [READ]))
     assert asker.ask(ASKED, STEP) == READ
     assert screen.text == f"{PROMPT}-0.64\n"
 
@@ -134,7 +132,7 @@ def test_a_reading_is_shown_in_the_line_of_the_prompt() -> None:
     "message", [ERROR, Token("0.41", 0.41, source="plain:y", elsewhere="That was gauge 2.")]
 )
 def test_what_is_no_reading_is_told_and_asked_again(message: Token) -> None:
-    asker, screen, _ = at((0.1, None, [message]), (0.1, None, [message, READ]), ALONE)
+    asker, screen, _ = at((0.1, None, [message]), (0.1, None, [message, READ]))
     assert asker.ask(ASKED, STEP) == READ
     styles = [style for _, style in screen.shown if style is not Style.PLAIN]
     assert styles == [Style.PROMPT, Style.BAD, Style.PROMPT, Style.BAD, Style.PROMPT]
@@ -144,7 +142,7 @@ def test_what_is_no_reading_is_told_and_asked_again(message: Token) -> None:
 
 
 def test_of_several_readings_at_once_one_is_taken() -> None:
-    asker, _, _ = at((0.1, None, [READ, READ, READ]), ALONE)
+    asker, _, _ = at((0.1, None, [READ, READ, READ]))
     assert asker.ask(ASKED, STEP) == READ
     with pytest.raises(EOFError):
         asker.ask(ASKED, STEP)
@@ -152,13 +150,13 @@ def test_of_several_readings_at_once_one_is_taken() -> None:
 
 def test_a_lost_gauge_is_tried_again_now_and_then_until_it_is_back() -> None:
     soon = 0.6 * RECONNECT_S
-    looks = [(0.1, None, None), *[(soon, None, [READ])] * 6, ALONE]
+    looks = [(0.1, None, None), *[(soon, None, [READ])] * 6]
     asker, screen, scene = at(*looks)
     assert asker.ask(ASKED, STEP) == READ
     gauge = asker.gauge
     # At every second look it is time for another attempt; the third one succeeds.
     assert gauge.attempts == 3
-    assert scene.log.count(f"read {POLL_S}") == 8
+    assert scene.log.count(f"read {POLL_S}") == 7
     assert len(scene.returns) == 3  # with the one before the prompt
     styles = [style for _, style in screen.shown]
     assert styles.count(Style.BAD) == styles.count(Style.GOOD) == 1
@@ -206,7 +204,7 @@ def test_a_simulated_gauge_is_never_too_soon_nor_a_stream_and_lines_before_it_ar
 
 def test_a_gauge_in_the_dead_time_of_a_typed_reading_is_not_heard() -> None:
     late = (1.1 * AFTER_A_DRIVE_S, None, [READ])
-    asker, screen, _ = at((9.0, "0.41", []), (0.5, None, [READ]), late, ALONE)
+    asker, screen, _ = at((9.0, "0.41", []), (0.5, None, [READ]), late)
     asker.ask(ASKED, STEP)
     asker.rest(driving=True)
     assert asker.ask(ASKED, STEP) == READ
@@ -231,26 +229,19 @@ def test_a_gauge_that_sends_by_itself_is_recognised(period: float, typed: bool) 
     """However the first message is taken, the next ones are not, and it is taken back."""
     look = (period, "0.41", []) if typed else (period, None, [READ])
     asker, _, _ = at((9.0, None, []), *[look] * 60, gauge=not typed)
-    taken = taken_until_it_is_recognised(asker)
-    assert taken <= 1
-    assert STREAM * period < ALONE_S or typed or taken == 1
+    assert taken_until_it_is_recognised(asker) == 1
 
 
 @pytest.mark.parametrize("period", [1.5, 2.5, 6.0])
 def test_a_slow_stream_is_recognised_by_its_even_pace(period: float) -> None:
     """What it had sent before is taken back, and nothing of it is heard from then on."""
-    silence = (period - 1.2 * ALONE_S, None, [])
-    looks = [silence, (1.2 * ALONE_S, None, [READ]), (1.1 * ALONE_S, None, [])]
-    even = [(period - 1.1 * ALONE_S, None, [READ]), (1.1 * ALONE_S, None, [])]
-    asker, _, _ = at((9.0, None, []), *looks, *even * 12)
+    asker, _, _ = at((9.0, None, []), *[(period, None, [READ])] * 13)
     assert taken_until_it_is_recognised(asker) == STREAM - 1
 
 
 def test_presses_at_a_persons_pace_are_heard() -> None:
-    looks = []
-    for pause in (2.5, 3.1, 2.4, 4.0, 2.6, 3.3):
-        looks += [(pause, None, [READ]), (1.1 * ALONE_S, None, [])]
-    asker, _, _ = at((9.0, None, []), *looks)
+    pauses = (2.5, 3.1, 2.4, 4.0, 2.6, 3.3)
+    asker, _, _ = at((9.0, None, []), *((pause, None, [READ]) for pause in pauses))
     for _ in range(6):
         assert asker.ask(ASKED, STEP) == READ
         asker.rest(driving=False)
@@ -259,8 +250,10 @@ def test_presses_at_a_persons_pace_are_heard() -> None:
 def test_a_gauge_that_is_quiet_again_is_heard() -> None:
     flood = [(0.1, None, [READ])] * 12
     quiet = (1.1 * AFTER_A_DRIVE_S, None, [])
-    asker, screen, _ = at((9.0, None, []), *flood, quiet, (9.0, None, [READ]), ALONE)
-    assert asker.ask(ASKED, STEP) == Unasked(0)
+    asker, screen, _ = at((9.0, None, []), *flood, quiet, (9.0, None, [READ]))
+    assert asker.ask(ASKED, STEP) == READ
+    asker.rest(driving=False)
+    assert asker.ask(ASKED, STEP) == Unasked(1)
     assert asker.ask(ASKED, STEP) == READ
     assert "The gauge is quiet now." in screen.text
 
@@ -270,7 +263,7 @@ def test_return_on_a_silent_gauge_says_what_to_check() -> None:
     asker, screen, _ = at((9.0, "", []), (soon, None, []), (soon, None, []), (soon, "q", []))
     assert asker.ask(ASKED, STEP) == "q"
     assert screen.text.count("Is it on?") == 1
-    asker, screen, _ = at((9.0, "", []), (soon, None, [READ]), *[ALONE] * 2)
+    asker, screen, _ = at((9.0, "", []), (soon, None, [READ]))
     assert asker.ask(ASKED, STEP) == READ
     assert "Is it on?" not in screen.text
 
