@@ -1,6 +1,7 @@
 """What is hidden is named; what cannot be told is said to be open."""
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,40 +10,18 @@ from orthoglide_cal.inference import Diagnosis, diagnose
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.decision import decide
 from tests import truth
+from tests.cli.program import refusals
 from tests.decisions import content, diagnose_anew
 from tests.inference.sessions import ids, known
 
-# Seeds whose truth stands 5 to 60 σ from every rival (checked below); odd ones on the
-# prototype, even ones on the large machine; the slow causes at 2.5 min per posture.
-CLEAR = {
-    "axis_gap": (1, 4),
-    "axis_squareness": (2, 3),
-    "encoder_scale": (2, 204),
-    "backlash": (3, 53),
-    "thermal_drift": (1, 6),
-    "bar_skew": (3, 2),
-    "gauge_drift": (3, 1),
-    "stand_shift": (2, 1),
-    "gauge_slip": (3, 2),
-    "misread": (1, 4),
-    "sign_flip": (2, 5),
-    "swapped_gauges": (37, 2),
-}
-GAUGES = (truth.MICRON, truth.DIAL)
 # Of the effects beyond the list: in the posture, in the motion, in the scatter.
 QUICK = ("leg_bending", "plunger_hysteresis", "noisy_leg")
-PACE = {"thermal_drift": 2.5, "gauge_drift": 2.5}
-cases = [
-    pytest.param(cause, gauge, seed, id=f"{cause}-{gauge.name}")
-    for number, (cause, seeds) in enumerate(CLEAR.items())
-    for gauge, seed in [(GAUGES[number % 2], seeds[number % 2])]
-]
 
 
 @cache
-def drawn(cause: str, gauge: truth.Gauge, seed: int) -> truth.Session:
+def drawn(cause: str, gauge: str, seed: int, pace: float = 0.4) -> truth.Session:
     machine = truth.PROTOTYPE if seed % 2 else truth.LARGE
-    return truth.make_session(seed, machine, gauge, (cause,), pace=PACE.get(cause, 0.4))
+    return truth.make_session(seed, machine, truth.GAUGES[gauge], (cause,), pace=pace)
 
 
 @cache
@@ -52,7 +31,7 @@ def judged(session: truth.Session) -> Diagnosis:
 
 def test_data_that_are_decided_again_give_the_same() -> None:
     """To the last digit, whatever was decided meanwhile: the other tests decide them once."""
-    whites = [Whitened.of(*known(drawn("axis_gap", truth.MICRON, seed))) for seed in (1, 4, 1, 4)]
+    whites = [Whitened.of(*known(drawn("axis_gap", "micron", seed))) for seed in (1, 4, 1, 4)]
     probabilities, offsets = zip(
         *((found.belief.listed, found.offsets) for found in map(decide, whites)), strict=True
     )
@@ -61,15 +40,17 @@ def test_data_that_are_decided_again_give_the_same() -> None:
         assert probabilities[first] == probabilities[again]
         for values in zip(offsets[first], offsets[again], strict=True):
             assert np.array_equal(*values)
-    one, _, same = (diagnose_anew(*known(drawn("axis_gap", truth.MICRON, n))) for n in (1, 4, 1))
+    one, _, same = (diagnose_anew(*known(drawn("axis_gap", "micron", n))) for n in (1, 4, 1))
     assert one.explanations == same.explanations
     assert np.array_equal(one.explained_mm, same.explained_mm)
 
 
-@pytest.mark.parametrize(("cause", "gauge", "seed"), cases)
-def test_a_clear_cause_is_named(cause: str, gauge: truth.Gauge, seed: int) -> None:
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("clear.txt")))
+def test_a_clear_cause_is_named(line: str) -> None:
     """False failure 1e-5 for each parameter."""
-    session = drawn(cause, gauge, seed)
+    cause, name, seed, pace = map(str.strip, line.split("|"))
+    session = drawn(cause, name, int(seed), float(pace))
+    gauge = session.gauge
     assert truth.separation(session).distance >= 5.0
     found = judged(session)
     assert ids(found) == [cause]
