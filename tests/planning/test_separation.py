@@ -128,12 +128,3 @@ def test_the_table_is_symmetric_and_its_pairs_are_sorted() -> None:
     assert sigmas == sorted(sigmas)
     for causes, apart in found.pairs.items():
         assert apart == sigma(found, *causes)
-
-
-def test_what_is_ruled_out_or_known_is_no_candidate() -> None:
-    machine = NOMINAL.machine
-    without = machine.changed(tolerances={**machine.tolerances, "backlash": 0.0})
-    plan = session_of(NOMINAL, DOUBLE, 3).plan
-    ids = [cause.id for cause in separations(Model(without), plan).causes]
-    assert "backlash" not in ids
-    assert set(ids) == set(OWN) - {"backlash"}
