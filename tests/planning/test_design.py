@@ -25,7 +25,7 @@ from orthoglide_cal.planning.steps import MeasuringProtocol
 from tests import truth
 from tests.inference.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, both_models, sure
-from tests.planning.truth import like
+from tests.planning.test_forecast import like
 from tests.truth.effects import Effect, state_with
 from tests.truth.forward import PARTS, prior_sd, signals
 from tests.truth.machines import TOLERANCES
