@@ -67,34 +67,18 @@ def touched(truth: Truth, layout: Layout, seed: int = 2) -> str:
     return delta_csv(probe_bed(V400, truth, (), layout, np.random.default_rng(seed)))
 
 
-def series(count: int, rate: float) -> str:
-    """Touches of the middle, one every ten seconds, by a probe that drifts [mm/h]."""
-    noise = 0.005 * np.random.default_rng(7).standard_normal(count)
-    rows = [f"{k},{k / 6:.3f},0,0,{rate * k / 360 + noise[k]:.4f}" for k in range(count)]
-    return "\n".join(("seq,minutes,x_mm,y_mm,reading_mm", *rows)) + "\n"
-
-
 def tilted(tilt: float) -> str:
     """A printer that stands as its firmware has it, but for a tilt of its bed."""
     return touched(Truth(endstops=np.array([tilt, 0.0, -tilt])), Layout(places=81), 4)
 
 
-GRID = [(x, y) for x in (-2, 0, 2) for y in (-2, 0, 2)]
 # Settings that Klipper stored again: the same steps, with other endstops.
 STORED = re.compile(r"(position_endstop = )(\d+)")
-NEAR = ((0, 0), (5, 0), (0, 5), (-5, 0), (0, -5), (3, 3), (3, -3), (-3, -3))
-HEIGHTS = (0.01, 0.02, -0.01, 0.03, 0.04, 0.01, 0.011, 0.012)
 
 
 def table(at: Iterable[Sequence[float]], heights: Iterable[float]) -> str:
     rows = (f"{x:g},{y:g},{z:.6f}" for (x, y), z in zip(at, heights, strict=True))
     return "\n".join(("x_mm,y_mm,reading_mm", *rows)) + "\n"
-
-
-def seven(height: float) -> str:
-    """Seven touches of a printer that is right, but that every second of the rim is higher."""
-    rim = (height * (-1) ** k for k in range(6))
-    return table(places_of(Layout(places=7), V400.bed).tolist(), (0.0, *rim))
 
 
 FILES: dict[str, Callable[[], str]] = {
@@ -113,13 +97,7 @@ FILES: dict[str, Callable[[], str]] = {
     "lost.csv": lambda: touched(replace(OFF, lost=np.array([0.12, 0.0, 0.1])), Layout(81)),
     "right.csv": lambda: tilted(0.0),
     "tilted.csv": lambda: tilted(0.06),
-    "seven.csv": lambda: seven(0.033),
-    "seven14.csv": lambda: seven(0.0145),
-    "six.csv": lambda: "\n".join(seven(0.1).splitlines()[:7]) + "\n",
     "three.csv": lambda: "\n".join(exact(V400, OFF, Layout(places=13)).splitlines()[:4]) + "\n",
-    "grid.csv": lambda: table(GRID, (0.002 * x - 0.001 * y for x, y in GRID)),
-    "near.csv": lambda: table(NEAR, HEIGHTS),
-    "series.csv": lambda: series(60, 1.0),
     "later.csv": lambda: touched(OFF, Layout(25), 5),
 }
 
@@ -127,6 +105,7 @@ FILES: dict[str, Callable[[], str]] = {
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("printers")
+    shutil.copytree(Path(__file__).with_name("touches"), folder, dirs_exist_ok=True)
     for name, text in FILES.items():
         (folder / name).write_text(text())
     return folder

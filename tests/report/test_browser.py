@@ -14,7 +14,7 @@ from orthoglide_cal.files.readings import Conditions, GaugeIdentity
 from orthoglide_cal.model.machine import Details
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.html import html
-from tests.report.cases import changed, documents, report_of
+from tests.report.cases import DOCUMENTS, changed, report_of
 from tests.report.chromium import Browser, find_chromium
 from tests.results import cases
 
@@ -39,7 +39,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     files = {name: folder / f"{name}.html" for name in KINDS}
     for name, path in files.items():
-        path.write_text(html(documents()[name]().page()), encoding="utf-8")
+        path.write_text(html(DOCUMENTS[name]().page()), encoding="utf-8")
     return files
 
 
@@ -195,7 +195,7 @@ def _luminance(colour: str) -> float:
 
 def test_the_policy_stops_what_would_slip_through(chromium: Browser, tmp_path: Path):
     """Were something not escaped: the page's own policy lets neither scripts nor pictures in."""
-    whole = html(documents()["few"]().page())
+    whole = html(DOCUMENTS["few"]().page())
     slipped = tmp_path / "slipped.html"
     evil = "<script>document.title='owned'</script><img src='http://127.0.0.1:9/x.png'>"
     slipped.write_text(whole.replace("</main>", f"{evil}</main>"), encoding="utf-8")
