@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.files.readings import Conditions, GaugeIdentity
+from orthoglide_cal.files.readings import GaugeIdentity
 from orthoglide_cal.model.machine import Details
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.html import html
@@ -98,9 +98,7 @@ def written(path: Path, case: Case, name: str) -> Path:
 
 def test_a_report_without_a_result_takes_one_sheet_of_paper(chromium: Browser, tmp_path: Path):
     """Two pages, with all that a session can hold."""
-    full = Conditions(
-        protocol="double-posture", operator="A. Martin", started="2026-03-03T09:00:00+01:00",
-        finished="2026-03-03T09:31:00+01:00", temperature_c=(20.9, 21.6),
+    full = cases.COMPLETE.changed(
         environment=tuple((f"remark {k}", "draught from the door " * 3) for k in range(6)),
         gauges=tuple(GaugeIdentity(id=f"no. {k}", certificate=f"2026-{k:04d}", resolution_mm=0.01)
                      for k in range(6)),
