@@ -121,7 +121,7 @@ def refuses(line: str, *before: str) -> None:
         (told,) = lines(result)
         assert told["input"] == ({"path": path} if path else None)
         error = words(told["error"])
-        assert said in (error, f"{path}: {error}") or said.startswith("Usage: ")
+        assert said in (error, f"{path}: {error}")
 
 
 def written(session: truth.Session) -> tuple[str, ...]:

@@ -442,6 +442,20 @@ def test_what_is_not_of_printers_is_refused(line: str) -> None:
     refuses(line)
 
 
+@pytest.mark.parametrize(
+    ("verb", "file"), [("diagnose", "three.csv"), ("solve", "near.csv"), ("diagnose", "series.csv")]
+)
+def test_places_that_determine_nothing_are_no_failed_search(verb: str, file: str) -> None:
+    """Within 5 mm of the middle the radius and the tower angles hardly show beside the noise."""
+    shown = run(verb, file, *MACHINE)
+    told = words(shown.stdout)
+    assert shown.exit_code == 4
+    assert "These readings do not determine a, b, c, radius, angle_a, angle_b." in told
+    assert "1. Touch at least seven places" in told
+    assert "A series at one place says how the probe" in told
+    assert not re.search("offsets|search", told)
+
+
 def test_a_new_machine_file_of_a_printer() -> None:
     made = answer(
         *("machine", "new", "--kind", "linear_delta", "--leg-length", "300", "--radius", "140"),
