@@ -67,12 +67,6 @@ def of_state(state: object) -> dict:
     return {"result": {"status": {"print_stats": {"state": state}}}}
 
 
-@pytest.fixture(autouse=True)
-def _here(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("MOONRAKER_API_KEY", "http_proxy"):
-        monkeypatch.delenv(name, raising=False)
-
-
 def test_a_server_is_read_like_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MOONRAKER_API_KEY", "s3cret")
     Path("printer.cfg").write_bytes(GOOD)
@@ -97,16 +91,6 @@ def test_a_server_is_read_like_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_servers_that_are_of_no_use(answers: dict, said: str) -> None:
     assert said in refused(3, "solve", StandIn(**answers).address)
-
-
-@pytest.mark.parametrize(
-    "address", ["http://127.0.0.1:9", "http://:80", "http://a:b", "http://a/b"]
-)
-def test_addresses_that_are_of_no_use(address: str) -> None:
-    result = run("solve", address)
-    assert result.exit_code in (2, 3)
-    assert "ddress" in result.stderr
-    assert "Errno" not in result.stderr
 
 
 @pytest.mark.parametrize("state", [of_state("printing"), of_state(None), NONE])

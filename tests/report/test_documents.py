@@ -1,7 +1,6 @@
 """What the documents hold: decisions, numbers, commands, and the same as values for programs."""
 
 import ast
-import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,7 +22,7 @@ from orthoglide_cal.results import identify
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.words import two_figures
 from tests.machines import NOMINAL, ROOT
-from tests.report.cases import documents, report_of
+from tests.report.cases import DOCUMENTS, report_of
 from tests.results import cases
 from tests.results.cases import GAPED, case_of
 from tests.results.sessions import TRUE, given, session
@@ -102,7 +101,7 @@ TONES = {
     ("kind", "tone"), [(kind, tone) for tone, kinds in TONES.items() for kind in kinds]
 )
 def test_the_first_box_has_the_tone_of_the_decision(kind: str, tone: doc.Tone) -> None:
-    assert documents()[kind]().page().notice.tone is tone
+    assert DOCUMENTS[kind]().page().notice.tone is tone
 
 
 def test_the_commands_to_type_hold_the_files_and_the_numbers(tmp_path: Path) -> None:
@@ -118,15 +117,15 @@ def test_the_commands_to_type_hold_the_files_and_the_numbers(tmp_path: Path) -> 
     known = commands(report_of(replace(case, given=kept)))
     again = ["orthocal measure", "orthocal verify made.csv AFTER"]
     assert known == ["orthocal apply made.csv", entering, *again]
-    accept = commands(documents()["named_in_machine"]())
+    accept = commands(DOCUMENTS["named_in_machine"]())
     assert accept == ["orthocal diagnose made.csv --accept axis_gap"]
-    assert commands(documents()["ambiguous"]()) == ["orthocal measure --cycles 1"]
+    assert commands(DOCUMENTS["ambiguous"]()) == ["orthocal measure --cycles 1"]
     for kind in ("named_in_measurement", "unexplained", "failed"):
-        assert commands(documents()[kind]()) == []
+        assert commands(DOCUMENTS[kind]()) == []
 
 
 def test_the_likeliest_rival_is_drawn_on_the_first_sheet() -> None:
-    sheet = documents()["ambiguous"]().page().sheet
+    sheet = DOCUMENTS["ambiguous"]().page().sheet
     (rival,) = (part for part in sheet if (part.title or "").startswith("Or: "))
     assert "(axis_gap)" in rival.title
     assert isinstance(rival.blocks[-1], doc.Figure)
@@ -150,13 +149,6 @@ def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], object]
     typed = re.findall(r"'(orthocal [a-z][^']*)'", repr((page.sheet, page.sections)))
     assert typed
     assert all(" --machine mine.yaml" in each for each in typed)
-
-
-@pytest.mark.parametrize("kind", tuple(documents()))
-def test_values_for_programs_are_plain_json(kind: str) -> None:
-    data = documents()[kind]().data()
-    shown = json.dumps(data, allow_nan=False)
-    assert json.loads(shown)["schema_version"] in (1, 2)
 
 
 def test_a_way_that_takes_longer_is_shown_as_less_sure() -> None:

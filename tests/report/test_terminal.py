@@ -14,9 +14,9 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.escape import in_markdown
 from orthoglide_cal.report.markdown import markdown
 from orthoglide_cal.report.terminal import terminal
-from tests.report.cases import documents
+from tests.report.cases import DOCUMENTS
 
-KINDS = tuple(documents())
+KINDS = tuple(DOCUMENTS)
 HARMFUL = set("\x1b\x07\u009b\u202e\u2066")
 LONG = "orthocal diagnose '/a/long way/" + "x" * 200 + "/my data.csv'"
 
@@ -67,7 +67,7 @@ def unwrapped(page: doc.Page) -> list[str]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_but_commands_and_listings_is_wider_than_80_columns(kind):
     """These are never wrapped, in a narrow terminal neither."""
-    page = documents()[kind]().page()
+    page = DOCUMENTS[kind]().page()
     kept = unwrapped(page)
     for line in shown(page).splitlines():
         assert cell_len(line) <= 80 or any(text in line for text in kept), line
@@ -101,7 +101,7 @@ def test_a_command_of_any_length_stays_on_its_line(block):
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_format_says_the_same(kind):
     """Each section's title, each table cell and each sketch's finding; and nothing steers them."""
-    page = documents()[kind]().page()
+    page = DOCUMENTS[kind]().page()
     on_screen, in_file = shown(page, width=5000), markdown(page)
     assert not set(on_screen + in_file) & HARMFUL
     terminal, text = ("".join(each.split()) for each in (on_screen, in_file))
@@ -123,7 +123,7 @@ def test_every_format_says_the_same(kind):
 
 @pytest.mark.parametrize("kind", ["hostile", "faulty"])
 def test_hostile_texts_stay_texts_in_markdown(kind):
-    text = markdown(documents()[kind]().page())
+    text = markdown(DOCUMENTS[kind]().page())
     # Outside code, which nothing in it can end.
     prose, fence = [], None
     for line in text.splitlines():
@@ -139,7 +139,7 @@ def test_hostile_texts_stay_texts_in_markdown(kind):
 
 
 def test_rows_of_markdown_have_as_many_cells_as_their_head():
-    lines = markdown(documents()["hostile"]().page()).splitlines()
+    lines = markdown(DOCUMENTS["hostile"]().page()).splitlines()
     for k, line in enumerate(lines):
         if line.startswith("|---") or line.startswith("|:--"):
             columns = line.count("|")
