@@ -79,8 +79,8 @@ def test_a_target_below_what_cannot_be_seen_says_what_would_help(tmp_path: Path)
     assert "✘ ± 0.01 mm cannot be reached in this way" in small
     assert "± 0.019 mm stays (leg_length)." in small
     # A target beyond all reason is repeated as it was asked.
-    smaller = said("1e-9")
-    assert "± 1e-09 mm cannot be reached in this way" in smaller
+    smaller = said("1e-4")
+    assert "± 0.0001 mm cannot be reached in this way" in smaller
     assert smaller.count("stays (leg_length). Measure the legs") == 1
     coarse = {"resolution_mm": 0.5, "range_mm": 10.0, "repeatability_mm": 5.0}
     noisy = said("0.1", "--machine", machine(tmp_path, gauge=coarse))

@@ -32,11 +32,7 @@ from orthoglide_cal.report.case import (
     to_do,
 )
 from orthoglide_cal.report.documents import pictures, solution, verification
-from orthoglide_cal.report.documents.diagnosis import (
-    RESIDUALS,
-    diagnosis_notice,
-    diagnosis_section,
-)
+from orthoglide_cal.report.documents.diagnosis import RESIDUALS, diagnosis_notice, diagnosis_section
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import Verification
 from orthoglide_cal.words import plain, short, two_figures

@@ -14,11 +14,7 @@ from orthoglide_cal.inference.result import Explanation, FoundPattern
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.measured import weighing
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import (
-    Case,
-    decision_notice,
-    to_do,
-)
+from orthoglide_cal.report.case import Case, decision_notice, to_do
 from orthoglide_cal.report.documents.pictures import brief_residuals, residual_blocks
 from orthoglide_cal.report.documents.solution import (
     alone_block,

@@ -31,11 +31,7 @@ from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order,
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, decision_notice
 from orthoglide_cal.report.documents.diagnosis import between_words
-from orthoglide_cal.report.documents.solution import (
-    budget_sections,
-    common_unit,
-    source_words,
-)
+from orthoglide_cal.report.documents.solution import budget_sections, common_unit, source_words
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.words import (
