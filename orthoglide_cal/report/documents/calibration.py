@@ -89,23 +89,16 @@ def calibration_document(
         for measured, when in ((after, "as left"), (case, "as found" if after else "")):
             if measured is not None and measured.answer.parameters:
                 pages.append(pictures.readings_table(measured, when))
-        if answer.parameters:
-            drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
-            rivals = [*_rivals(case)]
-            if len(named) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
-                named.append(rivals.pop(0))
-            result = _result(case, left, named, drawn)
-            sheet = [*result, *frame.sheet, *map(_other, case.others)]
-            moved = [case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE]
-            if released:
-                sheet[len(result) : len(result)] = [doc.Section(None, text) for text in moved]
-            if named and not released:
-                pages.insert(1, _parameters(case, drawn))
-                pages[:0] = rivals
-        else:
-            # There is nothing to pin to the machine, and one sheet of paper says it all.
-            sheet = [doc.next_steps(to_do(case)), *frame.sheet, *map(_other, case.others), *pages]
-            pages = []
+        drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
+        rivals = [*_rivals(case)]
+        if len(named) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
+            named.append(rivals.pop(0))
+        sheet = [*_result(case, left, named, drawn), *frame.sheet, *map(_other, case.others)]
+        if named and not released:
+            pages.insert(1, _parameters(case, drawn))
+            pages[:0] = rivals
+        if not answer.parameters:  # nothing to pin to the machine: one sheet of paper says it all
+            sheet, pages = [*sheet, *pages], []
         authorised = machine.report.authorised_by
         roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
         return replace(
@@ -144,9 +137,13 @@ def _result(
         return verification.parameters_left(left), doc.next_steps(steps, *rule, *drawn)
     next_steps = doc.next_steps(to_do(case))
     if case.answer.release.usable:
-        return _parameters(case, drawn), *named, next_steps
+        moved = (case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE)
+        notes = doc.Section(None, *moved)
+        return _parameters(case, drawn), *named, next_steps, notes
     # Where the causes are drawn, the first sheet is full.
-    return (*named, next_steps) if named else (next_steps, _parameters(case, drawn))
+    if named or not case.answer.parameters:
+        return *named, next_steps
+    return next_steps, _parameters(case, drawn)
 
 
 def _parameters(case: Case, drawn: Sequence[doc.Block]) -> doc.Section:

@@ -79,8 +79,7 @@ def _screen(case: Case) -> doc.Page:
     notes += _doubts(case, all=False)
     if answer.ruled_out:
         notes.append(f"Ruled out by hand: {listed(answer.ruled_out)}.")
-    if answer.not_excluded:
-        notes.append(f"Not excluded, too small to show: {listed(answer.not_excluded)}.")
+    notes += [case.says(note) for note in answer.notes if note.code == "not_excluded"]
     decisive, left = [*_sizes(case, offsets=True), *open_blocks(case)], [_rms_grid(case)]
     if undecided:
         decisive, left = [_open_grid(case)], []
