@@ -45,8 +45,8 @@ def terminal(page: doc.Page, width: int) -> Text:
     return Text("\n").join(lines)
 
 
-def fitting(make: Callable[[], doc.Page], lines: int, *spare: list[Any]) -> doc.Page:
-    """The page as it is made once so much gave way that a terminal of 80 columns has room for it.
+def fitting(make: Callable[[], doc.Page], *spare: list[Any], lines: int = 24) -> doc.Page:
+    """The page as it is made once so much gave way that so many lines of 80 columns hold it.
 
     The last entries of the first list go first, then those of the next one.
     """

@@ -160,16 +160,14 @@ def _parameters(case: Case, drawn: Sequence[doc.Block]) -> doc.Section:
 
 def _causes(case: Case) -> Iterator[doc.Section]:
     """Each cause of the likeliest answer: where, how large with U, drawn, what to do about it."""
-    answer, release = case.answer, case.answer.release
-    undecided = answer.verdict is Verdict.AMBIGUOUS
-    advised = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
+    answer, undecided = case.answer, case.answer.verdict is Verdict.AMBIGUOUS
+    advised = " ".join(case.says(remedy.sentence) for remedy in answer.release.remedies)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
-        blocks: list[doc.Block] = [_cause_grid(case, cause.id, cause.parameters, cause.where)]
-        if cause.remedy.rstrip(".") not in advised:
-            blocks.append(f"If so: {cause.remedy}" if undecided else cause.remedy)
-        title = f"{case.title_of(cause.id)} ({cause.id})"
+        title, remedy = f"{case.title_of(cause.id)} ({cause.id})", cause.remedy
         title = f"Possible: {title}" if undecided else f"{title[0].upper()}{title[1:]}"
-        yield doc.Section(title, *blocks, *pictures.cause_figure(case, cause))
+        new = [] if remedy.rstrip(".") in advised else [f"{'If so: ' * undecided}{remedy}"]
+        grid = _cause_grid(case, cause.id, cause.parameters, cause.where)
+        yield doc.Section(title, grid, *new, *pictures.cause_figure(case, cause))
 
 
 def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str = "") -> doc.Block:
@@ -201,11 +199,9 @@ def _rivals(case: Case) -> Iterator[doc.Section]:
     rivals = (state.sizes for state in case.answer.explanations if {*state.sizes} & {*words})
     for id, sizes in next(rivals, {}).items():
         if id in words and (sketch := pictures.cause_sketch(case, id, sizes)):
-            cause = words.pop(id)
+            cause, grid = words.pop(id), _cause_grid(case, id, sizes)
             text = f"How to check: {cause.instrument}. If so: {cause.advice}"
-            yield doc.Section(
-                f"Or: {cause.title} ({id})", _cause_grid(case, id, sizes), text, sketch
-            )
+            yield doc.Section(f"Or: {cause.title} ({id})", grid, text, sketch)
     lines = (f"{one.title} ({id}). How to check: {one.instrument}." for id, one in words.items())
     yield doc.Section("Also possible", *(f"{line[0].upper()}{line[1:]}" for line in lines))
 

@@ -92,7 +92,7 @@ def _screen(case: Case) -> doc.Page:
         notice, simulated = diagnosis_notice(case), answer.simulated
         return doc.Page("Diagnosis", simulated=simulated, notice=notice, sections=sections)
 
-    return fitting(page, most, notes, baselines, again, residuals, others)
+    return fitting(page, notes, baselines, again, residuals, others, lines=most)
 
 
 def diagnosis_notice(case: Case) -> doc.Notice:

@@ -28,7 +28,6 @@ from orthoglide_cal.words import (
     with_uncertainty,
 )
 
-_HIGH = 24  # lines of a screen
 _TOLD = 3  # changes in words
 _MONTH = 30.0  # days, for which a drift is stated
 _STORIES = {
@@ -55,7 +54,7 @@ def _screen(history: History, notes: Sequence[str], steps: Sequence[doc.Instruct
     last = len(history.sessions) - 1
     around = (k for change in reversed(history.changes) for k in (change.at, change.at + 1))
     wanted = [*dict.fromkeys((last, 0, *around, *range(last - 1, 0, -1)))]
-    kept, others = wanted[:3], wanted[3:_HIGH]
+    kept, others = wanted[:3], wanted[3:24]
 
     def page() -> doc.Page:
         table = doc.Section(None, _table(history, {*kept, *others}), *notes[:3])
@@ -63,7 +62,7 @@ def _screen(history: History, notes: Sequence[str], steps: Sequence[doc.Instruct
         notice, simulated = _notice(history), history.simulated
         return doc.Page("History", notice=notice, sections=sections, simulated=simulated)
 
-    return fitting(page, _HIGH, others)
+    return fitting(page, others)
 
 
 def _page(history: History, notes: Sequence[str], steps: Sequence[doc.Instruction]) -> doc.Page:

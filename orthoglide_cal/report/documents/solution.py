@@ -84,7 +84,7 @@ def _screen(case: Case) -> doc.Page:
         notice, simulated = decision_notice(case), answer.simulated
         return doc.Page("Solution", simulated=simulated, notice=notice, sections=sections)
 
-    return fitting(page, _MOST_LINES - answer.simulated, meaning, largest)
+    return fitting(page, meaning, largest, lines=_MOST_LINES - answer.simulated)
 
 
 def _meaning(case: Case) -> str:

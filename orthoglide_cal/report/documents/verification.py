@@ -33,8 +33,6 @@ from orthoglide_cal.words import (
     with_uncertainty,
 )
 
-_HIGH = 24  # lines of a screen
-
 
 def verification_document(result: Verification, identity: Identity) -> doc.Document:
     """The document, for any of the renderers."""
@@ -70,7 +68,7 @@ def _screen(result: Verification) -> doc.Page:
         kind, simulated = "Verification", result.simulated
         return doc.Page(kind, simulated=simulated, notice=notice, sections=sections)
 
-    return fitting(page, _HIGH, differences)
+    return fitting(page, differences)
 
 
 def _page(result: Verification, identity: Identity) -> doc.Page:
