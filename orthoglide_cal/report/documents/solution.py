@@ -110,14 +110,11 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
     refused = not answer.release.usable
     if rows and answer.as_found is not None and answer.expected is not None:
         digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
-        sizes = (
-            ("measured", [row.measured_mm for row in rows], answer.as_found.rms_mm),
-            ("if entered" if refused else "expected after",
-             [row.expected_mm for row in rows], answer.expected.rms_mm),
-        )  # fmt: skip
+        after = "if entered" if refused else "expected after"
+        found, expected = (plain(e.rms_mm, digits) for e in (answer.as_found, answer.expected))
         table = [
-            (name, *(signed(mm, digits) for mm in values), plain(rms, digits))
-            for name, values, rms in sizes
+            ("measured", *(signed(row.measured_mm, digits) for row in rows), found),
+            (after, *(signed(row.expected_mm, digits) for row in rows), expected),
         ]
         if full or not refused:
             table.append(("± U", *(plain(row.expanded_mm, digits) for row in rows), ""))
