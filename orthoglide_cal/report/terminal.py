@@ -29,8 +29,8 @@ _TYPED_AT = 46  # column at which what is to be typed begins where there is room
 _BLANK = "_" * 12
 _GAP = "  "
 _LONGEST_NAME = 30
-# A number keeps its sign and unit on its line: their blank is none while lines are broken.
-_HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
+# A number keeps its name and unit on its line: their blank is none while lines are broken.
+_HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[+−]\d|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
 _NARROWEST = 12  # columns of words are not squeezed below this
 _ANY = Console()  # to wrap text by: what it asks is the same of all
 

@@ -28,6 +28,7 @@ from orthoglide_cal.report.case import (
     position_words,
     reserved,
     signed_page,
+    size_words,
     stated,
     to_do,
 )
@@ -181,7 +182,7 @@ def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str 
     if where and len(sizes) < 2:
         places = [where]
     columns: dict[str, Sequence[doc.Blank]] = {"": [doc.strong(place) for place in places]}
-    columns["size ± U (95 %)"] = [pictures.size_words(size) for size in sizes]
+    columns["size ± U (95 %)"] = [size_words(e.value, e.expanded, e.unit) for e in sizes]
     if gaps and shims:
         columns["shim"] = [
             f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims

@@ -13,6 +13,7 @@ from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
+from orthoglide_cal.report.case import sizes_words
 from orthoglide_cal.report.figures import below, line, thread
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import fitting
@@ -133,10 +134,7 @@ def _notice(history: History) -> doc.Notice:
 def _sizes(values: Sequence[Estimate], by: str = "") -> str:
     """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
     kept = [size for size in values if not by or abs(size.value) > size.expanded] or values
-    return ", ".join(
-        f"{size.name}{by} {with_uncertainty(size.value, size.expanded)} {unit_words(size.unit)}"
-        for size in kept
-    )
+    return sizes_words((f"{e.name}{by}", e.value, e.expanded, e.unit) for e in kept)
 
 
 def _label(history: History, at: int) -> str:

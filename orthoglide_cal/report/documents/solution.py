@@ -3,7 +3,7 @@
 Other pages show its parts, too: the parameters, what is not determined, and where U comes from.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
@@ -28,7 +28,6 @@ from orthoglide_cal.words import (
     two_figures,
     typed,
     unit_words,
-    with_uncertainty,
 )
 
 _METHODS = {
@@ -248,26 +247,6 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
 def found_words(parameter: Parameter, decimals: int) -> str:
     """The change that was found."""
     return "not determined" if parameter.found is None else signed(parameter.found, decimals)
-
-
-def sizes(rows: Iterable[tuple[str, float, float, str]], units: bool) -> list[str]:
-    """Name, value ± U, and the unit where they have several."""
-    return [
-        f"{name} {with_uncertainty(value, u) if u else f'{value:+g}'.replace('-', '−')}"
-        f"{f' {unit_words(unit)}' if units else ''}"
-        for name, value, u, unit in rows
-    ]
-
-
-def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Grid:
-    """A table of sizes: so many side by side, behind what they are of."""
-    rows = [
-        ("" if start else name, *cells[start : start + width], *[""] * (start + width - len(cells)))
-        for name, cells in lines
-        for start in range(0, len(cells), width)
-    ]
-    columns = width + 1
-    return doc.Grid(("",) * columns, rows, words=range(columns))
 
 
 def _largest_words(case: Case) -> str:
