@@ -13,11 +13,11 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.case import Case, comparison_words, position_words
+from orthoglide_cal.report.case import Case, comparison_words, position_words, size_words
 from orthoglide_cal.report.escape import Html
 from orthoglide_cal.report.sentences import pattern_name, pattern_words
 from orthoglide_cal.results.answer import Answer, Residual
-from orthoglide_cal.words import plain, short, signed, unit_words, with_uncertainty
+from orthoglide_cal.words import plain, short, signed
 
 # Below the signs of a bed.
 _BED_LEGEND = (
@@ -165,7 +165,10 @@ def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure |
         panel = figures.rails_sketch(gaps, shims)
     elif drawn and CAUSES[id].unit != PER_HOUR and not _on_bed(case.answer):
         key = "Dashed: as it should be. Solid: as it is, enlarged."
-        rows = {e.name: (e.value, place_words(e.name), size_words(e)) for e in drawn[:_MOST_DRAWN]}
+        rows = {
+            e.name: (e.value, place_words(e.name), size_words(e.value, e.expanded, e.unit))
+            for e in drawn[:_MOST_DRAWN]
+        }
         panel = figures.parameter_sketch(id, rows)
     else:
         return None
@@ -228,12 +231,6 @@ def place_words(name: str) -> str:
     """Where the parameter of a cause is: "y_x" is "leg x, direction y"."""
     direction, _, leg = name.partition("_")
     return Series(AXES.index(leg), AXES.index(direction)).words if leg in AXES else name
-
-
-def size_words(size: Estimate) -> str:
-    """Value, U and unit; whole numbers have no U."""
-    value = with_uncertainty(size.value, size.expanded) if size.std else signed(size.value, 0)
-    return f"{value} {unit_words(size.unit)}"
 
 
 def readings_table(case: Case, when: str) -> doc.Section:
