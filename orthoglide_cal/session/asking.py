@@ -16,7 +16,6 @@ from orthoglide_cal.session.keyboard import Keyboard, Line
 from orthoglide_cal.words import counted, wrapped
 
 POLL_S = 0.05  # the keyboard is awaited so long before the gauge is looked at again [s]
-RECONNECT_S = 0.5
 ANSWER_S = 1.5  # a gauge that is asked answers sooner [s]
 WIDEST = 80
 # A button pressed twice, or bouncing, is over by then; reading the other dial takes longer [s].
@@ -125,7 +124,7 @@ class Asker:
     _shown: float = math.inf  # since when the prompt stands there
     _asked: float | None = None  # when Return asked the gauge, until it says something
     _sending: DeadTime | None = None  # the source that sends by itself, until it is quiet
-    _lost_since: float | None = None
+    _lost: bool = False  # the gauge does not answer, which was said
     _line_is_open: bool = False
 
     @property
@@ -167,7 +166,7 @@ class Asker:
         if pasted:
             lines = f"{counted(pasted, 'line')} typed before the prompt"
             self._break_in(f"ignored: {lines}", Style.ASIDE)
-        if self.gauge is not None and self._lost_since is None:
+        if self.gauge is not None:
             with suppress(GaugeLost):  # the next look reports it
                 for item in self.gauge.poll(asked=False):
                     self._drop(item.raw, self.clock(), self._gauges)
@@ -216,21 +215,17 @@ class Asker:
 
     def _listen(self, gauge: LiveGauge, asked: bool) -> Token | Unasked | None:
         now = self.clock()
-        if self._lost_since is not None:
-            if now - self._lost_since < RECONNECT_S:
-                return None
-            if not gauge.reconnect():
-                self._lost_since = now
-                return None
-            self._lost_since = None
-            self._break_in("The gauge is back.", Style.GOOD)
         try:
             heard = gauge.poll(asked)
         except GaugeLost as lost:
-            self._lost_since = now
-            more = "Plug it in again to continue; or type the reading, or q."
-            self._break_in(f"{lost.what}\n{more}", Style.BAD)
+            if not self._lost:
+                more = "Plug it in again to continue; or type the reading, or q."
+                self._break_in(f"{lost.what}\n{more}", Style.BAD)
+            self._lost = True
             return None
+        if self._lost:
+            self._break_in("The gauge is back.", Style.GOOD)
+        self._lost = False
         if heard:
             self._asked = None
         elif self._asked is not None and now - self._asked >= ANSWER_S:

@@ -98,11 +98,8 @@ class LiveGauge(Protocol):
         """A prompt for this step, which was read `takes` times: forget what was said before."""
 
     def poll(self, asked: bool) -> list[Token]:
-        """Return messages since the last call; `asked`: Return was pressed. Raises GaugeLost."""
-
-    def reconnect(self) -> bool:
-        """After GaugeLost: try again; True if it is back."""
-        return True
+        """Return messages since the last call; `asked`: Return was pressed. Raises GaugeLost, until
+        it is back."""
 
     def close(self) -> None:
         """Let go of the port, if it has one."""
@@ -247,13 +244,13 @@ class SerialPort:
             return None
         return f"It had {most} decimals before: press again; or q and --resume if you changed that."
 
-    def open(self) -> None:
+    def open(self) -> "serial.Serial":
         """Open the port, unless it is open.
 
         Raises UsageError without pyserial, GaugeLost if the port is not there, or in use.
         """
         if self._line is not None:
-            return
+            return self._line
         try:
             import serial
         except ImportError as error:
@@ -272,6 +269,7 @@ class SerialPort:
                 "Check its cable, or end with q and resume with another --gauge.",
             ) from error
         self._splitter = Splitter()
+        return self._line
 
     def discard(self) -> None:
         """Forget what was sent up to now."""
@@ -281,16 +279,15 @@ class SerialPort:
                 self._splitter.discard(waiting, time.monotonic())
 
     def read(self, asked: bool) -> list[Token]:
-        """Tokens that arrived completely, and one that never will.
+        """Tokens that arrived completely, and one that never will; a port that was lost is opened.
 
         `asked` sends the format's request, if it has one. Raises GaugeLost.
         """
+        line = self.open()
         try:
-            if self._line is None:
-                raise OSError("it is not open")
             if asked and self.format.request:
-                self._line.write(self.format.request)
-            data = self._line.read(self._line.in_waiting or 1)
+                line.write(self.format.request)
+            data = line.read(line.in_waiting or 1)
         except (OSError, TypeError) as error:  # pyserial: TypeError once the port has gone
             self.close()
             raise GaugeLost(
@@ -353,12 +350,6 @@ class SerialGauge(LiveGauge):
                     elsewhere = f"That was gauge {number + 1}; gauge {self._wanted + 1} is next."
                 heard.append(token._replace(source=name, elsewhere=elsewhere))
         return heard
-
-    def reconnect(self) -> bool:
-        with suppress(GaugeLost):
-            self.open()
-            return True
-        return False
 
     def close(self) -> None:
         for port in self.ports:
