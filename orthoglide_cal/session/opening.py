@@ -386,7 +386,8 @@ def serial_gauge(source: Sequence[str]) -> SerialGauge | None:
         fault = f"These gauges do not go together: {', '.join(source)}."
         raise UsageError(fault, "Give typed, simulated, or one or two of FORMAT:PORT.")
     gauge = SerialGauge(source)
-    gauge.open()
+    for port in gauge.ports:
+        port.open()
     return gauge
 
 
