@@ -170,9 +170,6 @@ class Asker:
             with suppress(GaugeLost):  # the next look reports it
                 for item in self.gauge.poll(asked=False):
                     self._drop(item.raw, self.clock(), self._gauges)
-        for source in (self._keys, self._gauges):
-            if (unasked := self._stream(source)) is not None:
-                return unasked
         gauge = self.gauge if step is not None else None
         if gauge is not None and step is not None:
             gauge.begin(step, takes)
@@ -186,7 +183,15 @@ class Asker:
         return answer
 
     def _look(self, gauge: LiveGauge | None) -> str | Token | Unasked | None:
-        """One look at the keyboard, then at the gauge, if it is asked."""
+        """One look at the keyboard, then at the gauge, if it is asked.
+
+        Of a source that sends by itself it is said once.
+        """
+        for source in (self._keys, self._gauges):
+            if source.unasked >= STREAM and self._sending is not source:
+                self._sending = source
+                self._end_line()
+                return Unasked(int(source.after_reading))
         if self.keyboard.disturbed():
             self._end_line()
             self._redraw()
@@ -203,7 +208,7 @@ class Asker:
                 self.show(visible(text)[:40])  # a terminal has shown it itself
             elif self._keys.is_early(line.begun, line.ended, len(text), self._shown):
                 self._drop(text, line.ended, self._keys)
-                return self._stream(self._keys)
+                return None
             if text or gauge is None:
                 self._answered = (line.ended, self._keys)
                 return text
@@ -249,15 +254,7 @@ class Asker:
                     self._gauges.arrivals[now] = True
                 self._end_line()
                 return item
-        return self._stream(self._gauges)
-
-    def _stream(self, source: DeadTime) -> Unasked | None:
-        """Say once that this source sends by itself; None if it does not."""
-        if source.unasked < STREAM or self._sending is source:
-            return None
-        self._sending = source
-        self._end_line()
-        return Unasked(int(source.after_reading))
+        return None
 
     def _drop(self, text: str, at: float, source: DeadTime) -> None:
         """Something came too soon: say so, unless that is known."""
