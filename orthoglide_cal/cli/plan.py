@@ -23,7 +23,7 @@ def plan(
     cycles: Count = common.CYCLES,
     layout: Text = option("NAME", "Linear delta: name of the layout; plan lists them."),
     target: Number = option(
-        "MM", "U (95 %) to reach for each offset. Finds the number of cycles for it."
+        "MM", "U (95 %) to reach for each offset. Finds the number of cycles for it.", min=1e-4
     ),
     program: File = option(
         "FILE",
@@ -57,8 +57,6 @@ def plan(
     from orthoglide_cal.report.documents.plan import plan_document
     from orthoglide_cal.results import answer_to
 
-    if target is not None and target <= 0.0:
-        raise UsageError("--target must be greater than 0.", "Give millimetres, such as 0.02.")
     if target is not None and cycles is not None:
         raise UsageError("--target finds the number of cycles itself.", "Leave out --cycles.")
     moves = (template, order, approach, travel)

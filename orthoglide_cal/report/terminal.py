@@ -6,9 +6,10 @@ so that they can be copied. The rows of a table that is too wide become sentence
 """
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import zip_longest
+from typing import Any
 
 from rich.console import Console
 from rich.text import Text
@@ -44,9 +45,14 @@ def terminal(page: doc.Page, width: int) -> Text:
     return Text("\n").join(lines)
 
 
-def height(page: doc.Page) -> int:
-    """Number of its lines on a terminal 80 columns wide."""
-    return terminal(page, 80).plain.count("\n") + 1
+def fitting(make: Callable[[], doc.Page], lines: int, *spare: list[Any]) -> doc.Page:
+    """The page as it is made once so much gave way that a terminal of 80 columns has room for it.
+
+    The last entries of the first list go first, then those of the next one.
+    """
+    while terminal(page := make(), 80).plain.count("\n") >= lines and any(spare):
+        next(filter(None, spare)).pop()
+    return page
 
 
 class _Lines:

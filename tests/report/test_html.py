@@ -76,13 +76,10 @@ def test_nothing_runs_and_nothing_is_fetched(made):
 
 
 def test_every_picture_says_what_one_sees(made):
-    _, whole, outline = made
+    _, whole, _ = made
     for picture in re.findall("<svg.*?</svg>", whole, re.DOTALL):
-        named = re.search('<title id="([^"]+)">[^<]+</title><desc id="([^"]+)">([^<]+)', picture)
-        assert f'role="img" aria-labelledby="{named[1]} {named[2]}"' in picture
-        assert len(named[3].split()) > 3
-    ids = [value for _, name, value in outline.attributes if name == "id"]
-    assert len(ids) == len(set(ids))
+        (finding,) = re.findall('role="img"[^>]*><title>[^<]+</title><desc>([^<]+)', picture)
+        assert len(finding.split()) > 3
 
 
 def test_hostile_texts_are_shown_as_texts():

@@ -21,12 +21,10 @@ from orthoglide_cal.session.asking import (
     Style,
     Unasked,
 )
-from orthoglide_cal.session.events import replay
 from orthoglide_cal.session.gauges import GaugeLost, LiveGauge, Token
 
-from .going_on import events_of
 from .terminal import PROGRAM, Terminal
-from .virtual import Screen, steps_of
+from .virtual import Screen, answered, steps_of, values
 
 STEP = steps_of()[0]
 PROMPT = "1. Gauge Y > "
@@ -268,13 +266,6 @@ def test_the_end_of_input_is_the_end(live: bool, itself: bool) -> None:
         Asker(scene, Screen(), Gauge(scene, itself), scene.clock).ask(ASKED, STEP)
 
 
-def kept(folder: Path) -> dict[int, float]:
-    return {
-        number: item.take.value_mm
-        for number, item in replay(events_of(folder / "s.journal")).accepted.items()
-    }
-
-
 def test_a_number_begun_before_its_prompt_is_not_taken_for_its_end(tmp_path: Path) -> None:
     """ "-0.4" before the prompt and "1" after it are not the reading 1."""
     with Terminal(tmp_path, "s.yaml", program=PROGRAM) as terminal:
@@ -285,7 +276,7 @@ def test_a_number_begun_before_its_prompt_is_not_taken_for_its_end(tmp_path: Pat
         terminal.type("1")
         terminal.expect("ignored: 0.41 came before the prompt")
         assert terminal.step() == 2
-    assert kept(tmp_path) == {1: -0.64}
+    assert values(answered(tmp_path / "s.journal", [])[0]) == {1: -0.64}
 
 
 def test_what_is_ignored_is_said_on_standard_error(tmp_path: Path) -> None:

@@ -254,7 +254,7 @@ def _evidence(case: Case, when: str) -> Iterator[doc.Section]:
         budget = solution.budget_sections(case.machine, answer.budget, answer.total)
         sections = [diagnosis_section(case), left, *budget, *sections]
     for section in sections:
-        yield doc.Section(f"{section.title}, {when}".removesuffix(", "), *section.blocks)
+        yield doc.Section(pictures.named(section.title, when), *section.blocks)
 
 
 def _workspace(
@@ -319,7 +319,7 @@ def _conditions(case: Case, when: str) -> doc.Section:
     }
     blocks: list[doc.Block] = [doc.Facts(rows)]
     if places:
-        drawn = figures.machine_sketch(machine.leg_mm, machine.limits_mm, sorted(places), when)
+        drawn = figures.machine_sketch(machine.leg_mm, machine.limits_mm, sorted(places))
         key = "○ dial: its reading grows when the leg moves towards it."
         blocks.append(doc.Figure("Where the gauges stood", "", (drawn,), columns=0, key=key))
     if given.notes and answer.parameters:

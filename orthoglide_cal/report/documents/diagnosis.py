@@ -29,9 +29,10 @@ from orthoglide_cal.report.documents.solution import (
     parameters_title,
     sizes,
     sizes_grid,
+    solution_document,
 )
 from orthoglide_cal.report.sentences import pattern_name, pattern_remedy, pattern_words
-from orthoglide_cal.report.terminal import height
+from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import Answer
 from orthoglide_cal.words import (
     chance,
@@ -58,13 +59,7 @@ _DECIDED, _BEYOND, _UNDECIDED = 30, 24, 20  # lines of its screen
 def diagnosis_document(case: Case) -> doc.Document:
     """The whole answer."""
     if not case.answer.parameters:
-        page = doc.Page(
-            "Diagnosis",
-            simulated=case.answer.simulated,
-            notice=decision_notice(case),
-            sections=[doc.next_steps(to_do(case))],
-        )
-        return doc.Document(case.data, lambda: page)
+        return solution_document(case)
     return doc.Document(case.data, partial(_page, case), partial(_screen, case))
 
 
@@ -72,12 +67,13 @@ def _screen(case: Case) -> doc.Page:
     """The numbers that decide, one thought each, and what to do.
 
     Where a screen has too few lines for it, notes give way, then baselines, the reminder to
-    solve again, the residuals, and the last steps.
+    solve again, the residuals, and all steps but the first.
     """
     answer = case.answer
     undecided = answer.verdict is Verdict.AMBIGUOUS
     most = _UNDECIDED if undecided else _BEYOND if _beyond(answer) else _DECIDED
     baselines, steps = [*_baselines(case)], [*_steps(case)]
+    first, others = steps[:1], steps[1:]
     named = answer.verdict is Verdict.NAMED
     residuals = [brief_residuals(case)] if named else []
     again = []
@@ -89,27 +85,19 @@ def _screen(case: Case) -> doc.Page:
         notes.append(f"Ruled out by hand: {listed(answer.ruled_out)}.")
     if answer.not_excluded:
         notes.append(f"Not excluded, too small to show: {listed(answer.not_excluded)}.")
-    while True:
-        groups: list[Sequence[doc.Block]] = [[_open_grid(case)], baselines]
-        if not undecided:
-            decisive = [*_sizes(case, offsets=True), *open_blocks(case)]
-            groups = [decisive, [_rms_grid(case), *baselines]]
-        sections = [doc.Section(None, *blocks) for blocks in (*groups, *residuals)]
-        last = doc.next_steps([*steps, *again], *notes, case.more("diagnose"))
-        page = doc.Page(
-            "Diagnosis",
-            simulated=answer.simulated,
-            notice=diagnosis_notice(case),
-            sections=(*sections, last),
+    decisive, left = [*_sizes(case, offsets=True), *open_blocks(case)], [_rms_grid(case)]
+    if undecided:
+        decisive, left = [_open_grid(case)], []
+
+    def page() -> doc.Page:
+        sections = (
+            *(doc.Section(None, *blocks) for blocks in (decisive, [*left, *baselines], *residuals)),
+            doc.next_steps([*first, *others, *again], *notes, case.more("diagnose")),
         )
-        if height(page) <= most:
-            return page
-        for spare in (notes, baselines, again, residuals, steps):
-            if len(spare) > (spare is steps):  # one step stays
-                spare.pop()
-                break
-        else:
-            return page
+        notice, simulated = diagnosis_notice(case), answer.simulated
+        return doc.Page("Diagnosis", simulated=simulated, notice=notice, sections=sections)
+
+    return fitting(page, most, notes, baselines, again, residuals, others)
 
 
 def diagnosis_notice(case: Case) -> doc.Notice:
@@ -160,7 +148,8 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
                 if size and CAUSES[cause.id].stage is Stage.RECORD:
                     size = size.lstrip("+−").replace("1 turns", "1 turn")
                     size += f" too {'high' if row[1] > 0.0 else 'low'}"
-                where = f"{cause.id} at {place.removeprefix('at ')}"
+                at = "" if place.startswith(("at ", "from ")) else "at "
+                where = f"{cause.id} {at}{place}"
                 yield f"{': '.join(filter(None, (where, size)))}."
         elif rows:
             others = len(cause.parameters) - len(rows)
@@ -325,7 +314,8 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
                 typed = case.typed("apply", "--to FILE.ini")
                 yield doc.Instruction("Or let LinuxCNC correct it", typed)
     for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
-        if CAUSES[cause.id].adjustable:
+        beyond = any(abs(size.value) > size.expanded for size in cause.parameters)
+        if CAUSES[cause.id].adjustable and beyond:
             typed = case.typed("adjust", f"--cause {cause.id}")
             yield doc.Instruction(f"Correct it live, with a {case.words.noise}", typed)
     if release.settled:
