@@ -343,7 +343,7 @@ def _values(
         if problem:
             unit = "mm (or inch)" if name == _UNIT else "NUMBER"
             remedy = _SAVE if heading else _ADD.format(section, option, unit)
-            faults.add(problem, remedy, line=number, column=key, value=value)
+            faults.add(problem, remedy, line=number, column=key, value=value or None)
         elif number is not None:
             values[name] = WrittenValue(line=number, key=key, before=value, after=value)
     faults.check()
