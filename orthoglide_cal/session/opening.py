@@ -190,7 +190,7 @@ def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
             Style.QUESTION,
         )
         answer = asker.ask("Return, n, or the three offsets > ")
-        text = answer.lower() if isinstance(answer, str) else ""
+        text = answer.lower() if isinstance(answer, str) else "?"
         if text in ("", "y", "yes"):
             break
         if text in ("q", "quit"):
