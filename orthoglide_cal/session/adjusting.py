@@ -37,7 +37,7 @@ from orthoglide_cal.session.opening import (
     serial_gauge,
     setting_in,
 )
-from orthoglide_cal.words import decimals_for, with_uncertainty
+from orthoglide_cal.words import decimals_for, signed, with_uncertainty
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -182,8 +182,11 @@ class AdjustingDialogue(Dialogue):
         """Lead through what is left, unless a check fails. Raises as `Dialogue.run`."""
         while self.state.ended is None:
             waiting = [(k, one) for k, one in enumerate(self.adjusted) if one.next]
-            failed = any(one.status == "check failed" for one in self.adjusted)
-            if failed or not waiting:
+            failed = [k for k, one in enumerate(self.adjusted) if one.status == "check failed"]
+            if failed and self._doubted(self.adjusted[failed[0]]):
+                last = len(PHASES) * (failed[0] + 1)
+                self._take_again([*self.setting.steps[last - 2 : last]], "check read again")
+            elif failed or not waiting:
                 reason = "a check failed" if failed else "complete"
                 self.write(events.Ended(at=self.now(), reason=reason))
             else:
@@ -191,6 +194,17 @@ class AdjustingDialogue(Dialogue):
                 at = len(PHASES) * k + PHASES.index(one.next or Phase.LOOSE)
                 self._ask_for(self.setting.steps[at])
         return self.state
+
+    def _doubted(self, one: Adjusted) -> bool:
+        """True if the operator takes the readings of a check that failed again."""
+        if not self.asker.keyboard.live:
+            return False
+        plan, moved = one.adjustment, one.check_mm or 0.0
+        wanted = with_uncertainty(plan.check_mm, plan.check_expanded_mm)
+        digits = decimals_for(plan.check_expanded_mm)
+        text = f"From here to there it changes by {signed(moved, digits)} instead of {wanted} mm."
+        self.asker.say(text, Style.QUESTION)
+        return self._agrees("Read both again? y/n > ")
 
     def _ask_for(self, step: SessionStep) -> None:
         """Show what is to be done, where it is new, and take a reading."""

@@ -79,7 +79,7 @@ def _screen(case: Case) -> doc.Page:
     notes += [case.says(note) for note in answer.notes if note.code == "not_excluded"]
     decisive, left = [*_sizes(case, offsets=True), *open_blocks(case)], [_rms_grid(case)]
     if undecided:
-        decisive, left = [_open_grid(case)], []
+        decisive, left = [_open_grid(case)], left * bool(answer.holdout)
 
     def page() -> doc.Page:
         sections = (
@@ -232,7 +232,8 @@ def _open_grid(case: Case) -> doc.Grid:
     names = [row.name for row in case.answer.parameters]
     # Where nearly any cause fits, one of them shows what they may do.
     most = 1 if "few_readings" in case.answer.release.codes else _MOST_OPEN
-    others = [state for state in _open(case.answer) if not state.sound][:most]
+    rivals = (state for state in _open(case.answer) if not state.sound)
+    others = [state for state in rivals if round(100.0 * state.probability)][:most]
     for state in (*filter(None, [offsets_only(case.answer)]), *others):
         values = {
             one.name: signed(one.found, decimals_for(2.0 * one.std))

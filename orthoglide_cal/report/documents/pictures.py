@@ -246,8 +246,10 @@ def readings_table(case: Case, when: str) -> doc.Section:
         at, places = ", ".join(names), [", ".join(str(getattr(e, n)) for n in names) for e in rows]
     else:
         at, places = "difference", [row.posture or "" for row in rows]
+    # All with the digits of the longest one: 0.20 is more than 0.2.
+    digits = max(len(short(row.measured_mm, 4).partition(".")[2]) for row in rows)
     table = [
-        (str(row.order), place, short(row.measured_mm, 4), signed(mm, 4))
+        (str(row.order), place, signed(row.measured_mm, digits), signed(mm, 4))
         for row, place, mm in zip(rows, places, left.tolist(), strict=True)
     ]
     grid = doc.Grid(("no.", at, "measured, mm", "left, mm"), table, words=(1,))

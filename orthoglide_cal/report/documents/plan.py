@@ -307,7 +307,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     meaning = [f"U of each {machine.vocabulary.one}{unit} (95 %); –: not determined."]
     if cycles:
         columns["noise"] = [two_figures(max(session.noise_std_mm.values())) for session in shown]
-        meaning.append("Noise: part of u that comes from scatter, of the worst offset.")
+        meaning.append("Noise: the part of u from scatter.")
     for name in machine.parameter_names:
         rows = (session.parameters[name] for session in shown)
         columns[name] = [two_figures(row["lessened"]) if row["determined"] else "–" for row in rows]
@@ -330,9 +330,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
             f"No layout determines {last[0]}: it is taken as stated, and the last row is its share"
             " of U (squares add up). solve also adds causes that the readings cannot rule out."
         )
-    caption = " ".join(meaning)
-    if brief:
-        caption = meaning[0] if cycles else ""
+    caption = "" if brief and not cycles else " ".join(meaning)
     return doc.Grid.of(columns, () if cycles else (0,), caption)
 
 
@@ -438,10 +436,9 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
         settled = f"It distinguishes {first} from {second} ({best.separation_sigma:.1f} σ)."
         return doc.Notice(doc.Tone.INFO, title, (settled, worth, *target))
     if release.usable:
-        may = f"Nothing is undecided, and the {words.many} may be entered."
-        return doc.Notice(
-            doc.Tone.GOOD, needless, (may, f"To reduce U: {minutes}. {worth}", *target)
-        )
+        may = f"Nothing is undecided. {decision_notice(begun).title}."
+        better = f"To reduce U: {minutes}. {worth}"
+        return doc.Notice(doc.Tone.GOOD, needless, (may, better, *target))
     return doc.Notice(doc.Tone.INFO, f"Next: {minutes}", (worth, *target))
 
 
