@@ -78,11 +78,11 @@ class _Commands(TyperGroup):
             common.tell_error(error, None if path is None else str(path), as_json)
             raise typer.Exit(error.exit_code) from error
         except TyperException as error:
-            # A choice is refused in the words of a library, too.
+            # What the library refuses, in its words, is told as all else is.
             error.message = error.message.removeprefix("Value error, ")
-            if not as_json or not hasattr(error, "format_message"):
-                raise
-            common.tell_error(UsageError(error.format_message()), None, as_json)
+            help = " ".join(filter(None, ("orthocal", ctx.invoked_subcommand, "--help")))
+            fault = UsageError(f"{error.format_message()}\nHelp: {help}")
+            common.tell_error(fault, None, as_json)
             raise typer.Exit(UsageError.exit_code) from error
         except BrokenPipeError:
             leave_closed(sys.stdout)

@@ -102,14 +102,15 @@ def option(
                 match = _WITH_UNIT.fullmatch(text)
                 digits, unit = match.groups() if match else (text, "")
                 if unit and unit not in units:
-                    known = f"Write {', '.join(units)} or none." if units else "Write none."
-                    raise InputError(f"The unit {unit!r} is not known here.", known)
+                    one = {size: name for name, size in [*units.items()][::-1]}  # of its names
+                    known = ", ".join(reversed(one.values())) or "none"
+                    raise InputError("This unit is not known.", f"Known here: {known}.", value=text)
                 value = parse_number(digits, decimal_comma=True) * units.get(unit, 1.0)
             if not low <= value <= high:
                 limits = f"Give a number from {low:g} to {high:g}."
-                raise InputError("The number is too large or too small.", limits)
+                raise InputError("The number is too large or too small.", limits, value=text)
         except InputError as error:
-            raise typer.BadParameter(f"{text!r}. {error.what} {error.remedy}") from error
+            raise typer.BadParameter(str(error)) from error
         return value
 
     counts = metavar == "N"

@@ -21,12 +21,7 @@ from orthoglide_cal.inference import Diagnosis, diagnose
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.planning.adjustment import Adjustment, Removed, choose_adjustments
-from orthoglide_cal.planning.steps import (
-    NOTHING_ENTERED,
-    MeasuringProtocol,
-    Order,
-    SessionStep,
-)
+from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.results.answer import InputFile, MachineName
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.session import events, wording
@@ -328,27 +323,17 @@ def open_adjustments(
             f"{session} was adjusted already, or this was begun: {target.name} exists.",
             "Measure again before you adjust again, or continue with --resume.",
         )
-    if gauge := serial_gauge(source):
-        gauge.open()  # a missing gauge leaves no file behind
-    following = events.Following(
-        data=read_document(str(session)), what=cause, minutes=0.0, continues=False,
-        entered=NOTHING_ENTERED,
-    )  # fmt: skip
-    steps, at = _steps(adjustments), clock()
-    opened = events.Opened(
-        at=at, version=2, machine=machine_text(given.model), protocol=MeasuringProtocol.DOUBLE,
-        cycles=1, order=Order.PAPER, stands=1, source=source or (TYPED,), seed=None, operator="",
-        temperature_c=None, gauges=(),
-    )  # fmt: skip
+    asker.gauge = serial_gauge(source)  # a missing one leaves no file behind
+    following = events.Following(data=read_document(str(session)), what=cause)
+    steps, at, machine = _steps(adjustments), clock(), machine_text(given.model)
+    opened = events.Opened(at=at, version=2, machine=machine, source=source or (TYPED,))
     cells = tuple(step.cell for step in steps)
     planned = events.Planned(at=at, readings=cells, following=following)
     journal = Journal.resume(target) if resume else Journal.create(target, opened, planned)
     try:
         state = events.replay(journal.events)
         _check_same(state, following, adjustments, target)
-        if gauge is None and (gauge := serial_gauge(state.source)):
-            gauge.open()
-        asker.gauge = gauge
+        asker.gauge = asker.gauge or serial_gauge(state.source)
         setting = setting_in(journal, state, steps)
         return AdjustingDialogue(session, journal, setting, asker, clock, adjustments=adjustments)
     except BaseException:

@@ -1,7 +1,5 @@
 """Faults of the measurement, each at one of many places: where, how large, and what they add."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -12,9 +10,9 @@ from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan
 from orthoglide_cal.model.plan import Floats, zero_free
 from orthoglide_cal.model.readings import Contact, GaugePlan
 from tests import truth
-from tests.causes.condition import MACHINES, as_plan, standard, state_of
+from tests.causes.test_forward import MACHINES, as_plan, standard
 from tests.machines import NOMINAL, PROTOTYPE
-from tests.truth.effects import Effect, contact_shift, write_down
+from tests.truth.effects import Effect, contact_shift, state_with, write_down
 
 PLAN = double_posture(PROTOTYPE)
 MIXED = PLAN.subset(np.random.default_rng(2).permutation(len(PLAN)))
@@ -54,7 +52,7 @@ def test_faults_of_the_measurement_are_those_of_the_truth(
     effect, place, size = FAULTS[id]
     offsets = np.array([0.75, 1.6, -1.9])
     zeros = np.random.default_rng(5).uniform(-3.0, 3.0, 6)[plan.setup]
-    surface = truth.signals(plan, hidden, state_of(None, offsets))[0] + zeros
+    surface = truth.signals(plan, hidden, state_with(offsets, ())[None])[0] + zeros
     true = write_down(plan, truth.DIAL, surface + contact_shift(plan, (effect,)), (effect,))
     mine = as_plan(plan)
     record = written(CAUSES[id], size, place, mine, simulate(model, offsets, mine) + zeros)
@@ -183,17 +181,7 @@ def test_twice_is_not_at_all_whatever_the_gauge_zeros(cause: RelabelCause, plan:
         assert np.abs(data - contrasts @ clean).max() > 0.1
 
 
-def test_a_swap_that_does_not_pair_up_cannot_be_undone_in_the_readings() -> None:
-    """A reading short, or taken at another posture: nothing is exchanged; other legs are."""
-    swap = CAUSES["swapped_gauges"]
-    short = PLAN.subset(np.arange(1, 60))
-    moved = PLAN.displacement.copy()
-    moved[2] = 30.0
-    for plan in (short, replace(PLAN, displacement=moved)):
-        assert not swap.reversible(plan, Place((0,)))
-        assert np.array_equal(swap.relabel(plan, Place((0,)))[0], np.arange(len(plan)))
-        assert swap.reversible(plan, Place((1,)))
-    one = PLAN.subset(np.flatnonzero(PLAN.direction != 2))
-    assert not swap.reversible(one, Place((0,)))
-    none = PLAN.subset(np.flatnonzero(PLAN.leg != 0))
-    assert not swap.reversible(none, Place((0,)))
+def test_gauges_of_which_one_was_not_read_are_not_exchanged() -> None:
+    """Of those that do not pair up otherwise, see `tests/inference/test_replanned.py`."""
+    for kept in (PLAN.direction != 2, PLAN.leg != 0):
+        assert not CAUSES["swapped_gauges"].reversible(PLAN.subset(kept), Place((0,)))

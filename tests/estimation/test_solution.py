@@ -1,22 +1,40 @@
-"""What a solution says of itself: that it is the optimum, and whether the model fits."""
+"""A solution is the optimum (eq. 25), or says how far it is from it; and whether the model fits.
 
+And a common size, log odds, and a p value judged by losses, which no other test sees alone.
+"""
+
+import math
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.special import chdtri
 
+from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import fit_offsets, fit_parameters, solve
-from orthoglide_cal.estimation.accuracy import Scatter
+from orthoglide_cal.estimation.accuracy import Scatter, unit_covariance
+from orthoglide_cal.estimation.gaussian import Mixture, fit_size
 from orthoglide_cal.estimation.least_squares import OPTIMAL
-from orthoglide_cal.model.measured import Measured
+from orthoglide_cal.estimation.losses import is_likely, surprising
+from orthoglide_cal.model.measured import DataKind, Measured
+from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.paper.tables import experiment
 from tests import truth
-from tests.estimation.sessions import BENT, SINGLE, TWELVE, differences, readings
+from tests.estimation.sessions import (
+    BENT,
+    SINGLE,
+    SIX,
+    TWELVE,
+    differences,
+    of_values,
+    problem_of,
+    readings,
+)
 from tests.inference.sessions import known
-from tests.machines import NOMINAL, PROTOTYPE
+from tests.machines import NOMINAL, NOMINAL_LARGE, PROTOTYPE
 from tests.sentences import sentences
 
 DOUBLE_SESSION = readings(NOMINAL, double_posture(PROTOTYPE))
@@ -91,3 +109,112 @@ def test_a_slow_search_ends_where_it_makes_no_difference() -> None:
     assert fit_offsets(solution.posed.problem, solution.posed.data).iterations > 50
     assert solution.converged
     assert solution.remaining <= OPTIMAL
+
+
+EXPERIMENT_1 = experiment(1).value
+
+
+@pytest.mark.parametrize(("model", "kind"), [(NOMINAL, TWELVE), (NOMINAL_LARGE, SIX)])
+def test_all_of_10_000_random_offsets_converge_from_zero(model: Model, kind: DataKind) -> None:
+    """In all; also of those near ±20 mm; all of them can be reached, or `predict` would raise."""
+    problem = problem_of(kind, model)
+    offsets = np.random.default_rng(7).uniform(-20.0, 20.0, (5_000, 3))
+    fit = fit_offsets(problem, problem.predict(offsets))
+    assert np.all(fit.converged)
+    assert np.abs(fit.offsets_mm - offsets).max() < 1e-9
+    assert fit.iterations.max() < 10
+
+
+def test_steps_that_go_astray_are_damped() -> None:
+    """At 40 mm of scatter plain Gauss–Newton steps lose 5 % of these sets, damped ones 0.2 %."""
+    problem = problem_of(SIX, NOMINAL)
+    # 5 mm that no offsets explain, a blunder in every reading: all converge.
+    assert np.all(fit_offsets(problem, np.random.default_rng(1).normal(0, 5, (2000, 6))).converged)
+    data = np.random.default_rng(2).normal(0.0, 40.0, (2000, 6))
+    fit = fit_offsets(problem, data)
+    assert np.mean(fit.converged) > 0.99
+    # No step was taken that makes it worse than at zero offsets.
+    assert np.all((fit.residuals_mm**2).sum(axis=-1) <= (data**2).sum(axis=-1))
+
+
+def test_the_remaining_step_is_how_far_the_optimum_is() -> None:
+    problem = problem_of(SIX, NOMINAL)
+    fit = fit_offsets(problem, EXPERIMENT_1)
+    assert problem.remaining(EXPERIMENT_1, fit.offsets_mm) < 1e-6
+    away = np.array([0.0, 1e-6, 0.0])
+    moved = problem.predict(fit.offsets_mm + away) - problem.predict(fit.offsets_mm)
+    sigmas = np.linalg.norm(moved) / NOMINAL.machine.gauge.noise_mm
+    remaining = problem.remaining(EXPERIMENT_1, fit.offsets_mm + away)
+    assert remaining == pytest.approx(sigmas, rel=0.01)
+    unit = unit_covariance(problem, problem.at_zero[1])
+    assert remaining >= 1e-6 / (NOMINAL.machine.gauge.noise_mm * np.sqrt(unit[1, 1]))
+
+
+def test_each_set_begins_at_its_own_start() -> None:
+    problem, rng = problem_of(SIX, NOMINAL), np.random.default_rng(8)
+    data = rng.normal(0.0, 0.5, (2000, 6))
+    found = fit_offsets(problem, data).offsets_mm
+    other = fit_offsets(problem, data, rng.uniform(-3.0, 3.0, (2000, 3)))
+    assert np.abs(other.offsets_mm - found).max() < 1e-9
+    # At the optimum there is nothing left to do.
+    assert fit_offsets(problem, data, found).iterations.max() == 0
+
+
+def test_data_out_of_all_reach_never_look_converged() -> None:
+    """What converges is an optimum by its own recomputed check; the rest says that it is not."""
+    problem = problem_of(SIX, NOMINAL)
+    data = np.random.default_rng(2).normal(0.0, 100.0, (500, 6))
+    fit = fit_offsets(problem, data)
+    assert not np.all(fit.converged)
+    again = problem.remaining(data, fit.offsets_mm)
+    assert np.array_equal(again <= OPTIMAL, fit.converged)
+    lost = data[np.flatnonzero(~fit.converged)[0]]
+    with pytest.raises(UnusableResultError, match="No offsets fit these data") as caught:
+        solve(of_values(SIX, lost), NOMINAL)
+    assert caught.value.exit_code == 4
+
+
+def test_a_size_that_few_data_tell_counts_what_they_leave_open() -> None:
+    """Round by round as in a fit of all unknowns: their posterior variance is part of the size."""
+    rng = np.random.default_rng(8)
+    columns, sigma, chosen = rng.normal(size=(9, 7)), 0.8, np.arange(3, 7)
+    sizes = np.array([np.inf, 2.0, 0.5, 1.0, 1.0, 1.0, 1.0])
+    data = columns @ np.array([3.0, -1.0, 0.2, 2.5, -1.8, 0.4, 3.1]) + sigma * rng.normal(size=9)
+    size, before = 1.0, 0.0
+    while abs(size / before - 1.0 if before else 1.0) >= 0.02:
+        precision = columns.T @ columns / sigma**2
+        precision += np.diag(1.0 / np.where(np.arange(7) < 3, sizes, size) ** 2)
+        mean = np.linalg.solve(precision, columns.T @ data / sigma**2)
+        left = np.diag(np.linalg.inv(precision))
+        before, size = size, float(np.sqrt(np.mean((mean**2 + left)[chosen])))
+    assert fit_size(columns, data, sizes, sigma, chosen) == pytest.approx(size, rel=1e-9)
+
+
+def test_log_odds_are_those_of_draws() -> None:
+    """Mean and spread of 200,000 draws, met within five of their standard errors."""
+    rng, count = np.random.default_rng(6), 200_000
+    roots = rng.normal(size=(2, 2, 3, 3)) + 2.0 * np.eye(3)
+    seen, judged = (
+        Mixture(rng.normal(size=(2, 3, 1)), root @ root.swapaxes(-1, -2), np.zeros((2, 1)))
+        for root in roots
+    )
+    mean, std = seen.log_odds(judged)
+    for true, rival in ((0, 1), (1, 0)):
+        drawn = rng.multivariate_normal(seen.means[true, :, 0], seen.covariance[true], count)
+        logs = [
+            stats.multivariate_normal(judged.means[k, :, 0], judged.covariance[k]).logpdf(drawn)
+            for k in (true, rival)
+        ]
+        odds = logs[0] - logs[1]
+        assert abs(odds.mean() - mean[true, rival]) < 5.0 * odds.std() / math.sqrt(count)
+        assert std[true, rival] == pytest.approx(odds.std(), rel=0.02)
+
+
+@pytest.mark.parametrize("odds", [0.01, 0.05, 0.2])
+def test_to_state_nothing_costs_as_much_as_to_give_it_up(odds: float) -> None:
+    """At the bound, with the most that a p value can say against its null hypothesis."""
+    missed, needless = 75.0, 120.0
+    p = surprising(odds, missed, needless)
+    for share, given_up in ((0.99, True), (1.01, False)):
+        against = float(odds / (-np.e * share * p * np.log(share * p)))
+        assert is_likely(1.0 / (1.0 + against), missed, needless) is given_up

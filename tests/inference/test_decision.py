@@ -1,21 +1,27 @@
 """What is said of probabilities that are made up, each far from where the statement would change.
 
 The machine, its causes and what they ask of a technician are real; how probable they are is not.
+Trends over several dates have a library's densities.
 """
 
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from math import log
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
-from orthoglide_cal.inference.belief import Belief
+from orthoglide_cal.inference.belief import Belief, mixture, probabilities
 from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.decision import Decision
+from orthoglide_cal.inference.decision import Decision, state
 from orthoglide_cal.inference.hypothesis import Hypothesis
+from orthoglide_cal.inference.trends import SIZES, DatedValues, Part, Trend, TrendFit
 from orthoglide_cal.schema import Reason
 from tests import truth
+from tests.cli.program import refusals
 from tests.inference.sessions import known
 
 
@@ -57,53 +63,11 @@ def said(found: Decision) -> str:
     return "".join((found.verdict, accepted, *(f" or {id}" for id in found.ambiguous_with)))
 
 
-@pytest.mark.parametrize(
-    ("shares", "verdict"),
-    [
-        ({"axis_gap": 1.0, "bar_skew": 0.001}, "named axis_gap"),
-        ({"axis_gap": 1.0, "bar_skew": 0.1, "misread": 0.3},
-         "ambiguous axis_gap or misread or bar_skew"),
-        # A second cause does not contradict the best one; besides a rival it says no more.
-        ({"axis_gap": 1.0, "axis_gap_and_gauge_drift": 0.1}, "named axis_gap"),
-        ({"axis_gap": 1.0, "bar_skew": 0.2, "bar_skew_and_misread": 0.1},
-         "ambiguous axis_gap or bar_skew"),
-        # Of a pair only the doubtful part is doubted.
-        ({"axis_gap_and_misread": 1.0, "axis_gap_and_gauge_drift": 0.8},
-         "ambiguous axis_gap+misread or gauge_drift"),
-        # A second cause is added where to miss it costs more than to look for it in vain.
-        ({"axis_gap": 1.0, "axis_gap_and_bar_skew": 0.8},
-         "ambiguous axis_gap or bar_skew"),
-        ({"axis_gap": 1.0, "axis_gap_and_bar_skew": 5.0}, "named axis_gap+bar_skew"),
-        # An exchange happened or it did not: it cannot be too small to be seen.
-        ({"bar_skew": 1.0, "bar_skew_and_exchanged_columns": 0.1},
-         "ambiguous bar_skew or exchanged_columns"),
-        ({"bar_skew": 1.0, "bar_skew_and_exchanged_columns": 0.002}, "named bar_skew"),
-        # But it is left open only where the data speak for it.
-        ({"bar_skew": 1.0, "bar_skew_and_swapped_gauges": 0.3, "likelier": 20.0},
-         "ambiguous bar_skew or swapped_gauges"),
-        ({"bar_skew": 1.0, "bar_skew_and_swapped_gauges": 0.3, "likelier": 1.0},
-         "named bar_skew"),
-        # To name what is beyond the list costs a wrong name for each cause.
-        ({"returning": 20.0, "axis_gap": 1.0}, "unexplained"),
-        ({"returning": 0.03, "axis_gap": 1.0}, "ambiguous axis_gap"),
-        ({"returning": 0.0005, "axis_gap": 1.0}, "named axis_gap"),
-        # No part is replaced because of a stand: its name costs much only if offsets are false.
-        ({"passing": 0.05, "axis_gap": 1.0}, "ambiguous axis_gap"),
-        ({"returning": 0.05, "gauge_drift": 1.0}, "ambiguous gauge_drift"),
-        ({"passing": 0.05, "gauge_drift": 1.0}, "named gauge_drift"),
-        ({"passing": 0.5, "gauge_drift": 1.0}, "ambiguous gauge_drift"),
-        # Two causes follow nearly any pattern.
-        ({"returning": 0.03, "axis_gap_and_misread": 1.0}, "unexplained"),
-        ({"returning": 0.0005, "axis_gap_and_misread": 1.0}, "named axis_gap+misread"),
-        # The best of bad explanations is none.
-        ({"axis_gap": 1.0, "misfit": 3.0}, "unexplained"),
-        # Nothing is named before the odds are reached.
-        ({"nothing": 1.0, "axis_gap": 0.3}, "consistent"),
-        ({"nothing": 1.0, "axis_gap": 5.0}, "named axis_gap"),
-    ],
-)  # fmt: skip
-def test_verdicts(shares: dict[str, float], verdict: str) -> None:
-    assert said(decision(**shares)) == verdict
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("verdicts.txt")))
+def test_verdicts(line: str) -> None:
+    verdict, shares = line.split("|")
+    made = {name: float(share) for name, share in (one.split("=") for one in shares.split())}
+    assert said(decision(**made)) == verdict.strip()
 
 
 def test_under_a_refuted_name_as_much_may_return_as_is_left() -> None:
@@ -163,3 +127,94 @@ def test_explanations_of_one_remedy_are_one_answer() -> None:
     for share, name in ((0.15, "misread"), (1.5, "stand_shift")):
         found = asking("misread", "stand_shift", misread=0.3, stand_shift=share)
         assert said(found) == f"named {name}"
+
+
+FLAT = 1e3  # a prior of the parameters that says nothing
+
+
+@pytest.fixture
+def dated() -> DatedValues:
+    """Four sessions of two parameters, with what the first three have in common."""
+    rng = np.random.default_rng(3)
+    roots = rng.normal(size=(4, 2, 2)) + 2.0 * np.eye(2)
+    common = [{"legs": rng.normal(size=(2, 1))} if k < 3 else {} for k in range(4)]
+    values = rng.normal(size=(4, 2)) + np.array([5.0, -3.0])
+    values[2:, 0] += 9.0
+    times = np.array([0.0, 1.0, 3.0, 7.0])
+    return DatedValues(values, roots @ roots.swapaxes(1, 2), common, times, [range(2)])
+
+
+def library_density(data: DatedValues, parts: list[Part], scatter: np.ndarray) -> float:
+    """ln p of all values, every unknown integrated out, by scipy."""
+    count, width = data.values.shape
+    blocks = [one + np.diag(scatter**2) for one in data.covariance]
+    spread = np.zeros((count * width, count * width))
+    for k, block in enumerate(blocks):
+        spread[k * width : (k + 1) * width, k * width : (k + 1) * width] = block
+    columns = [np.tile(FLAT * np.eye(width), (count, 1))]
+    columns.append(np.concatenate([one.get("legs", np.zeros((width, 1))) for one in data.common]))
+    for part in parts:
+        course = (np.arange(count) > part.at).astype(float)
+        if part.trend is Trend.DRIFTING:
+            course = (data.times - data.times.mean()) / 7.0
+        unit = np.diag(part.size * data.unit)[:, list(part.subset)]
+        columns.append(np.kron(course[:, None], unit))
+    spread += sum(column @ column.T for column in columns)
+    return float(multivariate_normal.logpdf(data.values.ravel(), cov=spread))
+
+
+def test_evidence_is_the_density_of_the_values(dated: DatedValues) -> None:
+    """Against that of "unchanged": what all hypotheses share cancels."""
+    hypotheses = [
+        ([Part(Trend.CHANGED, 1, (0,), 4.0)], np.zeros(2)),
+        ([Part(Trend.DRIFTING, 0, (0, 1), 2.0)], np.zeros(2)),
+        ([], np.array([0.0, 3.0])),
+        ([Part(Trend.CHANGED, 0, (1,), 1.0), Part(Trend.DRIFTING, 0, (0,), 8.0)], np.ones(2)),
+    ]
+    none = TrendFit(dated, [], np.zeros(2)).log_evidence
+    still = library_density(dated, [], np.zeros(2))
+    for parts, scatter in hypotheses:
+        gain = TrendFit(dated, parts, scatter).log_evidence - none
+        assert gain == pytest.approx(library_density(dated, parts, scatter) - still, abs=1e-3)
+
+
+def test_one_more_step_is_the_mean_over_all_that_it_may_be(dated: DatedValues) -> None:
+    fit = TrendFit(dated, [], np.zeros(2))
+    every = [Part(Trend.CHANGED, *one) for one in product(range(3), dated.subsets, SIZES)]
+    logs = [TrendFit(dated, [part], fit.scatter).log_evidence for part in every]
+    log, best = fit.one_more(Trend.CHANGED)
+    gain = np.logaddexp.reduce(logs) - np.log(len(every)) - fit.log_evidence
+    assert log == pytest.approx(gain, abs=1e-6)
+    assert best == every[int(np.argmax(logs))]
+    assert (best.at, best.subset) == (1, (0,))
+
+
+def test_a_mixture_has_the_moments_of_what_is_drawn_from_it() -> None:
+    """200,000 draws: each moment within five of its standard deviations."""
+    shares = probabilities({"few": np.log(1.0), "many": np.log(3.0)})
+    assert [*shares] == ["many", "few"]
+    assert [*shares.values()] == pytest.approx([0.75, 0.25])
+    means = [np.array([1.0, -2.0]), np.array([3.0, 1.0])]
+    spreads = [np.array([[2.0, 0.5], [0.5, 1.0]]), np.diag([0.3, 0.1])]
+    mean, covariance = mixture([*shares.values()], means, spreads)
+    rng = np.random.default_rng(11)
+    first = rng.random(200_000) < shares["many"]
+    drawn = [rng.multivariate_normal(*pair, 200_000) for pair in zip(means, spreads, strict=True)]
+    draws = np.where(first[:, None], *drawn)
+    assert draws.mean(axis=0) == pytest.approx(mean, abs=0.025)
+    assert np.cov(draws.T) == pytest.approx(covariance, abs=0.05)
+
+
+def test_a_statement_has_the_least_expected_loss() -> None:
+    """Of nothing against something."""
+    rng = np.random.default_rng(5)
+    stated = set()
+    for shares in rng.dirichlet([1.0, 0.5, 0.5, 0.2], 200).tolist():
+        belief = dict(zip(("nothing", "a", "b", "c"), shares, strict=True))
+        choice, _ = state(belief, "nothing", 150.0, 600.0)
+        losses = {"nothing": 150.0 * (1.0 - belief["nothing"]), "else": 600.0 * belief["nothing"]}
+        least = min(losses, key=losses.__getitem__)
+        likeliest = max("abc", key=belief.__getitem__)
+        assert choice == (likeliest if least == "else" else "nothing")
+        stated.add(choice)
+    assert stated == {*belief}

@@ -4,6 +4,7 @@ Readings come from the independent truth; chances are counted in draws of rounde
 """
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.report.sentences import sentence
 from tests import truth
 from tests.cli.program import lines, run
-from tests.inference.sessions import known, model_of, read, readings_of
+from tests.inference.sessions import known, model_of, readings_of
 from tests.machines import PROTOTYPE
 from tests.sentences import sentences
 
@@ -123,37 +124,28 @@ def test_a_dead_display(gauge: truth.Gauge) -> None:
     assert kinds(replace(readings, value=nearly), fine) == {SCATTER}
 
 
-def test_one_dead_gauge_is_named() -> None:
-    readings, stated = drawn(truth.MICRON)
-    value = readings.value.copy()
-    value[readings.plan.setup == 2] = 0.123
-    (doubt,) = stated.doubts(replace(readings, value=value))
-    assert sentence(doubt).startswith(f"Repeated readings of leg y, direction x {DEAD}")
-
-
 # --- digits, travel, units --------------------------------------------------------------------
 
 
-def test_more_decimals_than_the_gauge_has() -> None:
-    readings, stated = drawn(truth.DIAL)
-    value = readings.value.copy()
-    value[7] += 0.004
-    (doubt,) = stated.doubts(replace(readings, value=value))
-    text = sentence(doubt)
-    assert GRID in text
-    assert "1 of 60" in text
-    assert f"line {readings.line[7]}, {value[7]:g} mm" in text
-
-
-def test_readings_further_apart_than_the_plunger_travels() -> None:
+@pytest.mark.parametrize(
+    ("gauge", "rows", "added", "words"),
+    [
+        (truth.MICRON, range(20, 40, 2), None, (DEAD, "Repeated readings of leg y, direction x")),
+        (truth.DIAL, [7], 0.004, (GRID, "1 of 60", "line 9, ")),
+        (truth.DIAL, [33], 10.5, (RANGE, "line 35:")),
+    ],
+    ids=["dead", "decimals", "travel"],
+)
+def test_what_a_gauge_can_hardly_have_shown_is_named(
+    gauge: truth.Gauge, rows: Sequence[int], added: float | None, words: tuple[str, ...]
+) -> None:
     """Far from zero alone is no doubt: a display can be preset."""
-    readings, stated = drawn(truth.DIAL)
-    assert kinds(replace(readings, value=readings.value + 50.0), stated) == set()
-    value = readings.value.copy()
-    value[33] += 10.5
+    readings, stated = drawn(gauge)
+    value = readings.value + 50.0
+    assert kinds(replace(readings, value=value), stated) == set()
+    value[rows] = 0.123 if added is None else value[rows] + added
     (doubt,) = stated.doubts(replace(readings, value=value))
-    assert RANGE in sentence(doubt)
-    assert f"line {readings.line[33]}:" in sentence(doubt)
+    assert all(part in sentence(doubt) for part in words)
 
 
 @both_gauges
@@ -176,22 +168,6 @@ def test_a_wrong_unit_is_named(
         assert not kinds(readings, stated)
 
 
-def in_inches(session: truth.Session, division: float) -> str:
-    """The record of a gauge in inches, still headed millimetres."""
-    header, *rows = truth.readings_csv(session).splitlines()
-    shown = np.rint(session.readings / 25.4 / division) * division
-    cells = zip((row.rpartition(",")[0] for row in rows), shown.tolist(), strict=True)
-    return "\n".join((header, *(f"{head},{inches:.4f}" for head, inches in cells), ""))
-
-
-def test_readings_in_inches_are_judged_in_inches() -> None:
-    """0.0005 in are not whole divisions of 0.01 mm."""
-    text = in_inches(truth.make_session(5, truth.PROTOTYPE, truth.DIAL), 0.0005)
-    model = model_of(truth.PROTOTYPE, truth.DIAL)
-    measured = read(text.replace("reading_mm", "reading_in"), model)
-    assert model.machine.gauge.doubts(measured) == ()
-
-
 @pytest.mark.parametrize("kind", [DataKind.SIX, DataKind.TWELVE])
 def test_differences_of_means_are_allowed_their_decimals_but_not_those_of_inches(
     kind: DataKind,
@@ -210,8 +186,12 @@ def test_differences_of_means_are_allowed_their_decimals_but_not_those_of_inches
 
 
 def test_every_command_says_so(tmp_path: Path) -> None:
-    session, path = truth.make_session(1, truth.PROTOTYPE, truth.DIAL), tmp_path / "inches.csv"
-    text = in_inches(session, 0.0001)
+    """Of a gauge in inches, headed mm; 0.0005 in are not whole divisions of 0.01 mm."""
+    session, path = truth.make_session(5, truth.PROTOTYPE, truth.DIAL), tmp_path / "inches.csv"
+    header, *rows = truth.readings_csv(session).splitlines()
+    inches = (np.rint(session.readings / 25.4 / 0.0005) * 0.0005).tolist()
+    cells = (f"{row.rpartition(',')[0]},{one:.4f}" for row, one in zip(rows, inches, strict=True))
+    text = "\n".join((header, *cells, ""))
     path.write_text(text, encoding="utf-8")
     (checked,) = lines(run("validate", str(path), "--json"))
     assert any("reading_in" in remark for remark in checked["remarks"])
@@ -220,6 +200,8 @@ def test_every_command_says_so(tmp_path: Path) -> None:
     assert run("export", str(path)).exit_code == 4
     path.write_text(text.replace("reading_mm", "reading_in"), encoding="utf-8")
     assert run("export", str(path)).exit_code == 0
+    (checked,) = lines(run("validate", str(path), "--json"))
+    assert checked["remarks"] == []
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,16 @@ from .delta import (
     touches,
 )
 from .plan import Floats, frozen
-from .separation import CLEAR_OF_ONE, CLEAR_OF_TWO, HEALTHY, STANDS_OUT, Separation, until_clear
+from .separation import (
+    CLEAR_OF_ONE,
+    CLEAR_OF_TWO,
+    HEALTHY,
+    STANDS_OUT,
+    Separation,
+    marginal,
+    place_costs,
+    until_clear,
+)
 
 GRAIN = 20.0
 """Over which the local shape of a bed is forgotten [mm]."""
@@ -61,6 +70,14 @@ def slopes(session: DeltaSession, at: Truth, count: int, change: Change, step: f
 
     steps = step * np.eye(count)
     return np.stack([(read(one) - read(-one)) / (2.0 * step) for one in steps], axis=1)
+
+
+def families(session: DeltaSession, at: Truth) -> dict[str, Floats]:
+    """What one tolerance of each parameter of a cause adds to the touches, shape (N, p) [mm]."""
+    return {
+        cause: slopes(session, at, count, change, 1e-2 * TOLERANCES[cause]) * TOLERANCES[cause]
+        for cause, (count, change) in changes(session.machine.bed).items()
+    }
 
 
 def local_shape(session: DeltaSession) -> Floats:
@@ -105,11 +122,7 @@ class _Rivals:
             return values - free @ (free.T @ values)
 
         self.residual = seen(record - sound + session.contact)
-        self.own = {
-            cause: seen(slopes(session, bare, count, change, 1e-2 * tolerance)) * tolerance
-            for cause, (count, change) in changes(machine.bed).items()
-            for tolerance in (TOLERANCES[cause],)
-        }
+        self.own = {cause: seen(values) for cause, values in families(session, bare).items()}
         self.wrong = seen(np.eye(len(session.x)) * TOLERANCES["misread"])
 
     def distance(self, *causes: str) -> float:
@@ -117,13 +130,12 @@ class _Rivals:
         own = np.hstack(
             [self.wrong[:, :0], *(self.own[cause] for cause in causes if cause != "misread")]
         )
-        inner = np.eye(own.shape[1]) + own.T @ own
-        left = self.residual - own @ np.linalg.solve(inner, own.T @ self.residual)
-        cost = float(left @ self.residual)
+        weight = marginal(own)
+        cost = self.residual @ weight @ self.residual
         if "misread" in causes:
-            wrong = self.wrong - own @ np.linalg.solve(inner, own.T @ self.wrong)
-            gain = (wrong.T @ self.residual) ** 2 / (1.0 + (wrong * self.wrong).sum(axis=0))
-            cost -= float(gain.max())
+            weighted = weight @ self.wrong
+            square = (weighted * self.wrong).sum(axis=0)
+            cost = place_costs("misread", weighted.T @ self.residual, square, cost)[0].min()
         return float(np.sqrt(max(cost, 0.0)))
 
 

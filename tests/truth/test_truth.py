@@ -1,34 +1,44 @@
-"""The truth must itself be true: its noise, its clock, its draws and its files.
+"""The truth must itself be true: its noise, clock, draws and files, and the distances it judges by.
 
 Its geometry and its effects are compared with the program's, which stand on other legs, in
-`tests/causes` and `tests/estimation`.
+`tests/causes`, `tests/estimation` and `tests/model`. Effects beyond the list, of gauges and in
+regions of a bed, are as their names say, and their distances are those of densities.
 """
 
 import csv
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from . import (
     DIAL,
+    LARGE,
     MICRON,
     PROTOTYPE,
     Session,
     again,
+    bed,
     continue_session,
+    expected_heldout,
     make_session,
     measure,
     readings_csv,
     second_session,
+    separation,
     signals,
     standard_plan,
 )
-from .effects import state_with, swapped_rows
-from .forward import PARTS
-from .plan import frozen
+from .beyond import HOWS, Beyond, Gaussian, Where, distinguish, draw_beyond
+from .delta import V400, Layout, Surface, Truth, grain, make_delta_session, touches, ways_between
+from .effects import Effect, state_with
+from .forward import PARTS, Disturbance, prior_sd
+from .plan import Floats, frozen
+from .separation import Neighbourhood
 from .session import SITTING, Setting
 
 OFFSETS = frozen([0.43, -0.71, 0.28])
@@ -80,10 +90,8 @@ def test_the_file_is_the_contracts_and_tells_nothing() -> None:
     rows = list(csv.DictReader(io.StringIO(readings_csv(session))))
     assert [float(row["reading_mm"]) for row in rows] == session.readings.tolist()
     assert [int(row["seq"]) for row in rows] == list(range(1, 61))
-    assert {row["leg"] + row["direction"] for row in rows} == {"xy", "xz", "yx", "yz", "zx", "zy"}
     assert all(len(row["reading_mm"].split(".")[1]) == 2 for row in rows)
     assert "swap" not in readings_csv(session)
-    assert swapped_rows(session.plan, 1)[20:24].tolist() == [21, 20, 23, 22]
 
 
 def test_the_truth_does_not_know_the_program() -> None:
@@ -146,3 +154,215 @@ def test_a_set_up_may_lack_the_isotropic_posture() -> None:
     some = continue_session(first, 1, order=np.arange(away.sum()), **arrays)
     expected = whole.clean[60:][away] - whole.zeros[whole.plan.zero[60:][away]]
     assert some.clean[60:] - some.zeros[some.plan.zero[60:]] == pytest.approx(expected, abs=1e-9)
+
+
+def _brute_distance(session: Session, cause: str) -> float:
+    """Distance to a machine cause by a fit of everything, sizes in tolerances."""
+    plan, tolerances = session.plan, prior_sd(cause)
+
+    def misfit(values: Floats) -> Floats:
+        zeros, offsets, sizes = np.split(values, [6, 9])
+        acting = Effect(cause, parameters=tuple(sizes * tolerances))
+        surface = signals(plan, session.machine, state_with(offsets, (acting,))[None])[0]
+        weighted = (session.clean - surface - zeros[plan.setup]) / session.gauge.sigma
+        return np.concatenate((weighted, sizes))
+
+    fit = least_squares(misfit, np.zeros(9 + tolerances.size), x_scale="jac")
+    return float(np.sqrt(2.0 * fit.cost))
+
+
+@pytest.mark.parametrize("cause", ["axis_gap", "encoder_scale", "bar_skew", "thermal_drift"])
+def test_distances_equal_a_full_nonlinear_fit(cause: str) -> None:
+    for hidden in ("sign_flip", "axis_squareness"):
+        session = make_session(6, LARGE, MICRON, (hidden,))
+        exact = _brute_distance(session, cause)
+        assert separation(session).distances[cause] == pytest.approx(exact, rel=1e-3)
+
+
+def test_a_shift_is_as_far_as_a_fit_at_every_place_says() -> None:
+    session = make_session(11, PROTOTYPE, DIAL, ("gauge_slip",))
+    near = Neighbourhood(session)
+    residual = (session.clean - near.centre) / DIAL.sigma
+    costs = []
+    for column in near.places["stand_shift"].T:
+        matrix = np.block([[near.free, column[:, None]], [np.zeros((1, 9)), np.eye(1)]])
+        target = np.append(residual, 0.0)
+        fit = np.linalg.lstsq(matrix, target, rcond=None)[0]
+        costs.append(np.sum((target - matrix @ fit) ** 2))
+    assert len(costs) == 54
+    # At its offsets the slip stands where the model was linearised: no curvature to speak of.
+    distance = separation(session).distances["stand_shift"]
+    assert distance == pytest.approx(np.sqrt(min(costs)), rel=1e-3)
+
+
+def test_expected_heldout_is_what_leaving_out_gives() -> None:
+    """Linear refits of 120 noisy records: 120 x 60 errors, ratio within 6 %, 4 sigma."""
+    session = make_session(7, PROTOTYPE, MICRON)
+    near = Neighbourhood(session)
+    rng = np.random.default_rng(8)
+    noise = rng.normal(scale=MICRON.sigma, size=(60, 120))
+    cells = [f"{s}{p}" for s, p in zip(session.plan.setup, session.plan.posture, strict=True)]
+    errors = np.zeros_like(noise)
+    for cell in set(cells):
+        out = np.array([name == cell for name in cells])
+        fit = np.linalg.lstsq(near.free[~out], noise[~out], rcond=None)[0]
+        errors[out] = noise[out] - near.free[out] @ fit
+    measured = np.sqrt(np.mean(errors**2))
+    assert len(set(cells)) == 18
+    assert expected_heldout(session) == pytest.approx(measured, rel=0.06)
+
+
+def test_lost_motion_leaves_a_carriage_behind() -> None:
+    """Along x and back: what a and b lost shows with the way, most where their arms are steep."""
+    x = np.array([0.0, -60.0, 0.0, 60.0, 0.0])
+    ways = ways_between(V400, x, np.zeros(5))
+    assert ways.tolist() == [[-1, -1, -1], [1, -1, -1], [-1, 1, 1], [-1, 1, -1], [1, -1, 1]]
+    common = touches(V400, Truth(lost=frozen([0.04] * 3)), x[:1], *np.zeros((3, 1)))
+    np.testing.assert_allclose(common, [-0.02], atol=1e-9)
+    z = touches(V400, Truth(lost=frozen([0.0, 0.04, 0.0])), x, *np.zeros((3, 5)))
+    up, down = (
+        touches(V400, Truth(endstops=frozen([0.0, shift, 0.0])), x, *np.zeros((3, 5)))
+        for shift in (-0.02, 0.02)
+    )
+    np.testing.assert_allclose(z, np.where(ways[:, 1] > 0, up, down), atol=1e-9)
+    assert np.abs(up - down).min() > 0.004
+    # In two hours an endstop gains twice what it does in one.
+    warm = Truth(rates=frozen([0.0, 0.01, 0.0]))
+    later = touches(V400, warm, x, np.zeros(5), np.zeros(5), np.full(5, 2.0))
+    np.testing.assert_allclose(later, down, atol=1e-9)
+
+
+@pytest.mark.parametrize("places", [7, 41])
+@pytest.mark.parametrize("heights", [(0.0,), (0.0, 20.0, 40.0)])
+def test_layouts(places: int, heights: tuple[float, ...]) -> None:
+    session = make_delta_session(1, V400, (), Layout(places, heights, cycles=2))
+    assert len(session.readings) == places * len(heights) * 2
+    assert np.hypot(session.x, session.y).max() <= 0.95 * V400.bed + 0.01
+    distinct = {*zip(session.x, session.y, session.block, session.cycle, strict=True)}
+    assert len(distinct) == len(session.x)
+    assert session.minutes[0] == 0.0
+    assert (np.diff(session.minutes) > 0.0).all()
+    assert np.abs(session.clean - session.block).max() < 10.0
+
+
+def test_noise_and_rounding_of_a_touch() -> None:
+    """400 touches: the standard deviation is known to 3.5 %; five of these are allowed."""
+    session = make_delta_session(2, V400, (), Layout(400))
+    noise = session.readings - session.clean
+    assert np.std(noise) == pytest.approx(0.013, rel=0.18)
+    rough = make_delta_session(2, replace(V400, resolution=0.0125, noise=0.001), (), Layout(41))
+    steps = rough.readings / 0.0125
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
+
+
+def test_a_bed_is_forgotten_over_its_length() -> None:
+    """The correlation of 400 drawn beds at distances of half, one and two lengths."""
+    rng, length = np.random.default_rng(21), 20.0
+    away = np.array([0.0, 10.0, 20.0, 40.0])
+    beds = [Surface(150.0, {}, grain(rng, 0.02, length)) for _ in range(400)]
+    heights = np.array([bed.height(30.0 + away, 0.0 * away) for bed in beds])
+    found = heights.T @ heights[:, 0] / len(beds) / 0.02**2
+    np.testing.assert_allclose(found, np.exp(-away / length), atol=0.2)
+
+
+def _added(hidden: Beyond) -> Floats:
+    """What the effect adds to the record, shape (N,), [mm]."""
+    return np.asarray(hidden.session.clean - hidden.twin.clean)
+
+
+def in_time(how: str, values: Floats, minutes: Floats, shape: float) -> Floats:
+    """The course of the effect that these values are of; of scatter, of which no two are alike."""
+    if how == "settles":
+        return np.asarray(values[0] * np.exp(-(minutes - minutes[0]) / shape))
+    if how == "steps":
+        return np.where(minutes < shape, 0.0, values[-1])
+    if how == "drifts":
+        turn = 2.0 * np.pi * minutes / shape
+        waves = np.column_stack((np.sin(turn), np.cos(turn)))
+        return waves @ np.linalg.lstsq(waves, values, rcond=None)[0]
+    assert np.unique(values).size == values.size
+    return values
+
+
+@pytest.mark.parametrize("how", HOWS)
+def test_an_effect_is_what_it_says_in_its_place_and_nothing_elsewhere(how: str) -> None:
+    hidden = draw_beyond(1, PROTOTYPE, MICRON, how, "leg")
+    added, plan = _added(hidden), hidden.session.plan
+    assert not added[plan.leg != hidden.where.leg].any()
+    posture = np.array(plan.posture)
+    for gauge in np.unique(plan.setup[plan.leg == hidden.where.leg]):
+        rows = np.flatnonzero(plan.setup == gauge)
+        values, minutes = added[rows], plan.minutes[rows]
+        assert np.abs(values).max() > 2.0 * MICRON.sigma
+        assert how != "steps" or not values[0]
+        if how == "repeats":
+            expected = [values[posture[rows] == name][0] for name in posture[rows]]
+        elif how == "hysteresis":
+            moved = np.diff(hidden.twin.clean[rows])
+            expected = [0.0, *np.where(moved > 0.0, -1.0, 1.0) * np.abs(values[1])]
+        elif how == "temperature":
+            change = hidden.session.warm - hidden.session.warm[0]
+            expected = change[rows] * (values[-1] / change[rows][-1])
+        else:
+            expected = in_time(how, values, minutes, hidden.shape)
+        assert values == pytest.approx(expected, abs=1e-9)
+
+
+def test_costs_are_those_of_normal_densities() -> None:
+    """Differences of expected log densities, with zeros and offsets of 10 m instead of free."""
+    rng = np.random.default_rng(5)
+    free, noise, first, second = (rng.normal(size=(20, count)) for count in (3, 2, 1, 4))
+    record = rng.normal(scale=5.0, size=20)
+    near = Gaussian(free, noise, first)
+    pair = near.costs(record, np.stack((second, 0.0 * second)))
+    wide = 1e8 * free @ free.T + np.eye(20) + noise @ noise.T
+    direct = []
+    for added in (np.hstack((first, second)), first):
+        covariance = wide + added @ added.T
+        expected = wide - 1e8 * free @ free.T + np.outer(record, record)
+        cost = np.trace(np.linalg.solve(covariance, expected))
+        direct.append(cost + np.linalg.slogdet(covariance)[1])
+    assert pair[0] - pair[1] == pytest.approx(direct[0] - direct[1], abs=1e-4)
+    alone = near.with_columns(second).costs(record, np.zeros((1, 20, 0)))
+    assert alone[0] == pytest.approx(pair[0], rel=1e-9)
+
+
+def test_a_clear_effect_stands_out_and_a_hundredth_of_it_does_not() -> None:
+    step = draw_beyond(10, PROTOTYPE, MICRON, "steps", "leg")
+    far = distinguish(step)
+    # One stand at a time is in use.
+    assert far.same == {("steps", step.where), ("steps", Where())}
+    assert far.clear
+    small = Disturbance.of(step.session.plan, contact=0.01 * _added(step))
+    clean = step.twin.clean + small.contact
+    faint = replace(step, session=replace(step.session, disturbance=small, clean=clean))
+    assert not distinguish(faint).clear
+
+
+@pytest.mark.parametrize("how", bed.HOWS)
+@pytest.mark.parametrize("kind", ["half", "ring"])
+def test_an_effect_is_what_it_says_in_its_region_and_nothing_elsewhere(how: str, kind: str) -> None:
+    hidden = bed.draw_bed(3, how, kind)
+    session, added = hidden.session, hidden.session.contact
+    rows = hidden.where.rows(session.x, session.y)
+    assert 0 < rows.sum() < len(rows)
+    assert not added[~rows].any()
+    values, minutes = added[rows], session.minutes[rows]
+    assert values == pytest.approx(in_time(how, values, minutes, hidden.shape), abs=1e-9)
+    assert np.abs(values).max() > (1.0 if how == "scatters" else 4.0) * session.machine.noise
+
+
+def test_regions_have_the_answers_names_and_cover_the_bed() -> None:
+    x, y = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 200))
+    # Of the halves two hold each place.
+    counts = {"everything": 1, "half": 2, "quarter": 1, "ring": 1}
+    for kind, names in bed.KINDS.items():
+        assert set(sum(bed.Region(name).rows(x, y).astype(int) for name in names)) == {counts[kind]}
+    assert (bed.Region("edge").names, bed.Region().names) == ({"region": "edge"}, {})
+    assert bed.Region("back left").kind == "quarter"
+
+
+def test_a_step_of_one_pass_of_three_is_clear() -> None:
+    far = bed.distinguish_bed(bed.draw_bed(3, "steps", "half"))
+    assert far.clear
+    assert all(how == "steps" for how, _ in far.same)

@@ -31,11 +31,7 @@ from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order,
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, decision_notice
 from orthoglide_cal.report.documents.diagnosis import between_words
-from orthoglide_cal.report.documents.solution import (
-    budget_sections,
-    common_unit,
-    source_words,
-)
+from orthoglide_cal.report.documents.solution import budget_sections, common_unit, source_words
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.words import (
@@ -413,11 +409,10 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     release = begun.answer.release
     if not (plan.next or release.usable):
         return decision_notice(begun)
+    words, needless = plan.model.machine.vocabulary, "Nothing needs to be measured"
     if not plan.next:
-        none = (
-            f"Nothing is undecided, and no further {plan.model.machine.vocabulary.noise} readings"
-        )
-        return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (f"{none} lower U.",))
+        none = f"Nothing is undecided, and no further {words.noise} readings lower U."
+        return doc.Notice(doc.Tone.GOOD, needless, (none,))
     best, now = plan.next[0], plan.now_mm
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
     today = "Now it is" if common_unit(plan.model.machine) else "The largest is now"
@@ -443,7 +438,7 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     if release.usable:
         may = f"Nothing is undecided. {decision_notice(begun).title}."
         better = f"To reduce U: {minutes}. {worth}"
-        return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (may, better, *target))
+        return doc.Notice(doc.Tone.GOOD, needless, (may, better, *target))
     return doc.Notice(doc.Tone.INFO, f"Next: {minutes}", (worth, *target))
 
 
