@@ -51,7 +51,8 @@ def start() -> None:
         others = f", and {len(sessions) - 1} before it" if len(sessions) > 1 else ""
         facts.append(("Last measured", f"{sessions[-1]}{others}"))
     title = "calibration of an Orthoglide with a dial indicator"
-    if printers and not sessions:
+    by_probe = machine and not machine.vocabulary.measure
+    if by_probe or (printers and not sessions):
         title = "calibration of a linear delta by its own probe"
     begun = [path for path in waiting if practising or path not in practices]
     try:
@@ -146,10 +147,8 @@ def _next(
 
 def _simulated(path: Path) -> bool:
     """Whether a session is one of a simulated machine; not where it cannot be read."""
-    from orthoglide_cal.files.input import read_input
-
     with suppress(OrthocalError):
-        return read_input(str(path)).measured.source.simulated
+        return common.read_input(str(path)).measured.source.simulated
     return False
 
 

@@ -65,7 +65,7 @@ _NEGLIGIBLE = 1e-9  # singular values below this share of the largest are zero
 ADJUSTMENT = ".adjust"  # ending of the journal of one, not that of a session
 # The header of a table of gauge readings, or of differences.
 _GAUGED = re.compile(
-    r"^(?!#)(?=.*\b(?:leg|difference)\b).*\b(?:reading_mm|reading_in|value_mm)\b", re.M | re.I
+    r"^(?!#)(?=.*\b(?:leg|difference|x_mm)\b).*\b(?:reading_mm|reading_in|value_mm)\b", re.M | re.I
 )
 _DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECASE)
 
