@@ -5,12 +5,9 @@ machine can only add to a processor time.
 """
 
 import os
-import resource
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 from tests.bench import ONE_CORE
@@ -25,67 +22,44 @@ COMMANDS = (
     ("solve", SESSION),
     ("diagnose", SESSION),
     ("plan",),
-    ("measure", "{folder}/s.yaml", "--gauge", "simulated", "--seed", "1"),
+    ("measure", "{folder}/{run}.yaml", "--gauge", "simulated", "--seed", "1"),
 )
-ROUNDS, FILES, SESSIONS, SAMPLE = 7, 40, 20_000, 20
+ROUNDS, FILES = 7, 40
 MANY = (17, 167, 1667)  # cycles of some hundred, thousand and ten thousand readings
 
 
-def spent() -> float:
-    """Processor time of this process and its children so far [s]; a child counts from its end."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + children.ru_utime + children.ru_stime
+def needed(*arguments: str) -> tuple[float, float, int]:
+    """Processor time [s] of one run of the interpreter, its largest memory [MB], and exit code.
 
-
-def needed(*arguments: str) -> tuple[float, float]:
-    """Processor time [s] of one run of the interpreter, and its largest memory [MB]."""
+    Nothing is typed and nothing shown.
+    """
     with subprocess.Popen(
-        [sys.executable, *arguments], cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL
-    ) as child:
-        _, _, usage = os.wait4(child.pid, 0)
-        child.returncode = 0
-    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0
+        [sys.executable, *arguments], cwd=ROOT, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": ""},
+    ) as child:  # fmt: skip
+        _, status, usage = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+    # 4: one in a hundred sound sessions is not released.
+    assert child.returncode in (0, 4), arguments
+    return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0, child.returncode
 
 
-def in_turn(*runs: Callable[[], object], rounds: int = ROUNDS) -> list[float]:
-    """Least processor time of each, warm [s]."""
+def in_turn(*runs: tuple[str, ...], rounds: int = ROUNDS) -> list[float]:
+    """Least processor time of each, warm [s]; each time with another number for "{run}"."""
     least = [float("inf")] * len(runs)
     for number in range(rounds + 1):
-        for k, run in enumerate(runs):
-            before = spent()
-            run()
+        for k, arguments in enumerate(runs):
+            seconds, *_ = needed(*(word.replace("{run}", str(number)) for word in arguments))
             if number:
-                least[k] = min(least[k], spent() - before)
+                least[k] = min(least[k], seconds)
     return least
-
-
-def process(*arguments: str) -> Callable[[], int]:
-    """Runs an interpreter with these arguments, nothing typed and nothing shown; its exit code."""
-
-    def once() -> int:
-        done = subprocess.run(
-            [sys.executable, *arguments], cwd=ROOT, text=True, check=False, stderr=subprocess.PIPE,
-            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": ""},
-        )  # fmt: skip
-        # 4: one in a hundred sound sessions is not released.
-        assert done.returncode in (0, 4), done.stderr
-        return done.returncode
-
-    return once
 
 
 def commands(folder: Path) -> None:
     """Each command against the bare imports."""
     for arguments in COMMANDS:
-        words = [word.format(folder=folder) for word in arguments]
-
-        def once(words: list[str] = words) -> None:
-            process("-m", "orthoglide_cal", *words)()
-            for left in folder.iterdir():
-                left.unlink()
-
-        ours, imports = in_turn(once, process("-c", IMPORTS))
+        words = [word.replace("{folder}", str(folder)) for word in arguments]
+        ours, imports = in_turn(("-m", "orthoglide_cal", *words), ("-c", IMPORTS))
         row(f"orthocal {' '.join(word for word in arguments if '{' not in word)}", ours, imports)
 
 
@@ -104,50 +78,14 @@ def one_more_file(folder: Path) -> None:
     for seed, session in enumerate(sessions):
         path = folder / f"{seed}.csv"
         path.write_text(texts_of(session)[1])
-        if process("-m", "orthoglide_cal", "solve", "--machine", str(machine), str(path))() == 0:
+        if needed("-m", "orthoglide_cal", "solve", "--machine", str(machine), str(path))[2] == 0:
             files.append(str(path))
     for verb, form in (("solve", ()), ("diagnose", ()), ("diagnose", ("--json",))):
         call = ("-m", "orthoglide_cal", verb, "--machine", str(machine), *form)
-        many, one, imports = in_turn(
-            process(*call, *files), process(*call, files[0]), process("-c", IMPORTS), rounds=3
-        )
+        runs = (*call, *files), (*call, files[0]), ("-c", IMPORTS)
+        many, one, imports = in_turn(*runs, rounds=3)
         each = (many - one) / (len(files) - 1)
         row(f"one more healthy file, {' '.join((verb, *form))}", each, imports)
-
-
-def solves(method: str) -> None:
-    """Batched solves against scipy's least squares, per session, with the same derivatives."""
-    import numpy as np
-    from scipy.optimize import least_squares
-
-    from orthoglide_cal.estimation import fit_offsets, pose_plan
-    from orthoglide_cal.files.machine_file import default_machine
-    from orthoglide_cal.model.measured import DataKind
-    from orthoglide_cal.model.model import simulate
-    from orthoglide_cal.model.orthoglide import double_posture
-    from tests.estimation.sessions import problem_of
-
-    model, kind = default_machine(), DataKind(method)
-    if kind is DataKind.READINGS:
-        problem, _ = pose_plan(double_posture(model.machine), model, kind)
-    else:
-        problem = problem_of(kind, model)
-    rng = np.random.default_rng(1)
-    signal = simulate(model, rng.uniform(-1.0, 1.0, (SESSIONS, 3)), problem.plan)
-    data = (signal + 0.01 * rng.standard_normal(signal.shape)) @ problem.matrix.T
-
-    def single() -> object:
-        return [
-            least_squares(
-                lambda x, row=row: problem.predict(x) - row,
-                np.zeros(3),
-                jac=lambda x: problem.predict_with_jacobian(x)[1],
-            )
-            for row in data[:SAMPLE]
-        ]
-
-    batched, alone = in_turn(lambda: fit_offsets(problem, data), single, rounds=5)
-    row(f"one of {SESSIONS} solves, {method}, against scipy", batched / SESSIONS, alone / SAMPLE)
 
 
 def growth(folder: Path) -> None:
@@ -176,7 +114,7 @@ def growth(folder: Path) -> None:
             made = synthetic_session(model.extended(effects), plan, offsets, rng)
             path = folder / f"{what}{cycles}.csv"
             path.write_text(readings_csv(made))
-            seconds, peak = needed("-m", "orthoglide_cal", "solve", "--json", str(path))
+            seconds, peak, _ = needed("-m", "orthoglide_cal", "solve", "--json", str(path))
             grown = f"{seconds / before:.1f}" if before else ""
             print(f"{what:52}{len(plan):>8}{seconds:>8.1f}{peak:>8.0f}{grown:>8}", flush=True)
             before = seconds
@@ -194,8 +132,6 @@ def main() -> None:
         commands(Path(folder))
         one_more_file(Path(folder))
         growth(Path(folder))
-    for method in ("six", "twelve", "readings"):
-        solves(method)
 
 
 if __name__ == "__main__":

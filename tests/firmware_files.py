@@ -5,6 +5,7 @@ Written after the firmwares' documents, not after the program that reads them.
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -24,20 +25,22 @@ def towers(values: Floats | list[float], names: str = "XYZ") -> str:
     return " ".join(f"{name}{value:.5f}" for name, value in zip(names, values, strict=True))
 
 
+def filled(name: str, **values: object) -> str:
+    """A file of the folder beside this one, with these values."""
+    text = Path(__file__).with_name("firmware").joinpath(name).read_text(encoding="utf-8")
+    return text.format(**values, offset=OFFSET)
+
+
 def config_g(machine: Delta) -> str:
     height = 379.0
-    arms = ":".join(f"{arm:.3f}" for arm in machine.arms)
-    return f"""\
-; Configuration file for a delta, firmware 3.5 M665 L999
-G90                                        ; absolute
-M669 K3
-m665 R{machine.radius} L{arms} B{machine.bed} H{height} {towers(np.subtract(machine.angles, USUAL))}
-M666 {towers(np.subtract(machine.endstops, height))} A0.00 B0.00 ; endstops
-M558 P8 C"zprobe.in" H5 F300 T9000
-G31 K1 X50 Y50 Z9
-G31 P500 X{OFFSET[0]} Y{OFFSET[1]} Z{OFFSET[2]}
-M557 R90 S20
-"""
+    return filled(
+        "config.g",
+        machine=machine,
+        height=height,
+        arms=":".join(f"{arm:.3f}" for arm in machine.arms),
+        turned=towers(np.subtract(machine.angles, USUAL)),
+        ends=towers(np.subtract(machine.endstops, height)),
+    )
 
 
 def heights(machine: Delta, truth: Truth, x: Floats, y: Floats, noise: float = 0.0) -> Floats:
@@ -88,17 +91,14 @@ def klipper_console(machine: Delta, truth: Truth, new: bool = False, noise: floa
 
 
 def m503(machine: Delta) -> str:
-    height = min(machine.endstops) - OFFSET[2]
-    return f"""\
-Send: M503
-Recv: echo:; Delta settings: L<diagonal rod> R<radius> H<height> S<segments per sec> XYZ<angles>
-Recv: echo:  M665 L300.00 R{machine.radius} H{height} S160.00 \
-{towers(np.subtract(machine.angles, USUAL))} {towers(np.subtract(machine.arms, 300.0), "ABC")}
-Recv: echo:; Endstop adjustment:
-Recv: echo:  M666 {towers(min(machine.endstops) - np.array(machine.endstops))}
-Recv: echo:  M851 X{OFFSET[0]} Y{OFFSET[1]} Z{-OFFSET[2]} ; (mm)
-Recv: ok
-"""
+    return filled(
+        "m503.txt",
+        machine=machine,
+        height=min(machine.endstops) - OFFSET[2],
+        arms=towers(np.subtract(machine.arms, 300.0), "ABC"),
+        turned=towers(np.subtract(machine.angles, USUAL)),
+        ends=towers(min(machine.endstops) - np.array(machine.endstops)),
+    )
 
 
 def g29(machine: Delta, truth: Truth, noise: float = 0.0) -> str:
@@ -129,23 +129,17 @@ def g33(machine: Delta, truth: Truth, radius: float = 90.0, results: bool = True
     turn = np.radians([210.0, 330.0, 90.0, 30.0, 150.0, 270.0])
     x, y = (radius * np.append(0.0, each(turn)) for each in (np.cos, np.sin))
     above = np.full(7, OFFSET[2])
-    c, *z = touches(machine, truth, x, y, above, 0.0 * above) - above
-    ends = min(machine.endstops) - np.array(machine.endstops)
-    height, turned = min(machine.endstops) - OFFSET[2], np.subtract(machine.angles, USUAL)
-    names = "  x:{:+.4f}  y:{:+.4f}  z:{:+.4f}", "yz:{:+.4f}  zx:{:+.4f}  xy:{:+.4f}"
-    lines = [
-        "G33 Auto Calibrate",
-        f"Checking... AC at radius:{radius:.2f} (DRY-RUN)",
-        f".Height:{height:.2f}  Ex:{ends[0]:+.2f}  Ey:{ends[1]:+.2f}  Ez:{ends[2]:+.2f}"
-        f"  Radius:{machine.radius:.2f}",
-        f".             Tx:{turned[0]:+.2f}  Ty:{turned[1]:+.2f}  Tz:{turned[2]:+.2f}",
-    ]
-    if results:
-        lines += [
-            f".      c:{c:+.4f} {names[0].format(*z[:3])}",
-            ".     " + names[1].format(*z[3:]),
-        ]
-    return "\n".join((*lines, "End DRY-RUN                std dev:0.123", ""))
+    low = min(machine.endstops)
+    text = filled(
+        "g33.txt",
+        machine=machine,
+        radius=radius,
+        height=low - OFFSET[2],
+        turned=np.subtract(machine.angles, USUAL),
+        ends=low - np.array(machine.endstops),
+        z=touches(machine, truth, x, y, above, 0.0 * above) - above,
+    )
+    return text if results else re.sub(r"^\. +(c|yz):.*\n", "", text, flags=re.MULTILINE)
 
 
 def klippy_log(machine: Delta, truth: Truth, saved: bool = False, noise: float = 0.0) -> str:
@@ -157,13 +151,6 @@ def klippy_log(machine: Delta, truth: Truth, saved: bool = False, noise: float =
     mesh = plain.index("[bed_mesh default]")
     without = plain[:stored] + plain[mesh:]
 
-    def told(text: str) -> str:
-        return (
-            "Start printer at Tue Mar  5 17:21:05 2024 (1709655665.1 5.2)\n"
-            f"===== Config file =====\n{text}\n=======================\n"
-            "Extruder max_extrude_ratio=0.266081\nStats 1234.5: gcodein=0 \n"
-        )
-
     def each(name: str, *ends: str) -> str:
         found = []
         for k in range(7):
@@ -173,13 +160,10 @@ def klippy_log(machine: Delta, truth: Truth, saved: bool = False, noise: float =
                 found.append(f"({texts[0]}, " + ", ".join(f"({t})" for t in texts[1:]) + ")")
         return f"[{', '.join(found)}]"
 
-    lists = f"{each('height', '_pos')}\n{each('distance', '_pos1', '_pos2')}\n"
-    calculated = (
-        f"Calculating delta_calibrate with:\n{lists}"
-        "Initial delta_calibrate parameters: {'endstop_a': 380.0, 'radius': 150.0}\n"
-        "Calculated delta_calibrate parameters: {'endstop_a': 380.2, 'radius': 150.1}\n"
-    )
-    return told(without) + calculated + (told(plain) if saved else "")
+    heights, distances = each("height", "_pos"), each("distance", "_pos1", "_pos2")
+    calibrated = filled("calibrated.log", heights=heights, distances=distances)
+    before, after = (filled("klippy.log", configuration=text) for text in (without, plain))
+    return before + calibrated + (after if saved else "")
 
 
 FILES = {

@@ -78,11 +78,11 @@ class _Commands(TyperGroup):
             common.tell_error(error, None if path is None else str(path), as_json)
             raise typer.Exit(error.exit_code) from error
         except TyperException as error:
-            # A choice is refused in the words of a library, too.
+            # What the library refuses, in its words, is told as all else is.
             error.message = error.message.removeprefix("Value error, ")
-            if not as_json or not hasattr(error, "format_message"):
-                raise
-            common.tell_error(UsageError(error.format_message()), None, as_json)
+            help = " ".join(filter(None, ("orthocal", ctx.invoked_subcommand, "--help")))
+            fault = UsageError(f"{error.format_message()}\nHelp: {help}")
+            common.tell_error(fault, None, as_json)
             raise typer.Exit(UsageError.exit_code) from error
         except BrokenPipeError:
             leave_closed(sys.stdout)
@@ -124,8 +124,8 @@ def _in_ascii(error: UnicodeError) -> tuple[str, int]:
     return "".join(_ASCII.get(sign, "?") for sign in missing), error.end
 
 
-def main() -> None:
-    """Entry point of the `orthocal` program."""
+def run() -> None:
+    """Run the command that was typed."""
     # All matrices here are small: threads of the linear algebra only get in each other's way.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # What a command loads is no garbage: looking for some takes a tenth of its time.
@@ -149,5 +149,3 @@ def main() -> None:
         with suppress(OSError):
             print(f"Standard output cannot be written: {error.strerror}.", file=sys.stderr)
         sys.exit(InputError.exit_code)
-    except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 NO_COLOUR = "no_colour"
 # Numbers on the command line are lengths in mm, or degrees: none of them is as large.
-_LARGEST = 1e5
+LARGEST = 1e5
 # What the help calls a number → the units that may follow it, each in that of the number alone.
 _UNITS: Mapping[str | None, Mapping[str, float]] = {
     **dict.fromkeys(("MM", "DX DY DZ", "LOW HIGH"), MM),
@@ -102,19 +102,20 @@ def option(
                 match = _WITH_UNIT.fullmatch(text)
                 digits, unit = match.groups() if match else (text, "")
                 if unit and unit not in units:
-                    known = f"Write {', '.join(units)} or none." if units else "Write none."
-                    raise InputError(f"The unit {unit!r} is not known here.", known)
+                    one = {size: name for name, size in [*units.items()][::-1]}  # of its names
+                    known = ", ".join(reversed(one.values())) or "none"
+                    raise InputError("This unit is not known.", f"Known here: {known}.", value=text)
                 value = parse_number(digits, decimal_comma=True) * units.get(unit, 1.0)
             if not low <= value <= high:
                 limits = f"Give a number from {low:g} to {high:g}."
-                raise InputError("The number is too large or too small.", limits)
+                raise InputError("The number is too large or too small.", limits, value=text)
         except InputError as error:
-            raise typer.BadParameter(f"{text!r}. {error.what} {error.remedy}") from error
+            raise typer.BadParameter(str(error)) from error
         return value
 
     counts = metavar == "N"
-    low = -_LARGEST if min is None else min
-    high = (math.inf if counts else _LARGEST) if max is None else max
+    low = -LARGEST if min is None else min
+    high = (math.inf if counts else LARGEST) if max is None else max
     parser = number if counts or metavar in _UNITS else None
     return typer.Option(
         default, *names, metavar=metavar, help=help, show_default=False, parser=parser

@@ -1,5 +1,6 @@
 """`orthocal diagnose`: what else is wrong, how certain that is, and what to do."""
 
+from contextlib import suppress
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -46,7 +47,6 @@ def diagnose(
     from orthoglide_cal.files.text import write_text
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.diagnosis import diagnosis_document
-    from orthoglide_cal.report.documents.solution import solution_document
     from orthoglide_cal.results import answer_to, with_dates
     from orthoglide_cal.results.history import sort_by_date, wrong_order
 
@@ -77,8 +77,10 @@ def diagnose(
             if sort_by_date([given, later])[0] is later:
                 right = command("diagnose", holdout, machine=machine, holdout=path, applied=applied)
                 raise wrong_order(later, given, right)
+        # Without a diagnosis the answer is that of solve.
+        diagnosed, needless = None, () if later or accept else (UnusableResultError,)
         with common.working(path):
-            try:
+            with suppress(*needless):
                 diagnosed = inference.diagnose(
                     given.measured,
                     given.model,
@@ -88,19 +90,12 @@ def diagnose(
                     sensitivity=full,
                     recalibrated=True if recalibrated else None,
                 )
-            except UnusableResultError as error:
-                if later or accept:
-                    raise
-                # Without a diagnosis the answer is that of solve.
-                document = solution_document(Case(given, answer_to(given, details=full), machine))
-                common.deliver(document, as_json=json, details=details)
-                return error.exit_code
             answer = answer_to(given, diagnosed=diagnosed, holdout=holdout, details=full)
-        if together:
+        if together and diagnosed:
             answer = with_dates(answer, diagnosed, dates)
         document = diagnosis_document(Case(given, answer, machine))
         common.deliver(document, as_json=json, details=details)
-        if accept is None:
+        if accept is None or diagnosed is None:
             return 0 if answer.verdict else UnusableResultError.exit_code
         target = output or Path(f"{machine.stem if machine else 'machine'}-{accept}.yaml")
         try:

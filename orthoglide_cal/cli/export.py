@@ -43,7 +43,6 @@ def export(
     from orthoglide_cal.model.kinds import MACHINES
     from orthoglide_cal.model.workspace import compensation
     from orthoglide_cal.report import controller
-    from orthoglide_cal.report.controller import FIRMWARES, as_firmware
     from orthoglide_cal.results import identify
     from orthoglide_cal.results.application import check_measured
 
@@ -65,12 +64,9 @@ def export(
         identity = identify([(case.source, given.model)], case.answer.method, machine)
         if format == "table":
             text = controller.as_table(compensation(given.model, points), case, identity)
-        elif format == "linuxcnc":
-            text = controller.as_linuxcnc(case, identity)
-        elif format in FIRMWARES:
-            text = as_firmware(format, case, identity)
         else:
-            text = common.json_line(case.data()) if json else controller.as_text(case, identity)
+            text = controller.exported(format, case, identity)
+        text = common.json_line(case.data()) if json else text
         if case.answer.release.reasons:
             common.tell(f"FORCED: {' '.join(map(case.says, case.answer.release.reasons))}")
         title = f"{case.words.title} {identity.number}"

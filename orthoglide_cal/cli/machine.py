@@ -22,7 +22,6 @@ _BACK = "<"
 
 machine = typer.Typer(
     help="Make a machine file, or show one.",
-    no_args_is_help=True,
     rich_markup_mode=None,
     add_completion=False,
 )

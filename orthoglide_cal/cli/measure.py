@@ -66,7 +66,9 @@ def measure(
     unit: Unit = option(
         None, "Unit of readings typed without a unit. Default: mm.", default=Unit.MM
     ),
-    until: Number = option("MM", "End as soon as the U (95 %) of every offset is at most this."),
+    until: Number = option(
+        "MM", "End as soon as the U (95 %) of every offset is at most this.", min=1e-4
+    ),
     seed: Count = option(
         "N", "Whole number; the same one gives the same simulated machine.", min=0
     ),
@@ -106,8 +108,6 @@ def measure(
         kept = set_aside(session, Path(), lambda asked: yes or typer.confirm(asked, err=True))
         common.tell(f"Given up; kept as {kept}." if kept else "Nothing was changed.")
         return
-    if until is not None and until <= 0.0:
-        raise UsageError("--until must be greater than 0.", "Give millimetres, such as 0.02.")
     texts = ([visible(text) for text in given or ()] for given in (gauge_id, certificate))
     pairs = zip_longest(*texts, fillvalue="")
     labels = tuple(GaugeLabel(id=label, certificate=number) for label, number in pairs)

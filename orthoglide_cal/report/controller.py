@@ -69,8 +69,19 @@ def _around(
     return "\n".join((*above, *lines, *below, ""))
 
 
-def as_text(case: Case, identity: Identity) -> str:
-    """A page of plain text for any controller: "the controller says X, truly Y"."""
+def exported(format: str, case: Case, identity: Identity) -> str:
+    """What goes into a controller: a page of text, or lines to paste; with what those leave out."""
+    if format == "text":
+        return _around(case, identity, _text(case))
+    if case.machine.adds_to_joints:
+        return _around(case, identity, _joints(case), "# ")
+    name, lines, sign = FIRMWARES[format]
+    left_out = _left_out(name, case)
+    return _around(case, identity, lines(firmware_machine(case)), f"{sign} ", *left_out)
+
+
+def _text(case: Case) -> Sequence[str]:
+    """For any controller: "the controller says X, truly Y"."""
     answer = case.answer
     digits = answer.decimals
     unit, rows = common_unit(case.machine), [("", "previous", "change", "U", "enter")]
@@ -80,7 +91,7 @@ def as_text(case: Case, identity: Identity) -> str:
         active, new = plain(row.active, digits), plain(row.new(digits), digits)
         rows.append((name, active, change, two_figures(row.expanded), new))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [
+    return [
         "",
         f"{case.words.title}{unit} ({case.words.relation}; U: expanded"
         f" uncertainty, {coverage_words(answer.k or 0.0)}, {100 * answer.confidence:.0f} %)",
@@ -88,30 +99,21 @@ def as_text(case: Case, identity: Identity) -> str:
         "",
         *case.machine.home_words({p.name: p.change(digits) for p in answer.parameters}, digits),
     ]
-    return _around(case, identity, lines)
 
 
-def as_linuxcnc(case: Case, identity: Identity) -> str:
+def _joints(case: Case) -> Iterator[str]:
     """Comments and one [JOINT_n] section per axis; true position = indicated + HOME_OFFSET."""
-    if not case.machine.adds_to_joints:
-        left_out = _left_out("LinuxCNC's lineardeltakins", case)
-        return _around(case, identity, linuxcnc(firmware_machine(case)), "# ", *left_out)
     digits = case.answer.decimals
-    lines = [
-        "#",
-        "# HOME_OFFSET takes the joint offset with its sign, in mm (divide by 25.4 if LINEAR_UNITS",
-        "# is inch). If yours holds more than the offset, such as the place of the home switch,",
-        "# add the change to it instead of replacing it.",
-    ]
+    yield "#"
+    yield "# HOME_OFFSET takes the joint offset with its sign, in mm (divide by 25.4 if"
+    yield "# LINEAR_UNITS is inch). If yours holds more than the offset, such as the place of the"
+    yield "# home switch, add the change to it instead of replacing it."
     for number, row in enumerate(case.answer.parameters):
-        lines += [
-            "",
-            f"[JOINT_{number}]",
-            f"# axis {row.name}: previous {typed(row.active, digits)},"
-            f" change {typed(row.change(digits), digits)} (U = {two_figures(row.expanded)})",
-            f"HOME_OFFSET = {plain(row.new(digits), digits)}",
-        ]
-    return _around(case, identity, [*lines, ""], "# ")
+        change = f"{typed(row.change(digits), digits)} (U = {two_figures(row.expanded)})"
+        yield from ("", f"[JOINT_{number}]")
+        yield f"# axis {row.name}: previous {typed(row.active, digits)}, change {change}"
+        yield f"HOME_OFFSET = {plain(row.new(digits), digits)}"
+    yield ""
 
 
 def as_table(table: Compensation, case: Case, identity: Identity) -> str:
@@ -271,15 +273,8 @@ FIRMWARES: Mapping[str, tuple[str, Callable[[LinearDelta], Iterator[str]], str]]
     "klipper": ("Klipper", klipper, "#"),
     "reprapfirmware": ("RepRapFirmware", reprapfirmware, ";"),
     "marlin": ("Marlin", marlin, ";"),
+    "linuxcnc": ("LinuxCNC's lineardeltakins", linuxcnc, "#"),
 }
-
-
-def as_firmware(format: str, case: Case, identity: Identity) -> str:
-    """The lines to paste, with what they are and what they leave out as comments."""
-    name, lines, sign = FIRMWARES[format]
-    return _around(
-        case, identity, lines(firmware_machine(case)), f"{sign} ", *_left_out(name, case)
-    )
 
 
 def _left_out(name: str, case: Case) -> Iterator[str]:

@@ -75,7 +75,6 @@ def tick_text(value: float, step: float) -> str:
 
 
 def svg(
-    name: str,
     width: float,
     height: float,
     title: str,
@@ -85,16 +84,15 @@ def svg(
 ) -> Html:
     """A picture with its text alternative: what it is, and what one sees in it.
 
-    `name` is unique in the page (letters, digits and "-"), `class_` is of all parts together.
+    `class_` is of all parts together.
     """
     return tag(
         "svg",
-        tag("title", title, id=f"{name}-t"),
-        tag("desc", finding, id=f"{name}-d"),
-        *([tag("g", *parts, class_=class_)] if class_ else parts),
+        tag("title", title),
+        tag("desc", finding),
+        tag("g", *parts, class_=class_),
         viewBox=f"0 0 {width:g} {height:g}",
         role="img",
-        aria_labelledby=f"{name}-t {name}-d",
         xmlns="http://www.w3.org/2000/svg",
     )
 
@@ -130,9 +128,12 @@ def arrow(start: Floats, stop: Floats) -> Html:
     return tag("g", line(start, behind, "fault"), tag("polygon", points=head, class_="head"))
 
 
-def rectangle(x: float, y: float, width: float, height: float, class_: str) -> Html:
-    """A filled rectangle."""
-    return tag("rect", x=x, y=y, width=max(width, 0.0), height=max(height, 0.0), class_=class_)
+def rectangle(
+    x: float, y: float, width: float, height: float, class_: str, colour: str | None = None
+) -> Html:
+    """A rectangle, filled as its class is, or with a colour of the style sheet."""
+    fill = f"var(--{colour})" if colour else None
+    return tag("rect", x=x, y=y, width=width, height=height, class_=class_, fill=fill)
 
 
 def mark(x: float, y: float, shape: int, class_: str = "mark", size: float = 3.6) -> Html:
@@ -241,7 +242,7 @@ def deviation_rows(
     finding = f"{order}, mm: {'; '.join(listed)}. {names[worst]} is left largest:"
     finding += f" {signed(last[worst], 3)} mm."
     title = "Differences, before and after"
-    return svg("deviations", _WIDE, bottom + _UNDER, title, finding, parts)
+    return svg(_WIDE, bottom + _UNDER, title, finding, parts)
 
 
 # --- residuals --------------------------------------------------------------------------------
@@ -253,7 +254,6 @@ def series_of(row: Residual) -> Series:
 
 
 def reading_panels(
-    name: str,
     title: str,
     rows: Sequence[Residual],
     left_mm: Mapping[str, Floats],
@@ -270,7 +270,7 @@ def reading_panels(
     """One panel for each leg and direction, all on one scale: residuals by posture and cycle.
 
     Args:
-        name, title: of the panels; their gauge is added to both.
+        title: of the panels; their gauge is added.
         rows: n readings.
         left_mm: under one or two models: measured − modelled, shape (n,). The last is filled.
         noise_mm: standard deviation of one reading; the band is twice as high.
@@ -344,10 +344,8 @@ def reading_panels(
                     f"{at} {signed(float(np.mean(values)), 1)}" for at, values in cells.items()
                 )
                 seen += f" Mean of the repeats, µm, {model}: {', '.join(means)}."
-        row = rows[chosen[0]]
-        id = name if together else f"{name}-{row.direction}{row.leg}"
-        colour = "c-x" if together else f"c-{row.leg}"
-        panels.append(svg(id, width, height, f"{title}, {gauge}", seen, parts, colour))
+        colour = "c-x" if together else f"c-{rows[chosen[0]].leg}"
+        panels.append(svg(width, height, f"{title}, {gauge}", seen, parts, colour))
     return tuple(panels)
 
 
@@ -402,7 +400,7 @@ def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) ->
     places = [left + k * box for k in range(CLASSES + 1)]
     texts = [tick_text(float(limit), float(limits[1] - limits[0])) for limit in limits]
     for k in range(CLASSES):
-        yield rectangle(places[k], above, box, 12, f"heat {kind}{k}")
+        yield rectangle(places[k], above, box, 12, "heat", f"{kind}{k}")
     yield from below(places, texts, above + 26)
     yield words(places[-1] + 8, above + 10, unit, class_="muted")
 
@@ -447,11 +445,10 @@ def workspace_maps(
             if abs(z_mm - level) < 1e-6:
                 x, y = _LEFT + across(x_mm), _ABOVE + _SIZE - across(y_mm)
                 body.append(tag("circle", cx=x, cy=y, r=5.0, class_="worst"))
-            name = f"workspace-{when.replace(' ', '-')}-{k}"
-            panels.append(svg(name, 216.0, _ABOVE + _SIZE + 20.0, title, finding, body, "map"))
+            panels.append(svg(216.0, _ABOVE + _SIZE + 20.0, title, finding, body))
     title, finding = "Colours of the maps", "From zero upwards, in mm."
     colours = _colours(14.0, 2.0, limits, "mm", "h")
-    return *panels, svg("workspace-colours", 276.0, 30.0, title, finding, colours, "map")
+    return *panels, svg(276.0, 30.0, title, finding, colours)
 
 
 def _cells(number: Ints) -> Iterator[Html]:
@@ -461,7 +458,7 @@ def _cells(number: Ints) -> Iterator[Html]:
         y, first = _ABOVE + _SIZE - (row + 1) * size, 0
         for colour, run in itertools.groupby(classes):
             many = len(list(run))
-            yield rectangle(_LEFT + first * size, y, many * size, size, f"heat h{colour}")
+            yield rectangle(_LEFT + first * size, y, many * size, size, "heat", f"h{colour}")
             first += many
 
 
@@ -507,10 +504,9 @@ def bed_maps(
         colours = _classes(microns, limits).tolist()
         for (x_mm, y_mm), k, ringed in zip(place_mm.tolist(), colours, out.tolist(), strict=True):
             x, y = x0 + scale * x_mm, y0 - scale * y_mm
-            dots.append(tag("circle", cx=x, cy=y, r=size, class_=f"heat d{k}"))
+            dots.append(tag("circle", cx=x, cy=y, r=size, class_="heat", fill=f"var(--d{k})"))
             dots += [tag("circle", cx=x, cy=y, r=size + 2.5, class_="ring")] if ringed else []
         heading = ", ".join(filter(None, (model, title)))
-        name = f"bed-{heading}".replace(",", "").replace(" ", "-")
         largest = int(np.argmax(np.abs(microns)))
         at = " ".join(f"{axis}{mm:.0f}" for axis, mm in zip("XY", place_mm[largest], strict=True))
         finding = f"Residuals of the touches: at most {signed(float(microns[largest]), 1)} µm,"
@@ -525,7 +521,7 @@ def bed_maps(
             *_axes(x0 - scale * reach, _OVER, scale * 2.0 * reach, (-reach, reach)),
             *_colours(_BESIDE, _OVER + _BED + 24, limits, "µm", "d"),
         ]
-        panels.append(svg(name, 324.0, _OVER + _BED + 58.0, heading, finding, body, "map"))
+        panels.append(svg(324.0, _OVER + _BED + 58.0, heading, finding, body))
     return tuple(panels)
 
 
@@ -541,14 +537,12 @@ def machine_sketch(
     leg_length_mm: float,
     joint_limits_mm: tuple[float, float],
     gauges: Sequence[tuple[int, int, float]],
-    when: str = "",
 ) -> Html:
     """Isometric sketch at the isotropic posture.
 
     Args:
         leg_length_mm, joint_limits_mm: L, and the travel from the isotropic posture.
         gauges: (leg, direction, place along the leg from carriage 0 to tool 1).
-        when: "as found" or "as left"; "" of one measurement alone.
     """
     parts: list[Html] = []
     for leg, axis in enumerate(AXES):
@@ -587,8 +581,7 @@ def machine_sketch(
     finding = "Three legs run from the tool in the middle to carriages on the rails x, y and z."
     stood = (f"{Series(leg, axis).words} at {place:g}" for leg, axis, place in gauges)
     finding += f" Gauges, from carriage 0 to tool 1: {'; '.join(stood)}."
-    name = f"machine-{when.replace(' ', '-')}"
-    return svg(name, 328.0, 232.0, "The machine and its gauges", finding, parts)
+    return svg(328.0, 232.0, "The machine and its gauges", finding, parts)
 
 
 def _at(leg: int, fraction: float) -> Floats:
@@ -649,7 +642,7 @@ def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
     moved = ", ".join(f"rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims)
     finding = f"Three rails that should meet in one point. Gaps, mm: {gaps}."
     finding += f" Move {moved}." if moved else ""
-    return svg("rails", 328.0, 244.0, "The rails where they pass each other", finding, parts)
+    return svg(328.0, 244.0, "The rails where they pass each other", finding, parts)
 
 
 def _paper(place: Floats) -> Floats:
@@ -677,7 +670,7 @@ def parameter_sketch(name: str, sizes: Mapping[str, tuple[float, str, str]]) -> 
         parts.append(tag("g", *named, *drawn, class_=f"c-{parameter[-1]}"))
     listed = "; ".join(f"{place} {text}" for _, place, text in sizes.values())
     finding = f"Dashed as it should be, solid as it is: {listed}."
-    return svg(f"sketch-{name}", 328.0, _PART * len(sizes) + 6.0, name, finding, parts)
+    return svg(328.0, _PART * len(sizes) + 6.0, name, finding, parts)
 
 
 def _parameter(parameter: str, share: float, base: float) -> Iterator[Html]:

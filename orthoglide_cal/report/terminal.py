@@ -6,9 +6,10 @@ so that they can be copied. The rows of a table that is too wide become sentence
 """
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import zip_longest
+from typing import Any
 
 from rich.console import Console
 from rich.text import Text
@@ -28,8 +29,8 @@ _TYPED_AT = 46  # column at which what is to be typed begins where there is room
 _BLANK = "_" * 12
 _GAP = "  "
 _LONGEST_NAME = 30
-# A number keeps its sign and unit on its line: their blank is none while lines are broken.
-_HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
+# A number keeps its name and unit on its line: their blank is none while lines are broken.
+_HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[+−]\d|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
 _NARROWEST = 12  # columns of words are not squeezed below this
 _ANY = Console()  # to wrap text by: what it asks is the same of all
 
@@ -44,9 +45,14 @@ def terminal(page: doc.Page, width: int) -> Text:
     return Text("\n").join(lines)
 
 
-def height(page: doc.Page) -> int:
-    """Number of its lines on a terminal 80 columns wide."""
-    return terminal(page, 80).plain.count("\n") + 1
+def fitting(make: Callable[[], doc.Page], *spare: list[Any], lines: int = 24) -> doc.Page:
+    """The page as it is made once so much gave way that so many lines of 80 columns hold it.
+
+    The last entries of the first list go first, then those of the next one.
+    """
+    while terminal(page := make(), 80).plain.count("\n") >= lines and any(spare):
+        next(filter(None, spare)).pop()
+    return page
 
 
 class _Lines:

@@ -16,10 +16,7 @@ from orthoglide_cal.session.keyboard import Keyboard, Line
 from orthoglide_cal.words import counted, wrapped
 
 POLL_S = 0.05  # the keyboard is awaited so long before the gauge is looked at again [s]
-RECONNECT_S = 0.5
 ANSWER_S = 1.5  # a gauge that is asked answers sooner [s]
-# A line that nothing follows for so long is an answer: a gauge that sends by itself is faster [s].
-ALONE_S = 0.5
 WIDEST = 80
 # A button pressed twice, or bouncing, is over by then; reading the other dial takes longer [s].
 BETWEEN_GAUGES_S = 1.2
@@ -127,8 +124,7 @@ class Asker:
     _shown: float = math.inf  # since when the prompt stands there
     _asked: float | None = None  # when Return asked the gauge, until it says something
     _sending: DeadTime | None = None  # the source that sends by itself, until it is quiet
-    _held: Token | None = None  # a reading, until it is known to be alone
-    _lost_since: float | None = None
+    _lost: bool = False  # the gauge does not answer, which was said
     _line_is_open: bool = False
 
     @property
@@ -161,7 +157,7 @@ class Asker:
         something has come between. What is wanted is the reading of a step, after `takes` others,
         or words. Raises EOFError: nobody will ever answer.
         """
-        self._prompt, self._shown, self._asked, self._held = prompt, math.inf, None, None
+        self._prompt, self._shown, self._asked = prompt, math.inf, None
         before = self._keys.unasked, self._gauges.unasked
         pasted = 0
         while self.keyboard.live and (line := self.keyboard.read(0.0)) is not None:
@@ -170,13 +166,10 @@ class Asker:
         if pasted:
             lines = f"{counted(pasted, 'line')} typed before the prompt"
             self._break_in(f"ignored: {lines}", Style.ASIDE)
-        if self.gauge is not None and self._lost_since is None:
+        if self.gauge is not None:
             with suppress(GaugeLost):  # the next look reports it
                 for item in self.gauge.poll(asked=False):
                     self._drop(item.raw, self.clock(), self._gauges)
-        for source in (self._keys, self._gauges):
-            if (unasked := self._stream(source)) is not None:
-                return unasked
         gauge = self.gauge if step is not None else None
         if gauge is not None and step is not None:
             gauge.begin(step, takes)
@@ -190,7 +183,15 @@ class Asker:
         return answer
 
     def _look(self, gauge: LiveGauge | None) -> str | Token | Unasked | None:
-        """One look at the keyboard, then at the gauge, if it is asked."""
+        """One look at the keyboard, then at the gauge, if it is asked.
+
+        Of a source that sends by itself it is said once.
+        """
+        for source in (self._keys, self._gauges):
+            if source.unasked >= STREAM and self._sending is not source:
+                self._sending = source
+                self._end_line()
+                return Unasked(int(source.after_reading))
         if self.keyboard.disturbed():
             self._end_line()
             self._redraw()
@@ -205,9 +206,9 @@ class Asker:
             self._line_is_open = False
             if not self.keyboard.live:
                 self.show(visible(text)[:40])  # a terminal has shown it itself
-            elif self._held or self._keys.is_early(line.begun, line.ended, len(text), self._shown):
+            elif self._keys.is_early(line.begun, line.ended, len(text), self._shown):
                 self._drop(text, line.ended, self._keys)
-                return self._stream(self._keys)
+                return None
             if text or gauge is None:
                 self._answered = (line.ended, self._keys)
                 return text
@@ -219,29 +220,17 @@ class Asker:
 
     def _listen(self, gauge: LiveGauge, asked: bool) -> Token | Unasked | None:
         now = self.clock()
-        if self._held is not None and now - self._answered[0] >= ALONE_S:
-            item, self._held = self._held, None
-            self._gauges.arrivals[self._answered[0]] = True
-            self._end_line()
-            if self._gauges.unasked < STREAM - 1:
-                return item
-            self._sending = self._gauges
-            return Unasked(0)
-        if self._lost_since is not None:
-            if now - self._lost_since < RECONNECT_S:
-                return None
-            if not gauge.reconnect():
-                self._lost_since = now
-                return None
-            self._lost_since = None
-            self._break_in("The gauge is back.", Style.GOOD)
         try:
             heard = gauge.poll(asked)
         except GaugeLost as lost:
-            self._lost_since = now
-            more = "Plug it in again to continue; or type the reading, or q."
-            self._break_in(f"{lost.what}\n{more}", Style.BAD)
+            if not self._lost:
+                more = "Plug it in again to continue; or type the reading, or q."
+                self._break_in(f"{lost.what}\n{more}", Style.BAD)
+            self._lost = True
             return None
+        if self._lost:
+            self._break_in("The gauge is back.", Style.GOOD)
+        self._lost = False
         if heard:
             self._asked = None
         elif self._asked is not None and now - self._asked >= ANSWER_S:
@@ -250,31 +239,22 @@ class Asker:
         for item in heard:
             if self._strict and (readings := self._gauges.arrived(now)) is not None:
                 # At equal intervals: said once, and nothing of it is a reading.
-                known, self._sending, self._held = self._sending is self._gauges, self._gauges, None
+                known, self._sending = self._sending is self._gauges, self._gauges
                 self._end_line()
                 return None if known and not readings else Unasked(readings)
-            if self._held or self._gauges.is_early(now, now, 0, self._shown):
+            if self._gauges.is_early(now, now, 0, self._shown):
                 self._drop(item.raw, now, self._gauges)
             elif item.value is None or item.elsewhere is not None:
                 why = item.elsewhere or "That is not a reading: nothing is recorded."
                 self._break_in(f"The gauge says '{visible(item.raw)[:40]}'. {why}", Style.BAD)
-            elif gauge.reads_itself or not self.keyboard.live:
+            else:
+                if self.keyboard.live and not gauge.reads_itself:
+                    self.show(visible(item.raw.strip())[:40], Style.PLAIN, "")
+                    self._answered = now, self._gauges
+                    self._gauges.arrivals[now] = True
                 self._end_line()
                 return item
-            else:  # a reading, if nothing follows it at once
-                self.show(visible(item.raw.strip())[:40], Style.PLAIN, "")
-                self._line_is_open = True
-                self._held, self._answered = item, (now, self._gauges)
-                self._gauges.begin(now, driving=False, mine=True)
-        return self._stream(self._gauges)
-
-    def _stream(self, source: DeadTime) -> Unasked | None:
-        """Say once that this source sends by itself; None if it does not."""
-        if self._held is not None or source.unasked < STREAM or self._sending is source:
-            return None
-        self._sending = source
-        self._end_line()
-        return Unasked(int(source.after_reading))
+        return None
 
     def _drop(self, text: str, at: float, source: DeadTime) -> None:
         """Something came too soon: say so, unless that is known."""
@@ -299,7 +279,7 @@ class Asker:
         """A message below the line of the prompt, which is then shown again with its place."""
         self._end_line()
         self.say(text, style)
-        if self._shown < math.inf and self._held is None:
+        if self._shown < math.inf:
             self._redraw()
 
     def _redraw(self) -> None:

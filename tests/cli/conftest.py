@@ -1,4 +1,4 @@
-"""Every command runs in an empty folder of its own."""
+"""Every command runs in an empty folder of its own, and asks no server by another."""
 
 from pathlib import Path
 
@@ -11,6 +11,8 @@ from tests.cli.program import COMMENT, FIRST
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
+    for name in ("MOONRAKER_API_KEY", "http_proxy"):
+        monkeypatch.delenv(name, raising=False)
     return tmp_path
 
 

@@ -42,11 +42,24 @@ def report_of(case: Case) -> Document:
     return calibration_document(case, identity_of(case))
 
 
+# Name → maker of a document, one of each kind; each is made once.
+DOCUMENTS: dict[str, Callable[[], Document]] = {
+    name: cache(lambda make=make: report_of(make())) for name, make in CASES.items()
+}
+
+
+def listed(make: Callable[[], Document]) -> Callable[[], Document]:
+    DOCUMENTS[make.__name__] = cache(make)
+    return DOCUMENTS[make.__name__]
+
+
+@listed
 def as_left() -> Document:
     case, left, after = cases.as_left()
     return calibration_document(case, identity_of(case), left, after=after)
 
 
+@listed
 def remembered() -> Document:
     """Four sessions of one machine: z changes after the second; with a limit."""
     moved = TRUE + np.array([0.0, 0.0, 0.13])
@@ -55,6 +68,7 @@ def remembered() -> Document:
     return history_document(compare(sessions, dates, 0.1))
 
 
+@listed
 def verified() -> Document:
     """A correction with exchanged axes, a change of the machine, and a limit."""
     before = given(session(TRUE, 12, FINE), FINE)
@@ -64,6 +78,7 @@ def verified() -> Document:
     return verification_document(found, identity)
 
 
+@listed
 def solved() -> Document:
     """Readings with a hostile name, of a machine with a hostile name and active offsets."""
     harmful = cases.hostile().given
@@ -71,11 +86,7 @@ def solved() -> Document:
     return solution_document(case_of(replace(harmful, model=model)))
 
 
-def suspicious() -> Document:
-    """The paper's second experiment: the next command is named."""
-    return solution_document(replace(cases.ambiguous(), machine_file=Path("my machine.yaml")))
-
-
+@listed
 def diagnosed() -> Document:
     """A cause in the machine, and hostile names."""
     model = changed(NOMINAL, name=HOSTILE[3], gauge=FINE.machine.gauge)
@@ -85,11 +96,13 @@ def diagnosed() -> Document:
     return diagnosis_document(replace(case, machine_file=Path(HOSTILE[0])))
 
 
+@listed
 def undecided() -> Document:
     """The paper's second experiment: several explanations, differences instead of readings."""
     return diagnosis_document(cases.ambiguous())
 
 
+@listed
 def faulty() -> Document:
     """A file with faults, hostile in name and value."""
     problems = (
@@ -101,33 +114,13 @@ def faulty() -> Document:
     return check_document(Check(input=file, valid=False, problems=problems, remarks=remarks))
 
 
+@listed
 def planned() -> Document:
     """A machine with a hostile name, and a target that no number of cycles reaches."""
     plan = measurement_plan(changed(NOMINAL, name=HOSTILE[3]), Wanted(target_mm=0.01))
     return plan_document(plan, Path(HOSTILE[0]))
 
 
+@listed
 def reproduced() -> Document:
     return paper_document(table_5(NOMINAL))
-
-
-@cache
-def documents() -> dict[str, Callable[[], Document]]:
-    """Name → maker of a document, one of each kind; each is made once."""
-    made: dict[str, Callable[[], Document]] = {
-        name: (lambda make=make: report_of(make())) for name, make in CASES.items()
-    }
-    own = (
-        as_left,
-        remembered,
-        verified,
-        solved,
-        suspicious,
-        diagnosed,
-        undecided,
-        faulty,
-        planned,
-        reproduced,
-    )
-    made |= {make.__name__: make for make in own}
-    return {name: cache(make) for name, make in made.items()}

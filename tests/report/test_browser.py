@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from orthoglide_cal.files.readings import Conditions, GaugeIdentity
+from orthoglide_cal.files.readings import GaugeIdentity
 from orthoglide_cal.model.machine import Details
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.html import html
-from tests.report.cases import changed, documents, report_of
+from tests.report.cases import DOCUMENTS, changed, report_of
 from tests.report.chromium import Browser, find_chromium
 from tests.results import cases
 
@@ -39,7 +39,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     files = {name: folder / f"{name}.html" for name in KINDS}
     for name, path in files.items():
-        path.write_text(html(documents()[name]().page()), encoding="utf-8")
+        path.write_text(html(DOCUMENTS[name]().page()), encoding="utf-8")
     return files
 
 
@@ -98,9 +98,7 @@ def written(path: Path, case: Case, name: str) -> Path:
 
 def test_a_report_without_a_result_takes_one_sheet_of_paper(chromium: Browser, tmp_path: Path):
     """Two pages, with all that a session can hold."""
-    full = Conditions(
-        protocol="double-posture", operator="A. Martin", started="2026-03-03T09:00:00+01:00",
-        finished="2026-03-03T09:31:00+01:00", temperature_c=(20.9, 21.6),
+    full = cases.COMPLETE.changed(
         environment=tuple((f"remark {k}", "draught from the door " * 3) for k in range(6)),
         gauges=tuple(GaugeIdentity(id=f"no. {k}", certificate=f"2026-{k:04d}", resolution_mm=0.01)
                      for k in range(6)),
@@ -195,7 +193,7 @@ def _luminance(colour: str) -> float:
 
 def test_the_policy_stops_what_would_slip_through(chromium: Browser, tmp_path: Path):
     """Were something not escaped: the page's own policy lets neither scripts nor pictures in."""
-    whole = html(documents()["few"]().page())
+    whole = html(DOCUMENTS["few"]().page())
     slipped = tmp_path / "slipped.html"
     evil = "<script>document.title='owned'</script><img src='http://127.0.0.1:9/x.png'>"
     slipped.write_text(whole.replace("</main>", f"{evil}</main>"), encoding="utf-8")

@@ -5,6 +5,7 @@ import io
 import re
 from configparser import ConfigParser
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,6 @@ from orthoglide_cal.model.orthoglide import JointOffsets
 from orthoglide_cal.model.workspace import compensation
 from orthoglide_cal.report import controller
 from orthoglide_cal.report.case import Case
-from orthoglide_cal.report.controller import FIRMWARES, as_firmware
 from orthoglide_cal.results import Identity
 from tests.machines import NOMINAL, extended
 from tests.printer_files import OFF, exact
@@ -28,7 +28,8 @@ from tests.results.cases import HOSTILE, case_of, identity_of
 from tests.truth.delta import V400, Layout, Truth, delta_yaml, tool
 from tests.truth.forward import tool_from_carriages
 
-FORMATS = {"linuxcnc": controller.as_linuxcnc, "text": controller.as_text}
+VERIFY = "orthocal verify made.csv AFTER --machine mine.yaml --applied"
+FORMATS = {name: partial(controller.exported, name) for name in ("linuxcnc", "text")}
 
 
 def export(case: Case) -> tuple[Case, Identity]:
@@ -57,7 +58,7 @@ def changes(found: Case) -> list[float]:
 
 def test_linuxcnc_snippet_is_an_ini_with_one_offset_per_joint(released: Case) -> None:
     """Read back as LinuxCNC would: sections, keys, "#" comments."""
-    text = controller.as_linuxcnc(*export(released))
+    text = FORMATS["linuxcnc"](*export(released))
     settings = sections(text)
     found = [float(settings[f"JOINT_{k}"]["HOME_OFFSET"]) for k in range(3)]
     assert found == pytest.approx(np.array([0.12345, -0.2, 0.3]) + changes(released))
@@ -65,13 +66,15 @@ def test_linuxcnc_snippet_is_an_ini_with_one_offset_per_joint(released: Case) ->
     assert "re-home all three axes" in text
     assert "previous +0.12345" in text, "to its last digit"
     assert "Check: put the gauge 155 mm from carriage" in text
+    assert VERIFY in text
 
 
 def test_text_says_what_the_controller_says_and_what_is_true(released: Case) -> None:
-    text = controller.as_text(*export(released))
+    text = FORMATS["text"](*export(released))
     true = 310.25 + changes(released)[0]
     assert f"x: the controller says 310.25000 mm, truly {true:.5f} mm" in text
     assert "re-home" in text
+    assert VERIFY in text
     row = next(line for line in text.splitlines() if line.strip().startswith("z "))
     cells = row.split()
     assert float(cells[4]) == pytest.approx(float(cells[1]) + float(cells[2]))
@@ -88,12 +91,6 @@ def test_what_must_not_be_used_is_marked(make, name: str) -> None:
     assert "FORCED" in text
     reason = case.says(case.answer.release.reasons[0]).split(":")[0]
     assert reason in " ".join(text.replace("\n# ", " ").split())
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_the_command_to_verify_keeps_the_machine_file(released: Case, name: str) -> None:
-    text = FORMATS[name](*export(released))
-    assert "orthocal verify made.csv AFTER --machine mine.yaml --applied" in text
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -179,10 +176,10 @@ def exported(tmp_path: Path, truth: Truth, format: str, *known: Effect) -> str:
     data.write_text(exact(V400, truth, Layout(places=41, heights=(0.0, 60.0))))
     model = read_machine_file(machine).model
     case = case_of(read_input(str(data), model.extended(known)))
-    return as_firmware(format, *export(case))
+    return controller.exported(format, *export(case))
 
 
-@pytest.mark.parametrize("format", FIRMWARES)
+@pytest.mark.parametrize("format", READ)
 def test_the_tool_is_where_the_firmware_will_believe_it(tmp_path, format):
     really, text = tool(V400, OFF, V400.home - BELOW), exported(tmp_path, OFF, format)
     found = reached(*READ[format](text))
@@ -194,7 +191,7 @@ def test_the_tool_is_where_the_firmware_will_believe_it(tmp_path, format):
     assert np.abs(before - really).max() > 0.2
 
 
-@pytest.mark.parametrize("format", FIRMWARES)
+@pytest.mark.parametrize("format", READ)
 def test_arms_that_were_accepted_as_longer_are_entered(tmp_path, format):
     longer = np.array([0.21, -0.13, 0.34])
     truth = replace(OFF, arms=longer)
@@ -205,13 +202,13 @@ def test_arms_that_were_accepted_as_longer_are_entered(tmp_path, format):
     assert "leg_length" not in text
 
 
-@pytest.mark.parametrize("format", FIRMWARES)
+@pytest.mark.parametrize("format", READ)
 def test_what_no_firmware_can_be_told_is_said(tmp_path, format):
     leaning = CAUSES["tower_lean"].at(1e-3 * np.array([2.0, -1.0, 1.0, 0.5, 0.0, 1.5]))
     truth = replace(OFF, leans=np.array([[2.0, 0.5], [-1.0, 0.0], [1.0, 1.5]]))
     text = exported(tmp_path, truth, format, leaning)
     assert "Not in these lines: tower_lean; it has no setting for that: correct the fault." in text
     assert "no setting for towers that lean" in text
-    comment = FIRMWARES[format][2]
+    comment = controller.FIRMWARES[format][2]
     code = [line for line in text.splitlines() if not line.startswith((f"{comment} ", comment))]
     assert all(line.startswith("M") for line in code)

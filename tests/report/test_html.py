@@ -13,7 +13,7 @@ from orthoglide_cal.model.machine import Details
 from orthoglide_cal.report.document import MARK
 from orthoglide_cal.report.html import html
 from orthoglide_cal.report.markdown import markdown
-from tests.report.cases import changed, documents, report_of
+from tests.report.cases import DOCUMENTS, changed, report_of
 from tests.results import cases
 from tests.results.cases import identity_of
 
@@ -51,9 +51,9 @@ def outlined(page: str) -> Outline:
     return outline
 
 
-@pytest.fixture(scope="module", params=tuple(documents()))
+@pytest.fixture(scope="module", params=tuple(DOCUMENTS))
 def made(request: pytest.FixtureRequest) -> tuple[str, str, Outline]:
-    whole = html(documents()[request.param]().page())
+    whole = html(DOCUMENTS[request.param]().page())
     return request.param, whole, outlined(whole)
 
 
@@ -76,17 +76,14 @@ def test_nothing_runs_and_nothing_is_fetched(made):
 
 
 def test_every_picture_says_what_one_sees(made):
-    _, whole, outline = made
+    _, whole, _ = made
     for picture in re.findall("<svg.*?</svg>", whole, re.DOTALL):
-        named = re.search('<title id="([^"]+)">[^<]+</title><desc id="([^"]+)">([^<]+)', picture)
-        assert f'role="img" aria-labelledby="{named[1]} {named[2]}"' in picture
-        assert len(named[3].split()) > 3
-    ids = [value for _, name, value in outline.attributes if name == "id"]
-    assert len(ids) == len(set(ids))
+        (finding,) = re.findall('role="img"[^>]*><title>[^<]+</title><desc>([^<]+)', picture)
+        assert len(finding.split()) > 3
 
 
 def test_hostile_texts_are_shown_as_texts():
-    outline = outlined(html(documents()["hostile"]().page()))
+    outline = outlined(html(DOCUMENTS["hostile"]().page()))
     text = "".join(outline.words)
     assert text.count("<script>alert('x')</script>") >= 3
     assert "<img src=x onerror=alert(1)>&amp;" in text
@@ -98,7 +95,7 @@ def test_hostile_texts_are_shown_as_texts():
 
 def test_every_page_carries_number_and_count(made):
     name, whole, outline = made
-    page = documents()[name]().page()
+    page = DOCUMENTS[name]().page()
     assert f'"{page.name}"' in whole
     assert "counter(page)" in whole
     assert "counter(pages)" in whole
@@ -164,7 +161,7 @@ def test_what_the_owner_wrote_is_printed_and_nothing_else(make):
 
 @pytest.mark.parametrize("name", ["healthy", "failed", "verified"])
 def test_a_numbered_report_says_for_what_it_holds_and_where_it_ends(name: str):
-    page = documents()[name]().page()
+    page = DOCUMENTS[name]().page()
     outline = outlined(html(page))
     said = " ".join(outline.words)
     assert "The results relate only to the machine" in said

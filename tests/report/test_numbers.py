@@ -25,7 +25,7 @@ from orthoglide_cal.report.html import html
 from tests.machines import NOMINAL
 from tests.printer_files import OFF, printer_cfg
 from tests.printers import printer
-from tests.report.cases import documents, report_of
+from tests.report.cases import DOCUMENTS, report_of
 from tests.results.cases import CASES, as_left, case_of
 from tests.truth.delta import TOLERANCES, V400
 
@@ -111,7 +111,7 @@ def missing(document: Document, more: Iterable[float] = ()) -> list[str]:
 @pytest.mark.parametrize("name", [*CASES, "as_left", "verified"])
 def test_every_number_of_a_report_is_in_its_json(name: str) -> None:
     shown = [CASES[name]()] if name in CASES else [as_left()[0], as_left()[2]]
-    assert missing(documents()[name](), chain(*map(drawn, shown))) == []
+    assert missing(DOCUMENTS[name](), chain(*map(drawn, shown))) == []
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name != "failed"])

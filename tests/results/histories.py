@@ -22,6 +22,13 @@ START = datetime(2026, 3, 2, 9, tzinfo=UTC)
 SIGMA = {"dial": 0.0077, "micron": 0.0037}
 STORIES = ("unchanged", "step", "steps", "drift", "scatter", "step and drift", "adjusted", "warm",
            "cause")  # fmt: skip
+# Story → verdict; the others are "changed".
+WANTED = {
+    "unchanged": "unchanged",
+    "warm": "unchanged",
+    "drift": "drifting",
+    "scatter": "scattering",
+}
 GROWTH = 11.5e-6  # of legs, per kelvin
 
 
@@ -145,12 +152,3 @@ def measured(
     document = document_from_bytes(truth.readings_csv(session).encode(), name)
     given = read_input(document, model)
     return replace(given, conditions=given.conditions.changed(**conditions))
-
-
-WANTED: dict[str, str] = {
-    "unchanged": "unchanged",
-    "warm": "unchanged",
-    "drift": "drifting",
-    "scatter": "scattering",
-}
-"""Story → verdict; the others are "changed"."""

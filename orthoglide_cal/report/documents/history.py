@@ -13,9 +13,10 @@ from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
+from orthoglide_cal.report.case import sizes_words
 from orthoglide_cal.report.figures import below, line, thread
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.report.terminal import height
+from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results.history import History
 from orthoglide_cal.words import (
     counted,
@@ -28,7 +29,6 @@ from orthoglide_cal.words import (
     with_uncertainty,
 )
 
-_HIGH = 24  # lines of a screen
 _TOLD = 3  # changes in words
 _MONTH = 30.0  # days, for which a drift is stated
 _STORIES = {
@@ -50,16 +50,20 @@ def history_document(history: History, machine_file: Path | None = None) -> doc.
 
 
 def _screen(history: History, notes: Sequence[str], steps: Sequence[doc.Instruction]) -> doc.Page:
-    """As many sessions as a screen has lines for, three at least."""
+    """As many sessions as a screen has lines for, three at least: the ends, those at changes."""
     more = "More: the same with --details, or as a page: --html history.html"
-    for most in range(max(min(len(history.sessions), _HIGH), 3), 2, -1):
-        table = doc.Section(None, _table(history, most), *notes[:3])
+    last = len(history.sessions) - 1
+    around = (k for change in reversed(history.changes) for k in (change.at, change.at + 1))
+    wanted = [*dict.fromkeys((last, 0, *around, *range(last - 1, 0, -1)))]
+    kept, others = wanted[:3], wanted[3:24]
+
+    def page() -> doc.Page:
+        table = doc.Section(None, _table(history, {*kept, *others}), *notes[:3])
         sections = table, doc.next_steps(steps, more)
         notice, simulated = _notice(history), history.simulated
-        page = doc.Page("History", notice=notice, sections=sections, simulated=simulated)
-        if height(page) <= _HIGH:
-            break
-    return page
+        return doc.Page("History", notice=notice, sections=sections, simulated=simulated)
+
+    return fitting(page, others)
 
 
 def _page(history: History, notes: Sequence[str], steps: Sequence[doc.Instruction]) -> doc.Page:
@@ -79,7 +83,7 @@ def _page(history: History, notes: Sequence[str], steps: Sequence[doc.Instructio
         sheet=[doc.Section("From session to session", _courses(history)), doc.next_steps(steps)],
         sections=[
             doc.Section("Residuals of the touches", *_shapes(history)),
-            doc.Section("Sessions", _table(history, len(history.sessions)), *notes),
+            doc.Section("Sessions", _table(history, {*range(len(history.sessions))}), *notes),
         ],
     )
 
@@ -130,10 +134,7 @@ def _notice(history: History) -> doc.Notice:
 def _sizes(values: Sequence[Estimate], by: str = "") -> str:
     """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
     kept = [size for size in values if not by or abs(size.value) > size.expanded] or values
-    return ", ".join(
-        f"{size.name}{by} {with_uncertainty(size.value, size.expanded)} {unit_words(size.unit)}"
-        for size in kept
-    )
+    return sizes_words((f"{e.name}{by}", e.value, e.expanded, e.unit) for e in kept)
 
 
 def _label(history: History, at: int) -> str:
@@ -150,12 +151,10 @@ def _label(history: History, at: int) -> str:
     return session.started[: 10 if len(days) == len(history.sessions) else 16].replace("T", " ")
 
 
-def _table(history: History, most: int) -> doc.Grid:
-    """A row for each session, or those around changes; a line where the machine changed."""
+def _table(history: History, chosen: set[int]) -> doc.Grid:
+    """A row for each of the sessions chosen by their numbers; a line where the machine changed."""
     count, every = len(history.sessions), [*range(len(history.pooled))]
-    around = (k for change in reversed(history.changes) for k in (change.at, change.at + 1))
-    wanted = dict.fromkeys((count - 1, 0, *around, *range(count - 2, 0, -1)))
-    chosen, names = {*[*wanted][:most]}, [size.name for size in history.pooled]
+    names = [size.name for size in history.pooled]
     # One alone needs no more room than a line that it is missing.
     shown = [k for k in range(count) if k in chosen or {k - 1, k + 1} <= chosen]
     if sum(max(len(name), 6) + 2 for name in names) > 64:  # those that did something
@@ -226,9 +225,8 @@ def _courses(history: History) -> doc.Figure:
         sizes = ", ".join(with_uncertainty(value, half) for value, half, _ in rows)
         finding = f"{title}, from session to session: {sizes}."
         finding += f" {'; '.join(numbers)}." if numbers else ""
-        name = "course-" + "".join(letter if letter.isalnum() else "-" for letter in now.name)
         axis = "c-" + dict(zip("xyzabc", "xyzxyz", strict=True)).get(now.name, "x")
-        panels.append(figures.svg(name, wide, bottom + 26.0, now.name, finding, parts, axis))
+        panels.append(figures.svg(wide, bottom + 26.0, now.name, finding, parts, axis))
     key = "Bars: U without the part common to all sessions. Line: fit, broken at each change."
     if history.changes or history.drift:
         key += f" Number above: last change, or drift in {_MONTH:g} days, ± U (95 %)."

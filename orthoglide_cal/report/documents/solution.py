@@ -3,11 +3,10 @@
 Other pages show its parts, too: the parameters, what is not determined, and where U comes from.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Method
 from orthoglide_cal.estimation.budget import BudgetTotal, Contribution
 from orthoglide_cal.inference.result import Explanation
@@ -16,7 +15,7 @@ from orthoglide_cal.model.measured import DataKind, weighing
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, comparison_words, decision_notice, to_do
 from orthoglide_cal.report.sentences import SOURCES
-from orthoglide_cal.report.terminal import height
+from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import Answer, Parameter
 from orthoglide_cal.words import (
     counted,
@@ -29,7 +28,6 @@ from orthoglide_cal.words import (
     two_figures,
     typed,
     unit_words,
-    with_uncertainty,
 )
 
 _METHODS = {
@@ -55,16 +53,14 @@ _STATE = "State how well that is known under tolerances in the machine file."
 
 
 def solution_document(case: Case) -> doc.Document:
-    """The whole answer; without parameters its page raises UnusableResultError: why, what to do."""
-    if not case.answer.parameters:
-        return doc.Document(case.data, partial(_refused, case))
-    return doc.Document(case.data, partial(_page, case), partial(_screen, case))
-
-
-def _refused(case: Case) -> doc.Page:
-    release = case.answer.release
-    remedies = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
-    raise UnusableResultError(" ".join(map(case.says, release.reasons)), remedies)
+    """The whole answer; without parameters why there are none, and what to do."""
+    if case.answer.parameters:
+        return doc.Document(case.data, partial(_page, case), partial(_screen, case))
+    notice, steps, simulated = decision_notice(case), to_do(case), case.answer.simulated
+    page = doc.Page(
+        "Solution", notice=notice, simulated=simulated, sections=[doc.next_steps(steps)]
+    )
+    return doc.Document(case.data, lambda: page)
 
 
 def _screen(case: Case) -> doc.Page:
@@ -76,21 +72,18 @@ def _screen(case: Case) -> doc.Page:
         notes = []  # it says the same
     numbers = [] if release.settled else [*_improvement(case)]
     largest = [_largest_words(case)] if answer.budget and release.usable and release.needed else []
+    meaning = [_meaning(case)]
     last = doc.next_steps(to_do(case, brief=True), case.more("solve"))
-    for meant in ([*largest, _meaning(case)], largest, []):
-        kept, words = meant[: len(largest)], meant[len(largest) :]
-        blocks = [[*parameters, *kept, *notes], [*numbers, *words]]
+
+    def page() -> doc.Page:
+        blocks = [[*parameters, *largest, *notes], [*numbers, *meaning]]
         if not answer.deviations:  # one line needs no section
-            blocks = [[*parameters, *kept, *notes, *numbers]]
-        page = doc.Page(
-            kind="Solution",
-            simulated=case.answer.simulated,
-            notice=decision_notice(case),
-            sections=(*(doc.Section(None, *part) for part in blocks), last),
-        )
-        if height(page) <= _MOST_LINES - answer.simulated:
-            break
-    return page
+            blocks = [[*parameters, *largest, *notes, *numbers]]
+        sections = (*(doc.Section(None, *part) for part in blocks), last)
+        notice, simulated = decision_notice(case), answer.simulated
+        return doc.Page("Solution", simulated=simulated, notice=notice, sections=sections)
+
+    return fitting(page, meaning, largest, lines=_MOST_LINES - answer.simulated)
 
 
 def _meaning(case: Case) -> str:
@@ -115,13 +108,16 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
         rows = tuple(sorted(rows, key=lambda row: -abs(row.measured_mm))[:_LARGEST_DIFFERENCES])
     refused = not answer.release.usable
     if rows and answer.as_found is not None and answer.expected is not None:
-        names = [row.name for row in rows]
-        after = "if entered" if refused else "expected after"
-        measured = *(row.measured_mm for row in rows), answer.as_found.rms_mm
-        expected = *(row.expected_mm for row in rows), answer.expected.rms_mm
-        reach = {} if refused and not full else {"± U": tuple(row.expanded_mm for row in rows)}
         digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
-        yield deviations_grid(names, digits, {"measured": measured, after: expected} | reach)
+        after = "if entered" if refused else "expected after"
+        found, expected = (plain(e.rms_mm, digits) for e in (answer.as_found, answer.expected))
+        table = [
+            ("measured", *(signed(row.measured_mm, digits) for row in rows), found),
+            (after, *(signed(row.expected_mm, digits) for row in rows), expected),
+        ]
+        if full or not refused:
+            table.append(("± U", *(plain(row.expanded_mm, digits) for row in rows), ""))
+        yield doc.Grid(("Deviation, mm", *(row.name for row in rows), "r.m.s."), table)
     if answer.rms is None:
         return
     paper = offsets_only(answer) if answer.input.kind == DataKind.SIX and refused else None
@@ -194,18 +190,6 @@ def fit_facts(case: Case) -> Iterator[tuple[str, str]]:
         yield "Noise, mm", ", ".join(f"{name} {size}" for name, size in known.items()) + spare
 
 
-def deviations_grid(
-    names: Sequence[str], decimals: int, rows: Mapping[str, Sequence[float]]
-) -> doc.Grid:
-    """Differences with their r.m.s. last, [mm]; U in rows that have no r.m.s. has no sign."""
-    table = []
-    for name, sizes in rows.items():
-        rms = plain(sizes[-1], decimals) if len(sizes) > len(names) else ""
-        write = signed if rms else plain
-        table.append((name, *(write(size, decimals) for size in sizes[: len(names)]), rms))
-    return doc.Grid(("Deviation, mm", *names, "r.m.s."), table)
-
-
 def parameters_title(case: Case) -> str:
     """Heading of the table: what it is of, in which unit, and how it is meant."""
     words, named = case.words, case.answer.named
@@ -263,26 +247,6 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
 def found_words(parameter: Parameter, decimals: int) -> str:
     """The change that was found."""
     return "not determined" if parameter.found is None else signed(parameter.found, decimals)
-
-
-def sizes(rows: Iterable[tuple[str, float, float, str]], units: bool) -> list[str]:
-    """Name, value ± U, and the unit where they have several."""
-    return [
-        f"{name} {with_uncertainty(value, u) if u else f'{value:+g}'.replace('-', '−')}"
-        f"{f' {unit_words(unit)}' if units else ''}"
-        for name, value, u, unit in rows
-    ]
-
-
-def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Grid:
-    """A table of sizes: so many side by side, behind what they are of."""
-    rows = [
-        ("" if start else name, *cells[start : start + width], *[""] * (start + width - len(cells)))
-        for name, cells in lines
-        for start in range(0, len(cells), width)
-    ]
-    columns = width + 1
-    return doc.Grid(("",) * columns, rows, words=range(columns))
 
 
 def _largest_words(case: Case) -> str:

@@ -13,22 +13,13 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import (
-    INVALIDATING,
-    data_words,
-    reserved,
-    signed_page,
-)
+from orthoglide_cal.report.case import INVALIDATING, data_words, reserved, signed_page, sizes_words
 from orthoglide_cal.report.documents.pictures import differences_figure
-from orthoglide_cal.report.documents.solution import common_unit, deviations_grid, sizes, sizes_grid
+from orthoglide_cal.report.documents.solution import common_unit
 from orthoglide_cal.report.sentences import RESPONSES, sentence
+from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import Identity, Parameter
-from orthoglide_cal.results.verification import (
-    Coefficient,
-    ComparedInput,
-    Outcome,
-    Verification,
-)
+from orthoglide_cal.results.verification import Coefficient, ComparedInput, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     MM_PER_INCH,
@@ -41,8 +32,6 @@ from orthoglide_cal.words import (
     unit_words,
     with_uncertainty,
 )
-
-_MOST_DIFFERENCES = 6  # that a screen has room for
 
 
 def verification_document(result: Verification, identity: Identity) -> doc.Document:
@@ -62,24 +51,23 @@ def _says(result: Verification) -> Callable[[Reason], str]:
 
 
 def _screen(result: Verification) -> doc.Page:
-    known = [(p.name, p.found, p.expanded, p.unit) for p in result.second]
-    left = [(name, size, u, its) for name, size, u, its in known if size is not None]
-    unit = common_unit(result.inputs[1][1].machine)
-    grid = sizes_grid([(f"left{unit}", sizes(left, not unit))], 3 if unit else 2)
+    known = (parameter for parameter in result.second if parameter.found is not None)
+    left = ((size.name, size.found or 0.0, size.expanded, size.unit) for size in known)
+    parameters = f"Left: {sizes_words(left)}."
     before, after = (count for _, count in _measured(result))
     both = f"{before} before and after" if before == after else f"{before} and {after}"
-    return doc.Page(
-        kind="Verification",
-        simulated=result.simulated,
-        notice=replace(verification_notice(result), aside=f"{result.machine}, {both}"),
-        sections=(
-            doc.Section(None, *([_differences(result)] if result.differences else [])),
-            doc.Section(None, grid),
-            doc.next_steps(
-                verification_steps(result, None, brief=True), "More: the same with --details"
-            ),
-        ),
-    )
+    notice = replace(verification_notice(result), aside=f"{result.machine}, {both}")
+    # Their title says what the notice above does.
+    differences = left_figure(result).in_characters[1:] if result.differences else []
+    steps = [*verification_steps(result, None, brief=True)]
+
+    def page() -> doc.Page:
+        last = doc.next_steps(steps, "More: the same with --details")
+        sections = doc.Section(None, *differences), doc.Section(None, parameters), last
+        kind, simulated = "Verification", result.simulated
+        return doc.Page(kind, simulated=simulated, notice=notice, sections=sections)
+
+    return fitting(page, differences)
 
 
 def _page(result: Verification, identity: Identity) -> doc.Page:
@@ -151,10 +139,6 @@ def verification_notice(result: Verification) -> doc.Notice:
     return reserved(doc.Notice(tone, title, lines), known)
 
 
-def _digits(result: Verification) -> int:
-    return difference_decimals(result.kind == DataKind.READINGS)
-
-
 def _sizes(result: Verification) -> list[str]:
     """Before, predicted, after and reachable, with unit."""
     sizes = (
@@ -164,7 +148,8 @@ def _sizes(result: Verification) -> list[str]:
         result.rms_reachable_mm,
     )
     if result.differences:
-        return ["" if size is None else f"{plain(size, _digits(result))} mm" for size in sizes]
+        digits = difference_decimals(result.kind == DataKind.READINGS)
+        return ["" if size is None else f"{plain(size, digits)} mm" for size in sizes]
     return ["" if size is None else f"{plain(1000.0 * size, 0)} µm" for size in sizes]
 
 
@@ -328,19 +313,6 @@ def rule_blocks(result: Verification) -> tuple[doc.Block, ...]:
     """By which rule a limit is judged; nothing where none was given."""
     rule = result.decision
     return (doc.small(f"Decision rule: {_says(result)(rule.rule)}"),) if rule else ()
-
-
-def _differences(result: Verification) -> doc.Grid:
-    """Deviations as measured and as predicted; only r.m.s. where they are many."""
-    every = result.differences
-    rows = every if len(every) <= _MOST_DIFFERENCES else ()
-    sizes = {
-        "before": [*(row.before_mm for row in rows), result.rms_before_mm],
-        "predicted": [*(row.promised_mm for row in rows), result.rms_promised_mm],
-        "± U": [row.promised_expanded_mm for row in rows],
-        "measured": [*(row.after_mm for row in rows), result.rms_after_mm],
-    }
-    return deviations_grid([row.difference for row in rows], _digits(result), sizes)
 
 
 def left_figure(result: Verification) -> doc.Figure:
