@@ -8,6 +8,8 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
+import timeit
 from pathlib import Path
 
 from tests.bench import ONE_CORE
@@ -24,7 +26,7 @@ COMMANDS = (
     ("plan",),
     ("measure", "{folder}/{run}.yaml", "--gauge", "simulated", "--seed", "1"),
 )
-ROUNDS, FILES = 7, 40
+ROUNDS, FILES, SESSIONS, SAMPLE = 7, 40, 20_000, 20
 MANY = (17, 167, 1667)  # cycles of some hundred, thousand and ten thousand readings
 
 
@@ -88,6 +90,42 @@ def one_more_file(folder: Path) -> None:
         row(f"one more healthy file, {' '.join((verb, *form))}", each, imports)
 
 
+def solves(method: str) -> None:
+    """Batched solves against scipy's least squares, per session, with the same derivatives."""
+    import numpy as np
+    from scipy.optimize import least_squares
+
+    from orthoglide_cal.estimation import fit_offsets, pose_plan
+    from orthoglide_cal.files.machine_file import default_machine
+    from orthoglide_cal.model.measured import DataKind
+    from orthoglide_cal.model.model import simulate
+    from orthoglide_cal.model.orthoglide import double_posture
+    from tests.estimation.sessions import problem_of
+
+    model, kind = default_machine(), DataKind(method)
+    if kind is DataKind.READINGS:
+        problem, _ = pose_plan(double_posture(model.machine), model, kind)
+    else:
+        problem = problem_of(kind, model)
+    rng = np.random.default_rng(1)
+    signal = simulate(model, rng.uniform(-1.0, 1.0, (SESSIONS, 3)), problem.plan)
+    data = (signal + 0.01 * rng.standard_normal(signal.shape)) @ problem.matrix.T
+
+    def single() -> None:
+        for row in data[:SAMPLE]:
+            least_squares(
+                lambda x, row=row: problem.predict(x) - row,
+                np.zeros(3),
+                jac=lambda x: problem.predict_with_jacobian(x)[1],
+            )
+
+    batched, alone = (
+        min(timeit.repeat(run, timer=time.process_time, number=1))
+        for run in (lambda: fit_offsets(problem, data), single)
+    )
+    row(f"one of {SESSIONS} solves, {method}, against scipy", batched / SESSIONS, alone / SAMPLE)
+
+
 def growth(folder: Path) -> None:
     """Seconds and memory of sessions of many cycles: healthy, and with a wrong reading.
 
@@ -132,6 +170,8 @@ def main() -> None:
         commands(Path(folder))
         one_more_file(Path(folder))
         growth(Path(folder))
+    for method in ("six", "twelve", "readings"):
+        solves(method)
 
 
 if __name__ == "__main__":
