@@ -124,8 +124,8 @@ def _in_ascii(error: UnicodeError) -> tuple[str, int]:
     return "".join(_ASCII.get(sign, "?") for sign in missing), error.end
 
 
-def main() -> None:
-    """Entry point of the `orthocal` program."""
+def run() -> None:
+    """Run the command that was typed."""
     # All matrices here are small: threads of the linear algebra only get in each other's way.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # What a command loads is no garbage: looking for some takes a tenth of its time.
@@ -149,5 +149,3 @@ def main() -> None:
         with suppress(OSError):
             print(f"Standard output cannot be written: {error.strerror}.", file=sys.stderr)
         sys.exit(InputError.exit_code)
-    except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)

@@ -102,7 +102,7 @@ def option(
                 match = _WITH_UNIT.fullmatch(text)
                 digits, unit = match.groups() if match else (text, "")
                 if unit and unit not in units:
-                    one = {size: name for name, size in reversed(units.items())}  # of its names
+                    one = {size: name for name, size in [*units.items()][::-1]}  # of its names
                     known = ", ".join(reversed(one.values())) or "none"
                     raise InputError("This unit is not known.", f"Known here: {known}.", value=text)
                 value = parse_number(digits, decimal_comma=True) * units.get(unit, 1.0)

@@ -75,6 +75,10 @@ def plan(
         if json or html or overwrite or (given and follows):
             fault = "--program writes nothing but the posture program."
             raise UsageError(fault, "Leave out --json, --html, --overwrite and FILE.")
+        ends = (_CSV, *_GCODE) if follows else (_CSV,)
+        if str(program) != "-" and program.suffix.lower() not in ends:
+            remedy = f"End it in {_CSV} for a table{f', in {_GCODE[0]} for G-code' * follows}."
+            raise UsageError(f"The name {program} does not say what to write.", remedy)
         if not follows:
             if moves != (None,) * 4:
                 raise UsageError(
@@ -107,8 +111,8 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
 
     The template of the G-code is the one of `orthocal template gcode` if None.
 
-    Raises UsageError: another kind of file, a template without G-code, or the file exists;
-    InputError: the template cannot be used, or the file cannot be written.
+    Raises UsageError: a template without G-code, or the file exists; InputError: the template
+    cannot be used, or the file cannot be written.
     """
     from importlib.resources import as_file, files
 
@@ -116,18 +120,15 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
     from orthoglide_cal.files.text import YAML_LIMIT, read_document
     from orthoglide_cal.planning.program import program_csv, program_gcode
 
-    form = _CSV if str(target) == "-" else target.suffix.lower()
-    if template is not None and form not in _GCODE:
-        raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
-    if form == _CSV:
+    if target.suffix.lower() not in _GCODE:
+        if template is not None:
+            raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
         text = program_csv(program)
-    elif form in _GCODE:
+    else:
         with as_file(files("orthoglide_cal.files") / "templates" / "gcode.nc") as shipped:
             document = read_document(str(template or shipped), YAML_LIMIT)
         lines = gcode_template(document, [block.number for block in program.blocks])
         text = program_gcode(program, lines)
-    else:
-        raise _unknown(target, f"End it in {_CSV} for a table, in {_GCODE[0]} for G-code.")
     advice = "Try them first without gauges, slowly, a hand on the emergency stop."
     common.put(text, target, f"{len(program.blocks)} blocks written to {target}. {advice}")
 
@@ -135,7 +136,7 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
 def write_places(session: "SessionForecast", target: Path) -> None:
     """Write the places of a layout as a file to be filled in; "-" shows it.
 
-    Raises UsageError: another kind of file, a layout with distances, or the file exists.
+    Raises UsageError: a layout with distances, or the file exists.
     """
     from orthoglide_cal.files.probe_readings import places_csv
 
@@ -145,12 +146,6 @@ def write_places(session: "SessionForecast", target: Path) -> None:
             "Print and measure what Klipper's DELTA_ANALYZE asks for, and bring printer.cfg; or"
             " choose a layout without distances: --layout bed-13",
         )
-    if str(target) != "-" and target.suffix.lower() != _CSV:
-        raise _unknown(target, f"End it in {_CSV}: places to probe are a table.")
     advice = "Fill in reading_mm, the height at which the probe triggers, bed mesh off."
     message = f"{len(session.plan)} places written to {target}: {session.what}. {advice}"
     common.put(places_csv(session.plan), target, message)
-
-
-def _unknown(target: Path, remedy: str) -> UsageError:
-    return UsageError(f"The name {target} does not say what to write.", remedy)

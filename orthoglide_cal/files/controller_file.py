@@ -246,10 +246,10 @@ def controller_file(target: str) -> ControllerFile:
         else:
             continue
         raise InputError(problem, remedy, file=target, line=number, value=line)
-    settings = Settings(document_from_bytes(data, target))
-    settings.check()
-    values = _values(target, settings.options, _KLIPPER | _PITCHES, heading, _PITCHES)
-    remarks = (Reason.of("includes"),) * settings.included
+    printer = Settings(document_from_bytes(data, target))
+    printer.check()
+    values = _values(target, printer.options, _KLIPPER | _PITCHES, heading, _PITCHES)
+    remarks = (Reason.of("includes"),) * printer.included
     return ControllerFile(target, data, values, remarks=remarks)
 
 
@@ -343,7 +343,7 @@ def _values(
         if problem:
             unit = "mm (or inch)" if name == _UNIT else "NUMBER"
             remedy = _SAVE if heading else _ADD.format(section, option, unit)
-            faults.add(problem, remedy, line=number, column=key, value=value)
+            faults.add(problem, remedy, line=number, column=key, value=value or None)
         elif number is not None:
             values[name] = WrittenValue(line=number, key=key, before=value, after=value)
     faults.check()

@@ -2,7 +2,7 @@
 next steps, and the facts about machine, gauges and circumstances, in the words of its kind.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -18,7 +18,7 @@ from orthoglide_cal.model.measured import DataKind, Differences, Source
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.sentences import sentence
-from orthoglide_cal.results import Answer, CheckReading, Identity, Remedy, Validity, recording
+from orthoglide_cal.results import Answer, CheckReading, Identity, Validity, recording
 from orthoglide_cal.results.answer import InputFile
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
@@ -149,19 +149,14 @@ class Case:
         """Where the rest stands."""
         return "More: ", doc.typed(self.typed(verb, "--details"))
 
-    def remedied(self, remedy: Remedy) -> str | None:
-        """The command of a remedy; None where it has none."""
-        following = self.answer.next_measurement
-        if following and remedy.sentence == following.what:
-            return self.further(following.session)
-        return None if remedy.verb is None else self.typed(remedy.verb, remedy.options)
-
     def remedies(self, verb: str | None = None) -> Iterator[doc.Instruction]:
         """Steps instead of entering the parameters; with `verb` only those with that command."""
-        remedies = self.answer.release.remedies
-        steps = (
-            (self.says(remedy.sentence), self.remedied(remedy), remedy.verb) for remedy in remedies
-        )
+        following, steps = self.answer.next_measurement, []
+        for remedy in self.answer.release.remedies:
+            typed = self.typed(remedy.verb, remedy.options) if remedy.verb else None
+            if following and remedy.sentence == following.what:
+                typed = self.further(following.session)
+            steps.append((self.says(remedy.sentence), typed, remedy.verb))
         for text, typed, run in dict.fromkeys(steps):  # two reasons may have one remedy
             if verb in (None, run):
                 yield doc.Instruction(text, typed)
@@ -217,7 +212,7 @@ def decision_notice(case: Case) -> doc.Notice:
             reasons = (judged, *cautions)
         known = [(size.found or 0.0, size.expanded, size.unit) for size in answer.parameters]
         value, expanded, unit = max(known, key=lambda row: abs(row[0]) / row[1])
-        size = f"{with_uncertainty(value, expanded)} {unit_words(unit)}"
+        size = size_words(value, expanded, unit)
         lines = [f"Largest change {size}; the differences would not become smaller."]
     elif release.usable:
         title = f"The {many} may be entered{', with care' if cautions else ''}"
@@ -303,6 +298,27 @@ def check_words(check: CheckReading) -> str:
         f" along {check.direction}; drive from {first} to {second}; it must move by {moves}"
         f" {today}."
     )
+
+
+def size_words(value: float, expanded: float, unit: str) -> str:
+    """Value ± U, with the unit; whole numbers have no U."""
+    number = with_uncertainty(value, expanded) if expanded else signed(value, 0)
+    return f"{number} {unit_words(unit)}".rstrip()
+
+
+def sizes_words(sizes: Iterable[tuple[str, float, float, str]]) -> str:
+    """Names, values ± U and units; a unit stands once, behind the last that has it.
+
+    >>> sizes_words([("x", 0.5, 0.02, "mm"), ("y", -0.1, 0.02, "mm"), ("angle_a", 1.0, 0.0, "deg")])
+    'x +0.500 ± 0.020, y −0.100 ± 0.020 mm, angle_a +1 deg'
+    """
+    rows = [*sizes]
+    units = [unit for *_, unit in rows]
+    last = [
+        unit if unit != later else "" for unit, later in zip(units, [*units[1:], ""], strict=True)
+    ]
+    named = zip(rows, last, strict=True)
+    return ", ".join(f"{name} {size_words(value, u, unit)}" for (name, value, u, _), unit in named)
 
 
 def position_words(tool_mm: Sequence[float], decimals: int) -> str:

@@ -29,8 +29,8 @@ _TYPED_AT = 46  # column at which what is to be typed begins where there is room
 _BLANK = "_" * 12
 _GAP = "  "
 _LONGEST_NAME = 30
-# A number keeps its sign and unit on its line: their blank is none while lines are broken.
-_HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
+# A number keeps its name and unit on its line: their blank is none while lines are broken.
+_HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[+−]\d|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
 _NARROWEST = 12  # columns of words are not squeezed below this
 _ANY = Console()  # to wrap text by: what it asks is the same of all
 
@@ -45,8 +45,8 @@ def terminal(page: doc.Page, width: int) -> Text:
     return Text("\n").join(lines)
 
 
-def fitting(make: Callable[[], doc.Page], lines: int, *spare: list[Any]) -> doc.Page:
-    """The page as it is made once so much gave way that a terminal of 80 columns has room for it.
+def fitting(make: Callable[[], doc.Page], *spare: list[Any], lines: int = 24) -> doc.Page:
+    """The page as it is made once so much gave way that so many lines of 80 columns hold it.
 
     The last entries of the first list go first, then those of the next one.
     """

@@ -21,12 +21,7 @@ from orthoglide_cal.inference import Diagnosis, diagnose
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.planning.adjustment import Adjustment, Removed, choose_adjustments
-from orthoglide_cal.planning.steps import (
-    NOTHING_ENTERED,
-    MeasuringProtocol,
-    Order,
-    SessionStep,
-)
+from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.results.answer import InputFile, MachineName
 from orthoglide_cal.schema import Schema
 from orthoglide_cal.session import events, wording
@@ -42,7 +37,7 @@ from orthoglide_cal.session.opening import (
     serial_gauge,
     setting_in,
 )
-from orthoglide_cal.words import decimals_for, with_uncertainty
+from orthoglide_cal.words import decimals_for, signed, with_uncertainty
 
 HELP = """\
 Type the reading, e.g. -0.12 (comma or point; mm, or add "in"), then Return.
@@ -187,8 +182,11 @@ class AdjustingDialogue(Dialogue):
         """Lead through what is left, unless a check fails. Raises as `Dialogue.run`."""
         while self.state.ended is None:
             waiting = [(k, one) for k, one in enumerate(self.adjusted) if one.next]
-            failed = any(one.status == "check failed" for one in self.adjusted)
-            if failed or not waiting:
+            failed = [k for k, one in enumerate(self.adjusted) if one.status == "check failed"]
+            if failed and self._doubted(self.adjusted[failed[0]]):
+                last = len(PHASES) * (failed[0] + 1)
+                self._take_again([*self.setting.steps[last - 2 : last]], "check read again")
+            elif failed or not waiting:
                 reason = "a check failed" if failed else "complete"
                 self.write(events.Ended(at=self.now(), reason=reason))
             else:
@@ -196,6 +194,17 @@ class AdjustingDialogue(Dialogue):
                 at = len(PHASES) * k + PHASES.index(one.next or Phase.LOOSE)
                 self._ask_for(self.setting.steps[at])
         return self.state
+
+    def _doubted(self, one: Adjusted) -> bool:
+        """True if the operator takes the readings of a check that failed again."""
+        if not self.asker.keyboard.live:
+            return False
+        plan, moved = one.adjustment, one.check_mm or 0.0
+        wanted = with_uncertainty(plan.check_mm, plan.check_expanded_mm)
+        digits = decimals_for(plan.check_expanded_mm)
+        text = f"From here to there it changes by {signed(moved, digits)} instead of {wanted} mm."
+        self.asker.say(text, Style.QUESTION)
+        return self._agrees("Read both again? y/n > ")
 
     def _ask_for(self, step: SessionStep) -> None:
         """Show what is to be done, where it is new, and take a reading."""
@@ -315,16 +324,9 @@ def open_adjustments(
             "Measure again before you adjust again, or continue with --resume.",
         )
     asker.gauge = serial_gauge(source)  # a missing one leaves no file behind
-    following = events.Following(
-        data=read_document(str(session)), what=cause, minutes=0.0, continues=False,
-        entered=NOTHING_ENTERED,
-    )  # fmt: skip
-    steps, at = _steps(adjustments), clock()
-    opened = events.Opened(
-        at=at, version=2, machine=machine_text(given.model), protocol=MeasuringProtocol.DOUBLE,
-        cycles=1, order=Order.PAPER, stands=1, source=source or (TYPED,), seed=None, operator="",
-        temperature_c=None, gauges=(),
-    )  # fmt: skip
+    following = events.Following(data=read_document(str(session)), what=cause)
+    steps, at, machine = _steps(adjustments), clock(), machine_text(given.model)
+    opened = events.Opened(at=at, version=2, machine=machine, source=source or (TYPED,))
     cells = tuple(step.cell for step in steps)
     planned = events.Planned(at=at, readings=cells, following=following)
     journal = Journal.resume(target) if resume else Journal.create(target, opened, planned)

@@ -16,7 +16,6 @@ from orthoglide_cal.session.keyboard import Keyboard, Line
 from orthoglide_cal.words import counted, wrapped
 
 POLL_S = 0.05  # the keyboard is awaited so long before the gauge is looked at again [s]
-RECONNECT_S = 0.5
 ANSWER_S = 1.5  # a gauge that is asked answers sooner [s]
 WIDEST = 80
 # A button pressed twice, or bouncing, is over by then; reading the other dial takes longer [s].
@@ -125,7 +124,7 @@ class Asker:
     _shown: float = math.inf  # since when the prompt stands there
     _asked: float | None = None  # when Return asked the gauge, until it says something
     _sending: DeadTime | None = None  # the source that sends by itself, until it is quiet
-    _lost_since: float | None = None
+    _lost: bool = False  # the gauge does not answer, which was said
     _line_is_open: bool = False
 
     @property
@@ -167,13 +166,10 @@ class Asker:
         if pasted:
             lines = f"{counted(pasted, 'line')} typed before the prompt"
             self._break_in(f"ignored: {lines}", Style.ASIDE)
-        if self.gauge is not None and self._lost_since is None:
+        if self.gauge is not None:
             with suppress(GaugeLost):  # the next look reports it
                 for item in self.gauge.poll(asked=False):
                     self._drop(item.raw, self.clock(), self._gauges)
-        for source in (self._keys, self._gauges):
-            if (unasked := self._stream(source)) is not None:
-                return unasked
         gauge = self.gauge if step is not None else None
         if gauge is not None and step is not None:
             gauge.begin(step, takes)
@@ -187,7 +183,15 @@ class Asker:
         return answer
 
     def _look(self, gauge: LiveGauge | None) -> str | Token | Unasked | None:
-        """One look at the keyboard, then at the gauge, if it is asked."""
+        """One look at the keyboard, then at the gauge, if it is asked.
+
+        Of a source that sends by itself it is said once.
+        """
+        for source in (self._keys, self._gauges):
+            if source.unasked >= STREAM and self._sending is not source:
+                self._sending = source
+                self._end_line()
+                return Unasked(int(source.after_reading))
         if self.keyboard.disturbed():
             self._end_line()
             self._redraw()
@@ -204,7 +208,7 @@ class Asker:
                 self.show(visible(text)[:40])  # a terminal has shown it itself
             elif self._keys.is_early(line.begun, line.ended, len(text), self._shown):
                 self._drop(text, line.ended, self._keys)
-                return self._stream(self._keys)
+                return None
             if text or gauge is None:
                 self._answered = (line.ended, self._keys)
                 return text
@@ -216,21 +220,17 @@ class Asker:
 
     def _listen(self, gauge: LiveGauge, asked: bool) -> Token | Unasked | None:
         now = self.clock()
-        if self._lost_since is not None:
-            if now - self._lost_since < RECONNECT_S:
-                return None
-            if not gauge.reconnect():
-                self._lost_since = now
-                return None
-            self._lost_since = None
-            self._break_in("The gauge is back.", Style.GOOD)
         try:
             heard = gauge.poll(asked)
         except GaugeLost as lost:
-            self._lost_since = now
-            more = "Plug it in again to continue; or type the reading, or q."
-            self._break_in(f"{lost.what}\n{more}", Style.BAD)
+            if not self._lost:
+                more = "Plug it in again to continue; or type the reading, or q."
+                self._break_in(f"{lost.what}\n{more}", Style.BAD)
+            self._lost = True
             return None
+        if self._lost:
+            self._break_in("The gauge is back.", Style.GOOD)
+        self._lost = False
         if heard:
             self._asked = None
         elif self._asked is not None and now - self._asked >= ANSWER_S:
@@ -254,15 +254,7 @@ class Asker:
                     self._gauges.arrivals[now] = True
                 self._end_line()
                 return item
-        return self._stream(self._gauges)
-
-    def _stream(self, source: DeadTime) -> Unasked | None:
-        """Say once that this source sends by itself; None if it does not."""
-        if source.unasked < STREAM or self._sending is source:
-            return None
-        self._sending = source
-        self._end_line()
-        return Unasked(int(source.after_reading))
+        return None
 
     def _drop(self, text: str, at: float, source: DeadTime) -> None:
         """Something came too soon: say so, unless that is known."""

@@ -17,7 +17,7 @@ from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import PlannedTouch
 from orthoglide_cal.model.machine import Named
 from orthoglide_cal.model.orthoglide import PlannedReading
-from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order
+from orthoglide_cal.planning.steps import MOST_CYCLES, NOTHING_ENTERED, MeasuringProtocol, Order
 from orthoglide_cal.schema import Schema
 
 
@@ -69,9 +69,9 @@ class Following(Schema):
 
     data: FileText  # the file of the first readings, whole
     what: str  # the instruction that is carried out
-    minutes: float  # that it takes
-    continues: bool  # the stands stand where the last of the first readings was taken
-    entered: tuple[float, float, float]  # in the controller since the first of them, mm
+    minutes: float = 0.0  # that it takes
+    continues: bool = False  # the stands stand where the last of the first readings was taken
+    entered: tuple[float, float, float] = NOTHING_ENTERED  # since the first of them, mm
 
     @property
     def words(self) -> str:
@@ -94,15 +94,15 @@ class Opened(Event):
     kind: Literal["opened"] = "opened"
     version: Literal[1, 2]  # of this record format; 2 where the second record says what is read
     machine: str  # text of the machine file that the session is measured with
-    protocol: MeasuringProtocol
-    cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)]
-    order: Order
-    stands: Annotated[int, Field(ge=1, le=2)]  # number of gauges that are read side by side
+    protocol: MeasuringProtocol = MeasuringProtocol.DOUBLE
+    cycles: Annotated[int, Field(ge=1, le=MOST_CYCLES)] = 1
+    order: Order = Order.PAPER
+    stands: Annotated[int, Field(ge=1, le=2)] = 1  # gauges that are read side by side
     source: tuple[str, ...]  # where readings come from, as given to --gauge
-    seed: int | None  # of the simulated gauge; None for a real one
-    operator: str
-    temperature_c: float | None
-    gauges: tuple[GaugeLabel, ...]
+    seed: int | None = None  # of the simulated gauge; None for a real one
+    operator: str = ""
+    temperature_c: float | None = None
+    gauges: tuple[GaugeLabel, ...] = ()
 
     def gauge_id(self, stand: int) -> str | None:
         """Name of the gauge on this stand; None if nobody gave one."""

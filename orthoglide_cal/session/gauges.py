@@ -98,11 +98,8 @@ class LiveGauge(Protocol):
         """A prompt for this step, which was read `takes` times: forget what was said before."""
 
     def poll(self, asked: bool) -> list[Token]:
-        """Return messages since the last call; `asked`: Return was pressed. Raises GaugeLost."""
-
-    def reconnect(self) -> bool:
-        """After GaugeLost: try again; True if it is back."""
-        return True
+        """Return messages since the last call; `asked`: Return was pressed. Raises GaugeLost, until
+        it is back."""
 
     def close(self) -> None:
         """Let go of the port, if it has one."""
@@ -172,34 +169,21 @@ class Splitter:
     def __init__(self) -> None:
         self._rest = b""
         self._since = 0.0
-        self._headless = False  # what comes before the next end is no whole token
 
     def feed(self, data: bytes, now: float) -> list[str]:
         """Tokens completed by what arrived, blank ones left out; `now` is monotonic time [s]."""
         *whole, rest = _ENDS.split(self._rest + data)
         if data and (whole or not self._rest):
             self._since = now
-        if self._headless and whole:
-            del whole[0]
-            self._headless = False
-        if len(rest) > _LONGEST:
-            rest, self._headless = b"", True
-        self._rest = rest
+        self._rest = rest[: _LONGEST + 1]
         tokens = [_decoded(token) for token in whole if len(token) <= _LONGEST]
         return [token for token in tokens if token.strip()]
-
-    def discard(self, data: bytes, now: float) -> None:
-        """Forget everything up to now; of a token that is under way, its rest as well."""
-        self.feed(data, now)
-        self._headless = self._headless or bool(self._rest)
-        self._rest, self._since = b"", now
 
     def stale(self, now: float) -> str:
         """An unfinished token that is too old to be completed, else ""; it is thrown away."""
         if now - self._since <= PATIENCE_S:
             return ""
-        token = "" if self._headless else _decoded(self._rest)
-        self._rest, self._headless = b"", False
+        token, self._rest = _decoded(self._rest[:_LONGEST]), b""
         return token
 
 
@@ -247,13 +231,13 @@ class SerialPort:
             return None
         return f"It had {most} decimals before: press again; or q and --resume if you changed that."
 
-    def open(self) -> None:
+    def open(self) -> "serial.Serial":
         """Open the port, unless it is open.
 
         Raises UsageError without pyserial, GaugeLost if the port is not there, or in use.
         """
         if self._line is not None:
-            return
+            return self._line
         try:
             import serial
         except ImportError as error:
@@ -272,25 +256,18 @@ class SerialPort:
                 "Check its cable, or end with q and resume with another --gauge.",
             ) from error
         self._splitter = Splitter()
-
-    def discard(self) -> None:
-        """Forget what was sent up to now."""
-        if self._line is not None:
-            with suppress(OSError, TypeError):  # the next look reports it
-                waiting = self._line.read(self._line.in_waiting)
-                self._splitter.discard(waiting, time.monotonic())
+        return self._line
 
     def read(self, asked: bool) -> list[Token]:
-        """Tokens that arrived completely, and one that never will.
+        """Tokens that arrived completely, and one that never will; a port that was lost is opened.
 
         `asked` sends the format's request, if it has one. Raises GaugeLost.
         """
+        line = self.open()
         try:
-            if self._line is None:
-                raise OSError("it is not open")
             if asked and self.format.request:
-                self._line.write(self.format.request)
-            data = self._line.read(self._line.in_waiting or 1)
+                line.write(self.format.request)
+            data = line.read(line.in_waiting or 1)
         except (OSError, TypeError) as error:  # pyserial: TypeError once the port has gone
             self.close()
             raise GaugeLost(
@@ -320,13 +297,8 @@ class SerialGauge(LiveGauge):
         self.hint = f"press {'Return or ' if asks else ''}the gauge's button"
         self._stand = self._wanted = 0  # gauge and port that are listened to
 
-    def open(self) -> None:
-        """Open the ports that are closed. Raises UsageError, GaugeLost."""
-        for port in self.ports:
-            port.open()
-
     def begin(self, step: SessionStep, takes: int) -> None:
-        """Only what is sent while its prompt is shown counts."""
+        """Listen to the gauge of this step."""
         self._stand = step.stand
         self._wanted = min(step.stand, len(self.ports) - 1)
         port = self.ports[self._wanted]
@@ -334,8 +306,6 @@ class SerialGauge(LiveGauge):
         if port.format.request:
             answer = f"The gauge on {port.port} did not answer. Press its button."
         self.silence = f"{answer} Is it on, its cable plugged in, and set to {port.baud} baud?"
-        for port in self.ports:
-            port.discard()
 
     def poll(self, asked: bool) -> list[Token]:
         """Return what all gauges said; only the one that is wanted is asked, and counts."""
@@ -353,12 +323,6 @@ class SerialGauge(LiveGauge):
                     elsewhere = f"That was gauge {number + 1}; gauge {self._wanted + 1} is next."
                 heard.append(token._replace(source=name, elsewhere=elsewhere))
         return heard
-
-    def reconnect(self) -> bool:
-        with suppress(GaugeLost):
-            self.open()
-            return True
-        return False
 
     def close(self) -> None:
         for port in self.ports:

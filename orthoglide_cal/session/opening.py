@@ -190,7 +190,7 @@ def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
             Style.QUESTION,
         )
         answer = asker.ask("Return, n, or the three offsets > ")
-        text = answer.lower() if isinstance(answer, str) else ""
+        text = answer.lower() if isinstance(answer, str) else "?"
         if text in ("", "y", "yes"):
             break
         if text in ("q", "quit"):
@@ -386,7 +386,8 @@ def serial_gauge(source: Sequence[str]) -> SerialGauge | None:
         fault = f"These gauges do not go together: {', '.join(source)}."
         raise UsageError(fault, "Give typed, simulated, or one or two of FORMAT:PORT.")
     gauge = SerialGauge(source)
-    gauge.open()
+    for port in gauge.ports:
+        port.open()
     return gauge
 
 

@@ -65,6 +65,25 @@ for words in json.loads(sys.stdin.read()):
 """
 
 
+PRESSED = """
+import signal, sys
+class Loader:
+    def find_spec(name, *_):
+        if name == "typer":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Loader)
+from orthoglide_cal.cli import main
+main()
+"""
+
+
+def test_ctrl_c_while_the_program_is_loaded_ends_it_in_silence() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PRESSED], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (130, "")
+
+
 def test_no_command_loads_what_it_does_not_need() -> None:
     """Those that need least come first: one process runs all of them."""
     rows = [line.split("|") for line in refusals(Path(__file__).with_name("needless.txt"))]

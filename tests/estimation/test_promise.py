@@ -23,7 +23,7 @@ from tests.estimation.sessions import (
     readings,
 )
 from tests.machines import NOMINAL, PROTOTYPE, sure
-from tests.planning.truth import true_readings
+from tests.planning.test_forecast import true_readings
 from tests.readings import readings_of, some
 from tests.truth.effects import Effect, state_with
 

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.files.controller_file import ControllerFile, controller_file
-from tests.fuzz.run import mutant
 
 INI = """\
 [TRAJ]
@@ -123,27 +121,3 @@ def test_the_carriage_goes_where_the_controller_says(
     assert joint.adds(joint.home, latch or 1.0) == pytest.approx(0.0, abs=1e-6)
     assert table.read_text() == own  # what somebody made is left alone
     assert "BACKLASH = 0\n" in path.read_text() or stands != "backlash"
-
-
-@pytest.mark.parametrize("count", [200, pytest.param(3000, marks=pytest.mark.slow)])
-def test_mutants_are_refused_or_come_back(tmp_path: Path, count: int) -> None:
-    rng, path, table = np.random.default_rng(count), tmp_path / "mill.ini", tmp_path / "own.comp"
-    more, own = STANDS["type 1"]
-    sizes = {"low": -100, "high": 100, "home": HOME, "search": 20, "latch": -1}
-    whole = INI.format(unit="mm", more=more, **sizes)
-    accepted = 0
-    for number in range(count):
-        texts = [whole, own]
-        texts[number % 2] = mutant(texts[number % 2], rng)
-        path.write_text(texts[0], "utf-8", newline="")
-        table.write_text(texts[1], "utf-8", newline="")
-        try:
-            before = controller_file(str(path))
-            written, data = before.changed({"x": 0.1}, 3, {"x": lambda at: np.ones((2, len(at)))})
-        except OrthocalError:
-            continue
-        accepted += 1
-        assert table.read_bytes() == texts[1].encode()
-        path.write_bytes(data)
-        assert controller_file(str(path)).restored(written) == texts[0].encode()
-    assert accepted > count / 10

@@ -17,6 +17,11 @@ INI, CFG = (
     Path(__file__).with_name(name).read_text(encoding="utf-8")
     for name in ("mill.ini", "kossel.cfg")
 )
+GCODE = "  G1 X12.5 Y-3.25 F9000\n"
+COMPENSATED = (
+    INI.replace("HOME = 0.0\n", "COMP_FILE = own.comp\nCOMP_FILE_TYPE = 1\n", 1),
+    "-50 0.01 -0.01\n60 0.02 0\n",
+)
 CHANGES = {"x": 0.421, "y": -0.296, "z": 0.861}
 VALUES = {"radius": 140.2, "a": 300.5, "b": 300.2, "c": 299.9}
 
@@ -167,18 +172,30 @@ def test_a_running_linuxcnc_of_this_ini_tells_seven_digits(
     assert is_live(of(tmp_path, INI.replace("0.500\n", f"{offset}\n"))) is same
 
 
-@pytest.mark.parametrize("count", [150, pytest.param(5000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [240, pytest.param(8000, marks=pytest.mark.slow)])
 def test_mutants_change_and_come_back_or_are_refused(tmp_path: Path, count: int) -> None:
-    rng, path = np.random.default_rng(7), tmp_path / "file"
-    done = 0
+    """Of an INI, a printer.cfg, and an INI with the table that it names, of which either."""
+    rng, path, table = np.random.default_rng(7), tmp_path / "file", tmp_path / "own.comp"
+    done = [0, 0, 0, 0]
     for number in range(count):
-        data = mutant(INI if number % 2 else CFG, rng).encode("utf-8", "surrogatepass")
-        path.write_bytes(data)
+        kind = number % 4
+        texts = [
+            (INI, ""),
+            (f"[gcode_macro A]\ngcode:\n{20 * GCODE}{CFG}", ""),
+            COMPENSATED,
+            COMPENSATED,
+        ][kind]
+        data = [text.encode() for text in texts]
+        data[kind == 3] = mutant(texts[kind == 3], rng).encode("utf-8", "surrogatepass")
+        path.write_bytes(data[0])
+        table.write_bytes(data[1])
+        added = {"x": lambda at: np.ones((2, len(at)))} if kind > 1 else {}
         with contextlib.suppress(OrthocalError):
             before = controller_file(str(path))
-            written, new = before.changed(CHANGES if before.adds else VALUES, 3)
+            written, new = before.changed(CHANGES if before.adds else VALUES, 3, added)
             replace_file(before.target, before.sha256, new)
             after = controller_file(str(path))
-            assert after.restored(written) == data
-            done += 1
-    assert done > 0.15 * count
+            assert after.restored(written) == data[0]
+            assert table.read_bytes() == data[1]
+            done[kind] += 1
+    assert min(done) > 0.15 * count / 4

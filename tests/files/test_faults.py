@@ -1,4 +1,4 @@
-"""Whatever is wrong in a file is said with its place and a remedy: the tables of `faults.yaml`."""
+"""Every fault of a file is named with its place and a remedy; the cases stand in `faults.yaml`."""
 
 import re
 from collections.abc import Callable
@@ -70,7 +70,7 @@ KINDS: dict[str, tuple[str, str, Reader]] = {
 
 @pytest.mark.parametrize(("kind", "row"), [(kind, row) for kind in CASES for row in CASES[kind]])
 def test_faults_name_place_and_remedy(tmp_path: Path, kind: str, row: list[Any]) -> None:
-    """The first of so many is the one that the table tells."""
+    """A row states the first of them."""
     old, new, line, column, value, what, remedy, *count = row
     sound, name, read = KINDS[kind]
     assert old is None or old in sound

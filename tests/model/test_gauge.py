@@ -4,6 +4,7 @@ Readings come from the independent truth; chances are counted in draws of rounde
 """
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -123,37 +124,28 @@ def test_a_dead_display(gauge: truth.Gauge) -> None:
     assert kinds(replace(readings, value=nearly), fine) == {SCATTER}
 
 
-def test_one_dead_gauge_is_named() -> None:
-    readings, stated = drawn(truth.MICRON)
-    value = readings.value.copy()
-    value[readings.plan.setup == 2] = 0.123
-    (doubt,) = stated.doubts(replace(readings, value=value))
-    assert sentence(doubt).startswith(f"Repeated readings of leg y, direction x {DEAD}")
-
-
 # --- digits, travel, units --------------------------------------------------------------------
 
 
-def test_more_decimals_than_the_gauge_has() -> None:
-    readings, stated = drawn(truth.DIAL)
-    value = readings.value.copy()
-    value[7] += 0.004
-    (doubt,) = stated.doubts(replace(readings, value=value))
-    text = sentence(doubt)
-    assert GRID in text
-    assert "1 of 60" in text
-    assert f"line {readings.line[7]}, {value[7]:g} mm" in text
-
-
-def test_readings_further_apart_than_the_plunger_travels() -> None:
+@pytest.mark.parametrize(
+    ("gauge", "rows", "added", "words"),
+    [
+        (truth.MICRON, range(20, 40, 2), None, (DEAD, "Repeated readings of leg y, direction x")),
+        (truth.DIAL, [7], 0.004, (GRID, "1 of 60", "line 9, ")),
+        (truth.DIAL, [33], 10.5, (RANGE, "line 35:")),
+    ],
+    ids=["dead", "decimals", "travel"],
+)
+def test_what_a_gauge_can_hardly_have_shown_is_named(
+    gauge: truth.Gauge, rows: Sequence[int], added: float | None, words: tuple[str, ...]
+) -> None:
     """Far from zero alone is no doubt: a display can be preset."""
-    readings, stated = drawn(truth.DIAL)
-    assert kinds(replace(readings, value=readings.value + 50.0), stated) == set()
-    value = readings.value.copy()
-    value[33] += 10.5
+    readings, stated = drawn(gauge)
+    value = readings.value + 50.0
+    assert kinds(replace(readings, value=value), stated) == set()
+    value[rows] = 0.123 if added is None else value[rows] + added
     (doubt,) = stated.doubts(replace(readings, value=value))
-    assert RANGE in sentence(doubt)
-    assert f"line {readings.line[33]}:" in sentence(doubt)
+    assert all(part in sentence(doubt) for part in words)
 
 
 @both_gauges

@@ -1,5 +1,6 @@
 """What is predicted before a reading exists, against the independent truth; plans made of it."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,8 +8,11 @@ import pytest
 from scipy import stats
 
 from orthoglide_cal.estimation import Method, solve
+from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model, synthetic_session
 from orthoglide_cal.model.orthoglide import MINUTES_PER_POSTURE, OFFSET_MM
+from orthoglide_cal.model.plan import Floats
+from orthoglide_cal.model.readings import Contact, GaugePlan
 from orthoglide_cal.planning.forecast import SessionForecast, fewest_cycles, forecast, session_of
 from orthoglide_cal.planning.plan import METHODS, SHOWN_CYCLES, Wanted, measurement_plan
 from orthoglide_cal.planning.steps import (
@@ -19,9 +23,12 @@ from orthoglide_cal.planning.steps import (
     gauge_moves,
     sequence,
 )
+from tests import truth
 from tests.estimation.sessions import solved
 from tests.machines import NOMINAL, NOMINAL_LARGE, both_models, sure
-from tests.planning.truth import true_readings
+from tests.truth.effects import Effect, state_with
+from tests.truth.forward import carriages_and_tool, signals
+from tests.truth.plan import plan_of
 
 DOUBLE, SINGLE, BEST = MeasuringProtocol
 OFFSETS = np.array([0.43, -0.61, 0.32])
@@ -184,3 +191,26 @@ def test_the_tool_is_off_by_what_the_offsets_leave() -> None:
     assert plan.floor is None
     middle = float(plan.chosen.budget.k * np.sqrt(np.trace(plan.chosen.budget.covariance_mm2)))
     assert middle < (plan.chosen.tool_mm or 0.0) < 2.0 * middle
+
+
+def like(machine: Machine) -> truth.Machine:
+    """A machine of the truth with legs as long; nothing else of it shows in readings."""
+    return replace(truth.PROTOTYPE, leg=machine.leg_length_mm)
+
+
+def true_readings(
+    plan: GaugePlan, machine: Machine, offsets: Floats, effects: tuple[Effect, ...] = ()
+) -> Floats:
+    """What perfect gauges read, shape (n,) [mm], of a plan of one part; offsets (3,) [mm]."""
+    columns = {
+        name: getattr(plan, name) for name in ("leg", "direction", "displacement", "gauge_at")
+    }
+    real, state = like(machine), state_with(offsets, effects)[None]
+    there = plan_of(real, **columns, minutes=60.0 * plan.hours)
+    if plan.fixed:
+        return np.asarray(signals(there, real, state)[0])
+    carriages, tool = carriages_and_tool(there, real, state, np.zeros((len(plan), 3)))
+    rows = np.arange(len(plan))
+    at_joint = carriages[plan.leg, plan.direction, 0, rows]
+    at_tool = tool[plan.direction, 0, rows]
+    return np.asarray(np.where(plan.contact == Contact.TOOL, at_tool, at_joint))

@@ -165,21 +165,6 @@ def test_an_orthoglide_has_no_layouts() -> None:
         measurement_plan(NOMINAL, Wanted(layout="bed-7"))
 
 
-@pytest.mark.parametrize("count", [7, 25, 121, 241])
-def test_places_are_spread_evenly(count: int) -> None:
-    at = rings(count, 100.0)
-    assert at.shape == (count, 2)
-    away = np.hypot(*at.T)
-    assert away.min() == 0.0
-    assert away.max() == pytest.approx(100.0, abs=0.1)
-    near = np.linalg.norm(at[:, None] - at, axis=-1) + 1e9 * np.eye(count)
-    # As far from each other as places of a hexagonal grid, within a factor of two.
-    usual = np.sqrt(2.0 / np.sqrt(3.0) * np.pi * 100.0**2 / count)
-    assert 0.5 * usual < near.min(axis=1).min()
-    assert near.min(axis=1).max() < 2.0 * usual
-    assert np.abs(at.mean(axis=0)).max() < 3.0
-
-
 @pytest.mark.parametrize("count", [13, 121])
 def test_time_says_little_of_the_place(count: int) -> None:
     """Regressed on tilt and bowl of the bed; row by row it is 0.9 and more."""

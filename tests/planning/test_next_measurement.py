@@ -7,13 +7,12 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation import solve
-from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.inference import Diagnosis, NextMeasurement, Verdict, diagnose
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.model.measured import DataKind, Readings
-from orthoglide_cal.model.model import Model, differentiate, synthetic_session
+from orthoglide_cal.model.model import synthetic_session
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, joined
 from orthoglide_cal.model.readings import GaugePlan, Posture
@@ -227,28 +226,6 @@ def test_readings_are_expected_as_the_truth_has_them() -> None:
         # What nobody would see is left out of the expectations.
         expected = np.linalg.norm((seen.means[0] - seen.means[1])[:-3, 0])
         assert expected == pytest.approx(np.linalg.norm(apart), rel=1e-3)
-
-
-def test_u_is_that_of_one_fit_to_all_readings() -> None:
-    """Least squares with plausible sizes: stands that stay keep their places, and a knock."""
-    model = Model(MACHINE.changed(gauge=MACHINE.gauge.changed(placement_mm=10.0)))
-    plan = double_posture(MACHINE, cycles=1)
-    session = synthetic_session(model, plan, 4.0 * OFFSETS, np.random.default_rng(2))
-    knocked = 0.2 * ((plan.setup == plan.setup[-1]) & (plan.order > plan.order[-5]))
-    found = diagnose(replace(session, value=session.value + knocked), model)
-    ((_, fit),) = found.by_place
-    (knock,) = fit.effects
-    for following in (each for each in rank_measurements(found) if each.continues):
-        both = joined(plan, following.plan)
-        _, slopes = differentiate(model, fit.offsets, both, [knock])
-        others = [each.columns for each in influences(model, fit.offsets, both)]
-        columns = np.hstack([slopes, *others, both.zeros])
-        sizes = np.ones(columns.shape[1])
-        sizes[:4] = *np.full(3, 10.0), knock.cause.size(model.machine)
-        sizes[-both.setups :] = np.inf
-        covariance = np.linalg.inv(columns.T @ columns / fit.sigma**2 + np.diag(sizes**-2.0))
-        reach = 1.96 * np.sqrt(np.diag(covariance)[:3])
-        assert following.expanded == pytest.approx(reach, rel=0.02)
 
 
 # --- beside data that no readings can be joined to: a session of its own ----------------------

@@ -84,21 +84,16 @@ def test_each_teaches_something_else() -> None:
     assert len({sentence(option.what) for option in ALL}) == len(ALL)
 
 
-def test_what_is_entered_for_a_step_stays_in_what_was_entered_before() -> None:
-    entered = replace(FIRST, entered=np.tile((0.2, 0.0, -0.1), (len(FIRST), 1)))
-    for option in options(entered, MACHINE):
-        more = option.plan.entered - (0.2, 0.0, -0.1)
-        stepped = "mm short" in sentence(option.what)
-        assert np.all(np.count_nonzero(more, axis=1) == stepped)
-
-
-def test_a_step_that_was_read_has_been_taken_back() -> None:
+def test_a_step_is_entered_beside_what_was_entered_and_taken_back_behind_it() -> None:
+    before = np.array([0.2, 0.0, -0.1])
     (stepped, *_) = (option for option in GOING_ON if "mm short" in sentence(option.what))
     both = joined(FIRST, stepped.plan)
     assert both.entered[both.in_time[-1]].any()
-    for option in options(both, MACHINE):
-        more = "mm short" in sentence(option.what)
-        assert np.all(np.count_nonzero(option.plan.entered, axis=1) == more)
+    entered = replace(FIRST, entered=np.tile(before, (len(FIRST), 1)))
+    for first, stays in ((entered, before), (both, 0.0 * before)):
+        for option in options(first, MACHINE):
+            more = np.count_nonzero(option.plan.entered - stays, axis=1)
+            assert np.all(more == ("mm short" in sentence(option.what)))
 
 
 @pytest.mark.parametrize(("low", "way"), [(-100.0, "short"), (-13.2, "too far"), (-12.8, None)])

@@ -11,16 +11,14 @@ import numpy as np
 from .beyond import RARE, SIZES, Distinction, Gaussian
 from .delta import (
     KOSSEL,
-    TOLERANCES,
     V400,
     DeltaSession,
     Layout,
     Truth,
-    changes,
     make_delta_session,
     places_of,
 )
-from .delta_separation import GRAIN, calibrated, local_shape, slopes
+from .delta_separation import GRAIN, calibrated, families, local_shape, slopes
 from .plan import Floats
 
 HOWS = ("drifts", "settles", "steps", "scatters")
@@ -123,13 +121,9 @@ def distinguish_bed(hidden: HiddenInBed) -> Distinction:
     noise = np.linalg.cholesky(local + 1e-9 * np.eye(len(minutes)))
     at = Gaussian(free / machine.noise, noise, np.zeros((len(minutes), 0)))
     record = session.contact / machine.noise
-    families = [
-        slopes(session, bare, count, change, 1e-2 * size) * size / machine.noise
-        for cause, (count, change) in changes(machine.bed).items()
-        for size in [TOLERANCES[cause]]
-    ]
+    causes = families(session, bare).values()
     # Nothing, or a cause that one bed in a hundred has.
-    listed = min(RARE + float(at.costs(record, one[None])[0]) for one in families)
+    listed = min(RARE + float(at.costs(record, one[None] / machine.noise)[0]) for one in causes)
     costs = {("", Region()): listed}
     for how, region in product(HOWS, REGIONS):
         rows = region.rows(session.x, session.y)

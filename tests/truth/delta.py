@@ -16,20 +16,10 @@ import numpy as np
 
 from .effects import USUAL, sizes
 from .forward import tool_from_carriages
+from .machines import machine_file
 from .plan import Floats, Ints, frozen
 
-TOLERANCES: dict[str, float] = {
-    "tower_lean": 2.0,
-    "tower_radius": 0.3,
-    "leg_length": 0.3,
-    "encoder_scale": 1.0,
-    "backlash": 0.05,
-    "bed_shape": 0.1,
-    "probe_tilt": 0.05,
-    "probe_drift": 0.05,
-    "thermal_drift": 0.05,
-    "misread": 0.1,
-}
+FILE, TOLERANCES = machine_file("linear_delta")
 """One standard deviation of each cause: mrad, mm, 1e-3, mm at the bed's edge, mm/h."""
 
 CALIBRATED = {"endstops": 0.5, "radius": 0.5, "angles": 0.1}
@@ -401,39 +391,17 @@ def probe_bed(
 
 def delta_csv(session: DeltaSession) -> str:
     """The record as a file of the contract; z_mm is the height of what lies under the probe."""
-    columns = (
-        session.cycle,
-        session.minutes,
-        session.x,
-        session.y,
-        session.block,
-        session.readings,
-    )
+    names = "cycle", "minutes", "x", "y", "block", "readings"
+    columns = zip(*(getattr(session, name) for name in names), strict=True)
     rows = [
         f"{n},{cycle},{minutes:.2f},{x:.2f},{y:.2f},{block:g},{reading:.6f}"
-        for n, (cycle, minutes, x, y, block, reading) in enumerate(zip(*columns, strict=True), 1)
+        for n, (cycle, minutes, x, y, block, reading) in enumerate(columns, 1)
     ]
     return "\n".join(("seq,cycle,minutes,x_mm,y_mm,z_mm,reading_mm", *rows)) + "\n"
 
 
 def delta_yaml(machine: Delta) -> str:
     """The machine file of the contract that states this machine, its probe and the tolerances."""
-    ends = ", ".join(f"{k}: {v}" for k, v in zip("abc", machine.endstops, strict=True))
-    sizes = "\n".join(f"  {cause}: {size}" for cause, size in TOLERANCES.items())
-    return f"""\
-schema_version: 1
-kind: linear_delta
-name: truth-{machine.name}
-arm_length_mm: {list(machine.arms)}
-delta_radius_mm: {machine.radius}
-tower_angles_deg: {list(machine.angles)}
-endstops_mm: {{{ends}}}
-bed_radius_mm: {machine.bed}
-probe:
-  resolution_mm: {machine.resolution}
-  repeatability_mm: {machine.noise}
-  calliper_mm: {machine.calliper}
-  texture_mm: {machine.texture}
-tolerances:
-{sizes}
-"""
+    lists = {"arms": list(machine.arms), "angles": list(machine.angles)}
+    ends = dict(zip("abc", machine.endstops, strict=True))
+    return FILE.substitute(vars(machine) | lists | ends)

@@ -72,6 +72,14 @@ def slopes(session: DeltaSession, at: Truth, count: int, change: Change, step: f
     return np.stack([(read(one) - read(-one)) / (2.0 * step) for one in steps], axis=1)
 
 
+def families(session: DeltaSession, at: Truth) -> dict[str, Floats]:
+    """What one tolerance of each parameter of a cause adds to the touches, shape (N, p) [mm]."""
+    return {
+        cause: slopes(session, at, count, change, 1e-2 * TOLERANCES[cause]) * TOLERANCES[cause]
+        for cause, (count, change) in changes(session.machine.bed).items()
+    }
+
+
 def local_shape(session: DeltaSession) -> Floats:
     """Covariance of the bed's local shape under the touches, shape (N, N) [mm²]."""
     places = np.stack((session.x, session.y), axis=1)
@@ -114,11 +122,7 @@ class _Rivals:
             return values - free @ (free.T @ values)
 
         self.residual = seen(record - sound + session.contact)
-        self.own = {
-            cause: seen(slopes(session, bare, count, change, 1e-2 * tolerance)) * tolerance
-            for cause, (count, change) in changes(machine.bed).items()
-            for tolerance in (TOLERANCES[cause],)
-        }
+        self.own = {cause: seen(values) for cause, values in families(session, bare).items()}
         self.wrong = seen(np.eye(len(session.x)) * TOLERANCES["misread"])
 
     def distance(self, *causes: str) -> float:

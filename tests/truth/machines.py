@@ -4,25 +4,19 @@ Lengths are in mm. The tolerances are one standard deviation of each cause, in t
 """
 
 from dataclasses import dataclass
+from pathlib import Path
+from string import Template
 
-TOLERANCES: dict[str, float] = {
-    "axis_gap": 0.3,
-    "axis_squareness": 1.0,
-    "leg_length": 0.01,
-    "encoder_scale": 1.0,
-    "backlash": 0.02,
-    "thermal_drift": 0.05,
-    "bar_skew": 1.0,
-    "gauge_drift": 0.05,
-    "stand_shift": 0.1,
-    "gauge_slip": 1.0,
-    "misread": 0.1,
-    "sign_flip": 1.0,
-    "swapped_gauges": 1.0,
-    "exchanged_columns": 1.0,
-    "wrong_unit": 1.0,
-}
+import yaml
 
+
+def machine_file(name: str) -> tuple[Template, dict[str, float]]:
+    """The machine file of a kind, open in what its machines differ in, and its tolerances."""
+    text = (Path(__file__).parent / f"{name}.yaml").read_text(encoding="utf-8")
+    return Template(text), yaml.safe_load(text)["tolerances"]
+
+
+FILE, TOLERANCES = machine_file("orthoglide")
 
 # Standard deviations that a machine file need not state: of a stand's place along the leg [mm], and
 # of a gauge's scale.
@@ -76,21 +70,4 @@ MACHINES: dict[str, Machine] = {m.name: m for m in (PROTOTYPE, LARGE)}
 
 def machine_yaml(machine: Machine, gauge: Gauge) -> str:
     """The machine file (schema_version 1) that states this machine, gauge and the tolerances."""
-    sizes = "\n".join(f"  {cause}: {size}" for cause, size in TOLERANCES.items())
-    return f"""\
-schema_version: 1
-name: truth-{machine.name}
-leg_length_mm: {machine.leg}
-parallelogram_width_mm: {machine.width}
-tool_offset_mm: {machine.tool}
-joint_limits_mm: [{machine.lower}, {machine.upper}]
-workspace_mm: {machine.workspace}
-gauge:
-  resolution_mm: {gauge.resolution}
-  range_mm: {gauge.range}
-  revolution_mm: {gauge.revolution}
-  repeatability_mm: {gauge.noise}
-offsets_mm: {{x: 0.0, y: 0.0, z: 0.0}}
-tolerances:
-{sizes}
-"""
+    return FILE.substitute(vars(gauge) | vars(machine))

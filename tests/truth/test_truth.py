@@ -1,7 +1,8 @@
 """The truth must itself be true: its noise, clock, draws and files, and the distances it judges by.
 
 Its geometry and its effects are compared with the program's, which stand on other legs, in
-`tests/causes`, `tests/estimation` and `tests/model`.
+`tests/causes`, `tests/estimation` and `tests/model`. Effects beyond the list, of gauges and in
+regions of a bed, are as their names say, and their distances are those of densities.
 """
 
 import csv
@@ -21,6 +22,7 @@ from . import (
     PROTOTYPE,
     Session,
     again,
+    bed,
     continue_session,
     expected_heldout,
     make_session,
@@ -31,9 +33,10 @@ from . import (
     signals,
     standard_plan,
 )
+from .beyond import HOWS, Beyond, Gaussian, Where, distinguish, draw_beyond
 from .delta import V400, Layout, Surface, Truth, grain, make_delta_session, touches, ways_between
-from .effects import Effect, state_with, swapped_rows
-from .forward import PARTS, prior_sd
+from .effects import Effect, state_with
+from .forward import PARTS, Disturbance, prior_sd
 from .plan import Floats, frozen
 from .separation import Neighbourhood
 from .session import SITTING, Setting
@@ -87,10 +90,8 @@ def test_the_file_is_the_contracts_and_tells_nothing() -> None:
     rows = list(csv.DictReader(io.StringIO(readings_csv(session))))
     assert [float(row["reading_mm"]) for row in rows] == session.readings.tolist()
     assert [int(row["seq"]) for row in rows] == list(range(1, 61))
-    assert {row["leg"] + row["direction"] for row in rows} == {"xy", "xz", "yx", "yz", "zx", "zy"}
     assert all(len(row["reading_mm"].split(".")[1]) == 2 for row in rows)
     assert "swap" not in readings_csv(session)
-    assert swapped_rows(session.plan, 1)[20:24].tolist() == [21, 20, 23, 22]
 
 
 def test_the_truth_does_not_know_the_program() -> None:
@@ -262,3 +263,106 @@ def test_a_bed_is_forgotten_over_its_length() -> None:
     heights = np.array([bed.height(30.0 + away, 0.0 * away) for bed in beds])
     found = heights.T @ heights[:, 0] / len(beds) / 0.02**2
     np.testing.assert_allclose(found, np.exp(-away / length), atol=0.2)
+
+
+def _added(hidden: Beyond) -> Floats:
+    """What the effect adds to the record, shape (N,), [mm]."""
+    return np.asarray(hidden.session.clean - hidden.twin.clean)
+
+
+def in_time(how: str, values: Floats, minutes: Floats, shape: float) -> Floats:
+    """The course of the effect that these values are of; of scatter, of which no two are alike."""
+    if how == "settles":
+        return np.asarray(values[0] * np.exp(-(minutes - minutes[0]) / shape))
+    if how == "steps":
+        return np.where(minutes < shape, 0.0, values[-1])
+    if how == "drifts":
+        turn = 2.0 * np.pi * minutes / shape
+        waves = np.column_stack((np.sin(turn), np.cos(turn)))
+        return waves @ np.linalg.lstsq(waves, values, rcond=None)[0]
+    assert np.unique(values).size == values.size
+    return values
+
+
+@pytest.mark.parametrize("how", HOWS)
+def test_an_effect_is_what_it_says_in_its_place_and_nothing_elsewhere(how: str) -> None:
+    hidden = draw_beyond(1, PROTOTYPE, MICRON, how, "leg")
+    added, plan = _added(hidden), hidden.session.plan
+    assert not added[plan.leg != hidden.where.leg].any()
+    posture = np.array(plan.posture)
+    for gauge in np.unique(plan.setup[plan.leg == hidden.where.leg]):
+        rows = np.flatnonzero(plan.setup == gauge)
+        values, minutes = added[rows], plan.minutes[rows]
+        assert np.abs(values).max() > 2.0 * MICRON.sigma
+        assert how != "steps" or not values[0]
+        if how == "repeats":
+            expected = [values[posture[rows] == name][0] for name in posture[rows]]
+        elif how == "hysteresis":
+            moved = np.diff(hidden.twin.clean[rows])
+            expected = [0.0, *np.where(moved > 0.0, -1.0, 1.0) * np.abs(values[1])]
+        elif how == "temperature":
+            change = hidden.session.warm - hidden.session.warm[0]
+            expected = change[rows] * (values[-1] / change[rows][-1])
+        else:
+            expected = in_time(how, values, minutes, hidden.shape)
+        assert values == pytest.approx(expected, abs=1e-9)
+
+
+def test_costs_are_those_of_normal_densities() -> None:
+    """Differences of expected log densities, with zeros and offsets of 10 m instead of free."""
+    rng = np.random.default_rng(5)
+    free, noise, first, second = (rng.normal(size=(20, count)) for count in (3, 2, 1, 4))
+    record = rng.normal(scale=5.0, size=20)
+    near = Gaussian(free, noise, first)
+    pair = near.costs(record, np.stack((second, 0.0 * second)))
+    wide = 1e8 * free @ free.T + np.eye(20) + noise @ noise.T
+    direct = []
+    for added in (np.hstack((first, second)), first):
+        covariance = wide + added @ added.T
+        expected = wide - 1e8 * free @ free.T + np.outer(record, record)
+        cost = np.trace(np.linalg.solve(covariance, expected))
+        direct.append(cost + np.linalg.slogdet(covariance)[1])
+    assert pair[0] - pair[1] == pytest.approx(direct[0] - direct[1], abs=1e-4)
+    alone = near.with_columns(second).costs(record, np.zeros((1, 20, 0)))
+    assert alone[0] == pytest.approx(pair[0], rel=1e-9)
+
+
+def test_a_clear_effect_stands_out_and_a_hundredth_of_it_does_not() -> None:
+    step = draw_beyond(10, PROTOTYPE, MICRON, "steps", "leg")
+    far = distinguish(step)
+    # One stand at a time is in use.
+    assert far.same == {("steps", step.where), ("steps", Where())}
+    assert far.clear
+    small = Disturbance.of(step.session.plan, contact=0.01 * _added(step))
+    clean = step.twin.clean + small.contact
+    faint = replace(step, session=replace(step.session, disturbance=small, clean=clean))
+    assert not distinguish(faint).clear
+
+
+@pytest.mark.parametrize("how", bed.HOWS)
+@pytest.mark.parametrize("kind", ["half", "ring"])
+def test_an_effect_is_what_it_says_in_its_region_and_nothing_elsewhere(how: str, kind: str) -> None:
+    hidden = bed.draw_bed(3, how, kind)
+    session, added = hidden.session, hidden.session.contact
+    rows = hidden.where.rows(session.x, session.y)
+    assert 0 < rows.sum() < len(rows)
+    assert not added[~rows].any()
+    values, minutes = added[rows], session.minutes[rows]
+    assert values == pytest.approx(in_time(how, values, minutes, hidden.shape), abs=1e-9)
+    assert np.abs(values).max() > (1.0 if how == "scatters" else 4.0) * session.machine.noise
+
+
+def test_regions_have_the_answers_names_and_cover_the_bed() -> None:
+    x, y = np.random.default_rng(1).uniform(-1.0, 1.0, (2, 200))
+    # Of the halves two hold each place.
+    counts = {"everything": 1, "half": 2, "quarter": 1, "ring": 1}
+    for kind, names in bed.KINDS.items():
+        assert set(sum(bed.Region(name).rows(x, y).astype(int) for name in names)) == {counts[kind]}
+    assert (bed.Region("edge").names, bed.Region().names) == ({"region": "edge"}, {})
+    assert bed.Region("back left").kind == "quarter"
+
+
+def test_a_step_of_one_pass_of_three_is_clear() -> None:
+    far = bed.distinguish_bed(bed.draw_bed(3, "steps", "half"))
+    assert far.clear
+    assert all(how == "steps" for how, _ in far.same)

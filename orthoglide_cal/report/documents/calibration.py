@@ -28,15 +28,12 @@ from orthoglide_cal.report.case import (
     position_words,
     reserved,
     signed_page,
+    size_words,
     stated,
     to_do,
 )
 from orthoglide_cal.report.documents import pictures, solution, verification
-from orthoglide_cal.report.documents.diagnosis import (
-    RESIDUALS,
-    diagnosis_notice,
-    diagnosis_section,
-)
+from orthoglide_cal.report.documents.diagnosis import RESIDUALS, diagnosis_notice, diagnosis_section
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import Verification
 from orthoglide_cal.words import plain, short, two_figures
@@ -93,23 +90,16 @@ def calibration_document(
         for measured, when in ((after, "as left"), (case, "as found" if after else "")):
             if measured is not None and measured.answer.parameters:
                 pages.append(pictures.readings_table(measured, when))
-        if answer.parameters:
-            drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
-            rivals = [*_rivals(case)]
-            if len(named) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
-                named.append(rivals.pop(0))
-            result = _result(case, left, named, drawn)
-            sheet = [*result, *frame.sheet, *map(_other, case.others)]
-            moved = [case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE]
-            if released:
-                sheet[len(result) : len(result)] = [doc.Section(None, text) for text in moved]
-            if named and not released:
-                pages.insert(1, _parameters(case, drawn))
-                pages[:0] = rivals
-        else:
-            # There is nothing to pin to the machine, and one sheet of paper says it all.
-            sheet = [doc.next_steps(to_do(case)), *frame.sheet, *map(_other, case.others), *pages]
-            pages = []
+        drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
+        rivals = [*_rivals(case)]
+        if len(named) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
+            named.append(rivals.pop(0))
+        sheet = [*_result(case, left, named, drawn), *frame.sheet, *map(_other, case.others)]
+        if named and not released:
+            pages.insert(1, _parameters(case, drawn))
+            pages[:0] = rivals
+        if not answer.parameters:  # nothing to pin to the machine: one sheet of paper says it all
+            sheet, pages = [*sheet, *pages], []
         authorised = machine.report.authorised_by
         roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
         return replace(
@@ -148,9 +138,13 @@ def _result(
         return verification.parameters_left(left), doc.next_steps(steps, *rule, *drawn)
     next_steps = doc.next_steps(to_do(case))
     if case.answer.release.usable:
-        return _parameters(case, drawn), *named, next_steps
+        moved = (case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE)
+        notes = doc.Section(None, *moved)
+        return _parameters(case, drawn), *named, next_steps, notes
     # Where the causes are drawn, the first sheet is full.
-    return (*named, next_steps) if named else (next_steps, _parameters(case, drawn))
+    if named or not case.answer.parameters:
+        return *named, next_steps
+    return next_steps, _parameters(case, drawn)
 
 
 def _parameters(case: Case, drawn: Sequence[doc.Block]) -> doc.Section:
@@ -167,16 +161,14 @@ def _parameters(case: Case, drawn: Sequence[doc.Block]) -> doc.Section:
 
 def _causes(case: Case) -> Iterator[doc.Section]:
     """Each cause of the likeliest answer: where, how large with U, drawn, what to do about it."""
-    answer, release = case.answer, case.answer.release
-    undecided = answer.verdict is Verdict.AMBIGUOUS
-    advised = " ".join(case.says(remedy.sentence) for remedy in release.remedies)
+    answer, undecided = case.answer, case.answer.verdict is Verdict.AMBIGUOUS
+    advised = " ".join(case.says(remedy.sentence) for remedy in answer.release.remedies)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
-        blocks: list[doc.Block] = [_cause_grid(case, cause.id, cause.parameters, cause.where)]
-        if cause.remedy.rstrip(".") not in advised:
-            blocks.append(f"If so: {cause.remedy}" if undecided else cause.remedy)
-        title = f"{case.title_of(cause.id)} ({cause.id})"
+        title, remedy = f"{case.title_of(cause.id)} ({cause.id})", cause.remedy
         title = f"Possible: {title}" if undecided else f"{title[0].upper()}{title[1:]}"
-        yield doc.Section(title, *blocks, *pictures.cause_figure(case, cause))
+        new = [] if remedy.rstrip(".") in advised else [f"{'If so: ' * undecided}{remedy}"]
+        grid = _cause_grid(case, cause.id, cause.parameters, cause.where)
+        yield doc.Section(title, grid, *new, *pictures.cause_figure(case, cause))
 
 
 def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str = "") -> doc.Block:
@@ -190,7 +182,7 @@ def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str 
     if where and len(sizes) < 2:
         places = [where]
     columns: dict[str, Sequence[doc.Blank]] = {"": [doc.strong(place) for place in places]}
-    columns["size ± U (95 %)"] = [pictures.size_words(size) for size in sizes]
+    columns["size ± U (95 %)"] = [size_words(e.value, e.expanded, e.unit) for e in sizes]
     if gaps and shims:
         columns["shim"] = [
             f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims
@@ -208,11 +200,9 @@ def _rivals(case: Case) -> Iterator[doc.Section]:
     rivals = (state.sizes for state in case.answer.explanations if {*state.sizes} & {*words})
     for id, sizes in next(rivals, {}).items():
         if id in words and (sketch := pictures.cause_sketch(case, id, sizes)):
-            cause = words.pop(id)
+            cause, grid = words.pop(id), _cause_grid(case, id, sizes)
             text = f"How to check: {cause.instrument}. If so: {cause.advice}"
-            yield doc.Section(
-                f"Or: {cause.title} ({id})", _cause_grid(case, id, sizes), text, sketch
-            )
+            yield doc.Section(f"Or: {cause.title} ({id})", grid, text, sketch)
     lines = (f"{one.title} ({id}). How to check: {one.instrument}." for id, one in words.items())
     yield doc.Section("Also possible", *(f"{line[0].upper()}{line[1:]}" for line in lines))
 

@@ -14,11 +14,7 @@ from orthoglide_cal.inference.result import Explanation, FoundPattern
 from orthoglide_cal.model.cause import Stage
 from orthoglide_cal.model.measured import weighing
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import (
-    Case,
-    decision_notice,
-    to_do,
-)
+from orthoglide_cal.report.case import Case, decision_notice, size_words, sizes_words, to_do
 from orthoglide_cal.report.documents.pictures import brief_residuals, residual_blocks
 from orthoglide_cal.report.documents.solution import (
     alone_block,
@@ -27,8 +23,6 @@ from orthoglide_cal.report.documents.solution import (
     open_blocks,
     parameters_grid,
     parameters_title,
-    sizes,
-    sizes_grid,
     solution_document,
 )
 from orthoglide_cal.report.sentences import pattern_name, pattern_remedy, pattern_words
@@ -51,8 +45,7 @@ _NOTHING, _UNLISTED = "nothing wrong", "none of the listed causes"
 # What one screen has room for.
 _MOST_OPEN = 4  # explanations
 _MOST_LIKELY = 3  # of them in the title
-_MOST_CELLS = 3  # sizes side by side
-_MOST_SIZES = 6  # of one cause; of more the largest are shown
+_MOST_SIZES, _MOST_SHOWN = 6, 3  # of one cause; of more the largest are shown
 _DECIDED, _BEYOND, _UNDECIDED = 30, 24, 20  # lines of its screen
 
 
@@ -83,11 +76,10 @@ def _screen(case: Case) -> doc.Page:
     notes += _doubts(case, all=False)
     if answer.ruled_out:
         notes.append(f"Ruled out by hand: {listed(answer.ruled_out)}.")
-    if answer.not_excluded:
-        notes.append(f"Not excluded, too small to show: {listed(answer.not_excluded)}.")
+    notes += [case.says(note) for note in answer.notes if note.code == "not_excluded"]
     decisive, left = [*_sizes(case, offsets=True), *open_blocks(case)], [_rms_grid(case)]
     if undecided:
-        decisive, left = [_open_grid(case)], []
+        decisive, left = [_open_grid(case)], left * bool(answer.holdout)
 
     def page() -> doc.Page:
         sections = (
@@ -97,7 +89,7 @@ def _screen(case: Case) -> doc.Page:
         notice, simulated = diagnosis_notice(case), answer.simulated
         return doc.Page("Diagnosis", simulated=simulated, notice=notice, sections=sections)
 
-    return fitting(page, most, notes, baselines, again, residuals, others)
+    return fitting(page, notes, baselines, again, residuals, others, lines=most)
 
 
 def diagnosis_notice(case: Case) -> doc.Notice:
@@ -131,39 +123,34 @@ def diagnosis_notice(case: Case) -> doc.Notice:
     return replace(notice, title=title, lines=tuple(lines))
 
 
-def _sizes(case: Case, *, offsets: bool = False) -> Iterator[doc.Block]:
+def _sizes(case: Case, *, offsets: bool = False) -> Iterator[str]:
     """Where the causes are, and their parameters; with `offsets` also those of the machine."""
-    answer, unit = case.answer, common_unit(case.machine)
-    lines: list[tuple[str, Sequence[str]]] = []
+    answer = case.answer
     for cause in answer.causes:
         shown = cause.parameters
         if len(shown) > _MOST_SIZES and not cause.where:
             largest = sorted(shown, key=lambda size: -abs(size.value) / (size.std or 1.0))
-            shown = tuple(largest[:_MOST_CELLS])
-        rows = [(size.name, size.value, size.expanded, size.unit) for size in shown]
-        if cause.where:
-            places = [cause.where] if len(rows) < 2 else [name for name, *_ in rows]
-            for place, row in zip_longest(places, rows):
-                size = "" if row is None else sizes([("", *row[1:])], True)[0].lstrip()
-                if size and CAUSES[cause.id].stage is Stage.RECORD:
-                    size = size.lstrip("+−").replace("1 turns", "1 turn")
-                    size += f" too {'high' if row[1] > 0.0 else 'low'}"
-                at = "" if place.startswith(("at ", "from ")) else "at "
-                where = f"{cause.id} {at}{place}"
-                yield f"{': '.join(filter(None, (where, size)))}."
-        elif rows:
-            others = len(cause.parameters) - len(rows)
-            cells = [*sizes(rows, False), *([f"and {counted(others, 'other')}"] * bool(others))]
-            lines.append((f"{cause.id}, {unit_words(shown[0].unit)}", cells))
+            shown = tuple(largest[:_MOST_SHOWN])
+        sizes = [(size.name, size.value, size.expanded, size.unit) for size in shown]
+        if sizes and not cause.where:
+            others = len(cause.parameters) - len(shown)
+            rest = f" and {counted(others, 'other')}" if others else ""
+            yield f"{cause.id}: {sizes_words(sizes)}{rest}."
+        places = [cause.where] if len(sizes) < 2 else [name for name, *_ in sizes]
+        for place, row in zip_longest(places, sizes) if cause.where else ():
+            size = size_words(*row[1:]) if row else ""
+            if row and CAUSES[cause.id].stage is Stage.RECORD:
+                size = size.lstrip("+−").replace("1 turns", "1 turn")
+                size += f" too {'high' if row[1] > 0.0 else 'low'}"
+            at = "" if place.startswith(("at ", "from ")) else "at "
+            where = f"{cause.id} {at}{place}"
+            yield f"{': '.join(filter(None, (where, size)))}."
     if offsets:
         known = (size for size in answer.parameters if size.determined)
-        rows = [(size.name, size.found or 0.0, size.expanded, size.unit) for size in known]
-        # They stand in the row above: by their names the columns would not fit.
+        found = ((size.name, size.found or 0.0, size.expanded, size.unit) for size in known)
         together = len(answer.causes) + len(_beyond(answer))
         causes = f" with {'them' if together > 1 else 'it'}" * bool(answer.named or answer.patterns)
-        lines.append((f"{case.words.many}{causes}{unit}", sizes(rows, not unit)))
-    if lines:
-        yield sizes_grid(lines, 3 if unit else 2)
+        yield f"{case.words.many.capitalize()}{causes}: {sizes_words(found)}."
 
 
 def _omitted(case: Case) -> str:
@@ -245,7 +232,8 @@ def _open_grid(case: Case) -> doc.Grid:
     names = [row.name for row in case.answer.parameters]
     # Where nearly any cause fits, one of them shows what they may do.
     most = 1 if "few_readings" in case.answer.release.codes else _MOST_OPEN
-    others = [state for state in _open(case.answer) if not state.sound][:most]
+    rivals = (state for state in _open(case.answer) if not state.sound)
+    others = [state for state in rivals if round(100.0 * state.probability)][:most]
     for state in (*filter(None, [offsets_only(case.answer)]), *others):
         values = {
             one.name: signed(one.found, decimals_for(2.0 * one.std))

@@ -13,6 +13,7 @@ from orthoglide_cal.inference.trends import Trend
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
+from orthoglide_cal.report.case import sizes_words
 from orthoglide_cal.report.figures import below, line, thread
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.report.terminal import fitting
@@ -28,7 +29,6 @@ from orthoglide_cal.words import (
     with_uncertainty,
 )
 
-_HIGH = 24  # lines of a screen
 _TOLD = 3  # changes in words
 _MONTH = 30.0  # days, for which a drift is stated
 _STORIES = {
@@ -55,7 +55,7 @@ def _screen(history: History, notes: Sequence[str], steps: Sequence[doc.Instruct
     last = len(history.sessions) - 1
     around = (k for change in reversed(history.changes) for k in (change.at, change.at + 1))
     wanted = [*dict.fromkeys((last, 0, *around, *range(last - 1, 0, -1)))]
-    kept, others = wanted[:3], wanted[3:_HIGH]
+    kept, others = wanted[:3], wanted[3:24]
 
     def page() -> doc.Page:
         table = doc.Section(None, _table(history, {*kept, *others}), *notes[:3])
@@ -63,7 +63,7 @@ def _screen(history: History, notes: Sequence[str], steps: Sequence[doc.Instruct
         notice, simulated = _notice(history), history.simulated
         return doc.Page("History", notice=notice, sections=sections, simulated=simulated)
 
-    return fitting(page, _HIGH, others)
+    return fitting(page, others)
 
 
 def _page(history: History, notes: Sequence[str], steps: Sequence[doc.Instruction]) -> doc.Page:
@@ -134,10 +134,7 @@ def _notice(history: History) -> doc.Notice:
 def _sizes(values: Sequence[Estimate], by: str = "") -> str:
     """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
     kept = [size for size in values if not by or abs(size.value) > size.expanded] or values
-    return ", ".join(
-        f"{size.name}{by} {with_uncertainty(size.value, size.expanded)} {unit_words(size.unit)}"
-        for size in kept
-    )
+    return sizes_words((f"{e.name}{by}", e.value, e.expanded, e.unit) for e in kept)
 
 
 def _label(history: History, at: int) -> str:

@@ -13,11 +13,11 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.case import Case, comparison_words, position_words
+from orthoglide_cal.report.case import Case, comparison_words, position_words, size_words
 from orthoglide_cal.report.escape import Html
 from orthoglide_cal.report.sentences import pattern_name, pattern_words
 from orthoglide_cal.results.answer import Answer, Residual
-from orthoglide_cal.words import plain, short, signed, unit_words, with_uncertainty
+from orthoglide_cal.words import plain, short, signed
 
 # Below the signs of a bed.
 _BED_LEGEND = (
@@ -165,7 +165,10 @@ def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure |
         panel = figures.rails_sketch(gaps, shims)
     elif drawn and CAUSES[id].unit != PER_HOUR and not _on_bed(case.answer):
         key = "Dashed: as it should be. Solid: as it is, enlarged."
-        rows = {e.name: (e.value, place_words(e.name), size_words(e)) for e in drawn[:_MOST_DRAWN]}
+        rows = {
+            e.name: (e.value, place_words(e.name), size_words(e.value, e.expanded, e.unit))
+            for e in drawn[:_MOST_DRAWN]
+        }
         panel = figures.parameter_sketch(id, rows)
     else:
         return None
@@ -230,12 +233,6 @@ def place_words(name: str) -> str:
     return Series(AXES.index(leg), AXES.index(direction)).words if leg in AXES else name
 
 
-def size_words(size: Estimate) -> str:
-    """Value, U and unit; whole numbers have no U."""
-    value = with_uncertainty(size.value, size.expanded) if size.std else signed(size.value, 0)
-    return f"{value} {unit_words(size.unit)}"
-
-
 def readings_table(case: Case, when: str) -> doc.Section:
     """Every reading as it was written down, and what the model leaves of it, named by `when`."""
     rows, left = case.answer.residuals, [*_left(case).values()][-1]
@@ -249,8 +246,10 @@ def readings_table(case: Case, when: str) -> doc.Section:
         at, places = ", ".join(names), [", ".join(str(getattr(e, n)) for n in names) for e in rows]
     else:
         at, places = "difference", [row.posture or "" for row in rows]
+    # All with the digits of the longest one: 0.20 is more than 0.2.
+    digits = max(len(short(row.measured_mm, 4).partition(".")[2]) for row in rows)
     table = [
-        (str(row.order), place, short(row.measured_mm, 4), signed(mm, 4))
+        (str(row.order), place, signed(row.measured_mm, digits), signed(mm, 4))
         for row, place, mm in zip(rows, places, left.tolist(), strict=True)
     ]
     grid = doc.Grid(("no.", at, "measured, mm", "left, mm"), table, words=(1,))

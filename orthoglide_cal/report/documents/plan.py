@@ -31,11 +31,7 @@ from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order,
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, decision_notice
 from orthoglide_cal.report.documents.diagnosis import between_words
-from orthoglide_cal.report.documents.solution import (
-    budget_sections,
-    common_unit,
-    source_words,
-)
+from orthoglide_cal.report.documents.solution import budget_sections, common_unit, source_words
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.words import (
@@ -311,7 +307,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
     meaning = [f"U of each {machine.vocabulary.one}{unit} (95 %); –: not determined."]
     if cycles:
         columns["noise"] = [two_figures(max(session.noise_std_mm.values())) for session in shown]
-        meaning.append("Noise: part of u that comes from scatter, of the worst offset.")
+        meaning.append("Noise: the part of u from scatter.")
     for name in machine.parameter_names:
         rows = (session.parameters[name] for session in shown)
         columns[name] = [two_figures(row["lessened"]) if row["determined"] else "–" for row in rows]
@@ -334,9 +330,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
             f"No layout determines {last[0]}: it is taken as stated, and the last row is its share"
             " of U (squares add up). solve also adds causes that the readings cannot rule out."
         )
-    caption = " ".join(meaning)
-    if brief:
-        caption = meaning[0] if cycles else ""
+    caption = "" if brief and not cycles else " ".join(meaning)
     return doc.Grid.of(columns, () if cycles else (0,), caption)
 
 
@@ -415,11 +409,10 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     release = begun.answer.release
     if not (plan.next or release.usable):
         return decision_notice(begun)
+    words, needless = plan.model.machine.vocabulary, "Nothing needs to be measured"
     if not plan.next:
-        none = (
-            f"Nothing is undecided, and no further {plan.model.machine.vocabulary.noise} readings"
-        )
-        return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (f"{none} lower U.",))
+        none = f"Nothing is undecided, and no further {words.noise} readings lower U."
+        return doc.Notice(doc.Tone.GOOD, needless, (none,))
     best, now = plan.next[0], plan.now_mm
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
     today = "Now it is" if common_unit(plan.model.machine) else "The largest is now"
@@ -443,9 +436,9 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
         settled = f"It distinguishes {first} from {second} ({best.separation_sigma:.1f} σ)."
         return doc.Notice(doc.Tone.INFO, title, (settled, worth, *target))
     if release.usable:
-        may = f"Nothing is undecided, and the {plan.model.machine.vocabulary.many} may be entered."
+        may = f"Nothing is undecided. {decision_notice(begun).title}."
         better = f"To reduce U: {minutes}. {worth}"
-        return doc.Notice(doc.Tone.GOOD, "Nothing needs to be measured", (may, better, *target))
+        return doc.Notice(doc.Tone.GOOD, needless, (may, better, *target))
     return doc.Notice(doc.Tone.INFO, f"Next: {minutes}", (worth, *target))
 
 

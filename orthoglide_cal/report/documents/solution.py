@@ -3,7 +3,7 @@
 Other pages show its parts, too: the parameters, what is not determined, and where U comes from.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 from orthoglide_cal.causes import CAUSES
@@ -28,7 +28,6 @@ from orthoglide_cal.words import (
     two_figures,
     typed,
     unit_words,
-    with_uncertainty,
 )
 
 _METHODS = {
@@ -84,7 +83,7 @@ def _screen(case: Case) -> doc.Page:
         notice, simulated = decision_notice(case), answer.simulated
         return doc.Page("Solution", simulated=simulated, notice=notice, sections=sections)
 
-    return fitting(page, _MOST_LINES - answer.simulated, meaning, largest)
+    return fitting(page, meaning, largest, lines=_MOST_LINES - answer.simulated)
 
 
 def _meaning(case: Case) -> str:
@@ -110,14 +109,11 @@ def _improvement(case: Case, *, full: bool = False) -> Iterator[doc.Block]:
     refused = not answer.release.usable
     if rows and answer.as_found is not None and answer.expected is not None:
         digits = difference_decimals(raw, case.machine.instrument.resolution_mm)
-        sizes = (
-            ("measured", [row.measured_mm for row in rows], answer.as_found.rms_mm),
-            ("if entered" if refused else "expected after",
-             [row.expected_mm for row in rows], answer.expected.rms_mm),
-        )  # fmt: skip
+        after = "if entered" if refused else "expected after"
+        found, expected = (plain(e.rms_mm, digits) for e in (answer.as_found, answer.expected))
         table = [
-            (name, *(signed(mm, digits) for mm in values), plain(rms, digits))
-            for name, values, rms in sizes
+            ("measured", *(signed(row.measured_mm, digits) for row in rows), found),
+            (after, *(signed(row.expected_mm, digits) for row in rows), expected),
         ]
         if full or not refused:
             table.append(("± U", *(plain(row.expanded_mm, digits) for row in rows), ""))
@@ -251,26 +247,6 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
 def found_words(parameter: Parameter, decimals: int) -> str:
     """The change that was found."""
     return "not determined" if parameter.found is None else signed(parameter.found, decimals)
-
-
-def sizes(rows: Iterable[tuple[str, float, float, str]], units: bool) -> list[str]:
-    """Name, value ± U, and the unit where they have several."""
-    return [
-        f"{name} {with_uncertainty(value, u) if u else f'{value:+g}'.replace('-', '−')}"
-        f"{f' {unit_words(unit)}' if units else ''}"
-        for name, value, u, unit in rows
-    ]
-
-
-def sizes_grid(lines: Iterable[tuple[str, Sequence[str]]], width: int) -> doc.Grid:
-    """A table of sizes: so many side by side, behind what they are of."""
-    rows = [
-        ("" if start else name, *cells[start : start + width], *[""] * (start + width - len(cells)))
-        for name, cells in lines
-        for start in range(0, len(cells), width)
-    ]
-    columns = width + 1
-    return doc.Grid(("",) * columns, rows, words=range(columns))
 
 
 def _largest_words(case: Case) -> str:

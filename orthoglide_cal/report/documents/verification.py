@@ -13,23 +13,13 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import (
-    INVALIDATING,
-    data_words,
-    reserved,
-    signed_page,
-)
+from orthoglide_cal.report.case import INVALIDATING, data_words, reserved, signed_page, sizes_words
 from orthoglide_cal.report.documents.pictures import differences_figure
-from orthoglide_cal.report.documents.solution import common_unit, sizes, sizes_grid
+from orthoglide_cal.report.documents.solution import common_unit
 from orthoglide_cal.report.sentences import RESPONSES, sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import Identity, Parameter
-from orthoglide_cal.results.verification import (
-    Coefficient,
-    ComparedInput,
-    Outcome,
-    Verification,
-)
+from orthoglide_cal.results.verification import Coefficient, ComparedInput, Outcome, Verification
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import (
     MM_PER_INCH,
@@ -42,8 +32,6 @@ from orthoglide_cal.words import (
     unit_words,
     with_uncertainty,
 )
-
-_HIGH = 24  # lines of a screen
 
 
 def verification_document(result: Verification, identity: Identity) -> doc.Document:
@@ -63,10 +51,9 @@ def _says(result: Verification) -> Callable[[Reason], str]:
 
 
 def _screen(result: Verification) -> doc.Page:
-    known = [(p.name, p.found, p.expanded, p.unit) for p in result.second]
-    left = [(name, size, u, its) for name, size, u, its in known if size is not None]
-    unit = common_unit(result.inputs[1][1].machine)
-    grid = sizes_grid([(f"left{unit}", sizes(left, not unit))], 3 if unit else 2)
+    known = (parameter for parameter in result.second if parameter.found is not None)
+    left = ((size.name, size.found or 0.0, size.expanded, size.unit) for size in known)
+    parameters = f"Left: {sizes_words(left)}."
     before, after = (count for _, count in _measured(result))
     both = f"{before} before and after" if before == after else f"{before} and {after}"
     notice = replace(verification_notice(result), aside=f"{result.machine}, {both}")
@@ -76,11 +63,11 @@ def _screen(result: Verification) -> doc.Page:
 
     def page() -> doc.Page:
         last = doc.next_steps(steps, "More: the same with --details")
-        sections = doc.Section(None, *differences), doc.Section(None, grid), last
+        sections = doc.Section(None, *differences), doc.Section(None, parameters), last
         kind, simulated = "Verification", result.simulated
         return doc.Page(kind, simulated=simulated, notice=notice, sections=sections)
 
-    return fitting(page, _HIGH, differences)
+    return fitting(page, differences)
 
 
 def _page(result: Verification, identity: Identity) -> doc.Page:
