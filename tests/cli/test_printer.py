@@ -60,7 +60,6 @@ CALIBRATED = replace(
 )
 # A stretched belt: 5 mm per metre of tower b.
 STRETCHED = replace(OFF, scales=np.array([0.0, -5.0, 0.0]))
-THREE = (0.0, 25.0, 50.0)
 
 
 def touched(truth: Truth, layout: Layout, seed: int = 2) -> str:
@@ -93,7 +92,7 @@ FILES: dict[str, Callable[[], str]] = {
     "longer.cfg": lambda: printer_cfg(V400, replace(OFF, arms=np.full(3, 0.9))),
     "t13.csv": lambda: exact(V400, OFF, Layout(places=13)),
     "t41.csv": lambda: exact(V400, OFF, Layout(places=41)),
-    "belt.csv": lambda: touched(STRETCHED, Layout(25, THREE)),
+    "belt.csv": lambda: touched(STRETCHED, Layout(25, (0.0, 25.0, 50.0))),
     "lost.csv": lambda: touched(replace(OFF, lost=np.array([0.12, 0.0, 0.1])), Layout(81)),
     "right.csv": lambda: tilted(0.0),
     "tilted.csv": lambda: tilted(0.06),
