@@ -10,7 +10,7 @@ from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, joined
 from tests.machines import ROOT
-from tests.truth.delta import Delta, DeltaSession, Layout, Truth, places_of
+from tests.truth.delta import Delta, Layout, Truth, places_of
 from tests.truth.plan import frozen
 
 CONFIG = ROOT / "configs" / "linear_delta.yaml"
@@ -68,13 +68,6 @@ def standard_plan(machine: Delta = UNEVEN) -> ProbePlan:
     ring = 0.6 * machine.bed * np.stack((np.cos(turn), np.sin(turn), 0.0 * turn), axis=1)
     touches = touched(place, blocks, np.linspace(0.0, 1.0, len(at)))
     return both(touches, printed(ring, np.roll(ring, 2, axis=0), 0.4))
-
-
-def plan_of_session(session: DeltaSession, heights: Floats | None = None) -> ProbePlan:
-    """The plan of a session's touches; `heights` as commanded, those without noise by default."""
-    z = session.clean if heights is None else heights
-    place = np.stack((session.x, session.y, z), axis=1)
-    return touched(place, session.block, session.minutes / 60.0)
 
 
 def readings_of_touches(plan: ProbePlan, value: Floats) -> Readings:

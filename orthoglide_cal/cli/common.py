@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 NO_COLOUR = "no_colour"
 # Numbers on the command line are lengths in mm, or degrees: none of them is as large.
-_LARGEST = 1e5
+LARGEST = 1e5
 # What the help calls a number → the units that may follow it, each in that of the number alone.
 _UNITS: Mapping[str | None, Mapping[str, float]] = {
     **dict.fromkeys(("MM", "DX DY DZ", "LOW HIGH"), MM),
@@ -114,8 +114,8 @@ def option(
         return value
 
     counts = metavar == "N"
-    low = -_LARGEST if min is None else min
-    high = (math.inf if counts else _LARGEST) if max is None else max
+    low = -LARGEST if min is None else min
+    high = (math.inf if counts else LARGEST) if max is None else max
     parser = number if counts or metavar in _UNITS else None
     return typer.Option(
         default, *names, metavar=metavar, help=help, show_default=False, parser=parser

@@ -6,7 +6,7 @@ import secrets
 from typing import TYPE_CHECKING
 
 from orthoglide_cal.cli import common
-from orthoglide_cal.cli.common import Count, File, Number, Offsets, Texts, option
+from orthoglide_cal.cli.common import LARGEST, Count, File, Number, Offsets, Texts, option
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.schema import parse_number
 from orthoglide_cal.words import counted
@@ -141,8 +141,10 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
         wants = counted(len(names), "value") + unit
         fault = f"--cause {cause.id} takes {wants}, not {len(values)}."
         raise UsageError(fault, f"Write {cause.id}{wanted}, a number for each name.")
-    if cause.positive and min(values) < 0.0:
-        raise UsageError(f"{cause.id} cannot be negative.", "Give sizes from 0.")
+    low = 0.0 if cause.positive else -LARGEST
+    if any(not low <= value <= LARGEST for value in values):
+        remedy = f"Give numbers from {low:g} to {LARGEST:g}."
+        raise UsageError(f"{cause.id} cannot have this size.", remedy)
     # The last terms of a shape may be left out.
     values += [0.0] * (len(names) - len(values))
     hidden = rng.normal(0.0, cause.prior_std(machine)[len(names) :])
@@ -151,20 +153,24 @@ def _parameters(cause: Cause, text: str, machine: Machine, rng: np.random.Genera
 
 def _place(cause: Cause, text: str, plan: Plan, machine: Machine) -> Place:
     places = cause.places(plan, machine)
-    parts = [part.strip() for part in text.removesuffix("+").split(",")]
-    place: Place = ()
-    if all(part in ("x", "y", "z") for part in parts):
-        place = tuple("xyz".index(part) for part in parts)
-    elif len(parts) == 1 and parts[0].isdecimal() and 1 <= int(parts[0]) <= len(plan):
-        reading = int(plan.in_time[int(parts[0]) - 1])
-        place = (reading, int(text.endswith("+"))) if len(places[0]) == 2 else (reading,)
+
+    def read(text: str) -> Place:
+        parts = [part.strip() for part in text.removesuffix("+").split(",")]
+        if all(part in ("x", "y", "z") for part in parts):
+            return tuple("xyz".index(part) for part in parts)
+        if len(parts) == 1 and parts[0].isdecimal() and 1 <= int(parts[0]) <= len(plan):
+            reading = int(plan.in_time[int(parts[0]) - 1])
+            return (reading, int(text.endswith("+"))) if len(places[0]) == 2 else (reading,)
+        return ()
+
+    place = read(text)
     fits = place in places and bool(text) == bool(place)
     if not (fits and cause.reversible(plan, place)):
         here = f" at {text!r}" if text else ""
-        one = "12 (a reading) or x (a leg, a tower)"
-        example = {0: "no place", 1: one, 2: "x,y (leg, direction) or 12"}
+        forms = {"12": "a reading", "x,y": "leg, direction", "x": "a leg; a unit: 1"}
+        form = next((form for form in forms if places and read(form) in places), None)
+        example = f"{form} ({forms[form]})" if form else "no place" if places else "none fits"
         raise UsageError(
-            f"{cause.id} cannot act{here} in this session.",
-            f"Give as its place: {example[len(places[0])] if places else 'none fits'}.",
+            f"{cause.id} cannot act{here} in this session.", f"Give as its place: {example}."
         )
     return place

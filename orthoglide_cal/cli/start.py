@@ -99,6 +99,7 @@ def _next(
     from orthoglide_cal.report.case import Case, decision_notice, measure_again, to_do
     from orthoglide_cal.report.document import Instruction
     from orthoglide_cal.results import answer_to
+    from orthoglide_cal.results.history import precedes
 
     last = str(sessions[-1]) if sessions else ""
     machine = file.model.machine if file else None
@@ -124,7 +125,9 @@ def _next(
             return
         for text, verb, usual in kind.first_steps:
             yield Instruction(text, command(verb, *filter(None, [here.get(usual, usual)])))
-    elif applied == last:
+    elif (
+        machine and applied and (applied == last or precedes(read_input(last), machine.history[-1]))
+    ):
         again = measure_again(read_input(last).conditions)
         yield Instruction("Its offsets are entered: measure again", again)
     elif applied and _reported(applied, last):

@@ -1,17 +1,15 @@
 """A controller's own file: the values of a calibration found where they stand, changed, restored.
 
 LinuxCNC's INI has `HOME_OFFSET` in `[JOINT_0..2]`, in its `LINEAR_UNITS`; which axis a joint is
-follows from the `coordinates` of its `KINEMATICS`. It reads the first section of a name only, and
-what `#INCLUDE` puts there. Klipper's printer.cfg has the parameters of a delta in the block that
-SAVE_CONFIG wrote. Only these values change: every other
-byte stays, and so do line ends, encoding, file mode and links. The file is a path, or the address
-of a Moonraker server.
+follows from the `coordinates` of its `KINEMATICS`. Of a section or an option that is given twice it
+reads the first, and what `#INCLUDE` puts there. Klipper's printer.cfg has the parameters of a delta
+in the block that SAVE_CONFIG wrote. Only these values change: every other byte stays, and so do
+line ends, encoding, file mode and links. The file is a path, or the address of a Moonraker server.
 """
 
 import codecs
 import hashlib
 import re
-from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -26,7 +24,8 @@ from orthoglide_cal.files import moonraker
 from orthoglide_cal.files.comp_table import FILE as COMP_FILE
 from orthoglide_cal.files.comp_table import OPTIONS, Added, JointTable
 from orthoglide_cal.files.faults import Faults
-from orthoglide_cal.files.text import read_bytes, write_text
+from orthoglide_cal.files.klipper import Options, Settings
+from orthoglide_cal.files.text import document_from_bytes, read_bytes, write_text
 from orthoglide_cal.model.cause import Cause
 from orthoglide_cal.model.machine import Machine, Written, WrittenTable, WrittenValue
 from orthoglide_cal.model.readings import AXES
@@ -34,7 +33,7 @@ from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import MM_PER_INCH, plain
 
 _SECTION = re.compile(r"\s*\[([^\]]*)\]")
-_ENTRY = re.compile(r"\s*(\w+)\s*([:=])\s*([^#;]*?)\s*([#;].*)?", re.ASCII)
+_ENTRY = re.compile(r"\s*(\w+)\s*(?:=|(?=:))\s*(.*?)\s*", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]{1,6}(\.[0-9]{0,12})?|\.[0-9]{1,12})")
 _ANY_NUMBER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)(e[-+]?[0-9]{1,2})?", re.IGNORECASE)
 _UNITS = {"mm": 1.0, "metric": 1.0, "in": MM_PER_INCH, "inch": MM_PER_INCH, "imperial": MM_PER_INCH}
@@ -65,10 +64,6 @@ _SAVE = (
     "Run DELTA_CALIBRATE and SAVE_CONFIG once: Klipper then keeps it in its block. If it is in"
     " both places, delete the upper line."
 )
-
-
-# Section and option → line and value of each entry.
-Places = defaultdict[tuple[str, str], list[tuple[int, str]]]
 
 
 def _from_above(value: WrittenValue) -> tuple[int, bool]:
@@ -220,11 +215,11 @@ def controller_file(target: str) -> ControllerFile:
     text = "\n" + re.sub("\r\n?", "\n", data.decode("latin-1"))  # a byte is a character
     if re.search(r"\n\s*\[(JOINT_0|EMCMOT|TRAJ)\]", text):
         _check_included(target, text)
-        places = _entries(text, "=", first_only=True)
-        sections = {axis: f"JOINT_{joint}" for axis, joint in _joints(target, places).items()}
+        entries = _entries(text)
+        sections = {axis: f"JOINT_{joint}" for axis, joint in _joints(target, entries).items()}
         wanted = {axis: (section, "HOME_OFFSET") for axis, section in sections.items()}
         more = {f"{axis} {o}": (section, o) for axis, section in sections.items() for o in OPTIONS}
-        values = _values(target, places, {**wanted, _UNIT: _LINEAR_UNITS, **more}, 0, more)
+        values = _values(target, entries, {**wanted, _UNIT: _LINEAR_UNITS, **more}, 0, more)
         unit_mm = _UNITS[values[_UNIT].before.lower()]
         settings, tables = {axis: values[axis] for axis in sections}, {}
         for axis, home in settings.items():
@@ -251,9 +246,10 @@ def controller_file(target: str) -> ControllerFile:
         else:
             continue
         raise InputError(problem, remedy, file=target, line=number, value=line)
-    places = _entries(text.replace("\n#*#", "\n"), ":=")
-    values = _values(target, places, _KLIPPER | _PITCHES, heading, _PITCHES)
-    remarks = (Reason.of("includes"),) * ("\n[include " in text)
+    settings = Settings(document_from_bytes(data, target))
+    settings.check()
+    values = _values(target, settings.options, _KLIPPER | _PITCHES, heading, _PITCHES)
+    remarks = (Reason.of("includes"),) * settings.included
     return ControllerFile(target, data, values, remarks=remarks)
 
 
@@ -269,20 +265,19 @@ def _check_included(target: str, text: str) -> None:
                 raise InputError(problem, remedy, file=target, line=number, value=line.strip())
 
 
-def _joints(target: str, places: Places) -> dict[str, int]:
+def _joints(target: str, entries: Options) -> dict[str, int]:
     """The joint of each axis. Raises InputError for axes of none or of several, and of a delta."""
-    for number, value in places["KINS", "KINEMATICS"]:
-        if "deltakins" in value.lower():
-            problem, remedy = "This LinuxCNC drives a delta.", "Name the INI of this machine."
-            raise InputError(problem, remedy, file=target, line=number, value=value)
-        if kins := _COORDINATES.search(value):
-            letters = kins[1].lower()
-            if any(letters.count(axis) != 1 for axis in AXES):
-                problem = "These coordinates do not give each of X, Y and Z one joint."
-                remedy = "Enter the offsets by hand: orthocal export --format linuxcnc"
-                raise InputError(problem, remedy, file=target, line=number, value=value)
-            return dict(zip(AXES, map(letters.index, AXES), strict=True))
-    return {axis: joint for joint, axis in enumerate(AXES)}
+    number, value = entries["KINS"].get("KINEMATICS", (0, ""))
+    if "deltakins" in value.lower():
+        problem, remedy = "This LinuxCNC drives a delta.", "Name the INI of this machine."
+        raise InputError(problem, remedy, file=target, line=number, value=value)
+    kins = _COORDINATES.search(value)
+    letters = kins[1].lower() if kins else "".join(AXES)
+    if any(letters.count(axis) != 1 for axis in AXES):
+        problem = "These coordinates do not give each of X, Y and Z one joint."
+        remedy = "Enter the offsets by hand: orthocal export --format linuxcnc"
+        raise InputError(problem, remedy, file=target, line=number, value=value)
+    return {axis: letters.index(axis) for axis in AXES}
 
 
 def replace_file(target: str, before: str, data: bytes) -> None:
@@ -308,53 +303,48 @@ def holds(target: str, sha256: str) -> bool:
     return False
 
 
-def _entries(text: str, signs: str, *, first_only: bool = False) -> Places:
-    """All entries of a text that begins with an empty line; one of the signs is in each.
+def _entries(text: str) -> Options:
+    """Section → option → line and value, as LinuxCNC reads them in a text after an empty line.
 
-    `first_only`: of several sections of a name only the first is read, as by LinuxCNC.
+    To LinuxCNC a comment behind a value is a part of it: with such a number it does not start.
+    Behind a colon it reads nothing, nor in the lines that follow.
     """
-    section, seen, places = "", set[str](), Places(list)
+    section, entries = "", Options(dict)
     for number, line in enumerate(text.split("\n")):
         if head := _SECTION.match(line):
-            section = "" if first_only and head[1] in seen else head[1]
-            seen.add(head[1])
+            section = "" if head[1] in entries else head[1]
+            entries.setdefault(head[1], {})
         elif entry := _ENTRY.fullmatch(line):
-            # To LinuxCNC a comment behind a value is a part of it: with such a number it does not
-            # start. Behind another sign it reads nothing, nor in the lines that follow.
-            value = line[entry.end(2) :].strip() if first_only else entry[3]
-            places[section, entry[1]].append((number, entry[2] * (entry[2] not in signs) + value))
-    return places
+            entries[section].setdefault(entry[1], (number, entry[2]))
+    return entries
 
 
 def _values(
     target: str,
-    places: Places,
+    entries: Options,
     wanted: Mapping[str, tuple[str, str]],
     heading: int,
     optional: Collection[str] = (),
 ) -> dict[str, WrittenValue]:
-    """The wanted values: once, below the heading of Klipper's block. Raises InvalidFileError."""
+    """The wanted values, below the heading of Klipper's block. Raises InvalidFileError."""
     faults, values = Faults(target), dict[str, WrittenValue]()
-    for name, place in wanted.items():
-        key, entries = "[{}] {}".format(*place), places[place]
-        remedy = _ADD.format(*place, "mm (or inch)" if name == _UNIT else "NUMBER")
-        remedy = _SAVE if heading else remedy
-        if not entries and name not in optional:
-            faults.add("The value is missing.", remedy, column=key)
-        # LinuxCNC takes the first; what is not written may be as it likes.
-        for number, value in entries[:1] if name in optional else entries:
-            problem, number_form = "", _ANY_NUMBER if name in optional else _NUMBER
-            if number != entries[0][0]:
-                problem = f"This is given twice: also in line {entries[0][0]}."
-            elif number <= heading and name not in optional:
-                problem = "This is above the SAVE_CONFIG block, so Klipper uses it first."
-            elif name == _UNIT and value.lower() not in _UNITS:
-                problem = "This unit is unknown."
-            elif place[1] not in (_LINEAR_UNITS[1], COMP_FILE) and not number_form.fullmatch(value):
-                problem = "This is not a number."
-            if problem:
-                faults.add(problem, remedy, line=number, column=key, value=value)
-            else:
-                values[name] = WrittenValue(line=number, key=key, before=value, after=value)
+    for name, (section, option) in wanted.items():
+        key, needed = f"[{section}] {option}", name not in optional
+        number, value = entries[section].get(option, (None, ""))
+        form, problem = _NUMBER if needed else _ANY_NUMBER, ""
+        if number is None:
+            problem = "The value is missing." if needed else ""
+        elif number <= heading and needed:
+            problem = "This is above the SAVE_CONFIG block, so Klipper uses it first."
+        elif name == _UNIT and value.lower() not in _UNITS:
+            problem = "This unit is unknown."
+        elif name != _UNIT and option != COMP_FILE and not form.fullmatch(value):
+            problem = "This is not a number."
+        if problem:
+            unit = "mm (or inch)" if name == _UNIT else "NUMBER"
+            remedy = _SAVE if heading else _ADD.format(section, option, unit)
+            faults.add(problem, remedy, line=number, column=key, value=value)
+        elif number is not None:
+            values[name] = WrittenValue(line=number, key=key, before=value, after=value)
     faults.check()
     return values

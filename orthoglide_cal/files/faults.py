@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
-from typing import Any, NamedTuple, get_args, get_type_hints
+from typing import Any, get_args, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
@@ -13,6 +13,8 @@ from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import Reason, parse_number, yaml_number
 
 Steps = tuple[str | int, ...]
+# Where a fault is: line from 1, column header or dotted path, and the text there.
+Place = tuple[int | None, str | None, str | None]
 _MOST = 1000  # faults; a file of garbage has millions, and nobody reads them
 _FIRST = "Correct the first ones and try again."
 _NUMBER = "Check its digits and its unit{mm}."
@@ -52,14 +54,6 @@ _QUOTED = re.compile("'([^']*)'")
 _STEP = re.compile(r"\[([0-9]+)\]|([^.\[\]]+)")
 
 
-class FaultPlace(NamedTuple):
-    """Where a fault is: line from 1, column header or dotted path, and the text there."""
-
-    line: int | None
-    column: str | None
-    value: str | None
-
-
 class Faults:
     """The faults of one file, in the order found; its path is as the user gave it."""
 
@@ -86,12 +80,14 @@ class Faults:
         self.problems.append(fault)
 
     @contextmanager
-    def noting(self, line: int, text: str, column: str | None = None) -> Iterator[None]:
+    def noting(
+        self, line: int | None, column: str | None = None, value: str | None = None
+    ) -> Iterator[None]:
         """Note what is raised inside about a text of a line."""
         try:
             yield
         except InputError as error:
-            self.add(error.what, error.remedy, line, column, text or None)
+            self.add(error.what, error.remedy, line, column, value or None)
 
     def error(self) -> InvalidFileError:
         """All faults, at least one, by line."""
@@ -113,7 +109,7 @@ class Content(Faults):
         self.value: Any = None  # dict, list, str or None, nested
         self.lines: dict[Steps, int] = {}  # of each node, from 1
 
-    def place(self, path: Steps) -> FaultPlace:
+    def place(self, path: Steps) -> Place:
         """Where the node at `path` stands; of one that is missing, where its parent does."""
         value, there = self.value, path
         while there and there not in self.lines:
@@ -121,7 +117,7 @@ class Content(Faults):
         for step in there:
             value = value[step]
         text = value if there == path and isinstance(value, str) else None
-        return FaultPlace(self.lines.get(there, 1), dotted(path), text)
+        return self.lines.get(there, 1), dotted(path), text
 
     def note(self, path: Steps, what: str, remedy: str, value: str | None = None) -> None:
         """Note a fault of the node at `path`; `value` instead of the text there."""

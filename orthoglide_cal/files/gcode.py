@@ -30,7 +30,7 @@ G29 (bilinear), G33, M420, M503, M665, M666 and M851.
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePath
 
@@ -50,6 +50,7 @@ from orthoglide_cal.files.probe_readings import (
 from orthoglide_cal.files.text import FileText, read_document
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, Endstops, LinearDelta, counter_clockwise
 from orthoglide_cal.model.measured import Readings, Source
+from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
 
 _CODE = re.compile(r"\b(M665|M666|M851|G31)\b(.*?)(?=\b[GM][0-9]|$)")
@@ -172,14 +173,12 @@ def check_delta(folder: Path, path: str) -> None:
 def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, with the probed heights as their mesh. Raises InvalidFileError."""
     faults, lines = Faults(document.path), document.text.strip("\n").split("\n")
-    if len(lines) < 3:
-        what = "The height map has no numbers: it was cut off."
-        raise InputError(what, _AGAIN, file=document.path, line=len(lines))
-    names = [_NAMES.get(name.strip(), name.strip()) for name in lines[1].lower().split(",")]
+    head, values = [*lines[1:3], "", ""][:2]
+    names = [_NAMES.get(name.strip(), name.strip()) for name in head.lower().split(",")]
     numbers = {}
-    for name, text in zip(names, lines[2].split(","), strict=False):
+    for name, text in zip(names, values.split(","), strict=False):
         if name == "spacing" or name[1:] in ("num", "min", "spacing"):
-            with faults.noting(3, text, name):
+            with faults.noting(3, name, text):
                 numbers[name] = within(text.strip(), -_FAR, _FAR)
     faults.check()
     spacing = numbers.get("spacing", 0.0)  # the first version had one for both
@@ -196,8 +195,8 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     rows = lines[3:]
     if len(rows) != len(y):
         what = f"The map has {len(rows)} lines of heights, its header says {len(y)}."
-        faults.add(what, f"Was it cut off? {_AGAIN}", line=3 + len(rows))
-        faults.check()
+        remedy = f"Was it cut off? {_AGAIN}"
+        raise InputError(what, remedy, file=document.path, line=3 + len(rows))
     for row, text in enumerate(rows):
         cells = [cell.strip() for cell in text.split(",")]
         if len(cells) != len(x):
@@ -205,7 +204,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
             faults.add(what, _AGAIN, line=4 + row)
             continue
         for column, cell in enumerate(cells):
-            with faults.noting(4 + row, cell):
+            with faults.noting(4 + row, value=cell):
                 if cell != _UNPROBED:
                     heights[row, column] = within(cell, -LARGEST_MM)
     if not faults.problems and not np.isfinite(heights).any():
@@ -237,7 +236,7 @@ def _words(file: FileText) -> Words:
                     continue
                 word = code + letter
                 low = 0.0 if word in ("M665L", "M665R") else -LARGEST_MM
-                with faults.noting(number, letter + text, f"{letter} of {code}"):
+                with faults.noting(number, f"{letter} of {code}", letter + text):
                     new[word] = tuple(within(part, low) for part in text.split(":"))
                     if len(new[word]) not in ((1, 3) if word == "M665L" else (1,)):
                         remedy = "Write one, or L215:215:215."
@@ -271,168 +270,146 @@ _MARGIN_MM = 10.0
 _ROUNDED = 0.0051  # mm, deg, to which G33 prints its settings
 
 
-class _Reader:
-    """Takes the lines in turn."""
-
-    def __init__(self, settings: PrinterFile) -> None:
-        self.now = settings.machine  # with the settings in force
-        self.offset = np.nan_to_num(settings.probe)
-        self.reach = self.now.bed_radius_mm - _MARGIN_MM
-        # G33 or G29 → the machine at that time, and line, x, y and height of each touch; places of
-        # G33 are on a circle of radius 1.
-        self.probed: dict[str, tuple[LinearDelta, list[Sequence[float]]]] = {}
-        # The machine at that time, and line → heights.
-        self.grid: tuple[LinearDelta, dict[int, list[str]]] = self.now, {}
-        self.radius: float | None = None  # of G33's circle [mm]; None where it was not printed
-        self.changed = 0  # line at which the settings changed; 0 if they did not
-        self._calibrating = self._in_grid = False
-
-    def take(self, number: int, line: str) -> None:
-        """Raises InputError, without a place, for what is no number."""
-        row = _ROW.search(line) if self._in_grid else None
-        if _GRID.search(line):
-            self.grid, self._in_grid = (self.now, {}), True
-        elif row:
-            self.grid[1][number] = row[1].split()
-        elif self.grid[1]:
-            self._in_grid = False
-        if match := _BED.search(line):
-            x, y, height = (within(text, -LARGEST_MM) for text in match.groups())
-            self._add("G29", [(number, x - self.offset[0], y - self.offset[1], height)])
-        self._calibrating |= _CALIBRATES in line
-        if not self._calibrating:
-            return
-        if match := _AT_RADIUS.search(line):
-            self.radius = within(match[1], 0.0)
-        if match := _RESULTS.search(line):
-            touches: list[Sequence[float]] = []
-            for name, text in _RESULT.findall(match[1]):
-                turn, away = math.radians(_TURNS.get(name, 0.0)), float(name != "c")
-                at = away * math.cos(turn), away * math.sin(turn)
-                touches.append((number, *at, within(text, -LARGEST_MM)))
-                if name == "c":
-                    self.probed.pop("G33", None)
-            if touches:
-                self._add("G33", touches)
-        elif settings := dict(_SETTING.findall(line)):
-            self._set({name: within(text, -LARGEST_MM) for name, text in settings.items()}, number)
-
-    def _set(self, settings: dict[str, float], number: int) -> None:
-        """Settings as G33 prints them, rounded, in one line or in two. Raises InputError."""
-        endstops = np.array(self.now.endstops_mm)
-        if "Height" in settings:
-            below = zip("xyz", endstops.min() - endstops, strict=True)
-            adjusted = np.array([settings.get(f"E{axis}", known) for axis, known in below])
-            endstops = settings["Height"] + self.offset[2] - adjusted
-        usual = zip("xyz", USUAL_ANGLES_DEG, self.now.tower_angles_deg, strict=True)
-        angles = [
-            known if f"T{a}" not in settings else at + settings[f"T{a}"] for a, at, known in usual
-        ]
-        radius = settings.get("Radius", self.now.delta_radius_mm)
-        if not (0.0 < radius < min(self.now.arm_length_mm) and counter_clockwise(angles)):
-            remedy = "Check them, and the arms (M665 L)."
-            raise InputError("No delta can have these settings.", remedy)
-        known = (*self.now.endstops_mm, self.now.delta_radius_mm, *self.now.tower_angles_deg)
-        if np.allclose((*endstops, radius, *angles), known, rtol=0.0, atol=_ROUNDED):
-            return
-        self.changed = number
-        self.now = self.now.changed(
-            endstops_mm=Endstops(*endstops.tolist()),
-            delta_radius_mm=radius,
-            tower_angles_deg=tuple(angles),
-        )
-
-    def _add(self, name: str, touches: Iterable[Sequence[float]]) -> None:
-        """Touches behind those before them with the same settings."""
-        if name not in self.probed or self.probed[name][0] is not self.now:
-            self.probed[name] = self.now, []
-        self.probed[name][1].extend(touches)
-
-    def take_grid(self) -> None:
-        """The points of the grid within reach as those of G29: Marlin makes up the others."""
-        lines = list(self.grid[1])
-        rows = [
-            [math.nan if "=" in text else within(text, -LARGEST_MM) for text in row]
-            for row in self.grid[1].values()
-        ]
-        if len({len(row) for row in rows}) != 1:
-            raise InputError("The rows of the grid are not equally long.", "Send M420 V again.")
-        heights = np.array(rows)
-        x, y = (np.linspace(-self.reach, self.reach, count) for count in heights.shape[::-1])
-        heights[np.hypot(*np.meshgrid(x, y)) > self.reach + _ROUNDED] = math.nan
-        mesh = stored_grid(Source("", ""), "", x, y, heights, lines, self.offset)
-        points = np.column_stack((mesh.line, mesh.plan.spots[:, :2], mesh.value))
-        if len(points):
-            self.probed["G29"] = self.grid[0], points[mesh.plan.in_time].tolist()
-
-
 def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings after all that was printed, with G33's heights, and what else was probed.
 
     The radius of the bed is NaN where the settings before it do not have it. Raises
     InvalidFileError: everything that is wrong; InputError: no heights, or not their places.
     """
-    faults, reader, remarks = Faults(document.path), _Reader(settings), list[Reason]()
-    data: dict[str, Readings] = {}
+    faults, offset, remarks = Faults(document.path), np.nan_to_num(settings.probe), list[Reason]()
+    reach = settings.machine.bed_radius_mm - _MARGIN_MM
+    changes = [(0, settings.machine)]  # line, and the machine with the settings from there on
+    # Line, x, y and height of each touch; places of G33 are on a circle of radius 1.
+    circle, bed = list[Sequence[float]](), list[Sequence[float]]()
+    grid = dict[int, list[str]]()  # line → heights
+    radius = math.nan  # of G33's circle [mm]
+    calibrating = in_grid = False
     for number, line in enumerate(document.text.split("\n"), start=1):
-        with faults.noting(number, line.strip()):
-            reader.take(number, line)
+        calibrating |= _CALIBRATES in line
+        if _GRID.search(line):
+            grid, in_grid = {}, True
+        elif in_grid and (match := _ROW.search(line)):
+            grid[number] = match[1].split()
+        else:
+            in_grid &= not grid
+        with faults.noting(number, value=line.strip()):
+            if match := _BED.search(line):
+                x, y, height = (within(text, -LARGEST_MM) for text in match.groups())
+                bed.append((number, x - offset[0], y - offset[1], height))
+            if calibrating and (match := _AT_RADIUS.search(line)):
+                radius = within(match[1], 0.0)
+            if calibrating and (match := _RESULTS.search(line)):
+                for name, text in _RESULT.findall(match[1]):
+                    turn, away = math.radians(_TURNS.get(name, 0.0)), float(name != "c")
+                    at = away * math.cos(turn), away * math.sin(turn)
+                    circle = circle if away else []
+                    circle.append((number, *at, within(text, -LARGEST_MM)))
+            elif calibrating and (found := _SETTING.findall(line)):
+                printed = {name: within(text, -LARGEST_MM) for name, text in found}
+                machine = _adjusted(changes[-1][1], printed, offset[2])
+                if machine is not changes[-1][1]:
+                    changes.append((number, machine))
     faults.check()
     if math.isnan(settings.probe[2]):
         remarks.append(Reason.of("m851_unknown"))
 
     def needs_reach(name: str) -> None:
-        if not reader.reach > 0.0:
+        if not reach > 0.0:
             what = f"{name} does not print where it probed."
             remedy = (
                 "Send G29 V4, which does; or give the machine file, with bed_radius_mm: --machine"
             )
             raise InputError(what, remedy, file=document.path)
-        reach = {"reach_mm": reader.reach, "margin_mm": _MARGIN_MM}
-        remarks.append(Reason.of("marlin_reach", name=name, **reach))
+        margin = {"reach_mm": reach, "margin_mm": _MARGIN_MM}
+        remarks.append(Reason.of("marlin_reach", name=name, **margin))
 
-    def stored(name: str, radius: float = 1.0) -> Readings:
-        then, touches = reader.probed[name]
-        placed = np.array(touches) * (1.0, radius, radius, 1.0)
-        mesh = stored_mesh(document.source, name, placed, reader.offset[2])
-        if then is reader.now:
+    def stored(name: str, touches: Sequence[Sequence[float]], radius: float = 1.0) -> Readings:
+        """Touches with the settings of the last of them, counted from those at the end."""
+        since, then = [change for change in changes if change[0] < touches[-1][0]][-1]
+        placed = np.array([touch for touch in touches if touch[0] > since])
+        placed *= (1.0, radius, radius, 1.0)
+        mesh, (line, now) = stored_mesh(document.source, name, placed, offset[2]), changes[-1]
+        if then is now:
             return mesh
-        remarks.append(Reason.of("converted", name=name, line=reader.changed))
+        remarks.append(Reason.of("converted", name=name, line=line))
         try:
-            place = reader.now.believed(then, mesh.plan.spots)
+            place = now.believed(then, mesh.plan.spots)
         except PostureError as error:
             what = f"The arms cannot reach a place of {name}."
             remedy = "Check the settings (M503, or the machine file)."
             raise InputError(what, remedy, file=document.path, line=int(mesh.line[0])) from error
-        moved = np.column_stack((mesh.line, place - [0.0, 0.0, reader.offset[2]]))
-        return stored_mesh(document.source, name, moved, reader.offset[2])
+        moved = np.column_stack((mesh.line, place - [0.0, 0.0, offset[2]]))
+        return stored_mesh(document.source, name, moved, offset[2])
 
-    if "G33" in reader.probed:
-        if reader.radius is None:
+    data: dict[str, Readings] = {}
+    if circle:
+        if math.isnan(radius):
             needs_reach("G33")
+            radius = reach
         remarks.append(Reason.of("averaged_places"))
-        radius = reader.reach if reader.radius is None else reader.radius
-        data["calibration"] = stored("G33", radius)
-    if "G29" not in reader.probed and reader.grid[1]:
+        data["calibration"] = stored("G33", circle, radius)
+    if grid and not bed:
         needs_reach("G29")
-        reader.take_grid()
-    if "G29" in reader.probed:
-        data["mesh"] = stored("G29")
+        bed = _places(grid, reach, offset)
+    if bed:
+        data["mesh"] = stored("G29", bed)
     if not data:
         what, remedy = "holds no probed heights with their places", "Send G29 V4"
-        if _CALIBRATES in document.text:
+        if calibrating:
             what, remedy = "has no heights: G33 was not told to print them", "Send G33 V0 or V3"
         remedy += ", and give all the lines that it prints."
         raise InputError(f"Marlin's output {what}.", remedy, file=document.path)
     return replace(
         settings,
-        machine=reader.now,
-        probe=reader.offset,
+        machine=changes[-1][1],
+        probe=offset,
         data=data,
         source=document.source,
         firmware="marlin",
         remarks=(*settings.remarks, *remarks),
     )
+
+
+def _adjusted(machine: LinearDelta, printed: Mapping[str, float], trigger: float) -> LinearDelta:
+    """The machine with settings as G33 prints them, rounded, in one line or in two; the same one if
+    nothing has changed. Raises InputError."""
+    endstops = np.array(machine.endstops_mm)
+    if "Height" in printed:
+        below = zip("xyz", endstops.min() - endstops, strict=True)
+        adjusted = np.array([printed.get(f"E{axis}", known) for axis, known in below])
+        endstops = printed["Height"] + trigger - adjusted
+    usual = zip("xyz", USUAL_ANGLES_DEG, machine.tower_angles_deg, strict=True)
+    angles = [known if f"T{a}" not in printed else at + printed[f"T{a}"] for a, at, known in usual]
+    radius = printed.get("Radius", machine.delta_radius_mm)
+    if not (0.0 < radius < min(machine.arm_length_mm) and counter_clockwise(angles)):
+        remedy = "Check them, and the arms (M665 L)."
+        raise InputError("No delta can have these settings.", remedy)
+    known = (*machine.endstops_mm, machine.delta_radius_mm, *machine.tower_angles_deg)
+    if np.allclose((*endstops, radius, *angles), known, rtol=0.0, atol=_ROUNDED):
+        return machine
+    return machine.changed(
+        endstops_mm=Endstops(*endstops.tolist()),
+        delta_radius_mm=radius,
+        tower_angles_deg=tuple(angles),
+    )
+
+
+def _places(grid: Mapping[int, list[str]], reach: float, offset: Floats) -> list[Sequence[float]]:
+    """Line, x, y and height of the points of a grid within reach: Marlin makes up the others."""
+    if len({len(row) for row in grid.values()}) != 1:
+        raise InputError("The rows of the grid are not equally long.", "Send M420 V again.")
+    heights = np.array(
+        [
+            [math.nan if "=" in text else within(text, -LARGEST_MM) for text in row]
+            for row in grid.values()
+        ]
+    )
+    x, y = (np.linspace(-reach, reach, count) for count in heights.shape[::-1])
+    heights[np.hypot(*np.meshgrid(x, y)) > reach + _ROUNDED] = math.nan
+    mesh = stored_grid(Source("", ""), "", x, y, heights, [*grid], offset)
+    points = np.column_stack((mesh.line, mesh.plan.spots[:, :2], mesh.value))
+    places: list[Sequence[float]] = points[mesh.plan.in_time].tolist()
+    return places
 
 
 # --- heights in lines of other consoles ---------------------------------------------------------
@@ -470,7 +447,7 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
         lines = [(line, (*places[number], height)) for number, height in enumerate(heights)]
     rows = []
     for line, parts in lines:
-        with faults.noting(line, " ".join(parts)):
+        with faults.noting(line, value=" ".join(parts)):
             x, y, height = (within(part, -LARGEST_MM) for part in parts)
             if firmware != "text" or not math.hypot(x, y) > settings.machine.bed_radius_mm:
                 rows.append((line, x - offset[0], y - offset[1], height))

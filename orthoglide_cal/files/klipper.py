@@ -26,7 +26,7 @@ from typing import TypeVar
 import numpy as np
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import Content, FaultPlace, Faults, Steps
+from orthoglide_cal.files.faults import Content, Faults, Place, Steps
 from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
@@ -44,6 +44,7 @@ from orthoglide_cal.schema import Reason, parse_count
 
 T = TypeVar("T")
 Entry = tuple[int, str]  # an option's line and text
+Options = defaultdict[str, dict[str, Entry]]  # section → option → entry
 
 _SAVED = "#*#"
 _HEADING = re.compile(r"#\*# <-+ SAVE_CONFIG -+>")
@@ -83,7 +84,7 @@ _LEVEL_MM = 0.5
 PROBED = re.compile(r"probe(:?) at (\S+?), ?(\S+) (?:is|bed will contact at) z=(\S+)")
 
 
-class _Settings(Content):
+class Settings(Content):
     """The options in force; what is wrong with one is noted, never raised."""
 
     def __init__(self, document: FileText) -> None:
@@ -95,7 +96,7 @@ class _Settings(Content):
         stored, saved = self._parsed(written)
         self.sections = {**stored, **own}  # name → line
         # Section → option → line, and text in as many lines as there.
-        self.options = defaultdict[str, dict[str, Entry]](dict)
+        self.options = Options(dict)
         self.options |= {name: saved[name] | typed[name] for name in {**saved, **typed}}
         # Whether it includes other files, which are not read.
         self.included = any(name.startswith("include ") for name in own)
@@ -113,12 +114,10 @@ class _Settings(Content):
             if in_force.split() != text.split()
         ]
 
-    def _parsed(
-        self, lines: Iterable[tuple[int, str]]
-    ) -> tuple[dict[str, int], defaultdict[str, dict[str, Entry]]]:
+    def _parsed(self, lines: Iterable[tuple[int, str]]) -> tuple[dict[str, int], Options]:
         """Sections and options of the file's own lines, or of those that SAVE_CONFIG wrote."""
         sections: dict[str, int] = {}
-        options = defaultdict[str, dict[str, Entry]](dict)
+        options = Options(dict)
         section, option, indented = "", "", 0  # no option where none can go on
         for line, raw in lines:
             text = _COMMENT.sub("", raw).rstrip()
@@ -148,12 +147,11 @@ class _Settings(Content):
                 self.add(what, remedy, line=line, value=plain)
         return sections, options
 
-    def place(self, path: Steps) -> FaultPlace:
+    def place(self, path: Steps) -> Place:
         """Where an option stands, or its section."""
         section, option = map(str, path)
         line, text = self.options[section].get(option, (self.sections.get(section), ""))
-        value = " ".join(text.split()) or None
-        return FaultPlace(line, f"{option} of [{section}]", value)
+        return line, f"{option} of [{section}]", " ".join(text.split()) or None
 
     def missing(self, section: str, option: str, line: int | None = None) -> None:
         """The fault that an option is not there."""
@@ -183,11 +181,9 @@ class _Settings(Content):
                 return default
             self.missing(section, option)
             return fault
-        try:
+        with self.noting(*self.place((section, option))):
             return rule(entry[1])
-        except InputError as error:
-            self.note((section, option), error.what, error.remedy)
-            return fault
+        return fault
 
     def number(
         self, section: str, option: str, default: float | None = None, low: float = -LARGEST_MM
@@ -203,7 +199,7 @@ def read_printer_file(
 
     Raises InvalidFileError with everything that is wrong in the lines that matter here.
     """
-    settings = _Settings(document)
+    settings = Settings(document)
     settings.check()  # what follows from a broken line is no fault of its own
     if calibration is not None:
         settings.options[_CALIBRATION] = calibration
@@ -295,7 +291,7 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     faults, rows = Faults(document.path), []
     for number, line in enumerate(document.text.split("\n"), start=1):
         for match in PROBED.finditer(line):
-            with faults.noting(number, match[0]):
+            with faults.noting(number, value=match[0]):
                 place = [within(match[group], -LARGEST_MM) for group in (2, 3, 4)]
                 rows.append((number, *place, match[1] == ":"))
     faults.check()
@@ -313,7 +309,7 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     return replace(settings, probe=offset, data=data, source=document.source, remarks=remarks)
 
 
-def _check_kind(settings: _Settings) -> None:
+def _check_kind(settings: Settings) -> None:
     """Raises for a machine of another kind, or a file of something else."""
     kind = settings.options["printer"].get("kinematics", (0, ""))[1].strip()
     if kind and kind.lower() != "delta":
@@ -330,14 +326,14 @@ def _check_kind(settings: _Settings) -> None:
         settings.missing("printer", "kinematics")
 
 
-def _of_towers(settings: _Settings, option: str, low: float) -> Floats:
+def _of_towers(settings: Settings, option: str, low: float) -> Floats:
     """A number of each tower; that of the first stands for the others where they have none."""
     first = settings.number(_TOWERS[0], option, low=low)
     others = (settings.number(tower, option, first, low) for tower in _TOWERS[1:])
     return np.array((first, *others))
 
 
-def _step(settings: _Settings, tower: str) -> float:
+def _step(settings: Settings, tower: str) -> float:
     """Way of a carriage with one step [mm]."""
     turn, old = "rotation_distance", "step_distance"  # the latter until 2021
     options = settings.options[tower]
@@ -350,7 +346,7 @@ def _step(settings: _Settings, tower: str) -> float:
 
 
 def _calibration(
-    settings: _Settings, home: Floats, step: Floats, names: Sequence[str], ends: tuple[str, str]
+    settings: Settings, home: Floats, step: Floats, names: Sequence[str], ends: tuple[str, str]
 ) -> list[Floats]:
     """Values that [delta_calibrate] stores under these names, n of them.
 
@@ -402,7 +398,7 @@ def _reached(source: Source, machine: LinearDelta, *stored: Sequence[Floats]) ->
     return Readings(plan, value, line.astype(int), False, source, remarks=remarks)
 
 
-def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Readings | None:
+def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     profiles = [name for name in settings.sections if name.startswith(_PROFILE)]
     if not profiles:
         return None
@@ -426,7 +422,7 @@ def _mesh(settings: _Settings, sensor: str, probe: Floats) -> Readings | None:
     return replace(mesh, remarks=tuple(remarks))
 
 
-def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[Reason]:
+def _mesh_remarks(settings: Settings, sensor: str, section: str) -> Iterator[Reason]:
     """Remarks on the age, the places and the heights of a mesh."""
     # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
     mesh, _ = settings.options[section].get("points", (math.inf, ""))
@@ -443,7 +439,7 @@ def _mesh_remarks(settings: _Settings, sensor: str, section: str) -> Iterator[Re
             yield Reason.of("mesh_zero", line=line, option=option)
 
 
-def _grid(settings: _Settings, section: str, axis: str) -> Floats:
+def _grid(settings: Settings, section: str, axis: str) -> Floats:
     """The places of a mesh along one axis [mm]; empty if they cannot be read."""
     low, high = (settings.number(section, f"{end}_{axis}") for end in ("min", "max"))
     count = settings.read(section, f"{axis}_count", _count, 0)
@@ -452,7 +448,7 @@ def _grid(settings: _Settings, section: str, axis: str) -> Floats:
     return np.linspace(low, high, count)
 
 
-def _rows(settings: _Settings, section: str, across: int, along: int) -> tuple[list[int], Floats]:
+def _rows(settings: Settings, section: str, across: int, along: int) -> tuple[list[int], Floats]:
     """Line of each row of a mesh, and the heights, shape (along, across)."""
     if "points" not in settings.options[section]:
         settings.missing(section, "points")
@@ -467,7 +463,7 @@ def _rows(settings: _Settings, section: str, across: int, along: int) -> tuple[l
             settings.add(what, _AGAIN, line, column, ",".join(cells))
             continue
         for cell in cells:
-            with settings.noting(line, cell, column):
+            with settings.noting(line, column, cell):
                 heights.append(within(cell, -LARGEST_MM))
     if along and len(rows) != along:
         what = f"The mesh has {len(rows)} rows, y_count says {along}."

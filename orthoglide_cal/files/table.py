@@ -12,7 +12,7 @@ from difflib import get_close_matches
 from itertools import pairwise
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.files.faults import Content, FaultPlace, Faults, Steps, unused
+from orthoglide_cal.files.faults import Content, Faults, Place, Steps, unused
 from orthoglide_cal.files.rows import CODED, Row
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import Reason, parse_number
@@ -44,11 +44,11 @@ class Table(Content):
     def parse(self, text: str) -> float:
         return parse_number(text, decimal_comma=self.decimal_comma)
 
-    def place(self, path: Steps) -> FaultPlace:
+    def place(self, path: Steps) -> Place:
         """Where a row stands, or a cell of it."""
         cells = self.rows[int(path[0])]
         column = str(path[1]) if len(path) > 1 else ""
-        return FaultPlace(self.lines[path[:1]], column or None, cells.get(column))
+        return self.lines[path[:1]], column or None, cells.get(column)
 
     def check_header(self, schema: type[Row]) -> list[Reason]:
         """A remark on the columns without a meaning, if there are any.

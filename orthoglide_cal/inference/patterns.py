@@ -305,30 +305,33 @@ def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
     gains = np.full((rows.shape[1], len(factors), len(fit.noise.sigma)), ABSENT)
     wider = fit.noise.wider(np.sqrt(1.0 + factors**2))
     gains[everywhere] = fit.log_density(wider).reshape(len(factors), -1) - fit.by_noise
-    contrasts, some = fit.white.matrix, rows[:, ~everywhere].astype(np.float64)
+    contrasts, texture = fit.white.matrix, fit.white.texture
     if not isinstance(contrasts, Contrasts):
         return gains[:, None]
-    texture = fit.white.texture
     shape = () if texture is None else (texture.columns,)
     # What of a local shape is too fine to be described is noise, too, but of the bed.
     unit = _general(fit.white, fit.noise) / fit.noise.stated
+    known = unit * (contrasts.T @ np.column_stack((*shape, fit.scaled, fit.unexpected)))
+    columns = np.hstack((contrasts.zeros, known[:, :-1]))
+    # Of unit size but for zeros of gauges, which may be any.
+    prior = np.repeat((0.0, 1.0), (contrasts.zeros.shape[1], known.shape[1] - 1))
+    columns = np.linalg.solve(np.linalg.cholesky(columns.T @ columns + np.diag(prior)), columns.T).T
+    left = known[:, -1] - columns @ (columns.T @ known[:, -1])
     more2 = (unit * fit.noise.stated * factors) ** 2
-    values = contrasts.T @ np.column_stack((*shape, fit.scaled, fit.unexpected))
-    values = np.hstack((contrasts.zeros, unit * values))
-    zeros, end = contrasts.zeros.shape[1], values.shape[1] - 1
-    whole = values.T @ values
-    whole[np.arange(zeros, end), np.arange(zeros, end)] += 1.0
-    own = values.T @ (some.T[:, :, None] * values)
-    share = (more2 / (1.0 + more2))[:, None, None]
-    square = np.concatenate((whole[None], (whole - share * own[:, None]).reshape(-1, *whole.shape)))
-    inner, cross = square[:, :end, :end], square[:, :end, end:]
-    root = np.linalg.cholesky(inner)
-    log_det = 2.0 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
-    left = square[:, end, end] - (np.linalg.solve(root, cross) ** 2).sum(axis=(1, 2))
-    log_det[1:] += np.outer(some.sum(axis=0), np.log1p(more2)).reshape(-1)
-    noise2 = (fit.noise.sigma / fit.noise.stated) ** 2
-    gain = (left[0] - left[1:])[:, None] / noise2 + (log_det[0] - log_det[1:])[:, None]
-    gains[~everywhere] = 0.5 * gain.reshape(-1, len(factors), len(noise2))
+    share, noise2 = more2 / (1.0 + more2), (fit.noise.sigma / fit.noise.stated) ** 2
+    for k in np.flatnonzero(~everywhere):
+        # With less weight of some readings, by the eigenvalues of their part of the hat matrix.
+        some, residual = columns[rows[:, k]], left[rows[:, k]]
+        if len(some) < some.shape[1]:
+            size2, axes = np.linalg.eigh(some @ some.T)
+            match2 = size2 * (axes.T @ residual) ** 2
+        else:
+            size2, axes = np.linalg.eigh(some.T @ some)
+            match2 = (axes.T @ (some.T @ residual)) ** 2
+        kept = 1.0 - np.outer(share, size2)
+        square = share * (residual @ residual) + share**2 * (match2 / kept).sum(axis=1)
+        log_det = np.log(kept).sum(axis=1) + len(some) * np.log1p(more2)
+        gains[k] = 0.5 * (square[:, None] / noise2 - log_det[:, None])
     return gains[:, None]
 
 

@@ -126,7 +126,7 @@ def _offsets_wrong(machine: Machine, data: Data) -> str:
     return (
         f"{titles[0].upper()}{titles[1:]} ({' and '.join(ids)}, {percent(data['probability'], 1)}):"
         f" {machine.vocabulary.many} alone would be wrong by up to"
-        f" {data['change']:.3f} {data['unit']}."
+        f" {two_figures(data['change'])} {data['unit']}."
     )
 
 

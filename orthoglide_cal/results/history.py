@@ -43,7 +43,7 @@ from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Estimate
-from orthoglide_cal.model.machine import Bed, Machine, Origin
+from orthoglide_cal.model.machine import Bed, Entered, Machine, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.adjustment import Removed
@@ -327,6 +327,13 @@ def moment_of(given: Input, stated: str | None = None) -> datetime | None:
             return None
         raise UsageError(f"{stated!r} is no date.", "Write --dates 2026-03-02,2026-04-07") from None
     return moment.replace(tzinfo=moment.tzinfo or UTC)
+
+
+def precedes(given: Input, entry: Entered) -> bool:
+    """True if it was measured before this entry, as its date says and the values active then."""
+    moment, entered = moment_of(given), datetime.fromisoformat(entry.date)
+    active = given.model.machine.active == entry.active[0]
+    return active and moment is not None and moment < entered.replace(tzinfo=entered.tzinfo or UTC)
 
 
 def sort_by_date(inputs: Sequence[Input]) -> list[Input]:

@@ -48,7 +48,7 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.planning.adjustment import Removed
 from orthoglide_cal.results.answer import InputFile, Spread
-from orthoglide_cal.results.history import moment_of, wrong_order
+from orthoglide_cal.results.history import moment_of, precedes, wrong_order
 from orthoglide_cal.results.making import parameters_of, remainder, spread, widened
 from orthoglide_cal.results.validity import Validity, compare_reservations, validity
 from orthoglide_cal.schema import Reason, Schema, Sentence
@@ -516,6 +516,12 @@ def _entered(
         corrected = known.corrected
     if applied is not None:
         return np.array(applied, dtype=float), corrected
+    if known and precedes(after, known):
+        paths = (given.measured.source.path for given in (after, before))
+        raise UsageError(
+            "{} was measured before the offsets of {} were entered.".format(*paths),
+            "Measure again; or give what had been entered by then: --applied DX DY DZ",
+        )
     if (
         known is None
         and not adjusted

@@ -314,8 +314,7 @@ def open_adjustments(
             f"{session} was adjusted already, or this was begun: {target.name} exists.",
             "Measure again before you adjust again, or continue with --resume.",
         )
-    if gauge := serial_gauge(source):
-        gauge.open()  # a missing gauge leaves no file behind
+    asker.gauge = serial_gauge(source)  # a missing one leaves no file behind
     following = events.Following(
         data=read_document(str(session)), what=cause, minutes=0.0, continues=False,
         entered=NOTHING_ENTERED,
@@ -332,9 +331,7 @@ def open_adjustments(
     try:
         state = events.replay(journal.events)
         _check_same(state, following, adjustments, target)
-        if gauge is None and (gauge := serial_gauge(state.source)):
-            gauge.open()
-        asker.gauge = gauge
+        asker.gauge = asker.gauge or serial_gauge(state.source)
         setting = setting_in(journal, state, steps)
         return AdjustingDialogue(session, journal, setting, asker, clock, adjustments=adjustments)
     except BaseException:

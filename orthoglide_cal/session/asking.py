@@ -18,8 +18,6 @@ from orthoglide_cal.words import counted, wrapped
 POLL_S = 0.05  # the keyboard is awaited so long before the gauge is looked at again [s]
 RECONNECT_S = 0.5
 ANSWER_S = 1.5  # a gauge that is asked answers sooner [s]
-# A line that nothing follows for so long is an answer: a gauge that sends by itself is faster [s].
-ALONE_S = 0.5
 WIDEST = 80
 # A button pressed twice, or bouncing, is over by then; reading the other dial takes longer [s].
 BETWEEN_GAUGES_S = 1.2
@@ -127,7 +125,6 @@ class Asker:
     _shown: float = math.inf  # since when the prompt stands there
     _asked: float | None = None  # when Return asked the gauge, until it says something
     _sending: DeadTime | None = None  # the source that sends by itself, until it is quiet
-    _held: Token | None = None  # a reading, until it is known to be alone
     _lost_since: float | None = None
     _line_is_open: bool = False
 
@@ -161,7 +158,7 @@ class Asker:
         something has come between. What is wanted is the reading of a step, after `takes` others,
         or words. Raises EOFError: nobody will ever answer.
         """
-        self._prompt, self._shown, self._asked, self._held = prompt, math.inf, None, None
+        self._prompt, self._shown, self._asked = prompt, math.inf, None
         before = self._keys.unasked, self._gauges.unasked
         pasted = 0
         while self.keyboard.live and (line := self.keyboard.read(0.0)) is not None:
@@ -205,7 +202,7 @@ class Asker:
             self._line_is_open = False
             if not self.keyboard.live:
                 self.show(visible(text)[:40])  # a terminal has shown it itself
-            elif self._held or self._keys.is_early(line.begun, line.ended, len(text), self._shown):
+            elif self._keys.is_early(line.begun, line.ended, len(text), self._shown):
                 self._drop(text, line.ended, self._keys)
                 return self._stream(self._keys)
             if text or gauge is None:
@@ -219,14 +216,6 @@ class Asker:
 
     def _listen(self, gauge: LiveGauge, asked: bool) -> Token | Unasked | None:
         now = self.clock()
-        if self._held is not None and now - self._answered[0] >= ALONE_S:
-            item, self._held = self._held, None
-            self._gauges.arrivals[self._answered[0]] = True
-            self._end_line()
-            if self._gauges.unasked < STREAM - 1:
-                return item
-            self._sending = self._gauges
-            return Unasked(0)
         if self._lost_since is not None:
             if now - self._lost_since < RECONNECT_S:
                 return None
@@ -250,27 +239,26 @@ class Asker:
         for item in heard:
             if self._strict and (readings := self._gauges.arrived(now)) is not None:
                 # At equal intervals: said once, and nothing of it is a reading.
-                known, self._sending, self._held = self._sending is self._gauges, self._gauges, None
+                known, self._sending = self._sending is self._gauges, self._gauges
                 self._end_line()
                 return None if known and not readings else Unasked(readings)
-            if self._held or self._gauges.is_early(now, now, 0, self._shown):
+            if self._gauges.is_early(now, now, 0, self._shown):
                 self._drop(item.raw, now, self._gauges)
             elif item.value is None or item.elsewhere is not None:
                 why = item.elsewhere or "That is not a reading: nothing is recorded."
                 self._break_in(f"The gauge says '{visible(item.raw)[:40]}'. {why}", Style.BAD)
-            elif gauge.reads_itself or not self.keyboard.live:
+            else:
+                if self.keyboard.live and not gauge.reads_itself:
+                    self.show(visible(item.raw.strip())[:40], Style.PLAIN, "")
+                    self._answered = now, self._gauges
+                    self._gauges.arrivals[now] = True
                 self._end_line()
                 return item
-            else:  # a reading, if nothing follows it at once
-                self.show(visible(item.raw.strip())[:40], Style.PLAIN, "")
-                self._line_is_open = True
-                self._held, self._answered = item, (now, self._gauges)
-                self._gauges.begin(now, driving=False, mine=True)
         return self._stream(self._gauges)
 
     def _stream(self, source: DeadTime) -> Unasked | None:
         """Say once that this source sends by itself; None if it does not."""
-        if self._held is not None or source.unasked < STREAM or self._sending is source:
+        if source.unasked < STREAM or self._sending is source:
             return None
         self._sending = source
         self._end_line()
@@ -299,7 +287,7 @@ class Asker:
         """A message below the line of the prompt, which is then shown again with its place."""
         self._end_line()
         self.say(text, style)
-        if self._shown < math.inf and self._held is None:
+        if self._shown < math.inf:
             self._redraw()
 
     def _redraw(self) -> None:

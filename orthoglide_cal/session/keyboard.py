@@ -94,8 +94,13 @@ class Keyboard:
         """Let keys change the line; those typed for a prompt are `shown`."""
         answer = ""
         for key in keys:
-            if key in _ENDS:
-                answer += self._end_line(key)
+            now = time.monotonic()
+            if key == "\n" and self._after_return:
+                pass  # the LF of a CR LF
+            elif key in _ENDS:
+                answer += "\n"
+                self._lines.append(Line(self._typed, self._begun if self._typed else now, now))
+                self._typed = ""
             elif key in _ERASE:
                 answer += "\b \b" * len(visible(self._typed[-1:]))
                 self._typed = self._typed[:-1]
@@ -106,26 +111,11 @@ class Keyboard:
                 self._lines.extend(() if self._typed else (None,))
             elif len(self._typed) < _LONGEST:
                 answer += visible(key)
-                self._begin_line(key)
+                self._begun = self._begun if self._typed else now
+                self._typed += key
+            self._after_return = key == "\r"
         if answer and shown:
             self._screen().write(answer)
-
-    def _begin_line(self, key: str) -> None:
-        if not self._typed:
-            self._begun = time.monotonic()
-        self._typed += key
-        self._after_return = False
-
-    def _end_line(self, key: str) -> str:
-        """The line is complete, unless this is the LF of a CR LF."""
-        second = key == "\n" and self._after_return
-        self._after_return = key == "\r"
-        if second:
-            return ""
-        now = time.monotonic()
-        self._lines.append(Line(self._typed, self._begun if self._typed else now, now))
-        self._typed = ""
-        return "\n"
 
     def _append(self, timeout_s: float) -> None:
         """Wait for more from a pipe."""
@@ -137,14 +127,9 @@ class Keyboard:
             text = self._pipe.get(timeout=timeout_s)
         except Empty:
             return
-        for character in text or "":
-            if character in _ENDS:
-                self._end_line(character)
-            else:
-                self._begin_line(character)
+        self._edit(text or "", shown=False)
         if text is None:
-            if self._typed:
-                self._end_line("\n")
+            self._edit("\n" if self._typed else "", shown=False)
             self._lines.append(None)
 
 

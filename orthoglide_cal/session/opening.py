@@ -96,15 +96,13 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
         InputError: a file cannot be used.
         GaugeLost: the gauge cannot be reached.
     """
-    serial = serial_gauge(request.source)
     _check_options(request)
     path, asker = session_file(request.path, folder, request.resume), Asker(keyboard, show)
     if request.resume:
         journal = Journal.resume(path.with_suffix(JOURNAL))
     else:
         # A missing gauge or another machine leaves no file behind.
-        if serial:
-            serial.open()
+        asker.gauge = serial_gauge(request.source)
         journal = Journal.create(path.with_suffix(JOURNAL), *_confirmed(request, asker))
     try:
         state = events.replay(journal.events)
@@ -114,9 +112,8 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
         source = request.source or state.source
         if source == (SIMULATED,):
             asker.gauge = SimulatedGauge(setting, state.opened.seed or 0)
-        elif serial := serial or serial_gauge(source):
-            serial.open()
-            asker.gauge = serial
+        else:
+            asker.gauge = asker.gauge or serial_gauge(source)
         if request.resume:
             asker.say(wording.machine(setting.held, state.opened.seed is not None))
             if setting.following:
@@ -260,20 +257,19 @@ def _recommended(
     path: str, request: Request
 ) -> tuple[PriorReadings, tuple[NextMeasurement, ...], Model]:
     """Rank what to measure next, given the readings in a file, and on which machine."""
-    given, keeper, choice = request.model, request.keeper, request.choice
+    keeper, choice = request.keeper, request.choice
     if path == "-":
         raise UsageError("--then needs a file; standard input is the keyboard.", "Name the file.")
     data = read_document(path)
-    alone = read_input(data, None, request.otherwise)
-    alone.model.machine.check_guided()
-    names = machine_file.differing(alone.model, given) if given and alone.is_session else []
-    if names:
+    given = read_input(data, request.model, request.otherwise)
+    given.model.machine.check_guided()
+    if names := machine_file.differing(given.recorded or given.model, given.model):
         raise UsageError(
             f"{path} was measured on another machine than that of --machine: they differ in"
             f" {', '.join(names)}.",
             "Leave out --machine to use the machine of the session.",
         )
-    first = PriorReadings(data, given or alone.model)
+    first = PriorReadings(data, given)
     if not first.plan.fixed:
         raise UsageError(
             f"{path} was measured with the single-posture protocol. Further readings need fixed"
@@ -383,13 +379,15 @@ def setting_in(
 
 
 def serial_gauge(source: Sequence[str]) -> SerialGauge | None:
-    """The serial gauges that --gauge names, not opened yet. Raises UsageError."""
+    """Open the serial gauges that --gauge names; None for others. Raises UsageError, GaugeLost."""
     if tuple(source) in ((), (TYPED,), (SIMULATED,)):
         return None
     if TYPED in source or SIMULATED in source or len(source) > 2:
         fault = f"These gauges do not go together: {', '.join(source)}."
         raise UsageError(fault, "Give typed, simulated, or one or two of FORMAT:PORT.")
-    return SerialGauge(source)
+    gauge = SerialGauge(source)
+    gauge.open()
+    return gauge
 
 
 def _refuse_changes(opened: events.Opened, model: Model, request: Request) -> None:

@@ -16,7 +16,7 @@ from orthoglide_cal.estimation import Solution, solve
 from orthoglide_cal.estimation.budget import warmth
 from orthoglide_cal.estimation.forecast import PlanForecast
 from orthoglide_cal.estimation.gaussian import Mixture
-from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import (
     QUESTIONED,
     GaugeIdentity,
@@ -46,12 +46,10 @@ _ENOUGH = 9
 class PriorReadings:
     """The n readings that were there before a session began; part of it in every result.
 
-    On the machine as it was for the first of them. Raises InputError: they cannot be read;
-    UsageError: these are no readings.
+    On the machine as it was for the first of them. Raises UsageError: these are no readings.
     """
 
-    def __init__(self, data: FileText, model: Model) -> None:
-        given = read_input(data, model)
+    def __init__(self, data: FileText, given: Input) -> None:
         self.path = data.path
         if not isinstance(given.measured, Readings):
             fault = f"{self.path} holds differences; new readings cannot be joined to them."
@@ -129,8 +127,9 @@ class Setting:
 
     @cached_property
     def first(self) -> PriorReadings | None:
-        """The readings that it continues."""
-        return PriorReadings(self.following.data, self.model) if self.following else None
+        """The readings that it continues. Raises InputError: they cannot be read."""
+        data = self.following and self.following.data
+        return PriorReadings(data, read_input(data, self.model)) if data else None
 
     @property
     def held(self) -> Model:

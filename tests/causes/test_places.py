@@ -12,9 +12,9 @@ from orthoglide_cal.model.orthoglide import PlannedReading, double_posture, plan
 from orthoglide_cal.model.plan import Floats, zero_free
 from orthoglide_cal.model.readings import Contact, GaugePlan
 from tests import truth
-from tests.causes.condition import MACHINES, as_plan, standard, state_of
+from tests.causes.test_forward import MACHINES, as_plan, standard
 from tests.machines import NOMINAL, PROTOTYPE
-from tests.truth.effects import Effect, contact_shift, write_down
+from tests.truth.effects import Effect, contact_shift, state_with, write_down
 
 PLAN = double_posture(PROTOTYPE)
 MIXED = PLAN.subset(np.random.default_rng(2).permutation(len(PLAN)))
@@ -54,7 +54,7 @@ def test_faults_of_the_measurement_are_those_of_the_truth(
     effect, place, size = FAULTS[id]
     offsets = np.array([0.75, 1.6, -1.9])
     zeros = np.random.default_rng(5).uniform(-3.0, 3.0, 6)[plan.setup]
-    surface = truth.signals(plan, hidden, state_of(None, offsets))[0] + zeros
+    surface = truth.signals(plan, hidden, state_with(offsets, ())[None])[0] + zeros
     true = write_down(plan, truth.DIAL, surface + contact_shift(plan, (effect,)), (effect,))
     mine = as_plan(plan)
     record = written(CAUSES[id], size, place, mine, simulate(model, offsets, mine) + zeros)

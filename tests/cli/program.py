@@ -1,11 +1,8 @@
-"""Running the program: inside this process where that is enough, as a process of its own else."""
+"""Running the program inside this process."""
 
 import functools
 import json
-import os
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +10,8 @@ from typer.testing import CliRunner, Result
 
 from orthoglide_cal.cli.app import app
 from tests import truth
-from tests.machines import ROOT
+from tests.machines import ROOT, SAMPLES
 
-SAMPLES = ROOT / "sample_data"
 SIX = str(SAMPLES / "experiment2.csv")
 DOUBLE = str(SAMPLES / "double_posture_session.csv")
 SINGLE = str(SAMPLES / "single_posture_session.csv")
@@ -23,6 +19,7 @@ SESSION = str(SAMPLES / "session.yaml")
 FILES = {
     "SIX": SIX, "DOUBLE": DOUBLE, "SINGLE": SINGLE, "SESSION": SESSION, "LONG": "a" * 300,
     "EXPERIMENT1": str(SAMPLES / "experiment1.csv"),
+    "EXPERIMENT3": str(SAMPLES / "experiment3.csv"),
     "PRINTER": str(ROOT / "configs" / "linear_delta.yaml"),
     "PROTOTYPE": str(ROOT / "configs" / "orthoglide_prototype.yaml"),
     "LARGE": str(ROOT / "configs" / "orthoglide_large.yaml"),
@@ -54,8 +51,11 @@ def done(*arguments: object, text: str = "") -> str:
 def refused(code: int, *arguments: object) -> str:
     """What is said by a command that gives nothing but an exit code; without breaks of lines."""
     result = run(*arguments)
-    assert (result.exit_code, result.stdout) == (code, ""), result.output
-    return words(result.stderr)
+    said, nothing = result.stderr, result.stdout
+    if "--json" in arguments:
+        said, nothing = lines(result)[0]["error"], said
+    assert (result.exit_code, nothing) == (code, ""), result.output
+    return words(said)
 
 
 def lines(result: Result) -> list[dict[str, Any]]:
@@ -88,9 +88,24 @@ def worded(command: str) -> list[str]:
 
 
 def refusals(table: Path) -> list[str]:
-    """Lines of a table of refusals: exit code, command, input that JSON names, what is said."""
+    """Lines of a table of commands: exit code, command, what is said (see the tables)."""
     lines = table.read_text(encoding="utf-8").splitlines()
     return [line for line in lines if line and not line.startswith("#")]
+
+
+def holds(said: str, parts: list[str]) -> None:
+    """Assert that a text has these parts, and not those behind "not:"."""
+    for part in parts:
+        text = part.removeprefix("not:")
+        assert (text in said) == (text == part), f"{part}\n{said}"
+
+
+def tells(line: str) -> None:
+    """Assert one of them that prints something: its screen, whatever else it does."""
+    code, command, *parts = map(str.strip, line.split("|"))
+    shown = once(*worded(command))
+    assert shown.exit_code == int(code), shown.output
+    holds(words(shown.stdout), parts)
 
 
 def refuses(line: str, *before: str) -> None:
@@ -98,9 +113,7 @@ def refuses(line: str, *before: str) -> None:
     code, command, path, *parts = map(str.strip, line.split("|"))
     typed = [*before, *worded(command)]
     said = refused(int(code), *typed)
-    for part in parts:
-        text = part.removeprefix("not:")
-        assert (text in said) == (text == part), said
+    holds(said, parts)
     assert "Input should" not in said, "no words of a library"
     if path != "?":
         result, path = run(*typed, "--json"), FILES.get(path, path)
@@ -109,22 +122,6 @@ def refuses(line: str, *before: str) -> None:
         assert told["input"] == ({"path": path} if path else None)
         error = words(told["error"])
         assert said in (error, f"{path}: {error}")
-
-
-def process(
-    *arguments: str, text: str = "", environment: dict[str, str] | None = None
-) -> subprocess.CompletedProcess[str]:
-    """One command as a process of its own."""
-    return subprocess.run(
-        [sys.executable, "-m", "orthoglide_cal", *arguments],
-        input=text,
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        env={**os.environ, **(environment or {})},
-        timeout=120,
-        check=False,
-    )
 
 
 def written(session: truth.Session) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pexpect
 import pytest
@@ -24,16 +25,23 @@ from tests.cli.program import (
     UNDETERMINED,
     done,
     lines,
-    process,
     refusals,
     refuses,
     run,
+    tells,
     worded,
     words,
 )  # fmt: skip
 from tests.session.terminal import PROGRAM, Terminal
 
 COMMANDS = tuple(get_command(app).commands)  # type: ignore[attr-defined]
+
+
+def started(*arguments: str, program: str = PROGRAM, **more: Any) -> subprocess.Popen[str]:
+    """The program as a process of its own."""
+    pipes: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    command = [sys.executable, "-c", program, *arguments]
+    return subprocess.Popen(command, cwd=ROOT, text=True, encoding="utf-8", **{**pipes, **more})
 
 
 def test_every_command_has_help() -> None:
@@ -68,12 +76,10 @@ for words in json.loads(sys.stdin.read()):
 
 
 def test_no_command_loads_what_it_does_not_need() -> None:
-    text = json.dumps([worded(command) for command, _ in NEEDLESS])
-    done = subprocess.run(
-        [sys.executable, "-c", LOADING], input=text, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    for (command, needless), shown in zip(NEEDLESS, done.stderr.splitlines(), strict=True):
+    program = started(program=LOADING)
+    _, said = program.communicate(json.dumps([worded(command) for command, _ in NEEDLESS]))
+    assert program.returncode == 0, said
+    for (command, needless), shown in zip(NEEDLESS, said.splitlines(), strict=True):
         loaded = set(shown.split())
         assert "orthoglide_cal.cli.app" in loaded
         assert not set(needless.split()) & loaded, command
@@ -84,11 +90,11 @@ def test_version_is_one_line_and_quick() -> None:
     times = [2.0]
     while min(times) >= 1.0 and len(times) < 4:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        shown = process("--version")
+        program = started("--version")
+        shown, _ = program.communicate()
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         times.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-        assert shown.stdout == f"orthocal {__version__}\n"
-        assert shown.returncode == 0
+        assert (shown, program.returncode) == (f"orthocal {__version__}\n", 0)
     assert min(times) < 1.0
 
 
@@ -96,6 +102,11 @@ def test_version_is_one_line_and_quick() -> None:
 def test_what_is_refused_says_why_and_leaves_no_file(line: str, folder: Path) -> None:
     refuses(line)
     assert not list(folder.iterdir())
+
+
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("said.txt")))
+def test_what_a_screen_says(line: str) -> None:
+    tells(line)
 
 
 @pytest.mark.parametrize("typed", ["0,1 -0,254 0", "0.1mm -0.01in 0", "100um \u22120.254 0.0cm"])
@@ -107,32 +118,14 @@ def test_options_take_commas_and_units_as_a_session_does(typed: str) -> None:
     assert (told.exit_code, told.stdout) == (0, plain.stdout)
 
 
-@pytest.mark.parametrize(
-    ("command", "said"),
-    [
-        *((f"{command} --html {target}", "Leave out --html")
-          for command in ("plan", "report DOUBLE") for target in ("-", "page.html")),
-        ("plan --machine PRINTER --program p.csv", "Leave out --json"),
-        ("export DOUBLE --format table", "--json does not go with --format table"),
-    ],
-)  # fmt: skip
-def test_json_and_another_form_are_asked_for_apart(command: str, said: str, folder: Path) -> None:
-    shown = run(*worded(command), "--json")
-    assert shown.exit_code == 2
-    assert said in words(shown.stdout)
-    assert not list(folder.iterdir())
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
 def test_a_full_disk_behind_standard_output_is_said_in_one_line() -> None:
     with Path("/dev/full").open("w") as full:
-        shown = subprocess.run(
-            [sys.executable, "-m", "orthoglide_cal", "template", "machine"],
-            cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, check=False,
-        )  # fmt: skip
-    assert shown.returncode == 3
-    assert shown.stderr.startswith("Standard output cannot be written:")
-    assert shown.stderr.count("\n") == 1
+        program = started("template", "machine", stdout=full)
+        _, said = program.communicate()
+    assert program.returncode == 3
+    assert said.startswith("Standard output cannot be written:")
+    assert said.count("\n") == 1
 
 
 def test_long_messages_break_between_words_in_a_terminal(tmp_path: Path) -> None:
@@ -194,13 +187,6 @@ def test_an_unexpected_failure_is_not_success(
     assert isinstance(shown.exception, failure if code == 1 else SystemExit)
 
 
-def started(*arguments: str) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "orthoglide_cal", *arguments],
-        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-
-
 @pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="reads what Linux has loaded")
 def test_ctrl_c_during_a_long_run() -> None:
     program = started("paper", "--table", "3")
@@ -228,7 +214,7 @@ def test_a_reader_that_stops_reading_is_no_failure(enough: bool) -> None:
     assert said == ""
 
 
-@pytest.mark.parametrize("command", ["solve", "validate", "diagnose", "report", "export"])
+@pytest.mark.parametrize("command", ["solve", "validate", "diagnose", "report", "export", "guide"])
 def test_a_file_name_is_shown_and_never_obeyed(command: str, tmp_path: Path) -> None:
     """Neither in the answer nor in an error."""
     path = tmp_path / "\x1b[31mred\u202e.csv"
@@ -269,9 +255,10 @@ def test_no_colour_means_no_escape_codes(how: str, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_terminal_without_such_letters_keeps_every_sign() -> None:
-    shown = process("solve", DOUBLE, environment={"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"})
-    assert shown.returncode == 0
-    lines = shown.stdout.splitlines()
-    assert lines[0].startswith("+ The offsets may be entered")
-    assert re.search(r"^  y +0.000 +-0.296 +0.024 +-0.296$", shown.stdout, re.MULTILINE)
-    assert "must move by -0.001 +/- 0.023 mm" in " ".join(shown.stdout.split())
+    ascii_only = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+    program = started("solve", DOUBLE, env=ascii_only)
+    shown, _ = program.communicate()
+    assert program.returncode == 0
+    assert shown.startswith("+ The offsets may be entered")
+    assert re.search(r"^  y +0.000 +-0.296 +0.024 +-0.296$", shown, re.MULTILINE)
+    assert "must move by -0.001 +/- 0.023 mm" in words(shown)

@@ -13,7 +13,19 @@ import yaml
 from orthoglide_cal.files.machine_file import shipped_folder
 from tests import truth
 
-from .program import COMMENT, FIRST, UNDETERMINED, answer, done, parameters, refused, run, words
+from .program import (
+    COMMENT,
+    FIRST,
+    UNDETERMINED,
+    answer,
+    done,
+    parameters,
+    refusals,
+    refused,
+    refuses,
+    run,
+    words,
+)  # fmt: skip
 
 pytestmark = pytest.mark.usefixtures("to_apply")
 
@@ -109,27 +121,13 @@ def test_undo_takes_the_last_entry_back() -> None:
     assert len(history()) == 1
 
 
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [
-        ("before.csv --yes", 2, "applied already"),
-        ("after.csv --undo --yes", 2, "another measurement"),
-        ("before.csv", 2, "In a script, give --yes"),
-        ("", 2, "Name the session"),
-        ("before.csv --yes --machine -", 2, "be recorded in standard input"),
-        ("--undo", 2, "In a script, give --yes"),
-        ("few.csv --yes", 4, "do not determine"),
-    ],
-)
-def test_what_is_refused_changes_nothing(arguments: str, code: int, words: str) -> None:
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("refused_to_apply.txt")))
+def test_what_is_refused_changes_nothing(line: str) -> None:
     Path("few.csv").write_text(UNDETERMINED, encoding="utf-8")
     applied()
     measured_again()
     before = Path("machine.yaml").read_bytes()
-    said = refused(code, "apply", *arguments.split())
-    assert words in said
-    # No option is offered that `apply` does not have.
-    assert "--force" not in said
+    refuses(line, "apply")
     assert Path("machine.yaml").read_bytes() == before
 
 

@@ -13,30 +13,18 @@ from orthoglide_cal.files.machine_file import (
     machine_text,
     machine_values,
 )
+from tests.machines import ROOT
 from tests.printer_files import printer_cfg
+from tests.printers import CONFIG
 from tests.truth.delta import V400, Truth
 
 from .program import answer, as_measured, done, refused, run, words
 
-JOINT = """\
-[JOINT_{}]
-MIN_LIMIT = 280
-MAX_LIMIT = 520
-HOME_SEARCH_VEL = 10
-HOME_LATCH_VEL = -1
-HOME_OFFSET = 510.0
-"""
-INI = "[TRAJ]\nLINEAR_UNITS = mm\n" + "".join(map(JOINT.format, range(3)))
+# The INI of the large machine's controller; known scales of its axes, as its machine file has them.
+INI, ACCEPTED = (
+    Path(__file__).with_name(name).read_text() for name in ("large.ini", "accepted.yaml")
+)
 TRUE = {"x": 0.3, "y": -0.2, "z": 0.1}
-ACCEPTED = """identified:
-- cause: encoder_scale
-  parameters:
-    x: {value: 0.4, std: 0.02, unit: 1e-3}
-    y: {value: -0.3, std: 0.02, unit: 1e-3}
-    z: {value: 0.01, std: 0.02, unit: 1e-3}
-  date: 2026-01-01
-  data_sha256: 87659b73fdacb8e27bfcb88b5a253ada531ce2d06e17f3ed9c40802bb7105df3
-"""
 
 
 def measured(name: str, seed: int, *cause: str) -> None:
@@ -57,7 +45,7 @@ def applied(name: str) -> dict:
 def large() -> Path:
     """The large machine, with the INI of its controller; the machine file."""
     Path("mill.ini").write_text(INI)
-    shipped = Path(__file__).parents[2] / "configs" / "orthoglide_large.yaml"
+    shipped = ROOT / "configs" / "orthoglide_large.yaml"
     path = Path("machine.yaml")
     path.write_text(shipped.read_text())
     return path
@@ -145,9 +133,8 @@ def test_a_table_that_was_changed_is_not_taken_back(large: Path) -> None:
 
 def test_a_printer_takes_the_scales_of_its_towers(folder: Path) -> None:
     """Beside the parameters: per turn 4/1000 more, and as much more from the bed to the endstop."""
-    shipped = Path(__file__).parents[2] / "configs" / "linear_delta.yaml"
     accepted = ACCEPTED.replace("0.4", "4.0").replace(" x:", " a:").replace(" y:", " b:")
-    text = shipped.read_text().replace("identified: []\n", accepted.replace(" z:", " c:"))
+    text = CONFIG.read_text().replace("identified: []\n", accepted.replace(" z:", " c:"))
     Path("machine.yaml").write_text(text)
     # The shipped machine is the one of these settings.
     printer = printer_cfg(V400, Truth(), sections="")

@@ -50,6 +50,9 @@ class StandIn(ThreadingHTTPServer):
         self.asked.append((asked.path, asked.headers.get("X-Api-Key")))
         name = asked.path.partition("?")[0].rpartition("/")[2].removesuffix(".cfg")
         found = self.answers.get(name, 404)
+        if callable(found):
+            found(self, asked)
+            return
         if isinstance(found, int):
             asked.send_error(found)
             return
@@ -84,6 +87,7 @@ def test_a_server_is_read_like_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         ({"info": b"<html>router</html>"}, "not Moonraker"),
         ({"info": {"result": {}}}, "not Moonraker"),
+        ({"info": json.dumps(INFO).encode().ljust(5_000_001)}, "not Moonraker"),
         ({}, "404"),
         ({"info": 401}, "MOONRAKER_API_KEY"),
         ({"info": INFO}, "no printer.cfg"),
@@ -93,12 +97,6 @@ def test_a_server_is_read_like_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_servers_that_are_of_no_use(answers: dict, said: str) -> None:
     assert said in refused(3, "solve", StandIn(**answers).address)
-
-
-def test_a_server_that_sends_more_than_any_printer_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("orthoglide_cal.files.moonraker._LARGEST", 10)
-    server = StandIn(info=INFO, printer=GOOD)
-    assert "The server there is not Moonraker." in refused(3, "solve", server.address)
 
 
 @pytest.mark.parametrize(
@@ -130,20 +128,16 @@ def test_a_server_that_does_not_keep_what_it_takes_is_not_restarted() -> None:
     assert "/printer/firmware_restart" not in asked
 
 
-class Late(StandIn):
-    """Stores what it is sent, and breaks off instead of saying so."""
-
-    def answer(self, asked: BaseHTTPRequestHandler) -> None:
-        if asked.path == "/server/files/upload":
-            body = asked.rfile.read(int(asked.headers["Content-Length"]))
-            self.answers["printer"] = body.split(b"\r\n\r\n", 2)[2].rpartition(b"\r\n--")[0]
-            asked.wfile.write(b"HTTP/1.1 200 OK\r\nContent-Length: 99\r\n\r\n{")
-            return
-        super().answer(asked)
+def keep_and_break_off(server: StandIn, asked: BaseHTTPRequestHandler) -> None:
+    """Store what was sent, and say so in half a sentence."""
+    body = asked.rfile.read(int(asked.headers["Content-Length"]))
+    server.answers["printer"] = body.split(b"\r\n\r\n", 2)[2].rpartition(b"\r\n--")[0]
+    asked.wfile.write(b"HTTP/1.1 200 OK\r\nContent-Length: 99\r\n\r\n{")
 
 
 def test_what_was_stored_stays_recorded_though_the_answer_was_lost() -> None:
-    server = Late(info=INFO, printer=GOOD, query=of_state("standby"), firmware_restart={})
+    late = {"upload": keep_and_break_off, "firmware_restart": {}}
+    server = StandIn(info=INFO, printer=GOOD, query=of_state("standby"), **late)
     done("apply", server.address, "--to", server.address, "--yes")
     assert server.answers["printer"] != GOOD
     (record,) = Path().glob("*.yaml")
@@ -152,17 +146,14 @@ def test_what_was_stored_stays_recorded_though_the_answer_was_lost() -> None:
     assert server.answers["printer"] == GOOD
 
 
-def test_a_refusal_says_what_the_server_says_and_leaves_no_file() -> None:
-    class Refusing(StandIn):
-        def answer(self, asked: BaseHTTPRequestHandler) -> None:
-            if asked.path != "/server/files/upload":
-                super().answer(asked)
-                return
-            asked.send_response(403)
-            asked.end_headers()
-            asked.wfile.write(b'{"error": {"message": "File is loaded, upload not permitted"}}')
+def refuse(_: StandIn, asked: BaseHTTPRequestHandler) -> None:
+    asked.send_response(403)
+    asked.end_headers()
+    asked.wfile.write(b'{"error": {"message": "File is loaded, upload not permitted"}}')
 
-    server = Refusing(info=INFO, printer=GOOD, query=of_state("standby"))
+
+def test_a_refusal_says_what_the_server_says_and_leaves_no_file() -> None:
+    server = StandIn(info=INFO, printer=GOOD, query=of_state("standby"), upload=refuse)
     result = run("apply", server.address, "--to", server.address, "--yes")
     assert result.exit_code == 3
     assert "File is loaded, upload not permitted" in words(result.stderr)

@@ -27,6 +27,7 @@ from tests.cli.program import (
     refused,
     refuses,
     run,
+    tells,
     words,
 )
 from tests.printer_files import OFF, exact, printer_cfg
@@ -79,6 +80,8 @@ def tilted(tilt: float) -> str:
 
 
 GRID = [(x, y) for x in (-2, 0, 2) for y in (-2, 0, 2)]
+# Settings that Klipper stored again: the same steps, with other endstops.
+STORED = re.compile(r"(position_endstop = )(\d+)")
 NEAR = ((0, 0), (5, 0), (0, 5), (-5, 0), (0, -5), (3, 3), (3, -3), (-3, -3))
 HEIGHTS = (0.01, 0.02, -0.01, 0.03, 0.04, 0.01, 0.011, 0.012)
 
@@ -99,6 +102,9 @@ FILES: dict[str, Callable[[], str]] = {
     "smooth.yaml": lambda: re.sub(r"texture_mm: [\d.]+", "texture_mm: 0.0", delta_yaml(V400)),
     "printer.cfg": lambda: printer_cfg(V400, OFF),
     "after.cfg": lambda: printer_cfg(CALIBRATED, Truth(), seed=2),
+    "again.cfg": lambda: STORED.sub(
+        lambda line: f"{line[1]}{int(line[2]) + 1}", printer_cfg(V400, OFF)
+    ),
     "kossel.cfg": lambda: printer_cfg(KOSSEL, Truth()),
     "longer.cfg": lambda: printer_cfg(V400, replace(OFF, arms=np.full(3, 0.9))),
     "t13.csv": lambda: exact(V400, OFF, Layout(places=13)),
@@ -313,42 +319,9 @@ def test_what_is_not_recommended_is_not_accepted() -> None:
 # --- little, nothing, or nothing to change ----------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("command", "present", "absent"),
-    [
-        # Calibrated again it would get other digits, and no better ones.
-        ("solve right.csv",
-         ("✔ Nothing to enter: the machine is calibrated within U",
-          "orthocal plan right.csv --machine v400.yaml"), ("orthocal export",)),
-        ("diagnose right.csv", ("Nothing to enter",), ()),
-        ("export right.csv --format klipper", ("Nothing to enter",), ()),
-        # One spare reading: any cause fits it, and that nothing is wrong is likelier than each.
-        ("diagnose seven.csv",
-         ("Undecided: nothing wrong (", "so few readings, nearly any cause fits",
-          "1. Probe more places"), ("Likeliest", "Something is wrong")),
-        ("solve seven.csv", ("or from a sound machine",), ()),
-        # Without a touch to spare the model is not said to fit.
-        ("diagnose six.csv", ("these data cannot show",),
-         ("✔", "Unexplained: ", "degrees of freedom")),
-        # A pattern that noise leaves in fewer than one of a hundred, on a bed without grain.
-        ("solve seven14.csv --machine smooth.yaml --details",
-         ("larger than usual for the probe's noise", "not large enough to call the model wrong"),
-         ("smaller ones",)),
-        ("solve tilted.csv", ("± U enter",), ()),
-        ("diagnose belt.csv --details", ("Seen from above, y upwards",), ()),
-        *((f"{command} --data calibration", ("7 heights and 3 distances",), ("of a mesh",))
-          for command in ("solve printer.cfg", "validate printer.cfg")),
-        *((f"{command} --data mesh", ("points of a mesh",), ("7 heights",))
-          for command in ("diagnose printer.cfg", "verify printer.cfg after.cfg")),
-    ],
-)  # fmt: skip
-def test_what_a_page_says_and_does_not(
-    command: str, present: tuple[str, ...], absent: tuple[str, ...]
-) -> None:
-    known = "--machine" in command or "printer.cfg" in command
-    said = page(*command.split(), *(() if known else MACHINE))
-    assert [part for part in present if part not in said] == [], said
-    assert [part for part in absent if part in said] == [], said
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("said_of_printers.txt")))
+def test_what_a_page_says_and_does_not(line: str) -> None:
+    tells(line)
 
 
 def test_a_tilt_that_each_endstop_alone_could_have_is_to_be_entered() -> None:
@@ -495,9 +468,6 @@ def test_touches_of_a_csv_are_held_out_from_a_mesh() -> None:
     said = refused(2, "diagnose", "2026-03-02.cfg", "--holdout", "2026-03-01.csv")
     assert said.endswith("first: orthocal diagnose 2026-03-01.csv --holdout 2026-03-02.cfg")
     assert held["input"]["data"] == "mesh"
-    for verb in ("solve", "validate"):
-        said = refused(2, verb, "later.csv", *MACHINE, "--data", "mesh")
-        assert "--data is for a printer's file; later.csv is not one." in said
 
 
 # --- what is refused --------------------------------------------------------------------------
@@ -506,22 +476,6 @@ def test_touches_of_a_csv_are_held_out_from_a_mesh() -> None:
 @pytest.mark.parametrize("line", refusals(Path(__file__).with_name("refused_printers.txt")))
 def test_what_is_not_of_printers_is_refused(line: str) -> None:
     refuses(line)
-
-
-@pytest.mark.parametrize(
-    "command",
-    ["verify printer.cfg again.cfg", "diagnose printer.cfg again.cfg --together",
-     "diagnose printer.cfg --holdout again.cfg", "history printer.cfg again.cfg"],
-)  # fmt: skip
-def test_a_calibration_that_is_stored_again_is_no_second_one(command: str) -> None:
-    """Its heights are reckoned with other endstops, from the same steps."""
-    text = Path("printer.cfg").read_text(encoding="utf-8")
-    stored = re.compile(r"(position_endstop = )(\d+)")
-    moved = stored.sub(lambda line: f"{line[1]}{int(line[2]) + 1}", text)
-    assert moved != text
-    Path("again.cfg").write_text(moved, encoding="utf-8")
-    told = refused(2, *command.split())
-    assert "the same readings" in told or "without those that are simulated or copies" in told
 
 
 @pytest.mark.parametrize(

@@ -25,8 +25,7 @@ from tests.estimation.sessions import (
 from tests.machines import NOMINAL, PROTOTYPE, sure
 from tests.planning.truth import true_readings
 from tests.readings import readings_of, some
-from tests.truth.effects import Effect
-from tests.truth.forward import PARTS, SIZE
+from tests.truth.effects import Effect, state_with
 
 # Neither what was found nor near it, and different on every axis.
 ENTERED = np.array([0.6, -1.1, 0.9])
@@ -102,8 +101,7 @@ def test_stands_put_up_anew_are_misplaced_anew() -> None:
     plan = truth.standard_plan(truth.PROTOTYPE, np.random.default_rng(1), cycles=1)
     column, posture = {}, np.array(plan.posture)
     for when, offsets in (("before", OFFSETS), ("after", OFFSETS - ENTERED)):
-        state = np.zeros((1, SIZE))
-        state[0, PARTS["offsets"]] = offsets
+        state = state_with(offsets, ())[None]
         apart = [
             truth.signals(plan, truth.PROTOTYPE, state, misplaced=np.full(6, shift))[0]
             for shift in (2.0, 0.0)

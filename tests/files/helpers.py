@@ -1,6 +1,9 @@
 """Shared by the tests of files: text in, faults out."""
 
 from pathlib import Path
+from typing import Any
+
+import yaml
 
 from orthoglide_cal.errors import InputError, InvalidFileError
 from orthoglide_cal.files.input import read_input
@@ -11,6 +14,26 @@ from orthoglide_cal.model.measured import Differences, Measured, Readings
 MODEL = default_machine()
 MACHINE = MODEL.machine
 PROTOTYPE = Path(__file__).parents[2] / "configs" / "orthoglide_prototype.yaml"
+
+
+def parsed(text: str) -> Any:
+    """Content of YAML, by the fast loader where there is one."""
+    return yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+
+
+def table(name: str) -> Any:
+    """Cases for tests, from a file beside them."""
+    return parsed(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+
+
+VARIANTS = table("variants.yaml")
+
+
+def replaced(text: str, pairs: dict[str, str]) -> str:
+    for old, new in pairs.items():
+        assert old in text
+        text = text.replace(old, new)
+    return text
 
 
 def document(text: str, path: str = "data.csv") -> FileText:
@@ -47,13 +70,6 @@ def problems(call, *args) -> list[InputError]:
     except InputError as error:
         return [error]
     raise AssertionError("nothing was wrong")
-
-
-def assert_fault(fault: InputError, place: tuple, what: str, remedy: str = "") -> None:
-    """It has this line, column and value, and these words."""
-    assert places([fault]) == [place]
-    assert what in fault.what
-    assert remedy in fault.remedy
 
 
 def places(faults: list[InputError]) -> list[tuple[int | None, str | None, str | None]]:

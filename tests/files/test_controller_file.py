@@ -11,55 +11,13 @@ from orthoglide_cal.files.controller_file import ControllerFile, controller_file
 from orthoglide_cal.files.linuxcnc import is_live
 from tests.fuzz.run import mutant
 
-from .helpers import problems, saved
+from .helpers import saved
 
-INI = """\
-# Fräse 7; HOME_OFFSET = 9 in a remark
-[EMC]
-MACHINE = mill7
-[HAL]
-HALFILE = a.hal
-HALFILE = b.hal
-[TRAJ]
-LINEAR_UNITS = mm
-[JOINT_0]
-HOME = 0.0
-HOME_OFFSET = 0.500
-HOME_OFFSET_EXTRA = 7
-[JOINT_1]
-HOME_OFFSET=-12.25
-# the switch; 0.500 behind it
-[JOINT_2]
-  HOME_OFFSET = 0
-[SPINDLE_0]
-HOME_OFFSET = 3
-"""
+INI, CFG = (
+    Path(__file__).with_name(name).read_text(encoding="utf-8")
+    for name in ("mill.ini", "kossel.cfg")
+)
 CHANGES = {"x": 0.421, "y": -0.296, "z": 0.861}
-CFG = """\
-[printer]
-kinematics: delta
-[stepper_a]
-homing_speed: 50
-
-#*# <---------------------- SAVE_CONFIG ---------------------->
-#*# DO NOT EDIT THIS BLOCK OR BELOW. The contents are auto-generated.
-#*#
-#*# [printer]
-#*# delta_radius = 140.100000
-#*#
-#*# [stepper_a]
-#*# angle = 210.000000
-#*# arm_length = 380.000000
-#*# position_endstop = 300.100000
-#*# [stepper_b]
-#*# angle = 330.000000
-#*# arm_length = 380.000000
-#*# position_endstop = 300.200000
-#*# [stepper_c]
-#*# angle = 90.000000
-#*# arm_length = 380.000000
-#*# position_endstop = 300.300000
-"""
 VALUES = {"radius": 140.2, "a": 300.5, "b": 300.2, "c": 299.9}
 
 
@@ -108,56 +66,6 @@ def of(folder: Path, text: str) -> ControllerFile:
     return controller_file(saved(folder, text, "file"))
 
 
-UNCLEAR = [
-    # replaced in the INI, by, words of the message
-    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5\nHOME_OFFSET = 0.6", "twice"),
-    ("HOME_OFFSET = 0.500", "HOME_OFFSET : 0.6\nHOME_OFFSET = 0.5", "not a number"),
-    ("HOME_OFFSET = 0.500", "HOME = 1", "missing"),
-    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0,5", r", \[JOINT_0\] HOME_OFFSET: This is not a"),
-    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 mm", "not a number"),
-    # LinuxCNC 2.9 does not start with either.
-    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5 # mm", "not a number"),
-    ("HOME_OFFSET = 0.500", "HOME_OFFSET = 0.5\nMAX_LIMIT = 9 ; mm", "not a number"),
-    # As LinuxCNC's own inivar does, only the first section of a name is read.
-    ("HOME = 0.0\n", "HOME = 0.0\n[EMC]\n[JOINT_0]\n", "missing"),
-    ("LINEAR_UNITS = mm", "LINEAR_UNITS = furlong", "unknown"),
-    ("LINEAR_UNITS = mm", "", "LINEAR_UNITS: The value is missing"),
-    ("LINEAR_UNITS = mm", "LINEAR_UNITS = mm\nLINEAR_UNITS = inch", "twice"),
-    *(("HOME_OFFSET = 3\n", f"[KINS]\nKINEMATICS = {kinematics}\n", rf"line 20.*{said}")
-      for kinematics, said in (
-        *((f"trivkins coordinates={letters}", "each of X, Y and Z one joint")
-          for letters in ("XYYZ", "XZ", "XYA")),
-        ("lineardeltakins", "drives a delta"),
-    )),
-]  # fmt: skip
-LINE = "[printer]\ndelta_radius: 140.3\n"
-UNCLEAR_PRINTERS = [
-    ("300.300000\n", "300.300000\n[fan]\n", r"line 24.*ignores"),
-    ("homing_speed: 50\n", "#*# an old line\n", r"line 4.*drops what SAVE_CONFIG"),
-    ("[printer]\nkin", "\ufeff[printer]\nkin", r"line 1.*byte order mark"),
-    # Its own line is never overruled, with a remark behind it or without the block's.
-    ("[printer]\nkin", f"{LINE}kin", "line 2"),
-    ("[printer]\nkin", f"{LINE[:-1]} # 140.100000\nkin", "line 2"),
-]
-
-
-@pytest.mark.parametrize(
-    ("text", "old", "new", "said"),
-    [*((INI, *row) for row in UNCLEAR), *((CFG, *row) for row in UNCLEAR_PRINTERS),
-     (CFG.replace("#*# delta_radius = 140.100000\n", ""), "[printer]\nkin", f"{LINE}kin",
-      r"line 2.*above.*140\.3")],
-)  # fmt: skip
-def test_what_is_not_clear_is_refused_with_its_place(
-    tmp_path: Path, text: str, old: str, new: str, said: str
-) -> None:
-    assert old in text
-    with pytest.raises(InputError, match=said):
-        of(tmp_path, text.replace(old, new, 1))
-    fault = problems(of, tmp_path, text.replace(old, new, 1))[0]
-    assert fault.remedy
-    assert fault.line or fault.column
-
-
 @pytest.mark.parametrize(
     ("kinematics", "lines"),
     [
@@ -176,8 +84,12 @@ def test_axes_are_written_to_their_joints(
     assert tuple(settings[axis].line for axis in "xyz") == lines
 
 
-def test_only_the_first_section_of_a_name_is_read(tmp_path: Path) -> None:
-    assert of(tmp_path, INI.replace("[SPINDLE_0]", "[JOINT_0]")).settings["x"].line == 11
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("[SPINDLE_0]", "[JOINT_0]"), ("0.500\nHOME_", "0.500\nHOME_OFFSET = 0.6\nHOME_")],
+)
+def test_only_the_first_of_a_name_is_read(tmp_path: Path, old: str, new: str) -> None:
+    assert of(tmp_path, INI.replace(old, new)).settings["x"].line == 11
 
 
 @pytest.mark.parametrize(

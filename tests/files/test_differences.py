@@ -8,7 +8,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from tests.sentences import sentences
 
-from .helpers import MODEL, assert_fault, differences, measured, problems
+from .helpers import MODEL, differences
 
 SAMPLES = Path(__file__).parents[2] / "sample_data"
 
@@ -61,22 +61,3 @@ def test_remarks(tmp_path, text, kind, words):
     read = differences(tmp_path, text)
     assert read.kind == kind
     assert any(words in remark for remark in sentences(read.remarks))
-
-
-BAD = [
-    (table(["x_x"]), 2, "difference", "x_x", "not the name", "Known: six (max − min): dx_y"),
-    (table(["x_y", "foo"]), 3, "difference", "foo", "not the name", "dz_y+, dz_y-; single"),
-    (table(["x_y", ""]), 3, "difference", None, "missing", "Direction first"),
-    (table(["x_y", "x_z", "x_y"]), 4, "difference", "x_y", "line 2", "once"),
-    (table(["x_y", "x_z", "dx_y+"]), 4, "difference", "dx_y+", "others, which are six", "one kind"),
-    (table(["x_y"], ""), 2, "value_mm", None, "missing", "remove the row"),
-    (table(["x_y"], "400"), 2, "value_mm", "400", "larger than the leg", "mm"),
-    (table([]), None, None, None, "no difference", "one row"),
-    ("difference,value\nx_y,1\n", 1, "value_mm", None, "missing", "Rename"),
-]
-
-
-@pytest.mark.parametrize(("text", "line", "column", "value", "what", "remedy"), BAD)
-def test_faults_name_place_and_remedy(tmp_path, text, line, column, value, what, remedy):
-    (fault,) = problems(measured, tmp_path, text)
-    assert_fault(fault, (line, column, value), what, remedy)

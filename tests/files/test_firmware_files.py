@@ -9,7 +9,7 @@ import pytest
 from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.files.input import printer_settings, read_input, together
-from orthoglide_cal.files.machine_file import default_machine, machine_text, read_machine_file
+from orthoglide_cal.files.machine_file import default_machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report.case import Case, decision_notice
 from orthoglide_cal.results import answer_to
@@ -21,42 +21,34 @@ from tests.sentences import sentences
 
 from .helpers import MODEL, problems, saved
 
-EVERY = ("heightmap.csv", "klipper.txt", "new.txt", "g29.txt", "grid.txt", "g33.txt", "klippy.log")
-
-
-def texts(machine: made.Delta, truth: made.Truth) -> dict[str, str]:
-    """Of each format, what a printer wrote; without noise."""
-    return {
-        "heightmap.csv": made.height_map(machine, truth),
-        "klipper.txt": made.klipper_console(machine, truth),
-        "new.txt": made.klipper_console(machine, truth, new=True),
-        "g29.txt": made.m503(machine) + made.g29(machine, truth),
-        "grid.txt": made.m503(machine) + made.grid(machine, truth),
-        "g33.txt": made.m503(machine) + made.g33(machine, truth),
-        "klippy.log": made.klippy_log(machine, truth),
-    }
-
-
-def put(folder: Path, name: str, text: str) -> str:
-    return saved(folder, text, name)
+PRINTER = Model(printer(made.UNEVEN))
+MAP, CONSOLE = made.height_map(made.UNEVEN, OFF), made.klipper_console(made.UNEVEN, OFF)
+M503, G29 = made.m503(made.UNEVEN), made.g29(made.UNEVEN, OFF)
+GRID = M503 + made.grid(made.UNEVEN, OFF)
+# Of each format, what a printer wrote; without noise.
+TEXTS = {
+    "heightmap.csv": MAP,
+    "klipper.txt": CONSOLE,
+    "new.txt": made.klipper_console(made.UNEVEN, OFF, new=True),
+    "g29.txt": M503 + G29,
+    "grid.txt": GRID,
+    "g33.txt": M503 + made.g33(made.UNEVEN, OFF),
+    "klippy.log": made.klippy_log(made.UNEVEN, OFF),
+}
 
 
 def with_settings(folder: Path) -> None:
     """config.g, and a printer.cfg with the probe's offsets."""
-    put(folder, "config.g", made.config_g(made.UNEVEN))
+    saved(folder, made.config_g(made.UNEVEN), "config.g")
     cfg = printer_cfg(made.UNEVEN, made.Truth(), sections="")
     x, y, z = made.OFFSET
     probe = f"[probe]\nx_offset: {x}\ny_offset: {y}\nz_offset: {z}\n"
-    put(folder, "printer.cfg", cfg.replace("[bed_mesh]", probe + "[bed_mesh]"))
+    saved(folder, cfg.replace("[bed_mesh]", probe + "[bed_mesh]"), "printer.cfg")
 
 
 def found(given) -> np.ndarray:
     """The six parameters by the readings [mm, deg]."""
     return np.array(given.model.machine.active) + solve(given.measured, given.model).offsets_mm
-
-
-def made_machine(folder: Path) -> str:
-    return put(folder, "machine.yaml", machine_text(Model(printer(made.UNEVEN))))
 
 
 def remarks(*given) -> str:
@@ -69,11 +61,11 @@ def own(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", TEXTS)
 def test_each_format_tells_what_the_machine_is(own: Path, name: str) -> None:
     """The files state settings and heights; what the truth is neither states."""
-    known = read_machine_file(made_machine(own)).model if name == "grid.txt" else None
-    given = read_input(put(own, name, texts(made.UNEVEN, OFF)[name]), known)
+    known = PRINTER if name == "grid.txt" else None
+    given = read_input(saved(own, TEXTS[name], name), known)
     assert np.abs(found(given) - true_parameters()).max() < 3e-4
 
 
@@ -83,11 +75,13 @@ def true_parameters() -> np.ndarray:
 
 
 def test_a_height_map_of_either_version_without_what_was_not_probed(own: Path) -> None:
-    text = made.height_map(made.UNEVEN, OFF)
-    given = read_input(put(own, "two.csv", text))
+    text = MAP
+    given = read_input(saved(own, text, "two.csv"))
     two = given.measured
     assert given.conditions.started == "2024-03-05 17:21"
-    three = read_input(put(own, "three.csv", made.height_map(made.UNEVEN, OFF, version=3))).measured
+    three = read_input(
+        saved(own, made.height_map(made.UNEVEN, OFF, version=3), "three.csv")
+    ).measured
     np.testing.assert_array_equal(two.plan.place, three.plan.place)
     np.testing.assert_array_equal(two.value, three.value)
     assert len(two) == 69  # of 81 places, those in a circle of 90 mm
@@ -98,18 +92,18 @@ def test_a_height_map_of_either_version_without_what_was_not_probed(own: Path) -
     assert two.line[:6].tolist() == [4, 4, 4, 4, 4, 5]
     # A place that reads zero was probed: it has decimals.
     first = text.split("\n")[3].split(",")[2]
-    zero = read_input(put(own, "zero.csv", text.replace(first, "  0.000", 1))).measured
+    zero = read_input(saved(own, text.replace(first, "  0.000", 1), "zero.csv")).measured
     assert (len(zero), zero.value[0]) == (69, 0.0)
 
 
 def test_an_override_counts_where_it_is_loaded_and_tells_the_age_of_a_map(own: Path) -> None:
-    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
+    path = saved(own, MAP, "heightmap.csv")
     head = "; config-override.g file generated in response to M500 at 2024-03-05 17:2{}\n"
     line = "M665 L310.000:310.500:311.000 R151.5 H379.000 B95.0 X0.100 Y0.200 Z0.000\n"
-    put(own, "config-override.g", head.format(0) + line)
+    saved(own, head.format(0) + line, "config-override.g")
     assert read_input(path).model.machine.delta_radius_mm == made.UNEVEN.radius
     named = 'M550 P"Rostock"; its name\n'
-    put(own, "config.g", made.config_g(made.UNEVEN) + named + "M501 ; load it\n")
+    saved(own, made.config_g(made.UNEVEN) + named + "M501 ; load it\n", "config.g")
     machine = read_input(path).model.machine
     assert machine.name == "Rostock"
     assert (machine.delta_radius_mm, machine.bed_radius_mm) == (151.5, 95.0)
@@ -117,7 +111,7 @@ def test_an_override_counts_where_it_is_loaded_and_tells_the_age_of_a_map(own: P
     assert machine.tower_angles_deg == (210.1, 330.2, 90.0)
     assert machine.endstops_mm == pytest.approx(made.UNEVEN.endstops)  # M666 of config.g
     assert "is older" not in remarks(path)
-    put(own, "config-override.g", head.format(2) + line)
+    saved(own, head.format(2) + line, "config-override.g")
     assert "older than the calibration in force (config-override.g, 2024" in remarks(path)
 
 
@@ -125,17 +119,15 @@ def test_the_settings_may_be_named(tmp_path: Path) -> None:
     elsewhere = tmp_path / "printer"
     elsewhere.mkdir()
     with_settings(elsewhere)
-    every = texts(made.UNEVEN, OFF)
     for name, settings in (("heightmap.csv", "config.g"), ("klipper.txt", "printer.cfg")):
-        path = put(tmp_path, name, every[name])
+        path = saved(tmp_path, TEXTS[name], name)
         given = read_input(path, printer_settings(elsewhere / settings))
         assert np.abs(found(given) - true_parameters()).max() < 3e-4
         [fault] = problems(read_input, path)
         assert "does not say which printer it is from." in fault.what
         assert f"--machine {settings}" in fault.remedy
     # A machine file does not tell where the probe is.
-    known = read_machine_file(made_machine(tmp_path)).model
-    given = read_input(path, known)
+    given = read_input(path, PRINTER)
     assert "z offset is not known" in " ".join(sentences(given.measured.remarks))
     assert abs(np.median(given.measured.value)) < 1e-9
 
@@ -145,7 +137,7 @@ def test_what_was_probed_before_g33_changed_the_settings_counts_from_those_after
 ) -> None:
     before, after = made.UNEVEN, made.Delta(**{**vars(made.UNEVEN), "radius": 151.0})
     text = made.m503(before) + made.g29(before, OFF) + made.g33(after, OFF, results=False)
-    given = read_input(put(tmp_path, "c.txt", text))
+    given = read_input(saved(tmp_path, text, "c.txt"))
     assert given.model.machine.delta_radius_mm == 151.0
     line = text[: text.index("\n.Height")].count("\n") + 2
     told = " ".join(sentences(given.measured.remarks))
@@ -161,59 +153,23 @@ def test_what_was_probed_before_g33_changed_the_settings_counts_from_those_after
 
 def test_a_log_has_the_calibration_that_was_saved_last_or_says_that_none_was(own: Path) -> None:
     log = made.klippy_log(made.UNEVEN, OFF, saved=True)
-    saved = read_input(put(own, "klippy.log", log)).measured
-    assert saved.source.excerpt.words == "7 heights and 3 distances"
-    assert saved.line[0] == log[: log.index("height0")].count("\n") + 1
-    assert "unsaved_calibration" not in [remark.code for remark in saved.remarks]
+    last = read_input(saved(own, log, "klippy.log")).measured
+    assert last.source.excerpt.words == "7 heights and 3 distances"
+    assert last.line[0] == log[: log.index("height0")].count("\n") + 1
+    assert "unsaved_calibration" not in [remark.code for remark in last.remarks]
     mesh = read_input(str(own / "klippy.log"), stored="mesh").measured
     assert mesh.source.excerpt.data == "mesh"
     log = made.klippy_log(made.UNEVEN, OFF)
-    open_ = read_input(put(own, "open.log", log)).measured
-    np.testing.assert_allclose(open_.plan.place, saved.plan.place, atol=1e-9)
+    open_ = read_input(saved(own, log, "open.log")).measured
+    np.testing.assert_allclose(open_.plan.place, last.plan.place, atol=1e-9)
     assert "unsaved_calibration" in [remark.code for remark in open_.remarks]
     assert open_.line[0] == log[: log.index("Calculating")].count("\n") + 2
-    [fault] = problems(read_input, put(own, "cut.log", log[log.index("Calculating") :]))
+    [fault] = problems(read_input, saved(own, log[log.index("Calculating") :], "cut.log"))
     assert "beginning is missing" in fault.what
-    [fault] = problems(read_input, put(own, "cut.log", log.replace("[(0.0, (", "[(0.0, ")))
+    [fault] = problems(read_input, saved(own, log.replace("[(0.0, (", "[(0.0, "), "cut.log"))
     assert (fault.what, fault.line) == (
         "This is not a list of heights with stepper positions.", open_.line[0]
     )  # fmt: skip
-
-
-PLACEHOLDER = "a placeholder, not a measurement"
-NOTHING = (
-    ("config.g", made.config_g(made.UNEVEN), "no readings", "such as heightmap.csv"),
-    ("g33.txt", made.m503(made.UNEVEN) + made.g33(made.UNEVEN, OFF, results=False),
-     "G33 was not told to print them", "G33 V0 or V3"),
-    ("ubl.txt", made.m503(made.UNEVEN) + "Bed Topography Report:\n(0,0) (8,0)\n",
-     "holds no probed heights with their places", "G29 V4"),
-    ("grid.txt", made.m503(made.UNEVEN) + made.grid(made.UNEVEN, OFF),
-     "G29 does not print where it probed", "G29 V4"),
-    ("map.csv", "\n".join(made.height_map(made.UNEVEN, OFF).split("\n")[:3]) + "\n0,0\n0,0\n",
-     "The map has 2 lines", "G29"),
-    ("zero.csv", made.height_map(made.UNEVEN, OFF).split("\n", 3)[0] + "\n"
-     "xmin,xmax,ymin,ymax,radius,spacing,xnum,ynum\n-10,10,-10,10,20,20,2,2\n 0, 0\n 0, 0\n",
-     PLACEHOLDER, "G29"),
-    ("mill.ini", "# mine\n[EMC]\nMACHINE = mill\n", "LinuxCNC's INI, not", "readings"),
-    ("part.gcode", "; sliced\n\nG28 X0\n", "G-code, not", "readings"),
-    ("before.adjust", '{"crc32":"b2dc114b","record":{}}\n', "a journal of orthocal", "readings"),
-)  # fmt: skip
-
-
-@pytest.mark.parametrize(("name", "text", "what", "remedy"), NOTHING, ids=[n[0] for n in NOTHING])
-def test_what_is_recognised_and_holds_nothing_is_told_so(
-    own: Path, name: str, text: str, what: str, remedy: str
-) -> None:
-    [fault] = problems(read_input, put(own, name, text))
-    assert what in fault.what
-    assert remedy in fault.remedy
-    assert fault.file == str(own / name)
-
-
-def test_a_grid_without_a_place_in_reach_holds_no_heights(own: Path) -> None:
-    path = put(own, "grid.txt", "Bilinear Leveling Grid:\n  0 1\n0 +1.0 +2.0\n1 ===== +4.0\n")
-    [fault] = problems(read_input, path, read_machine_file(made_machine(own)).model)
-    assert "holds no probed heights with their places" in fault.what
 
 
 def test_of_several_dates_each_says_what_is_older_or_was_not_used(own: Path) -> None:
@@ -221,42 +177,34 @@ def test_of_several_dates_each_says_what_is_older_or_was_not_used(own: Path) -> 
     parts = [cfg.index(f"#*# [{name}]") for name in ("delta_calibrate", "bed_mesh default")]
     turned = cfg[: parts[0]] + cfg[parts[1] :] + cfg[parts[0] : parts[1]]
     far = printer_cfg(made.UNEVEN, OFF, seed=2).replace("#*# height0 = ", "#*# height0 = 9")
-    paths = [put(own, f"{name}.cfg", text) for name, text in (("one", turned), ("two", far))]
+    paths = [saved(own, text, f"{name}.cfg") for name, text in (("one", turned), ("two", far))]
     both = together([read_input(path, None, default_machine, "mesh") for path in paths])
     stale, unused = sentences(both.measured.remarks)[-2:]
     assert stale.startswith("one.cfg: The calibration")
     assert unused.startswith("two.cfg: The calibration in the same file was not used.")
 
 
-def test_faults_have_their_line_and_their_file(own: Path) -> None:
-    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
-    put(own, "config.g", made.config_g(made.UNEVEN).replace("H379.0", "H{global.high}"))
+def test_faults_of_settings_have_their_line_and_their_file(own: Path) -> None:
+    path = saved(own, MAP, "heightmap.csv")
+    saved(own, made.config_g(made.UNEVEN).replace("H379.0", "H{global.high}"), "config.g")
     [fault] = problems(read_input, path)
     assert (fault.file, fault.line, fault.column) == (str(own / "config.g"), 4, "H of M665")
-    put(own, "config.g", made.config_g(made.UNEVEN).replace(" H379.0", ""))
+    saved(own, made.config_g(made.UNEVEN).replace(" H379.0", ""), "config.g")
     [fault] = problems(read_input, path)
     assert "M665 with H is missing" in fault.what
-    put(own, "config.g", made.config_g(made.UNEVEN).replace("R150.0", "R299.5"))
+    saved(own, made.config_g(made.UNEVEN).replace("R150.0", "R299.5"), "config.g")
     [fault] = problems(read_input, path)
     assert "not between 0 and the arms' length" in fault.what
-    with_settings(own)
-    text = made.klipper_console(made.UNEVEN, OFF)
-    [fault] = problems(read_input, put(own, "c.txt", text.replace("is z=", "is z=1e9", 1)))
-    assert fault.line == 2
-    text = made.m503(made.UNEVEN) + made.g29(made.UNEVEN, OFF)
-    [fault] = problems(read_input, put(own, "c.txt", text.replace("Bed X: ", "Bed X: --", 1)))
-    assert fault.line == text[: text.index("Bed X")].count("\n") + 1
 
 
 def test_a_printers_file_is_no_machine_file_of_an_orthoglide(own: Path) -> None:
-    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
     with pytest.raises(UsageError, match="Leave --machine out"):
-        read_input(path, MODEL)
+        read_input(saved(own, MAP, "heightmap.csv"), MODEL)
 
 
 def test_without_its_override_nothing_is_known_to_be_active(own: Path) -> None:
-    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
-    put(own, "config.g", made.config_g(made.UNEVEN) + "M501\n")
+    path = saved(own, MAP, "heightmap.csv")
+    saved(own, made.config_g(made.UNEVEN) + "M501\n", "config.g")
     given = read_input(path)
     with pytest.raises(UnusableResultError, match=r"loads config-override.g \(M501\)"):
         solve(given.measured, given.model)
@@ -267,14 +215,13 @@ def test_without_its_override_nothing_is_known_to_be_active(own: Path) -> None:
     assert title.startswith("The settings in force are not known: config.g loads")
     assert run("diagnose", path).exit_code == 4, "it has no diagnosis"
     # The numbers of a machine file that is named are.
-    known = read_machine_file(made_machine(own)).model
-    assert answer_to(read_input(path, known)).parameters
+    assert answer_to(read_input(path, PRINTER)).parameters
 
 
 def test_a_height_map_beside_another_kind_of_printer_is_said_to_be_of_it(own: Path) -> None:
-    path = put(own, "heightmap.csv", made.height_map(made.UNEVEN, OFF))
+    path = saved(own, MAP, "heightmap.csv")
     text = re.sub("(?m)^m665.*$", "", made.config_g(made.UNEVEN))
-    put(own, "config.g", text.replace("M669 K3", "M669 K1"))
+    saved(own, text.replace("M669 K3", "M669 K1"), "config.g")
     [fault] = problems(read_input, path)
     assert fault.what.startswith("This printer is not a delta: config.g")
     assert "(M669 K1)" in fault.what
@@ -298,7 +245,7 @@ def listed(firmware: str) -> str:
 def test_lines_of_other_consoles_are_read_where_the_machine_is_known(
     own: Path, tmp_path: Path, firmware: str
 ) -> None:
-    path = put(own, "console.txt", listed(firmware))
+    path = saved(own, listed(firmware), "console.txt")
     given = read_input(path, printer_settings(own / "config.g"))
     assert len(given.measured) == 19
     off = found(given) - true_parameters()
@@ -313,11 +260,11 @@ def test_lines_of_other_consoles_are_read_where_the_machine_is_known(
 
 def test_heights_without_places_and_kimbras_output_are_named(own: Path) -> None:
     heights = listed("reprapfirmware").split("\n")[-2]
-    [fault] = problems(read_input, put(own, "console.txt", heights))
+    [fault] = problems(read_input, saved(own, heights, "console.txt"))
     assert "prints 19 heights without their places" in fault.what
     assert "bed.g" in fault.remedy
     settings = "CFG:  M666 A0 B0 C0 I0 J0 K0 U0 V0 W0 R150.00 D300.00 H379.00\n"
-    [fault] = problems(read_input, put(own, "mk.txt", settings + made.g29(made.UNEVEN, OFF)))
+    [fault] = problems(read_input, saved(own, settings + G29, "mk.txt"))
     assert "what MarlinKimbra prints" in fault.what
 
 
@@ -326,5 +273,5 @@ def test_b_of_m665_is_the_probe_radius_of_marlin_1_1(tmp_path: Path) -> None:
         " S160.00", " S160.00 B80.0"
     )
     g33 = re.sub(r"at radius:\S+ ", "", made.g33(made.EQUAL, OFF, radius=80.0))
-    given = read_input(put(tmp_path, "c.txt", text + g33))
+    given = read_input(saved(tmp_path, text + g33, "c.txt"))
     assert np.hypot(*given.measured.plan.place[1:, :2].T) == pytest.approx(80.0)

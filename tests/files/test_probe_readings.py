@@ -20,7 +20,7 @@ from tests.sentences import sentences
 from tests.truth.delta import Layout, Truth, delta_csv, indicated, make_delta_session, tool
 from tests.truth.plan import frozen
 
-from .helpers import assert_fault, problems, saved
+from .helpers import problems, saved
 
 MODEL = machine_from_text(CONFIG.read_text(encoding="utf-8"), "m.yaml")
 TRUTH = Truth(endstops=frozen([0.5, -0.3, 0.4]), radius=0.4, angles=frozen([0.15, -0.1, 0.0]))
@@ -87,27 +87,6 @@ def test_the_same_time_for_all_is_none(tmp_path: Path, last: str, same: bool) ->
 
 
 H = "x_mm,y_mm,reading_mm\n0,0,0.1\n"
-S, M = (f"{name},x_mm,y_mm,reading_mm\n1,0,0,0.1\n" for name in ("seq", "minutes"))
-BAD = [
-    ("x_mm,y_mm\n1,2\n", (1, "reading_mm", None), "column is missing", "Add it"),
-    ("x_mm,y_mm,reading_um\n1,2,3\n", (1, "reading_mm", None), "column is missing", "Multiply"),
-    ("x_mm,y_mm,reading_mm\n", (None, None, None), "no reading", "under the header"),
-    (H + "1,2,\n", (3, "reading_mm", None), "missing", "remove the row"),
-    (H[:-4] + "\n1,2,\n", (2, "reading_mm", None), "No reading was filled in", ""),
-    (H + "190,2,0.2\n", (3, "x_mm", "190"), "190 mm from the middle", "bed_radius_mm (150)"),
-    (H + "1500,2,0.2\n", (3, "x_mm", "1500"), "larger than the bed is wide", "in mm"),
-    (H + "1,2,9999\n", (3, "reading_mm", "9999"), "larger than an arm is long", "in mm"),
-    ("z_mm," + H.replace("0,0,0.1", "q,0,0,0.1"), (2, "z_mm", "q"), "not a number", "number"),
-    (S + ",1,2,0.1\n", (3, "seq", None), "filled in other rows", "every row or in none"),
-    (M + "0.5,1,2,0.1\n", (3, "minutes", "0.5"), "runs backwards", "since the session began"),
-    ("cycle," + H.replace("0,0,0.1", "0,0,0,0.1"), (2, "cycle", "0"), "whole number", "1, 2"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("text", "place", "what", "remedy"), BAD)
-def test_faults_name_place_and_remedy(tmp_path: Path, text, place, what, remedy) -> None:
-    (fault,) = problems(read_input, saved(tmp_path, text), MODEL)
-    assert_fault(fault, place, what, remedy)
 
 
 def test_touches_need_a_machine_with_a_bed(tmp_path: Path) -> None:
@@ -194,43 +173,6 @@ def test_a_machine_of_another_kind_is_refused(tmp_path: Path) -> None:
     assert "solve, diagnose or plan" in fault.remedy
 
 
-END = f"position_endstop = {UNEVEN.endstops[0]}"
-DISTANCE = next(line for line in cfg().split("\n") if line.startswith("#*# distance2 "))
-TYPED = f"#*# distance2 = {float(DISTANCE.split()[-1]) + 30.0}"
-BED, SMALLER = (f"print_radius: {share * UNEVEN.bed}" for share in (1.0, 0.6))
-FAULTS = [
-    # sections, replaced, by, option, start of the line at fault, words of message and remedy
-    ("cm", "angle = 209.0", "angle = 345", None, "angle = 90.0", "counter-clockwise", "stepper_a"),
-    # Of one tower: the stored steps count from its endstop, in the length they have then.
-    ("cm", "microsteps: 16", "microsteps: 32", None, "height", "mm off", "DELTA_CALIBRATE"),
-    ("cm", "e: 40", "e: 32", None, "height", "mm off", "DELTA_CALIBRATE"),
-    ("cm", END, f"position_endstop = {UNEVEN.endstops[0] - 30.0}", None, "height", "mm off",
-     "DELTA_CALIBRATE"),
-    ("cm", "e: 40", "e: 4000", None, "height", "out of reach", "DELTA_CALIBRATE"),
-    ("cm", DISTANCE, TYPED, None, "distance2 ", "mm off", "DELTA_ANALYZE"),
-    ("m", BED, SMALLER, None, "\t", "from the middle of the bed", "print_radius"),
-    # What stores nothing is not sent to the other choice.
-    *(("", "", "", stored, None, "neither probed heights nor a mesh", remedy)
-      for stored in (None, "mesh", "calibration")
-      for remedy in ("BED_MESH_CALIBRATE", "DELTA_CALIBRATE")),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("sections", "old", "new", "stored", "start", "what", "remedy"), FAULTS)
-def test_faults_of_a_printer_have_their_line_and_remedy(
-    tmp_path: Path, sections, old, new, stored, start, what, remedy
-) -> None:
-    text = cfg(sections)
-    assert old in text
-    fault = fault_of(tmp_path, text.replace(old, new, 1), stored=stored)
-    assert (fault.line is None) == (start is None)
-    if start is not None:
-        assert text.replace(old, new, 1).split("\n")[fault.line - 1].startswith(f"#*# {start}")
-    assert (fault.column, fault.value) == ("angle" if "angle" in old else None, None)
-    assert what in fault.what
-    assert remedy in fault.remedy
-
-
 @pytest.mark.parametrize("by", [0.3, -0.2])
 def test_endstops_that_were_trimmed_after_the_calibration_are_told(
     tmp_path: Path, by: float
@@ -254,13 +196,3 @@ def test_endstops_that_were_trimmed_after_the_calibration_are_told(
 @pytest.mark.parametrize("section", ["[printer] # mine", "[ printer ]", "[printer]\t; mine"])
 def test_a_printer_is_known_by_its_section(tmp_path: Path, section: str) -> None:
     assert len(taken(tmp_path, cfg().replace("[printer]", section, 1)).measured) == 10
-
-
-@pytest.mark.parametrize("stored", [None, "mesh"])
-@pytest.mark.parametrize(
-    "text", ["[gcode_macro M600]\ngcode:\n  PAUSE\n", "[Printer]\n", "[include a.cfg]\n"]
-)
-def test_a_part_of_a_configuration_is_no_table(
-    tmp_path: Path, text: str, stored: str | None
-) -> None:
-    assert "does not describe a linear delta" in fault_of(tmp_path, text, stored=stored).what

@@ -19,7 +19,7 @@ from orthoglide_cal.model.readings import Contact
 from tests.readings import readings_of, some
 from tests.sentences import sentences
 
-from .helpers import MACHINE, assert_fault, document, measured, places, problems, readings
+from .helpers import MACHINE, VARIANTS, document, measured, places, problems, readings, replaced
 
 HEAD = "leg,posture,direction,reading_mm"
 GOOD = f"{HEAD}\nx,iso,y,0.12\nx,max,y,-0.25\nz,-20.5,x,1\n"
@@ -46,33 +46,9 @@ def test_the_required_columns_are_enough(tmp_path):
     ]
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "\ufeff" + GOOD,
-        GOOD.replace("\n", "\r\n"),
-        GOOD.replace("\n", "\r"),
-        GOOD.rstrip("\n"),
-        GOOD.replace(",", ";").replace(".", ","),
-        GOOD.replace(",", "\t").replace(".", ","),
-        GOOD.replace(",", ";"),
-        "sep=;\n" + GOOD.replace(",", ";"),
-        GOOD.replace("-", "\u2212"),
-        GOOD.replace("x", "X").replace("iso", "ISO"),
-        GOOD.replace(",", " , "),
-        GOOD.replace(HEAD, HEAD.upper()),
-        GOOD.replace(HEAD, '"leg","posture","direction","reading_mm"'),
-        GOOD.replace("0.12", '"0.12"'),
-        GOOD.replace("\n", ",,\n"),
-        GOOD.replace("reading_mm", "reading_mm,").replace("0.12", "0.12,unnamed"),
-        "# made by hand, with a \" in it\n\n" + GOOD.replace("x,max", "\n # why\n,,,\nx,max"),
-        GOOD.replace("0.12", "12e-2"),
-        GOOD.replace("0.12", "+000.120"),
-        GOOD.replace("-20.5", "-020.50"),
-    ],
-)  # fmt: skip
-def test_other_ways_to_write_the_same(tmp_path, text):
-    same, read = readings(tmp_path, GOOD), readings(tmp_path, text)
+@pytest.mark.parametrize("other", VARIANTS["readings"])
+def test_other_ways_to_write_the_same(tmp_path, other):
+    same, read = readings(tmp_path, GOOD), readings(tmp_path, replaced(GOOD, other))
     assert read.value.tolist() == same.value.tolist()
     for name in ("leg", "direction", "displacement", "setup", "order", "hours"):
         assert getattr(read.plan, name).tolist() == getattr(same.plan, name).tolist()
@@ -86,50 +62,6 @@ def test_other_ways_to_write_the_same(tmp_path, text):
 def test_inches_and_no_thousands(tmp_path, unit, cell, mm):
     read = readings(tmp_path, f"leg;posture;direction;reading_{unit}\nx;iso;y;{cell}\n")
     assert read.value.tolist() == [mm]
-
-
-def row(cells: str, extra: str = "") -> str:
-    return f"{HEAD}{extra}\nx,iso,y,0.1{',' * extra.count(',')}\n{cells}\n"
-
-
-BAD = [
-    # file, line, column, value, words of the message, words of the remedy
-    (row("q,iso,y,0"), 3, "leg", "q", "not an axis", "x, y or z"),
-    (row("x,iso,x,0"), 3, "direction", "x", "own axis", "across the leg: y or z"),
-    (row("x,mid,y,0"), 3, "posture", "mid", "not a posture", "iso, max, min"),
-    (row("x,,y,0"), 3, "posture", None, "missing", "iso, max, min"),
-    (row("x,60.01,y,0"), 3, "posture", "60.01", "joint limits", "-100 to 60 mm"),
-    (row("x,iso,y,"), 3, "reading_mm", None, "missing", "remove the row"),
-    (row("x,iso,y,nan"), 3, "reading_mm", "nan", "not a number", "plain number"),
-    (row('x,iso,y,"0,1"'), 3, "reading_mm", "0,1", "decimal comma", "semicolons"),
-    (row("x,iso,y,1e300"), 3, "reading_mm", "1e300", "larger than the leg", "mm"),
-    (row("x,iso,y,0,1"), 3, None, "x,iso,y,0,1", "5 cells, the header 4", "semicolons"),
-    (row('x,iso,y,"0.1'), 3, None, 'x,iso,y,"0.1', "never closed", "Close it"),
-    (row('x,iso,"y"z,0.1'), 3, None, 'x,iso,"y"z,0.1', "cannot be split", "Close it"),
-    (row("x,iso,y,0,1.5", ",gauge_at"), 3, "gauge_at", "1.5", "at most 1", "Check"),
-    (row("x,iso,y,0,-0.1", ",gauge_at"), 3, "gauge_at", "-0.1", "not be negative", "zero or more"),
-    (f"{HEAD},end\nx,iso,y,0,top\n", 2, "end", "top", "not an end", "joint or tool"),
-    (row("x,iso,y,0,tool", ",end"), 2, "end", None, "empty here", "every row or in none"),
-    (row("x,iso,y,0,1", ",cycle"), 2, "cycle", None, "empty here", "every row or in none"),
-    (f"{HEAD},cycle\nx,iso,y,0,0\n", 2, "cycle", "0", "whole number from 1", "Write 1"),
-    (f"{HEAD},seq\nx,iso,y,0,1\nx,max,y,0,1\n", 3, "seq", "1", "line 2", "Number the readings"),
-    (f"{HEAD},minutes\nx,iso,y,0,-1\n", 2, "minutes", "-1", "not be negative", "zero or more"),
-    (f"{HEAD},minutes\nx,iso,y,0,2\nx,max,y,0,1\n", 3, "minutes", "1", "backwards: line 2", "seq"),
-    (f"{HEAD},reading_in\nx,iso,y,0,\n", 1, "reading_in", None, "both in mm", "Keep one"),
-    (f"{HEAD},leg\nx,iso,y,0,x\n", 1, "leg", None, "twice", "Rename"),
-    ("leg,postur,direction,reading_mm\nx,iso,y,0\n", 1, "posture", None, "missing", "'postur'"),
-    ("leg,posture,direction,reading\nx,iso,y,0\n", 1, "reading_mm", None, "missing", "'reading'"),
-    (HEAD + "\n", None, None, None, "no reading", "one row"),
-    (f"{HEAD},note\nx,iso,y,0,12\nx,max,y,1,5\n", 2, "reading_mm", "0,12", "decimal commas?",
-     "semicolons"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("text", "line", "column", "value", "what", "remedy"), BAD)
-def test_faults_name_place_and_remedy(tmp_path, text, line, column, value, what, remedy):
-    (fault,) = problems(measured, tmp_path, text)
-    assert_fault(fault, (line, column, value), what, remedy)
-    assert fault.file == str(tmp_path / "data.csv")
 
 
 def test_everything_is_collected_in_the_order_of_lines(tmp_path):
@@ -295,16 +227,6 @@ def test_columns_without_content_are_left_out_and_minutes_are_short():
     assert "gauge_at" not in readings_csv(made(single_posture(MACHINE, cycles=1)))
 
 
-@pytest.mark.parametrize(
-    ("unit", "factor"), [("um", "0.001"), ("µm", "0.001"), ("cm", "10"), ("thou", "0.0254")]
-)
-@pytest.mark.parametrize("head", ["leg,posture,direction,reading_{}", "difference,value_{}"])
-def test_another_unit_is_told_how_to_become_millimetres(tmp_path, unit, factor, head):
-    (fault,) = problems(measured, tmp_path, head.format(unit) + "\n")
-    assert f"by {factor} " in fault.remedy
-    assert f"_{unit}" in fault.remedy
-
-
 # --- several parts ----------------------------------------------------------------------------
 
 WITH_PARTS = f"{HEAD},part,bar,entered,gauge_at"
@@ -324,23 +246,6 @@ def parted(folder, rows=PARTED):
 def test_decimal_commas_are_read_in_what_was_entered(tmp_path):
     text = "leg;posture;direction;reading_mm;entered\nx;iso;y;0,1;0,5 0 -0,25\n"
     assert readings(tmp_path, text).plan.entered.tolist() == [[0.5, 0.0, -0.25]]
-
-
-@pytest.mark.parametrize(
-    ("row", "text", "column", "said"),
-    [
-        (1, "x,max,y,0.09,0,,,", "part", "whole number from 1"),
-        (4, "x,max,y,0.12,1,turned,,0.25", "part", "Part 1 does not follow part 2."),
-        (3, "x,iso,y,0.11,2,yes,,0.25", "bar", "does not say how the bar was"),
-        (2, "x,min,y,0.19,1,,0.5 0,", "entered", "Three numbers are needed"),
-        (2, "x,min,y,0.19,1,,0.5 0 one,", "entered", "not a number"),
-        (2, "x,min,y,0.19,1,,0 0 500,", "entered", "larger than the leg"),
-    ],
-)
-def test_what_is_wrong_with_a_part_is_said(tmp_path, row, text, column, said):
-    (fault,) = problems(parted, tmp_path, [*PARTED[:row], text, *PARTED[row + 1 :]])
-    assert (fault.line, fault.column) == (row + 2, column)
-    assert said in fault.what
 
 
 def test_a_bar_that_is_turned_within_a_part_gets_new_zeros(tmp_path):

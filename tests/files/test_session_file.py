@@ -5,7 +5,6 @@ import re
 
 import pytest
 
-from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import (
     machine_from_text,
@@ -18,7 +17,7 @@ from orthoglide_cal.files.session_file import Session, session_json, session_tex
 from tests.machines import extended
 from tests.sentences import sentences
 
-from .helpers import MODEL, PROTOTYPE, places, problems, saved
+from .helpers import MODEL, PROTOTYPE, problems, replaced, saved
 
 LARGE = read_machine_file(PROTOTYPE.with_name("orthoglide_large.yaml")).model
 
@@ -128,22 +127,6 @@ def test_minutes_from_timestamps(tmp_path, started, seconds):
     assert (read.plan.hours * 3600).tolist() == pytest.approx(seconds)
 
 
-@pytest.mark.parametrize(
-    ("started", "old", "column", "what"),
-    [
-        ("2025-03-01T09:01:00+01:00", "", "readings[0].timestamp", "before `started`"),
-        ("2025-03-01T09:00:00+01:00", "T09:02", "readings[2].timestamp", "Time runs backwards"),
-        ("2025-03-01T09:00:00", "", "readings[0].timestamp", "time zone"),
-    ],
-)
-def test_timestamps_that_cannot_be(tmp_path, started, old, column, what):
-    text = without(session_text(values(started=started)), "minutes")
-    text = text.replace(old, "T09:00") if old else text
-    fault, *_ = problems(read_input, save(tmp_path, text), MODEL)
-    assert fault.column == column
-    assert what in fault.what
-
-
 def test_resolution_with_its_unit_and_inches(tmp_path):
     text = session_text(values()).replace("resolution: 0.01", "resolution_mm: 0.001")
     text = text.replace("reading_mm: -0.4,", "reading_in: -0.01,")
@@ -153,59 +136,12 @@ def test_resolution_with_its_unit_and_inches(tmp_path):
     assert given.measured.value[0] == -0.254
 
 
-BAD = [
-    ("leg: x", "leg: w", "readings[0].leg", "w", "not an axis"),
-    ("posture: max", "posture: [a]", "readings[1].posture", None, "one value"),
-    ("leg: x,", "leg: x, entered: [0.1, 0.2, 0.3],", "readings[0].entered", None, "one value"),
-    ("reading_mm: -0.4", "reading_mm: 1:30", "readings[0].reading_mm", "1:30", "not a number"),
-    ("reading_mm: -0.4, ", "", "readings[0].reading_mm", None, "missing"),
-    ("09:00:30.250", "soon", "readings[0].timestamp", "2025-03-01Tsoon+01:00", "not a time"),
-    ("id: '012'", "id: ''", "gauges[0].id", "", "empty"),
-    ("leg: z, posture: iso", "leg: q, posture: iso", "skipped[0].leg", "q", "not an axis"),
-    ("retaken:\n- {leg: x", "retaken:\n- {lag: x", "retaken[0].leg", None, "missing"),
-    ("retaken:\n- {", "retaken: {a: b}\nretake:\n- {", "retaken", None, "must be a list"),
-    ("schema_version: 1\nmachine", "schema_version: 9\nmachine", "schema_version", "9", "version"),
-    ("protocol: double", "machine: 2\nprotocol: double", "machine", "2", "twice"),
-]
-
-
-@pytest.mark.parametrize(("old", "new", "column", "value", "what"), BAD)
-def test_faults_name_place_and_remedy(tmp_path, old, new, column, value, what):
-    text = session_text(values())
-    assert old in text
-    changed = text.replace(old, new, 1)
-    found = problems(read_input, save(tmp_path, changed), MODEL)
-    assert [(fault.column, fault.value) for fault in found] == [(column, value)]
-    assert what in found[0].what
-    assert found[0].remedy
-    same = [a == b for a, b in zip(text.split("\n"), changed.split("\n"), strict=False)]
-    assert found[0].line == same.index(False) + 1
-    assert places(problems(read_input, save(tmp_path, changed))) == places(found)
-
-
-def test_entries_that_are_no_readings(tmp_path):
-    text = session_text(values())
-    head = text[: text.index("readings:")]
-    found = problems(read_input, save(tmp_path, head + "readings: [a, {leg: x}]\n"), MODEL)
-    assert [fault.column for fault in found] == [
-        "readings[0]", "readings[1].posture", "readings[1].direction", "readings[1].reading_mm",
-    ]  # fmt: skip
-    found = problems(read_input, save(tmp_path, head + "readings: {a: b}\n"), MODEL)
-    assert found[0].column == "readings"
-
-
 def test_faults_of_all_parts_are_found_at_once(tmp_path):
-    text = session_text(values(operator="Ada"))
-    for old, new in (
-        ("operator: Ada", "operator: [a]"),
-        ("posture: max, direction: z", "posture: [a], direction: z"),
-        ("leg: y", "leg: q"),
-        ("reading_mm: -0.4", "reading_mm: x"),
-        ("reason: slipped", "reason: {}"),
-        ("leg: z, posture: iso", "leg: z"),
-    ):
-        assert old in text
-        text = text.replace(old, new)
+    text = replaced(session_text(values(operator="Ada")), {
+        "operator: Ada": "operator: [a]", "posture: max": "posture: [a]", "leg: y": "leg: q",
+        "reading_mm: -0.4": "reading_mm: x", "reason: slipped": "reason: {}",
+        "leg: z, posture: iso": "leg: z",
+    })  # fmt: skip
     found = problems(read_input, save(tmp_path, text))
     assert [fault.column for fault in found] == [
         "operator", "readings[0].reading_mm", "readings[1].posture", "readings[2].leg",
@@ -219,14 +155,3 @@ def test_unknown_keys_are_said(tmp_path):
     remarks = sentences(read_input(save(tmp_path, text), MODEL).measured.remarks)
     assert any("weather" in remark for remark in remarks)
     assert any("colour" in remark for remark in remarks)
-
-
-@pytest.mark.parametrize(
-    ("text", "what"),
-    [(PROTOTYPE.read_text(), "machine file"), ("a: 1\n", "neither"), ("- 1\n", "neither"),
-     ("readings: []\n", "missing")],
-)  # fmt: skip
-def test_other_yaml_is_told_apart(tmp_path, text, what):
-    with pytest.raises(InputError, match=what) as caught:
-        read_input(save(tmp_path, text), MODEL)
-    assert caught.value.remedy

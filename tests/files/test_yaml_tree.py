@@ -47,7 +47,7 @@ def test_scalars_stay_text_and_lines_are_known():
     assert tree.value == {
         "a": "1e-3", "b": ["012", {"c": "on", "d": None}], "e": "null", "f": "1:30",
     }  # fmt: skip
-    assert [tree.place(path).line for path in (("b",), ("b", 1, "d"), ("b", 9, "x"), ("e",))] == [
+    assert [tree.place(path)[0] for path in (("b",), ("b", 1, "d"), ("b", 9, "x"), ("e",))] == [
         2, 5, 2, 6,
     ]  # fmt: skip
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import FrameType
 
 import numpy as np
+import yaml
 
 from orthoglide_cal.errors import OrthocalError
 from orthoglide_cal.session.dialogue import Quit
@@ -25,22 +26,12 @@ from tests.files.test_machine_file import HISTORY, VALUES, accepted, text_with
 from tests.firmware_files import CONFIGURATION, FILES
 from tests.session.virtual import Screen, Script, answered
 
-HOSTILE = (
-    "nan", "inf", "-inf", "1e300", "-1e300", "1e-300", "1e39", "0", "-0", "", "1e5", "-1e5",
-    "99999", "−1", "1,5", "1_000", "012", "0x10", "1:30", "true", "null", "~", "x", "iso", "max",
-    "-7", "1.5", "[]", "{}", "[1, 2]", "&a", "*a", "!!x", "'", '"', "\x00", "\x1b[2J", "\ufeff",
-    "\u202e", "é", "|", "9" * 400, "- " * 30, "#", ": ", "\t", "\r", "orthoglide", "2025-13-45",
-    "true: true",
-)  # fmt: skip
+DAMAGE = yaml.safe_load(Path(__file__).with_name("damage.yaml").read_text(encoding="utf-8"))
+HOSTILE = (*DAMAGE["hostile"], "9" * 400)
+READERS = DAMAGE["readers"]
 # Numbers more often than words and lines, and these more often than pieces of any length.
 PARTS = (*(r"[-+]?\d+(?:\.\d+)?",) * 3, *(r"\w+",) * 2, *(r".*\n",) * 2, *(r"(?s).{%d}",) * 2)
 CODES = {0, 2, 3, 4, 130}
-WITH_MACHINE = (
-    "solve six.csv --machine {}", "diagnose six.csv --machine {} --json", "plan --machine {}",
-    "machine show {}", "machine show {} --json", "report six.csv --machine {} --html -",
-    "simulate --seed 1 --cycles 1 --machine {}", "apply six.csv --machine {}",
-    "apply --undo --machine {}", "export six.csv --machine {} --format table --points 2",
-)  # fmt: skip
 # Nobody finds a carriage this far from where it seems to be [mm].
 PLAUSIBLE_MM = 100.0
 PATIENCE_S = 20
@@ -48,30 +39,13 @@ PATIENCE_S = 20
 DIFFERENCES = (
     "difference,value_mm\ndx_y,-0.43\ndx_z,-0.37\ndy_x,0.42\ndy_z,-0.18\ndz_x,-1.14\ndz_y,-0.7\n"
 )
-OPTIONS = (
-    "simulate --seed 1 --cycles {}", "simulate --seed {}", "solve {}", "validate {}", "{}",
-    "solve six.csv --method {}", "machine show {}", "apply six.csv --yes --machine {}",
-    *(f"simulate --seed 1 --cycles 1 {words}" for words in (
-        "--offsets {} {} {}", "--noise {} --resolution {}", "--gauge-at {}", "--cause {}",
-        "--cause axis_gap={},{},{}", "--cause misread@{}={}",
-    )),
-    "verify six.csv six.csv --applied {} {} {} --json",
-    "verify six.csv six.csv --applied 1 0 0 --limit {} --json",
-    "machine new --yes -o no/m.yaml --leg-length {} --range {}",
-    "machine new --yes -o no/m.yaml --limits {} {} --name {}",
-)  # fmt: skip
-# Commands that read measurements; {} is the damaged file.
-READERS = (
-    "solve {}", "solve {} --json", "validate {} --json", "validate {}", "diagnose {} --details",
-    "diagnose {} --json", "plan {}", "plan {} --json", "export {}", "export {} --force --json",
-    "report {} --html -", "report {} --json", "verify {} six.csv --json", "verify six.csv {}",
-    "history {} six.csv", "history {} six.csv --json", "diagnose six.csv --holdout {}",
-    "apply {} --machine own.yaml", "apply {} --machine own.yaml --json",
-)  # fmt: skip
-
 Rng = np.random.Generator
 # What is wrong with how the program took a text; None if nothing is.
 Judge = Callable[[str], str | None]
+
+
+def hostile(rng: Rng) -> str:
+    return HOSTILE[int(rng.integers(len(HOSTILE)))]
 
 
 def mutant(text: str, rng: Rng) -> str:
@@ -81,7 +55,7 @@ def mutant(text: str, rng: Rng) -> str:
         spans = [found.span() for found in re.finditer(part, text)] or [(len(text), len(text))]
         (a, b), (c, d) = sorted(spans[int(k)] for k in rng.integers(0, len(spans), 2))
         number = f"{rng.normal(scale=100.0):.4g}"
-        odd = str(rng.choice(HOSTILE)) if rng.random() < 0.6 else number
+        odd = hostile(rng) if rng.random() < 0.6 else number
         changed = (
             text[:a] + text[b:],  # lost
             text[:b] + text[a:],  # twice
@@ -116,7 +90,7 @@ class Fuzz:
         yield from [("table", through("m.csv", READERS), table)] * 2
         yield "differences", through("m.csv", READERS), DIFFERENCES
         yield from [("session", through("m.yaml", READERS), session)] * 2
-        yield from [("machine", through("m.yaml", WITH_MACHINE), machine)] * 2
+        yield from [("machine", through("m.yaml", DAMAGE["machines"]), machine)] * 2
         yield "journal", gone_on_with, journal
         # Damage that the checksums hide, as of a journal that another version wrote.
         assert signed(records(journal)) == journal
@@ -136,7 +110,7 @@ class Fuzz:
             for word in ("validate", "validate", "solve", "diagnose", "export")
         )
         # Reading is what is damaged; judging takes longer.
-        reading = ("validate {} --json",) * 4 + READERS
+        reading = ("validate {} --json",) * 4 + tuple(READERS)
         for name, text in FILES.items():
             whole = f"whole/m-{name}"
             given = ("damaged/config.g", settings) if name == "config.g" else (whole, reading)
@@ -225,8 +199,8 @@ def signed(bodies: str) -> str:
 
 def _options(rng: Rng) -> str:
     """A command with hostile values, as JSON."""
-    chosen = OPTIONS[int(rng.integers(len(OPTIONS)))].split()
-    return json.dumps([part.replace("{}", str(rng.choice(HOSTILE))) for part in chosen])
+    chosen = DAMAGE["options"][int(rng.integers(len(DAMAGE["options"])))].split()
+    return json.dumps([part.replace("{}", hostile(rng)) for part in chosen])
 
 
 def _late(number: int, frame: FrameType | None) -> None:

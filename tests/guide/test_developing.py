@@ -19,112 +19,12 @@ SOURCE = Path(orthoglide_cal.__file__).parent
 PAGE = (SOURCE / "guide" / "developing.md").read_text(encoding="utf-8")
 OFFSETS = (0.4, -0.7, 0.2)
 
-# Path as the page names it → what is written there; of a path that exists, what is added to it.
-CAUSE = {
-    "causes/leg_sag.py": '''
-"""A leg bends with the square of its displacement."""
 
-from orthoglide_cal.model.cause import Cause, Stage
-from orthoglide_cal.model.orthoglide import Orthoglide
-
-
-class LegSag(Cause):
-    """One bending per leg, at full displacement."""
-
-    id = "leg_sag"
-    title = "a leg sags"
-    stage = Stage.CONTACT
-    unit = "mm"
-    sizes = {Orthoglide: 0.1}
-    names = ("x", "y", "z")
-    lasting = True
-    instrument = "a second gauge on the leg"
-    advice = "Stiffen the leg, or measure nearer to the isotropic posture."
-
-    def contact(self, heights, effect, where, plan, machine):
-        return heights + effect.theta[..., plan.leg] * (plan.displacement / 100.0) ** 2
-
-
-CAUSES = (LegSag(),)
-''',
-    "guide/causes/leg_sag.md": "# leg_sag: a leg sags\n",
-    "guide/causes.md": "\n- `leg_sag`: a leg sags\n",
-}
-KIND = {
-    "model/tilt_table.py": '''
-"""A table on three screws, probed from above: how much higher is each screw than it should be?"""
-
-from dataclasses import replace
-from types import MappingProxyType
-from typing import Annotated, Literal
-
-import numpy as np
-
-from orthoglide_cal.model.kinematics import Geometry
-from orthoglide_cal.model.linear_delta import LinearDelta, Probe
-from orthoglide_cal.model.machine import Bed, Length, Machine
-from orthoglide_cal.model.plan import read_only
-from orthoglide_cal.schema import Number, ask
-
-ANGLES = np.radians([90.0, 210.0, 330.0])
-
-
-class TiltTable(Machine):
-    parameter_names = parameter_symbols = ("a", "b", "c")
-    parameter_units = ("mm", "mm", "mm")
-    linearization_points = read_only(np.zeros((1, 3)))
-    tolerance_scales = LinearDelta.tolerance_scales
-    usual_sizes = MappingProxyType({"misread": 0.1, "bed_shape": 0.1, "probe_drift": 0.05})
-    controller_formats = ("text",)
-    vocabulary = replace(LinearDelta.vocabulary, one="height", many="heights", title="Heights")
-    first_steps = (("Solve it", "solve", "touches.csv"),)
-    geometry_keys = ("bed_radius_mm",)
-
-    kind: Literal["tilt_table"] = "tilt_table"
-    bed_radius_mm: Annotated[Length, ask("Radius of the table", "where its screws are")]
-    screws_mm: Annotated[tuple[Number, Number, Number], ask("Screws", "height of each")]
-    probe: Probe
-
-    instrument = property(lambda self: self.probe)
-    active = property(lambda self: self.screws_mm)
-    plausible = property(lambda self: (self.homing_std_mm,) * 3)
-    bed = property(lambda self: Bed(self.bed_radius_mm, (90.0, 210.0, 330.0), 100.0))
-    geometry_words = property(lambda self: f"table of radius {self.bed_radius_mm:g} mm")
-    travel_mm, home_mm = property(lambda self: 100.0), property(lambda self: 0.0)
-
-    def holding(self, active):
-        return self.changed(screws_mm=tuple(active))
-
-    # It is touched as the bed of a printer is.
-    reading_words, judging = LinearDelta.reading_words, LinearDelta.judging
-    local_shape, uncertain = LinearDelta.local_shape, LinearDelta.uncertain
-    synthetic = LinearDelta.synthetic
-    simulated_plan = LinearDelta.simulated_plan
-
-    @property
-    def nominal_rails(self):
-        flat = np.stack((np.cos(ANGLES), np.sin(ANGLES), np.zeros(3)), axis=1)
-        return Geometry(self.bed_radius_mm * flat, np.tile([0.0, 0.0, 1.0], (3, 1)), np.ones(3))
-
-    def sensed(self, real, parameters, plan, strict, derivative):
-        corners, place = np.ones((3, 3)), plan.place.copy()
-        corners[:, :2], place[:, 2] = real.geometry.points[:, :2], 1.0
-        readings = parameters @ (place @ np.linalg.inv(corners)).T
-        where = np.broadcast_to(plan.place / self.bed_radius_mm, (*readings.shape, 3))
-        return readings, where, None
-''',
-    "configs/tilt_table.yaml": """schema_version: 1
-kind: tilt_table
-name: tilt table
-bed_radius_mm: 100
-screws_mm: [10, 10, 10]
-probe: {resolution_mm: 0.0, repeatability_mm: 0.005, texture_mm: 0.01}
-tolerances: {}
-identified: []
-""",
-    "guide/tilt_table.md": "# A tilting table\n",
-    "guide/index.md": "\n- `tilt_table`: a tilting table\n",
-}
+def texts(name: str) -> dict[str, str]:
+    """Path as the page names it → what is written there; of a file that exists, what is added."""
+    whole = Path(__file__).with_name(f"{name}.txt").read_text(encoding="utf-8")
+    _, *parts = re.split(r"^=== (.+)\n", whole, flags=re.MULTILINE)
+    return dict(zip(parts[::2], parts[1::2], strict=True))
 
 
 def item(title: str) -> str:
@@ -133,10 +33,11 @@ def item(title: str) -> str:
     return text
 
 
-def added(tmp_path: Path, said: str, files: dict[str, str], names: dict[str, str]) -> Path:
+def added(tmp_path: Path, said: str, word: str, name: str) -> Path:
     """A folder with a copy of the package to which exactly the files that are said are added."""
-    said = re.sub("ID|KIND", lambda word: names[word[0]], said)
-    assert re.findall(r"^- `([\w./]+)`", said, re.MULTILINE) == list(files)
+    files = texts(name)
+    named = re.findall(r"^- `([\w./]+)`", said.replace(word, name), re.MULTILINE)
+    assert named == list(files)
     package, touched = tmp_path / SOURCE.name, {path.split("/")[0] for path in files}
     package.mkdir()
     for folder in SOURCE.iterdir():
@@ -202,7 +103,7 @@ def check(answer: dict, id: str, truth: dict[str, float]) -> None:
 
 def test_a_cause_is_one_class_and_its_page(tmp_path: Path) -> None:
     said = item("A cause")
-    folder = added(tmp_path, said, CAUSE, {"ID": "leg_sag"})
+    folder = added(tmp_path, said, "ID", "leg_sag")
     typed = [*commands("".join(blocks(said, "text")).replace("ID", "leg_sag"))]
     assert [words[0] for words in typed] == ["simulate", "diagnose", "guide"]
     simulate, diagnose, guide = typed
@@ -220,7 +121,7 @@ def test_a_cause_is_one_class_and_its_page(tmp_path: Path) -> None:
 
 def test_a_kind_of_machine_is_one_class_and_its_pages(tmp_path: Path) -> None:
     said = item("A kind of machine")
-    folder = added(tmp_path, said, KIND, {"KIND": "tilt_table"})
+    folder = added(tmp_path, said, "KIND", "tilt_table")
     typed = [*commands("".join(blocks(said, "text")).replace("KIND", "tilt_table"))]
     assert [words[0] for words in typed] == ["machine", "simulate", "solve", "diagnose", "guide"]
     machine, simulate, solve, diagnose, guide = typed

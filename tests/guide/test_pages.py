@@ -10,7 +10,7 @@ import yaml
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.words import unit_words
-from tests.cli.program import DOUBLE, done, lines, refused, run
+from tests.cli.program import DOUBLE, done, lines, run
 from tests.machines import ROOT
 from tests.markdown import blocks, mentioned, run_block
 
@@ -180,18 +180,3 @@ def test_a_wide_screen_is_not_used_to_its_end(monkeypatch: pytest.MonkeyPatch) -
 )
 def test_a_topic_however_it_is_written(typed: tuple[str, ...], name: str) -> None:
     assert run("guide", *typed).stdout == PAGES[name]
-
-
-@pytest.mark.parametrize(
-    ("typed", "near"),
-    [
-        *(("sings", "signs"), ("gap", "axis_gap"), ("backlsh", "backlash"), ("leg", "leg_length")),
-        ("../causes", "causes"),
-        *((typed, "") for typed in ("", "xyzzy", "/etc/passwd", "\x1b[31mred")),
-    ],
-)
-def test_of_an_unknown_topic_the_nearest_are_named(typed: str, near: str) -> None:
-    said = refused(2, "guide", typed)
-    assert near in re.split(r"[ ,.]+", said.partition("Nearest: ")[2])
-    assert "All pages: orthocal guide" in said
-    assert "\x1b" not in said

@@ -6,6 +6,7 @@ The machine, its causes and what they ask of a technician are real; how probable
 from dataclasses import replace
 from functools import cache
 from math import log
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from orthoglide_cal.inference.decision import Decision
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.schema import Reason
 from tests import truth
+from tests.cli.program import refusals
 from tests.inference.sessions import known
 
 
@@ -57,53 +59,11 @@ def said(found: Decision) -> str:
     return "".join((found.verdict, accepted, *(f" or {id}" for id in found.ambiguous_with)))
 
 
-@pytest.mark.parametrize(
-    ("shares", "verdict"),
-    [
-        ({"axis_gap": 1.0, "bar_skew": 0.001}, "named axis_gap"),
-        ({"axis_gap": 1.0, "bar_skew": 0.1, "misread": 0.3},
-         "ambiguous axis_gap or misread or bar_skew"),
-        # A second cause does not contradict the best one; besides a rival it says no more.
-        ({"axis_gap": 1.0, "axis_gap_and_gauge_drift": 0.1}, "named axis_gap"),
-        ({"axis_gap": 1.0, "bar_skew": 0.2, "bar_skew_and_misread": 0.1},
-         "ambiguous axis_gap or bar_skew"),
-        # Of a pair only the doubtful part is doubted.
-        ({"axis_gap_and_misread": 1.0, "axis_gap_and_gauge_drift": 0.8},
-         "ambiguous axis_gap+misread or gauge_drift"),
-        # A second cause is added where to miss it costs more than to look for it in vain.
-        ({"axis_gap": 1.0, "axis_gap_and_bar_skew": 0.8},
-         "ambiguous axis_gap or bar_skew"),
-        ({"axis_gap": 1.0, "axis_gap_and_bar_skew": 5.0}, "named axis_gap+bar_skew"),
-        # An exchange happened or it did not: it cannot be too small to be seen.
-        ({"bar_skew": 1.0, "bar_skew_and_exchanged_columns": 0.1},
-         "ambiguous bar_skew or exchanged_columns"),
-        ({"bar_skew": 1.0, "bar_skew_and_exchanged_columns": 0.002}, "named bar_skew"),
-        # But it is left open only where the data speak for it.
-        ({"bar_skew": 1.0, "bar_skew_and_swapped_gauges": 0.3, "likelier": 20.0},
-         "ambiguous bar_skew or swapped_gauges"),
-        ({"bar_skew": 1.0, "bar_skew_and_swapped_gauges": 0.3, "likelier": 1.0},
-         "named bar_skew"),
-        # To name what is beyond the list costs a wrong name for each cause.
-        ({"returning": 20.0, "axis_gap": 1.0}, "unexplained"),
-        ({"returning": 0.03, "axis_gap": 1.0}, "ambiguous axis_gap"),
-        ({"returning": 0.0005, "axis_gap": 1.0}, "named axis_gap"),
-        # No part is replaced because of a stand: its name costs much only if offsets are false.
-        ({"passing": 0.05, "axis_gap": 1.0}, "ambiguous axis_gap"),
-        ({"returning": 0.05, "gauge_drift": 1.0}, "ambiguous gauge_drift"),
-        ({"passing": 0.05, "gauge_drift": 1.0}, "named gauge_drift"),
-        ({"passing": 0.5, "gauge_drift": 1.0}, "ambiguous gauge_drift"),
-        # Two causes follow nearly any pattern.
-        ({"returning": 0.03, "axis_gap_and_misread": 1.0}, "unexplained"),
-        ({"returning": 0.0005, "axis_gap_and_misread": 1.0}, "named axis_gap+misread"),
-        # The best of bad explanations is none.
-        ({"axis_gap": 1.0, "misfit": 3.0}, "unexplained"),
-        # Nothing is named before the odds are reached.
-        ({"nothing": 1.0, "axis_gap": 0.3}, "consistent"),
-        ({"nothing": 1.0, "axis_gap": 5.0}, "named axis_gap"),
-    ],
-)  # fmt: skip
-def test_verdicts(shares: dict[str, float], verdict: str) -> None:
-    assert said(decision(**shares)) == verdict
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("verdicts.txt")))
+def test_verdicts(line: str) -> None:
+    verdict, shares = line.split("|")
+    made = {name: float(share) for name, share in (one.split("=") for one in shares.split())}
+    assert said(decision(**made)) == verdict.strip()
 
 
 def test_under_a_refuted_name_as_much_may_return_as_is_left() -> None:

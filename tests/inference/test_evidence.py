@@ -1,9 +1,27 @@
-"""Evidence against dense covariances, also of data that share a local shape."""
+"""Whitened data, their evidence and what is left out of a fit, against dense matrices."""
+
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.files.input import read_input
+from orthoglide_cal.inference.belief import Belief
+from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid, Texture
+from orthoglide_cal.inference.fit import Fit, leave_out_cells
+from orthoglide_cal.model.measured import DIFFERENCES, DataKind
+from orthoglide_cal.model.model import Model, simulate
+from orthoglide_cal.model.orthoglide import Orthoglide, double_posture
+from orthoglide_cal.model.plan import Floats, Ints
+from orthoglide_cal.model.readings import Series
+from tests import truth
+from tests.inference.sessions import known
+from tests.machines import NOMINAL, PROTOTYPE, SAMPLES
+from tests.model.test_plan import groups
+from tests.readings import readings_of
 
 
 @pytest.mark.parametrize(("known", "width"), [(9, 4), (4, 4), (4, 9), (4, 12)])
@@ -40,3 +58,99 @@ def test_densities_are_those_of_the_dense_covariance(known: int, width: int) -> 
         assert log[b, s, g] == pytest.approx(wanted, rel=1e-9)
         assert power[b, s, g] == pytest.approx(power_of, rel=1e-7)
         assert match[b, s, g] == pytest.approx(patterns.T @ inverse @ residual, rel=1e-7)
+
+
+def sample(name: str) -> Whitened:
+    return Whitened.of(read_input(str(SAMPLES / name)).measured, NOMINAL)
+
+
+@pytest.mark.parametrize(
+    "name", ["experiment2.csv", "double_posture_session.csv", "single_posture_session.csv"]
+)
+def test_noise_of_the_whitened_data_is_white(name: str) -> None:
+    white = sample(name)
+    rows = np.eye(len(white)) @ white.matrix
+    assert rows @ rows.T == pytest.approx(np.eye(len(white)), abs=1e-12)
+    assert np.abs(white.matrix @ white.plan.zeros).max() < 1e-12
+    residual = np.linspace(-0.3, 0.7, len(white))
+    assert white.rms(residual) == pytest.approx(np.sqrt(np.mean(white.plain(residual) ** 2)))
+
+
+def test_six_differences_pass_the_isotropic_posture() -> None:
+    """max − min alone would have the carriages go straight from limit to limit."""
+    white = sample("experiment2.csv")
+    assert set(white.plan.displacement.tolist()) == {0.0, 60.0, -100.0}
+    readings = simulate(NOMINAL, np.array([0.3, -0.5, 0.2]), white.plan)
+    differences = white.root @ white.matrix @ readings
+
+    def at(series: Series, displacement: float) -> float:
+        (value,) = readings[white.plan.of(series) & (white.plan.displacement == displacement)]
+        return float(value)
+
+    expected = [
+        at(each.series, 60.0) - at(each.series, -100.0) for each in DIFFERENCES[DataKind.SIX]
+    ]
+    assert white.in_file.tolist() == list(range(6))
+    assert differences == pytest.approx(expected, abs=1e-12)
+    assert white.plain(white.matrix @ readings) == pytest.approx(expected, abs=1e-12)
+
+
+def test_defaults_are_scaled_like_what_is_given() -> None:
+    silent = Model(PROTOTYPE.changed(tolerances={"misread": 0.2}))
+    plan = double_posture(PROTOTYPE)
+    readings = replace(readings_of(PROTOTYPE, plan, np.linspace(0.0, 1.0, 60)), timed=False)
+    white = Whitened.of(readings, silent)
+    doubled = white.scaled(2.0).machine
+    for id, cause in CAUSES.items():
+        factor = 3.0 if cause.unit == "mm/h" else 1.0
+        assert cause.size(white.machine) == factor * cause.size(silent.machine), id
+        assert (cause.size(white.machine) > 0.0) == (Orthoglide in cause.sizes), id
+        assert cause.size(doubled) == 2.0 * cause.size(white.machine), id
+
+
+def rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def refits(white: Whitened, fit: Fit, cells: list[Ints]) -> Iterator[tuple[Floats, Floats]]:
+    """Each cell predicted by a fit to the other readings: (errors, their covariance).
+
+    Readings y = Z z + C u + e: gauge zeros z without a prior, offsets and parameters u with the
+    one that the fit had. Solved in full for each cell, with the zeros as unknowns.
+    """
+    n, zeros = len(white.plan), white.plan.zeros
+    design = np.hstack((zeros, white.matrix.T @ fit.columns)) / fit.sigma
+    values = white.matrix.T @ fit.linear / fit.sigma
+    penalty = np.diag(np.concatenate((np.zeros(zeros.shape[1]), 1.0 / fit.sizes**2)))
+    for cell in cells:
+        kept = np.setdiff1d(np.arange(n), cell)
+        spread = np.linalg.inv(design[kept].T @ design[kept] + penalty)
+        found = spread @ design[kept].T @ values[kept]
+        error = values[cell] - design[cell] @ found
+        covariance = np.eye(len(cell)) + design[cell] @ spread @ design[cell].T
+        yield fit.sigma * error, fit.sigma**2 * covariance
+
+
+@pytest.mark.parametrize(
+    ("hidden", "seed", "rel"),
+    [("axis_squareness", 4, 1e-6), ("stand_shift", 4, 1e-6), ("misread", 2, 1e-4)],
+)
+def test_leaving_a_cell_out_is_refitting_without_it(hidden: str, seed: int, rel: float) -> None:
+    """A wrong reading is not held against the model: it stays where its size takes it up."""
+    readings, model = known(truth.make_session(seed, truth.PROTOTYPE, truth.MICRON, (hidden,)))
+    white = Whitened.of(readings, model)
+    found = Belief.about(white)
+    accepted = found.fit((hidden,))
+    wrong = accepted.wrong_readings
+    assert len(wrong) == (hidden == "misread")
+    # Readings of each (leg, direction, posture).
+    cells = [np.setdiff1d(cell, wrong) for cell in groups(white.plan.cells)]
+    assert len(cells) == 18
+    for fit in (found.fit(()), accepted):
+        errors, scaled = [], []
+        for error, covariance in refits(white, fit, cells):
+            errors.append(error)
+            scaled.append(np.linalg.solve(np.linalg.cholesky(covariance), error))
+        held_out = leave_out_cells(white, fit, accepted)
+        assert held_out.rms_mm == pytest.approx(rms(np.concatenate(errors)), rel=rel)
+        assert held_out.ratio == pytest.approx(rms(np.concatenate(scaled)), rel=rel)

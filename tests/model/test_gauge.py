@@ -18,7 +18,7 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.report.sentences import sentence
 from tests import truth
 from tests.cli.program import lines, run
-from tests.inference.sessions import known, model_of, read, readings_of
+from tests.inference.sessions import known, model_of, readings_of
 from tests.machines import PROTOTYPE
 from tests.sentences import sentences
 
@@ -176,22 +176,6 @@ def test_a_wrong_unit_is_named(
         assert not kinds(readings, stated)
 
 
-def in_inches(session: truth.Session, division: float) -> str:
-    """The record of a gauge in inches, still headed millimetres."""
-    header, *rows = truth.readings_csv(session).splitlines()
-    shown = np.rint(session.readings / 25.4 / division) * division
-    cells = zip((row.rpartition(",")[0] for row in rows), shown.tolist(), strict=True)
-    return "\n".join((header, *(f"{head},{inches:.4f}" for head, inches in cells), ""))
-
-
-def test_readings_in_inches_are_judged_in_inches() -> None:
-    """0.0005 in are not whole divisions of 0.01 mm."""
-    text = in_inches(truth.make_session(5, truth.PROTOTYPE, truth.DIAL), 0.0005)
-    model = model_of(truth.PROTOTYPE, truth.DIAL)
-    measured = read(text.replace("reading_mm", "reading_in"), model)
-    assert model.machine.gauge.doubts(measured) == ()
-
-
 @pytest.mark.parametrize("kind", [DataKind.SIX, DataKind.TWELVE])
 def test_differences_of_means_are_allowed_their_decimals_but_not_those_of_inches(
     kind: DataKind,
@@ -210,8 +194,12 @@ def test_differences_of_means_are_allowed_their_decimals_but_not_those_of_inches
 
 
 def test_every_command_says_so(tmp_path: Path) -> None:
-    session, path = truth.make_session(1, truth.PROTOTYPE, truth.DIAL), tmp_path / "inches.csv"
-    text = in_inches(session, 0.0001)
+    """Of a gauge in inches, headed mm; 0.0005 in are not whole divisions of 0.01 mm."""
+    session, path = truth.make_session(5, truth.PROTOTYPE, truth.DIAL), tmp_path / "inches.csv"
+    header, *rows = truth.readings_csv(session).splitlines()
+    inches = (np.rint(session.readings / 25.4 / 0.0005) * 0.0005).tolist()
+    cells = (f"{row.rpartition(',')[0]},{one:.4f}" for row, one in zip(rows, inches, strict=True))
+    text = "\n".join((header, *cells, ""))
     path.write_text(text, encoding="utf-8")
     (checked,) = lines(run("validate", str(path), "--json"))
     assert any("reading_in" in remark for remark in checked["remarks"])
@@ -220,6 +208,8 @@ def test_every_command_says_so(tmp_path: Path) -> None:
     assert run("export", str(path)).exit_code == 4
     path.write_text(text.replace("reading_mm", "reading_in"), encoding="utf-8")
     assert run("export", str(path)).exit_code == 0
+    (checked,) = lines(run("validate", str(path), "--json"))
+    assert checked["remarks"] == []
 
 
 @pytest.mark.parametrize(

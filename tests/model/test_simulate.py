@@ -1,4 +1,4 @@
-"""The forward model: its derivatives, what it cannot reach, and what a gauge makes of it."""
+"""The forward model: rails in any position, derivatives, what is out of reach, what gauges show."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -8,6 +8,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import PostureError
+from orthoglide_cal.model.kinematics import Points, trilaterate
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import (
     STEP,
@@ -17,11 +18,26 @@ from orthoglide_cal.model.model import (
 )
 from orthoglide_cal.model.orthoglide import double_posture, single_posture
 from orthoglide_cal.model.plan import zero_free
-from orthoglide_cal.model.readings import GaugePlan, Posture
-from tests.machines import NOMINAL, PROTOTYPE, both_machines
-from tests.model.geometries import bent_rails, mixed_plan, on_rails
+from orthoglide_cal.model.readings import Contact, GaugePlan, Posture
+from tests.machines import NOMINAL, PROTOTYPE, both_machines, extended
 
 OFFSETS = np.array([1.7, -2.9, 0.8])
+POINT = np.array([31.0, -47.0, 12.0])
+L = PROTOTYPE.leg_length_mm
+
+
+def bent(machine: Machine) -> Model:
+    """Rails that neither meet nor are orthogonal, unequal legs: degrees and millimetres."""
+    known = extended(axis_gap=(8.0, -6.0, 5.0), axis_squareness=(60.0, -80.0, 40.0))
+    return replace(known, machine=machine).extended(extended(leg_length=(3.0, -2.0, 4.0)).accepted)
+
+
+def mixed(machine: Machine) -> GaugePlan:
+    """Gauges at a different place for every reading, a third of them at the ends of the legs."""
+    plan = double_posture(machine, cycles=2)
+    n, rng = len(plan), np.random.default_rng(11)
+    contact = rng.choice([Contact.FIXED] * 4 + [Contact.JOINT, Contact.TOOL], n)
+    return replace(plan, gauge_at=rng.uniform(0.1, 0.9, n), contact=contact)
 
 
 def stepped_within(plan: GaugePlan) -> GaugePlan:
@@ -33,14 +49,14 @@ def stepped_within(plan: GaugePlan) -> GaugePlan:
 
 
 @both_machines
-@pytest.mark.parametrize("made", [Model, lambda m: on_rails(m, bent_rails(m))])
+@pytest.mark.parametrize("made", [Model, bent])
 @pytest.mark.parametrize("gauges", [0.25, 0.5, "mixed", "ends", "stepped"])
 def test_the_closed_form_of_the_jacobian(
     machine: Machine, gauges: float | str, made: Callable[[Machine], Model]
 ) -> None:
     """On rails of every sort, with gauges anywhere."""
     plans = {
-        "mixed": mixed_plan(machine),
+        "mixed": mixed(machine),
         "ends": single_posture(machine, 2),
         "stepped": stepped_within(double_posture(machine, 1)),
     }
@@ -74,16 +90,10 @@ def test_an_unreachable_session_is_an_error_or_nan() -> None:
             simulate_with_jacobian(model, offsets, plan)
 
 
-def test_postures_without_a_tool_position_are_named() -> None:
-    """Rails along one line; legs too short for the posture at which the gauges are set up."""
+def test_legs_too_short_where_the_gauges_are_set_up_are_named() -> None:
     low = double_posture(PROTOTYPE, cycles=1, closing=False, postures=(Posture.MIN,))
-    nominal = NOMINAL.real.geometry
-    line = replace(nominal, directions=np.array([[1.0, 0.0, 0.0]] * 3))
-    with pytest.raises(PostureError, match=r"Leg x displaced by -100 mm: .* on a line"):
-        simulate(on_rails(PROTOTYPE, line), OFFSETS, low)
-    short = replace(nominal, lengths=np.full(3, 250.0))
     with pytest.raises(PostureError, match="Isotropic posture: The legs do not reach"):
-        simulate(on_rails(PROTOTYPE, short), OFFSETS, low)
+        simulate(extended(leg_length=(250.0 - L,) * 3), OFFSETS, low)
 
 
 def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
@@ -100,3 +110,65 @@ def test_written_down_readings_have_the_gauges_noise_zeros_and_steps() -> None:
     zeros = (values - signal)[:, 0]
     assert zeros.min() < -0.9
     assert zeros.max() > 0.9
+
+
+# --- rails in any position ---------------------------------------------------------------------
+
+
+@both_machines
+def test_bent_rails_keep_the_legs_as_long_as_they_are(machine: Machine) -> None:
+    rails = bent(machine).real.geometry
+    tool = np.random.default_rng(3).uniform(*machine.joint_limits_mm, (400, 3))
+    joints = rails.joints_for(tool)
+    carriages = rails.points + joints[..., None] * rails.directions
+    lengths = np.linalg.norm(tool[:, None, :] - carriages, axis=-1)
+    assert np.abs(lengths - rails.lengths).max() < 1e-10
+    # The carriages stand ahead of the tool, as the prototype's do.
+    assert np.all(joints > ((tool[:, None] - rails.points) * rails.directions).sum(axis=-1))
+    # Direct undoes inverse, and inverse direct.
+    assert np.abs(rails.tool_for(joints) - tool).max() < 1e-9
+    assert np.abs(rails.joints_for(rails.tool_for(joints + 0.37)) - joints - 0.37).max() < 1e-9
+
+
+def test_legs_that_do_not_reach_say_by_how_much() -> None:
+    """The middle of the three centres is √6·200 = 489.9 mm from each: 379.1 = √(489.9² − L²)."""
+    centres = np.diag([600.0, 600.0, 600.0])
+    with pytest.raises(PostureError, match=r"do not reach .* miss by 379 mm") as caught:
+        trilaterate(centres, np.full(3, L))
+    assert "limits" in caught.value.remedy
+    with pytest.raises(PostureError, match="on a line"):
+        trilaterate(np.outer([250.0, 300.0, 400.0], [1.0, 2.0, 2.0]) / 3.0, np.full(3, L))
+
+
+@pytest.mark.parametrize(
+    ("point", "leg"),
+    [((10.0, 250.0, -200.0), "x"), ((250.0, 10.0, -200.0), "y"), ((-200.0, 250.0, 10.0), "z")],
+)
+def test_a_leg_too_short_is_named(point: tuple[float, float, float], leg: str) -> None:
+    at = r"\({:.3f}, {:.3f}, {:.3f}\)".format(*point)
+    with pytest.raises(PostureError, match=f"Leg {leg} is too short .* {at}") as caught:
+        NOMINAL.machine.nominal_rails.joints_for(np.array([POINT, point]))
+    assert "workspace" in caught.value.remedy
+    longer = PROTOTYPE.changed(leg_length_mm=400.0)
+    assert np.isfinite(longer.nominal_rails.joints_for(np.array([POINT, point]))).all()
+
+
+def test_legs_in_one_plane_are_singular() -> None:
+    """All three legs perpendicular to (1, 1, 1): p = (s, s, s), q = 3 s on each rail.
+
+    Also where rounding leaves some volume, on rails turned by any angle, and in a batch.
+    """
+    turn = np.linalg.qr(np.random.default_rng(4).normal(0.0, 1.0, (3, 3)))[0]
+    turned = replace(PROTOTYPE.nominal_rails, directions=turn)
+    for rails in (PROTOTYPE.nominal_rails, turned):
+        tool = np.array([[20.0, 30.0, 50.0], [50.0, 50.0, 50.0]]) @ rails.directions
+        points = Points.of(rails, np.full((2, 3), 150.0), strict=True)._replace(tool=tool.T)
+        fine = np.isfinite(points.tool_derivative)
+        assert fine[..., 0].all()
+        assert not fine[..., 1].any()
+
+
+@pytest.mark.parametrize("moved", [L, -L, 400.0])
+def test_a_leg_displaced_by_its_length_is_named(moved: float) -> None:
+    with pytest.raises(PostureError, match=f"Leg z cannot be displaced by {moved:g} mm"):
+        NOMINAL.machine.joints_at(np.array([0, 2]), np.array([60.0, moved]))

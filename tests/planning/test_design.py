@@ -21,10 +21,10 @@ from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.planning.separation import Separations, separations
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from tests.machines import PROTOTYPE, both_machines, both_models, sure
-from tests.planning.truth import like, standing
+from tests.planning.truth import like
 from tests.truth.effects import state_with
 from tests.truth.forward import signals
-from tests.truth.plan import SETUPS, joints_at
+from tests.truth.plan import SETUPS, plan_of
 
 OF_OFFSETS = np.diag([1.0] * 3 + [0.0] * 6)
 
@@ -32,9 +32,9 @@ OF_OFFSETS = np.diag([1.0] * 3 + [0.0] * 6)
 def places(machine: Machine, gauge_at: float, along: Floats) -> tuple[Floats, Floats]:
     """Readings that six gauges could take: displacements (n,) [mm], and f of each, (n, 9)."""
     gauge, own = np.repeat(np.arange(6), len(along) + 1), np.tile([0.0, *along], 6)
-    pairs = zip(gauge.tolist(), own.tolist(), strict=True)
-    joints = [joints_at(machine.leg_length_mm, SETUPS[g][0], moved) for g, moved in pairs]
-    plan = standing(gauge, own, np.array(joints), np.full(len(own), gauge_at))
+    leg, direction = np.array(SETUPS)[gauge].T
+    there = {"leg": leg, "direction": direction, "displacement": own, "minutes": 0.0 * own}
+    plan = plan_of(like(machine), **there, gauge_at=np.full(len(own), gauge_at))
     step = 1e-3
     states = np.stack([state_with(s * step * e, ()) for s in (1.0, -1.0) for e in np.eye(3)])
     read = signals(plan, like(machine), states)

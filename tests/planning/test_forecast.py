@@ -1,4 +1,6 @@
-"""What is predicted before a reading exists, against readings of the independent truth."""
+"""What is predicted before a reading exists, against the independent truth; plans made of it."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -7,7 +9,8 @@ from scipy import stats
 from orthoglide_cal.estimation import Method, solve
 from orthoglide_cal.model.model import Model, synthetic_session
 from orthoglide_cal.model.orthoglide import MINUTES_PER_POSTURE, OFFSET_MM
-from orthoglide_cal.planning.forecast import fewest_cycles, forecast, session_of
+from orthoglide_cal.planning.forecast import SessionForecast, fewest_cycles, forecast, session_of
+from orthoglide_cal.planning.plan import METHODS, SHOWN_CYCLES, Wanted, measurement_plan
 from orthoglide_cal.planning.steps import (
     MOST_CYCLES,
     MeasuringProtocol,
@@ -90,14 +93,11 @@ def test_spare_readings_are_the_degrees_of_freedom(protocol: MeasuringProtocol) 
 
 
 def test_no_number_of_cycles_reaches_below_the_floor() -> None:
-    longest = forecast(NOMINAL, DOUBLE, MOST_CYCLES)
-    floor = longest.floor
+    """Which is 1.96 times a plausible leg, and a little."""
+    floor = forecast(NOMINAL, DOUBLE, MOST_CYCLES).floor
     assert floor.largest.source == "leg_length"
     below = 0.99 * float(floor.expanded_mm.max())
-    found = fewest_cycles(NOMINAL, DOUBLE, Method.READINGS, 2, below)
-    assert found is None
-    # What more cycles approach: 1.96 times a plausible leg, and a little.
-    assert longest.budget.expanded_mm.max() == pytest.approx(floor.expanded_mm.max(), rel=0.04)
+    assert fewest_cycles(NOMINAL, DOUBLE, Method.READINGS, 2, below) is None
     assert floor.expanded_mm.max() == pytest.approx(1.96 * 0.01, rel=0.03)
     # Of a shorter session more is left beside noise, for its readings tell less of it.
     shorter = forecast(NOMINAL, DOUBLE, 3).floor
@@ -120,3 +120,67 @@ def test_minutes_and_moves_are_those_of_measure(model: Model) -> None:
     one, two = (forecast(model, DOUBLE, 3, stands=stands) for stands in (1, 2))
     assert one.minutes > two.minutes
     assert one.noise_std_mm == pytest.approx(two.noise_std_mm)
+
+
+def worst(found: SessionForecast) -> float:
+    return max(found.expanded_mm.values())
+
+
+@both_models
+def test_ways_are_compared_for_the_same_uncertainty(model: Model) -> None:
+    plan = measurement_plan(model, Wanted(cycles=2))
+    assert {(way.protocol, way.method) for way in plan.compare} == {
+        (protocol, method) for protocol, methods in METHODS.items() for method in methods
+    }
+    assert {method for methods in METHODS.values() for method in methods} == set(Method)
+    for way in plan.compare:
+        assert way.same_cycles.cycles == 2
+        cycles = way.same_expanded.cycles
+        assert worst(way.same_expanded) <= worst(plan.chosen) * (1.0 + 1e-6)
+        if cycles > 1:
+            assert worst(forecast(model, way.protocol, cycles - 1, way.method)) > worst(plan.chosen)
+    own = next(way for way in plan.compare if (way.protocol, way.method) == (DOUBLE, "readings"))
+    assert own.same_expanded.cycles == 2
+
+
+def test_a_gauge_alone_is_compared_with_its_fewest_moves() -> None:
+    """One move for each leg and one between the legs; every move of it takes its time."""
+    plan = measurement_plan(NOMINAL, Wanted(cycles=3, stands=1))
+    for way in plan.compare:
+        if way.protocol is SINGLE:
+            assert way.same_cycles.gauge_moves == 3
+    asked = measurement_plan(NOMINAL, Wanted(SINGLE, 3))
+    assert asked.chosen.gauge_moves == 39
+    # Twice ten postures, driven to once or once for each end; 19 slides, or one.
+    assert asked.chosen.minutes == pytest.approx(2 * (10 * 0.4 + 19 * 0.5) + 4.0)
+    own = next(w for w in asked.compare if (w.protocol, w.method) == (SINGLE, "readings"))
+    assert own.same_cycles.minutes == pytest.approx(2 * (20 * 0.4 + 0.5) + 4.0)
+    assert own.same_cycles.expanded_mm == asked.chosen.expanded_mm
+
+
+@pytest.mark.parametrize("protocol", list(MeasuringProtocol))
+def test_more_cycles_are_never_worse(protocol: MeasuringProtocol) -> None:
+    plan = measurement_plan(NOMINAL, Wanted(protocol))
+    assert [each.cycles for each in plan.by_cycles] == list(SHOWN_CYCLES)
+    for fewer, more in pairwise(plan.by_cycles):
+        assert np.all(more.budget.expanded_mm < fewer.budget.expanded_mm)
+        assert more.minutes > fewer.minutes
+        assert (more.tool_mm or 0.0) < (fewer.tool_mm or 0.0)
+
+
+@pytest.mark.parametrize("protocol", list(MeasuringProtocol))
+def test_what_stays_is_the_same_whatever_was_asked_for(protocol: MeasuringProtocol) -> None:
+    """It is what is left of the longest session that `measure` guides without its noise."""
+    plans = [measurement_plan(NOMINAL, Wanted(protocol, cycles)) for cycles in (1, MOST_CYCLES)]
+    (floor, same), longest = (plan.floor for plan in plans), plans[-1].chosen
+    assert floor.expanded_mm.tolist() == same.expanded_mm.tolist()
+    left = floor.std_mm**2 + np.array([*longest.noise_std_mm.values()]) ** 2
+    assert left == pytest.approx(longest.budget.std_mm**2)
+
+
+def test_the_tool_is_off_by_what_the_offsets_leave() -> None:
+    """At the isotropic posture the tool moves as the carriages do; elsewhere it moves more."""
+    plan = measurement_plan(sure(NOMINAL), Wanted())
+    assert plan.floor is None
+    middle = float(plan.chosen.budget.k * np.sqrt(np.trace(plan.chosen.budget.covariance_mm2)))
+    assert middle < (plan.chosen.tool_mm or 0.0) < 2.0 * middle

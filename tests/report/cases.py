@@ -71,11 +71,6 @@ def solved() -> Document:
     return solution_document(case_of(replace(harmful, model=model)))
 
 
-def suspicious() -> Document:
-    """The paper's second experiment: the next command is named."""
-    return solution_document(replace(cases.ambiguous(), machine_file=Path("my machine.yaml")))
-
-
 def diagnosed() -> Document:
     """A cause in the machine, and hostile names."""
     model = changed(NOMINAL, name=HOSTILE[3], gauge=FINE.machine.gauge)
@@ -122,7 +117,6 @@ def documents() -> dict[str, Callable[[], Document]]:
         remembered,
         verified,
         solved,
-        suspicious,
         diagnosed,
         undecided,
         faulty,

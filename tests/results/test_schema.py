@@ -5,7 +5,10 @@ To write the page again: python -m tests.results.test_schema
 
 import textwrap
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
+
+import yaml
 
 from orthoglide_cal.results import Answer
 from tests.machines import ROOT
@@ -20,6 +23,7 @@ used gives `{"input": {"path": …}, "error": …}` in its place.
 """
 WHOLE = Answer.model_json_schema(mode="serialization")
 PARTS = WHOLE["$defs"]
+CONTRACT = yaml.safe_load(Path(__file__).with_name("contract.yaml").read_text(encoding="utf-8"))
 TYPES = {"integer": "whole number", "string": "text", "boolean": "true or false"}
 
 
@@ -63,36 +67,9 @@ def test_the_guide_says_the_keys_of_the_schema() -> None:
 
 
 def test_every_key_of_the_contract_is_there() -> None:
-    """Other programs are written against these: keys may be added, none may go."""
-    contract = (
-        "schema_version input machine method verdict explanations release parameters k correlation"
-        " alone rms noise deviations budget lack_of_fit converged residuals causes baselines"
-        " ambiguous_with beyond_tolerance not_excluded assumed undetermined next_measurement check"
-        " workspace sensitivity notes"
-    )
-    parts = {
-        "InputFile": "path sha256 kind readings",
-        "MachineName": "name kind",
-        "Explanation": "ids probability rms_mm parameters",
-        "Release": "usable needed settled reasons cautions codes",
-        "Parameter": "name unit active found std expanded enter determined",
-        "Alone": "parameters rms_after_mm",
-        "Residue": "before_mm after_mm",
-        "Noise": "used_mm repeats_mm residuals_mm stated_mm floor_mm dof",
-        "PromisedDifference": "name measured_mm modelled_mm expected_mm expanded_mm",
-        "Contribution": "source type size unit assumed std",
-        "LackOfFit": "statistic dof p_value repeats_p_value left_mm expected_mm",
-        "Residual": "leg direction posture x_mm y_mm measured_mm modelled_mm with_causes_mm",
-        "FoundCause": "id probability where parameters rms_before_mm rms_after_mm"
-        " heldout_before_mm heldout_after_mm heldout_ratio aliases times_stated remedy recommended",
-        "Estimate": "name unit value std",
-        "Baselines": "quartic_mm earlier_map_mm",
-        "NextMeasurement": "what minutes separates separation_sigma",
-        "CheckReading": "what expected_mm expanded_mm before_mm",
-        "Workspace": "before_mm after_mm limit_mm",
-    }
-    assert set(contract.split()) <= WHOLE["properties"].keys()
-    for name, keys in parts.items():
+    """Those of plan and history are looked for where they are printed."""
+    assert set(CONTRACT["answer"].split()) <= WHOLE["properties"].keys()
+    for name, keys in CONTRACT["parts"].items():
         assert set(keys.split()) <= PARTS[name]["properties"].keys(), name
 
 

@@ -12,9 +12,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pexpect
-from typer.testing import CliRunner
 
-from orthoglide_cal.cli.app import app
+from tests.cli import program
 
 from .virtual import answered
 
@@ -22,7 +21,7 @@ PROGRAM = "from orthoglide_cal.cli import main; main()"
 # The same without dead times, for tests of something else that answer at once.
 AT_ONCE = (
     "from orthoglide_cal.session import asking;"
-    "asking.BETWEEN_GAUGES_S = asking.AFTER_A_DRIVE_S = asking.ALONE_S = 0.0;" + PROGRAM
+    "asking.BETWEEN_GAUGES_S = asking.AFTER_A_DRIVE_S = 0.0;" + PROGRAM
 )
 # The last thing on the screen, perhaps followed by the end of a colour.
 PROMPT = re.compile(r"(\d+)\. Gauge [XYZ][^\r\n]* > (?:\x1b\[0m)?$")
@@ -194,11 +193,11 @@ def run_program(
 
 
 def refused(code: int, folder: Path, *arguments: str) -> str:
-    """What `orthocal measure` says, with single blanks, where it ends before the first prompt."""
+    """What `orthocal measure` says where it ends before the first prompt."""
     with contextlib.chdir(folder):
-        done = CliRunner().invoke(app, ["measure", *arguments])
+        done = program.run("measure", *arguments)
     assert done.exit_code == code, done.output
-    return " ".join(done.output.split())
+    return program.words(done.output)
 
 
 def finished(folder: Path, *arguments: str, stdin: str = "") -> str:

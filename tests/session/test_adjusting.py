@@ -23,9 +23,9 @@ from orthoglide_cal.planning.adjustment import choose_adjustments
 from orthoglide_cal.results.history import compare
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.session.adjusting import PHASES, Adjusted, Phase
-from orthoglide_cal.session.events import State, Taken, advance, replay
+from orthoglide_cal.session.events import advance, replay
 from tests import truth
-from tests.cli.program import answer, refused, run
+from tests.cli.program import answer, refusals, refused, refuses, run
 from tests.inference.sessions import given
 from tests.truth.adjusting import LooseMachine, LoosePrinter, push
 from tests.truth.delta import (
@@ -41,7 +41,7 @@ from tests.truth.delta import (
 from tests.truth.delta_separation import GRAIN
 
 from .terminal import Terminal, run_program
-from .virtual import AT, opened
+from .virtual import opened, taken
 
 PROBED = [id for id, cause in CAUSES.items() if cause.adjustable and cause.usual(LinearDelta)]
 ADJUSTABLE = [id for id, cause in CAUSES.items() if cause.adjustable and id not in PROBED]
@@ -93,15 +93,11 @@ def adjusted(seed: int, machine: Hidden, cause: str) -> Iterator[tuple[int, int,
                 push(loose, slot, here, rng.normal(scale=SLIP))
             readings += phase in (Phase.PUSHED, Phase.TIGHT)
             value = loose.dial(there() if phase is Phase.THERE else here())
-            state = taken(state, begin + PHASES.index(one.counts_as(phase, value)) + 1, value)
+            step = begin + PHASES.index(one.counts_as(phase, value)) + 1
+            state = advance(state, taken(step, value))
         within = plan.expanded + plan.expanded_mm / abs(plan.sensitivity)
         left = abs(loose.left(id, which)[1])
         yield readings, wrong, left <= within, one.status == "adjusted"
-
-
-def taken(state: State, step: int, value: float) -> State:
-    record = Taken(at=AT, step=step, minutes=0.0, value_mm=value, raw="", source="typed")
-    return advance(state, record)
 
 
 def judge(number: int, shares: tuple[float, float]) -> None:
@@ -274,20 +270,8 @@ def test_a_check_that_fails_ends_with_4(folder: Path) -> None:
     assert "was adjusted since" in refused(4, "apply", "before.csv", "--yes")
 
 
-@pytest.mark.parametrize(
-    ("options", "code", "what"),
-    [
-        (("before.csv", "--cause", "backlash"), 2, "No screw or shim corrects 'backlash'"),
-        (("before.csv", "--cause", "tower_lean"), 2, "axis_squareness, bar_skew, home_switch"),
-        (("before.csv", "--cause", "home_switch"), 4, "axis_squareness"),
-        (("before.csv", "--cause", "axis_gap"), 4, "does not name axis_gap"),
-        (("before.csv", "--resume"), 2, "There is no unfinished session"),
-        (("before.csv", "--gauge", "simulated"), 2, "does not see what you push"),
-        (("-",), 2, "Name the file"),
-        (("nothing.csv",), 3, "nothing.csv"),
-    ],
-)
-def test_wrong_input(folder: Path, options: tuple[str, ...], code: int, what: str) -> None:
+@pytest.mark.parametrize("line", refusals(Path(__file__).with_name("refused_adjust.txt")))
+def test_wrong_input(folder: Path, line: str) -> None:
     before = sorted(folder.iterdir())
-    assert what in refused(code, "adjust", *options)
+    refuses(line, "adjust")
     assert sorted(folder.iterdir()) == before

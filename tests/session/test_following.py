@@ -177,7 +177,8 @@ def test_the_clock_runs_on_the_same_day(
     line = f"finished: {finished!r}" if finished else "finished: null"
     path = tmp_path / "a.yaml"
     path.write_text(re.sub("(?m)^finished: .*$", line, first.read_text()))
-    joined = PriorReadings(read_document(str(path)), default_machine())
+    file = read_document(str(path))
+    joined = PriorReadings(file, read_input(file, default_machine()))
     last = float(joined.readings.plan.hours.max()) * 60.0
     assert joined.minutes(began, 1.5) == pytest.approx(last + wanted + 1.5, abs=2e-4)
     least = joined.minutes(began, 0.0)

@@ -1,9 +1,11 @@
 """What gauges say and people type: readings, and above all what never becomes one."""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from orthoglide_cal.errors import InputError, UsageError
 from orthoglide_cal.session.gauges import (
@@ -23,32 +25,10 @@ from .virtual import setting_of, steps_of
 
 MM, INCH = Unit.MM, Unit.INCH
 
-LINES = [
-    ("mitutoyo", "01A+0000.123", 0.123, None, "01"),
-    ("mitutoyo", "02A-0012.340", -12.34, None, "02"),
-    ("uwave", "DT10001+0000.123M", 0.123, MM, "0001"),
-    ("uwave", "DT10102-00.01234I", -0.01234, INCH, "0102"),
-    ("sylvac", "+12.345", 12.345, None, None),
-    ("sylvac", "-0.01", -0.01, None, None),
-    ("mahr", "  -1.230 mm", -1.23, MM, None),
-    ("mahr", "12.345 mm", 12.345, MM, None),
-    ("cdi", "+ 2.1380, MM", 2.138, MM, None),
-    ("cdi", "-   0.0 12, IN", -0.012, INCH, None),
-    ("mux", "1 MW+003.4665 inch", 3.4665, INCH, "1"),
-    ("mux", "2 MW-00088.29 mm", -88.29, MM, "2"),
-    ("plain", "-1.23", -1.23, None, None),
-    ("plain", "0,456 mm", 0.456, MM, None),
-]
-
-ERRORS = [
-    "ERR6", "ERR", "ERR 1", "911", "+911", "3 TO 999999.99 mm", "1 MW+999999.99 mm", "999999.99",
-    "01A+999999.9", "", " ", "-", "+", ".", "+.", "OVER", "LOW BAT", "1e3", "nan", "inf", "-inf",
-    "1_000.5", "0x10", "1.2.3", "1.2,3", "--1.0", "+-1.0", "1.0 kg", "1.0mmm", "12:34",
-    "01A+0000.123x", "x01A+0000.123", "DT2", "\x00\x01\x02", "١.٥", "１.５", "1.0\x00",
-]  # fmt: skip
+GIVEN = yaml.safe_load(Path(__file__).with_name("gauges.yaml").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize(("name", "line", "value", "unit", "channel"), LINES)
+@pytest.mark.parametrize(("name", "line", "value", "unit", "channel"), GIVEN["formats"])
 def test_lines_in_use(
     name: str, line: str, value: float, unit: Unit | None, channel: str | None
 ) -> None:
@@ -56,7 +36,7 @@ def test_lines_in_use(
 
 
 @pytest.mark.parametrize("name", sorted(SERIAL_FORMATS))
-@pytest.mark.parametrize("line", ERRORS)
+@pytest.mark.parametrize("line", GIVEN["no_values"])
 def test_errors_never_become_values(name: str, line: str) -> None:
     assert SERIAL_FORMATS[name].parse(line).value is None
 
@@ -143,28 +123,13 @@ def test_noise_without_end_does_not_fill_the_memory() -> None:
     assert len(splitter.stale(now=10.0)) <= 120
 
 
-@pytest.mark.parametrize(
-    ("text", "value", "unit"),
-    [
-        ("1.23", 1.23, None), ("-0.12", -0.12, None), ("−0,12", -0.12, None), ("+.5", 0.5, None),
-        ("5.", 5.0, None), (" 2 mm ", 2.0, MM), ("0.05in", 0.05, INCH), ('.005"', 0.005, INCH),
-        ("1 inch", 1.0, INCH), ("-0", 0.0, None), ("- 0.4", -0.4, None), ("007.5", 7.5, None),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "value", "unit"), GIVEN["typed"])
 def test_typed_numbers(text: str, value: float, unit: Unit | None) -> None:
     token = parse_typed(text)
     assert (token.value, token.unit) == (value, unit)
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "nan", "inf", "1e3", "1_000", "0x1f", "1,234.5", "1.234.567", "1 2", "911", "ERR6",
-        "3 TO 999999.99 mm", "999999.99", "x", "+", "-", ".", "1.0 m/s", "1..2", "½", "١٢",
-        "1" * 200, "\x1b[A", "\x00", "1.2\x7f", "; rm -rf", "--help", "1.5kg", "1.231.23",
-        "&:é\"'", "!<@#", "ß1.234", "/1.234",
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("text", [*GIVEN["not_typed"], "1" * 200])
 def test_typed_text_that_is_no_reading(text: str) -> None:
     with pytest.raises(InputError) as caught:
         parse_typed(text)

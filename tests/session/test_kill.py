@@ -2,10 +2,8 @@
 
 import os
 import signal
-import sys
-import traceback
-from collections.abc import Callable
 from itertools import repeat
+from multiprocessing import get_context
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -84,7 +82,7 @@ def killed_once(
     """One run in a process of its own, killed in its second step.
 
     Returns:
-        Its exit status, and the steps that were acknowledged on the screen.
+        Its exit code (negative for a signal), and the steps that were acknowledged on the screen.
     """
     listen, tell = os.pipe()
 
@@ -105,10 +103,12 @@ def killed_once(
         dialogue, _, _ = a_dialogue(path, repeat(""), gauge=gauge, show=shown)
         dialogue.run()
 
-    status = in_a_child(run)
+    process = get_context("fork").Process(target=run)
+    process.start()
+    process.join()
     os.close(tell)
     with os.fdopen(listen, "rb") as pipe:
-        return status, list(pipe.read())
+        return process.exitcode, list(pipe.read())
 
 
 def killed_all_along(path: Path, phase: str, protocol: MeasuringProtocol, cycles: int) -> int:
@@ -119,10 +119,9 @@ def killed_all_along(path: Path, phase: str, protocol: MeasuringProtocol, cycles
         acknowledged |= set(said)
         state = replay(decode(path.read_bytes(), str(path)).events)
         assert acknowledged <= set(state.accepted)
-        if os.WIFEXITED(status):
-            assert os.WEXITSTATUS(status) == 0
+        if status == 0:
             return count
-        assert os.WTERMSIG(status) == signal.SIGKILL
+        assert status == -signal.SIGKILL
     raise AssertionError("the session never ends")
 
 
@@ -145,18 +144,3 @@ def test_killed_at_every_step(
     assert dialogue.state.ended is not None
     assert len(dialogue.state.accepted) == steps
     assert result(dialogue) == expected
-
-
-def in_a_child(action: Callable[[], None]) -> int:
-    """Exit status of a process of its own; 1 if the action fails."""
-    child = os.fork()
-    if child == 0:
-        code = 1
-        try:
-            action()
-            code = 0
-        except BaseException:
-            traceback.print_exc(file=sys.__stderr__)
-        finally:
-            os._exit(code)
-    return os.waitpid(child, 0)[1]

@@ -13,7 +13,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.session_file import session_text
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning.steps import MeasuringProtocol
-from orthoglide_cal.session.events import Answered, Doubt, Event, GaugeLabel, Taken, replay
+from orthoglide_cal.session.events import Answered, Doubt, Event, GaugeLabel, replay
 from orthoglide_cal.session.readings import ReadingsSoFar
 
 from .virtual import (
@@ -78,12 +78,6 @@ def test_too_few_readings_and_readings_that_no_file_takes_have_no_solution() -> 
     assert so_far_of([*events[:-1], taken(60, 310.3)], DOUBLE).solution is None
 
 
-def reading(step: int, value: float, doubt: Doubt | None = None) -> Taken:
-    if doubt is None:
-        return taken(step, value)
-    return questioned(taken(step, value), doubt, "really?")
-
-
 def test_the_scatter_of_repeats_is_that_of_a_normal_distribution() -> None:
     """Five cycles of the ten readings of leg x, of which blunders and drifts are no part.
 
@@ -122,10 +116,10 @@ def test_few_repeats_or_quiet_ones_leave_the_stated_noise() -> None:
 def test_what_was_kept_in_doubt_begins_the_comparison_anew() -> None:
     steps = steps_of()
     events = [
-        *(reading(k, 0.1 * k) for k in range(1, 9)),
-        reading(9, 1.7, Doubt.REVOLUTION),
+        *(taken(k, 0.1 * k) for k in range(1, 9)),
+        questioned(taken(9, 1.7), Doubt.REVOLUTION, "really?"),
         Answered(at=AT, keep=True),
-        *(reading(k, 0.1 * k) for k in range(10, 15)),
+        *(taken(k, 0.1 * k) for k in range(10, 15)),
     ]
     now = read_next(state_of(events), steps, 14, 3.0)
     # Steps 9, 11, 13, 15 … are gauge Y's; what was kept at 9 is used for nothing.
@@ -138,8 +132,8 @@ def test_what_was_kept_in_doubt_begins_the_comparison_anew() -> None:
 def test_a_doubt_about_the_reading_itself_or_another_set_up_is_no_reason_for_that() -> None:
     steps = steps_of()
     for doubt, about in ((Doubt.GRID, 0), (Doubt.SIGN, 2)):
-        kept = reading(25, 0.123, doubt).model_copy(update={"about": about})
-        events = [*(reading(k, 0.1 * k) for k in range(1, 25)), kept, Answered(at=AT, keep=True)]
+        kept = questioned(taken(25, 0.123), doubt, "really?", about)
+        events = [*(taken(k, 0.1 * k) for k in range(1, 25)), kept, Answered(at=AT, keep=True)]
         now = read_next(state_of(events), steps, 25, 3.0)
         assert len(now.past) == 25
         assert now.settled == {(doubt, about)}

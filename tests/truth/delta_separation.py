@@ -31,7 +31,16 @@ from .delta import (
     touches,
 )
 from .plan import Floats, frozen
-from .separation import CLEAR_OF_ONE, CLEAR_OF_TWO, HEALTHY, STANDS_OUT, Separation, until_clear
+from .separation import (
+    CLEAR_OF_ONE,
+    CLEAR_OF_TWO,
+    HEALTHY,
+    STANDS_OUT,
+    Separation,
+    marginal,
+    place_costs,
+    until_clear,
+)
 
 GRAIN = 20.0
 """Over which the local shape of a bed is forgotten [mm]."""
@@ -117,13 +126,12 @@ class _Rivals:
         own = np.hstack(
             [self.wrong[:, :0], *(self.own[cause] for cause in causes if cause != "misread")]
         )
-        inner = np.eye(own.shape[1]) + own.T @ own
-        left = self.residual - own @ np.linalg.solve(inner, own.T @ self.residual)
-        cost = float(left @ self.residual)
+        weight = marginal(own)
+        cost = self.residual @ weight @ self.residual
         if "misread" in causes:
-            wrong = self.wrong - own @ np.linalg.solve(inner, own.T @ self.wrong)
-            gain = (wrong.T @ self.residual) ** 2 / (1.0 + (wrong * self.wrong).sum(axis=0))
-            cost -= float(gain.max())
+            weighted = weight @ self.wrong
+            square = (weighted * self.wrong).sum(axis=0)
+            cost = place_costs("misread", weighted.T @ self.residual, square, cost)[0].min()
         return float(np.sqrt(max(cost, 0.0)))
 
 

@@ -49,20 +49,6 @@ class Plan:
     turned: Ints  # 1 where the bar was turned half round its own axis, else 0
     entered: Floats  # offsets entered in the controller since the first reading, shape (N, 3), [mm]
 
-    @staticmethod
-    def of(**columns: ArrayLike) -> "Plan":
-        """Of columns by name, which need not be arrays; those that tell of a sitting may lack."""
-        n = len(columns["posture"])
-        usual = {"gauge_at": [0.5], "part": [0], "turned": [0], "entered": [[0.0] * 3]}
-        columns = {name: one * n for name, one in usual.items()} | columns
-        types = {item.name: item.type for item in fields(Plan)}
-        columns = {
-            name: frozen(values, np.int64 if types[name] is Ints else np.float64)
-            for name, values in columns.items()
-            if name != "posture"
-        } | {"posture": tuple(columns["posture"])}
-        return Plan(**columns)
-
     @property
     def count(self) -> int:
         """Number of readings N."""
@@ -97,33 +83,39 @@ def plan_of(machine: Machine, **given: ArrayLike) -> Plan:
     Args:
         given: `leg`, `direction`, `displacement` and `minutes`, and what tells of a sitting.
     """
-    usual = {"gauge_at": 0.5, "part": 0, "turned": 0, "entered": np.zeros(3)}
     n = len(given["leg"])
-    whole = {name: np.array(values) for name, values in given.items()}
-    for name, value in usual.items():
-        whole.setdefault(name, np.array([value] * n))
-    columns = {name: values.tolist() for name, values in whole.items()}
-    rows = list(zip(columns["leg"], columns["displacement"], strict=True))
-    indicated = np.array([joints_at(machine.leg, leg, moved) for leg, moved in rows])
+    usual = {"gauge_at": [0.5] * n, "part": [0] * n, "turned": [0] * n, "entered": [[0.0] * 3] * n}
+    types = {item.name: item.type for item in fields(Plan)}
+    columns = {
+        name: frozen(values, np.int64 if types[name] is Ints else np.float64)
+        for name, values in (usual | given).items()
+    }
+    legs, part, gauge_at, moved = (
+        columns[name].tolist() for name in ("leg", "part", "gauge_at", "displacement")
+    )
+    indicated = frozen([joints_at(machine.leg, *row) for row in zip(legs, moved, strict=True)])
     # Sign of each carriage's last motion by its own scale.
     approach = [np.zeros(3)]
-    for move in np.diff(indicated - whole["entered"], axis=0):
+    for move in np.diff(indicated - columns["entered"], axis=0):
         approach.append(np.where(move == 0.0, approach[-1], np.sign(move)))
     names_of = {0.0: "iso", machine.upper: "max", machine.lower: "min"}
-    posture = tuple(names_of.get(moved, f"{moved:g}") for _, moved in rows)
-    pairs = list(zip(columns["leg"], columns["direction"], strict=True))
-    stands = list(zip(columns["part"], pairs, columns["gauge_at"], strict=True))
+    posture = tuple(names_of.get(one, f"{one:g}") for one in moved)
+    pairs = list(zip(legs, columns["direction"].tolist(), strict=True))
+    stands = list(zip(part, pairs, gauge_at, strict=True))
     number = {key: k for k, key in enumerate(dict.fromkeys(stands))}
     seen: Counter[object] = Counter()
     cycle = []
-    for key in zip(columns["part"], pairs, posture, strict=True):
+    for key in zip(part, pairs, posture, strict=True):
         seen[key] += 1
         cycle.append(seen[key])
-    return Plan.of(
-        posture=posture, cycle=cycle, indicated=indicated, approach=approach,
-        setup=[SETUPS.index(pair) for pair in pairs], zero=[number[key] for key in stands],
-        stand=[stands.index(key) for key in stands], **whole,
-    )  # fmt: skip
+    counted = {
+        "cycle": cycle,
+        "setup": [SETUPS.index(pair) for pair in pairs],
+        "zero": [number[key] for key in stands],
+        "stand": [stands.index(key) for key in stands],
+    }
+    columns |= {name: frozen(values, np.int64) for name, values in counted.items()}
+    return Plan(**columns, posture=posture, indicated=indicated, approach=frozen(approach))
 
 
 def standard_plan(

@@ -1,34 +1,41 @@
-"""The truth must itself be true: its noise, its clock, its draws and its files.
+"""The truth must itself be true: its noise, clock, draws and files, and the distances it judges by.
 
 Its geometry and its effects are compared with the program's, which stand on other legs, in
-`tests/causes` and `tests/estimation`.
+`tests/causes`, `tests/estimation` and `tests/model`.
 """
 
 import csv
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from . import (
     DIAL,
+    LARGE,
     MICRON,
     PROTOTYPE,
     Session,
     again,
     continue_session,
+    expected_heldout,
     make_session,
     measure,
     readings_csv,
     second_session,
+    separation,
     signals,
     standard_plan,
 )
-from .effects import state_with, swapped_rows
-from .forward import PARTS
-from .plan import frozen
+from .delta import V400, Layout, Surface, Truth, grain, make_delta_session, touches, ways_between
+from .effects import Effect, state_with, swapped_rows
+from .forward import PARTS, prior_sd
+from .plan import Floats, frozen
+from .separation import Neighbourhood
 from .session import SITTING, Setting
 
 OFFSETS = frozen([0.43, -0.71, 0.28])
@@ -146,3 +153,112 @@ def test_a_set_up_may_lack_the_isotropic_posture() -> None:
     some = continue_session(first, 1, order=np.arange(away.sum()), **arrays)
     expected = whole.clean[60:][away] - whole.zeros[whole.plan.zero[60:][away]]
     assert some.clean[60:] - some.zeros[some.plan.zero[60:]] == pytest.approx(expected, abs=1e-9)
+
+
+def _brute_distance(session: Session, cause: str) -> float:
+    """Distance to a machine cause by a fit of everything, sizes in tolerances."""
+    plan, tolerances = session.plan, prior_sd(cause)
+
+    def misfit(values: Floats) -> Floats:
+        zeros, offsets, sizes = np.split(values, [6, 9])
+        acting = Effect(cause, parameters=tuple(sizes * tolerances))
+        surface = signals(plan, session.machine, state_with(offsets, (acting,))[None])[0]
+        weighted = (session.clean - surface - zeros[plan.setup]) / session.gauge.sigma
+        return np.concatenate((weighted, sizes))
+
+    fit = least_squares(misfit, np.zeros(9 + tolerances.size), x_scale="jac")
+    return float(np.sqrt(2.0 * fit.cost))
+
+
+@pytest.mark.parametrize("cause", ["axis_gap", "encoder_scale", "bar_skew", "thermal_drift"])
+def test_distances_equal_a_full_nonlinear_fit(cause: str) -> None:
+    for hidden in ("sign_flip", "axis_squareness"):
+        session = make_session(6, LARGE, MICRON, (hidden,))
+        exact = _brute_distance(session, cause)
+        assert separation(session).distances[cause] == pytest.approx(exact, rel=1e-3)
+
+
+def test_a_shift_is_as_far_as_a_fit_at_every_place_says() -> None:
+    session = make_session(11, PROTOTYPE, DIAL, ("gauge_slip",))
+    near = Neighbourhood(session)
+    residual = (session.clean - near.centre) / DIAL.sigma
+    costs = []
+    for column in near.places["stand_shift"].T:
+        matrix = np.block([[near.free, column[:, None]], [np.zeros((1, 9)), np.eye(1)]])
+        target = np.append(residual, 0.0)
+        fit = np.linalg.lstsq(matrix, target, rcond=None)[0]
+        costs.append(np.sum((target - matrix @ fit) ** 2))
+    assert len(costs) == 54
+    # At its offsets the slip stands where the model was linearised: no curvature to speak of.
+    distance = separation(session).distances["stand_shift"]
+    assert distance == pytest.approx(np.sqrt(min(costs)), rel=1e-3)
+
+
+def test_expected_heldout_is_what_leaving_out_gives() -> None:
+    """Linear refits of 120 noisy records: 120 x 60 errors, ratio within 6 %, 4 sigma."""
+    session = make_session(7, PROTOTYPE, MICRON)
+    near = Neighbourhood(session)
+    rng = np.random.default_rng(8)
+    noise = rng.normal(scale=MICRON.sigma, size=(60, 120))
+    cells = [f"{s}{p}" for s, p in zip(session.plan.setup, session.plan.posture, strict=True)]
+    errors = np.zeros_like(noise)
+    for cell in set(cells):
+        out = np.array([name == cell for name in cells])
+        fit = np.linalg.lstsq(near.free[~out], noise[~out], rcond=None)[0]
+        errors[out] = noise[out] - near.free[out] @ fit
+    measured = np.sqrt(np.mean(errors**2))
+    assert len(set(cells)) == 18
+    assert expected_heldout(session) == pytest.approx(measured, rel=0.06)
+
+
+def test_lost_motion_leaves_a_carriage_behind() -> None:
+    """Along x and back: what a and b lost shows with the way, most where their arms are steep."""
+    x = np.array([0.0, -60.0, 0.0, 60.0, 0.0])
+    ways = ways_between(V400, x, np.zeros(5))
+    assert ways.tolist() == [[-1, -1, -1], [1, -1, -1], [-1, 1, 1], [-1, 1, -1], [1, -1, 1]]
+    common = touches(V400, Truth(lost=frozen([0.04] * 3)), x[:1], *np.zeros((3, 1)))
+    np.testing.assert_allclose(common, [-0.02], atol=1e-9)
+    z = touches(V400, Truth(lost=frozen([0.0, 0.04, 0.0])), x, *np.zeros((3, 5)))
+    up, down = (
+        touches(V400, Truth(endstops=frozen([0.0, shift, 0.0])), x, *np.zeros((3, 5)))
+        for shift in (-0.02, 0.02)
+    )
+    np.testing.assert_allclose(z, np.where(ways[:, 1] > 0, up, down), atol=1e-9)
+    assert np.abs(up - down).min() > 0.004
+    # In two hours an endstop gains twice what it does in one.
+    warm = Truth(rates=frozen([0.0, 0.01, 0.0]))
+    later = touches(V400, warm, x, np.zeros(5), np.zeros(5), np.full(5, 2.0))
+    np.testing.assert_allclose(later, down, atol=1e-9)
+
+
+@pytest.mark.parametrize("places", [7, 41])
+@pytest.mark.parametrize("heights", [(0.0,), (0.0, 20.0, 40.0)])
+def test_layouts(places: int, heights: tuple[float, ...]) -> None:
+    session = make_delta_session(1, V400, (), Layout(places, heights, cycles=2))
+    assert len(session.readings) == places * len(heights) * 2
+    assert np.hypot(session.x, session.y).max() <= 0.95 * V400.bed + 0.01
+    distinct = {*zip(session.x, session.y, session.block, session.cycle, strict=True)}
+    assert len(distinct) == len(session.x)
+    assert session.minutes[0] == 0.0
+    assert (np.diff(session.minutes) > 0.0).all()
+    assert np.abs(session.clean - session.block).max() < 10.0
+
+
+def test_noise_and_rounding_of_a_touch() -> None:
+    """400 touches: the standard deviation is known to 3.5 %; five of these are allowed."""
+    session = make_delta_session(2, V400, (), Layout(400))
+    noise = session.readings - session.clean
+    assert np.std(noise) == pytest.approx(0.013, rel=0.18)
+    rough = make_delta_session(2, replace(V400, resolution=0.0125, noise=0.001), (), Layout(41))
+    steps = rough.readings / 0.0125
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-4)
+
+
+def test_a_bed_is_forgotten_over_its_length() -> None:
+    """The correlation of 400 drawn beds at distances of half, one and two lengths."""
+    rng, length = np.random.default_rng(21), 20.0
+    away = np.array([0.0, 10.0, 20.0, 40.0])
+    beds = [Surface(150.0, {}, grain(rng, 0.02, length)) for _ in range(400)]
+    heights = np.array([bed.height(30.0 + away, 0.0 * away) for bed in beds])
+    found = heights.T @ heights[:, 0] / len(beds) / 0.02**2
+    np.testing.assert_allclose(found, np.exp(-away / length), atol=0.2)

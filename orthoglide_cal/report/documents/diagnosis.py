@@ -142,7 +142,8 @@ def _sizes(case: Case, *, offsets: bool = False) -> Iterator[str]:
             if row and CAUSES[cause.id].stage is Stage.RECORD:
                 size = size.lstrip("+−").replace("1 turns", "1 turn")
                 size += f" too {'high' if row[1] > 0.0 else 'low'}"
-            where = f"{cause.id} at {place.removeprefix('at ')}"
+            at = "" if place.startswith(("at ", "from ")) else "at "
+            where = f"{cause.id} {at}{place}"
             yield f"{': '.join(filter(None, (where, size)))}."
     if offsets:
         known = (size for size in answer.parameters if size.determined)
@@ -300,7 +301,8 @@ def _steps(case: Case) -> Iterator[doc.Instruction]:
                 typed = case.typed("apply", "--to FILE.ini")
                 yield doc.Instruction("Or let LinuxCNC correct it", typed)
     for cause in answer.causes if answer.verdict is Verdict.NAMED else ():
-        if CAUSES[cause.id].adjustable:
+        beyond = any(abs(size.value) > size.expanded for size in cause.parameters)
+        if CAUSES[cause.id].adjustable and beyond:
             typed = case.typed("adjust", f"--cause {cause.id}")
             yield doc.Instruction(f"Correct it live, with a {case.words.noise}", typed)
     if release.settled:
