@@ -247,7 +247,7 @@ def test_causes_of_the_rails_have_the_names_of_the_towers() -> None:
     assert "encoder_scale has the parameters a, b, c." in back
     std = cause["parameters"][1]["std"]
     said = page("diagnose", "belt.csv", *MACHINE, "--details")
-    shown = re.search(r"encoder_scale, mm/m a [^b]+ b −[\d.]+ ± ([\d.]+)", said)
+    shown = re.search(r"encoder_scale: a [^b]+ b −[\d.]+ ± ([\d.]+)", said)
     assert float(shown[1]) == pytest.approx(1.96 * std, rel=0.06)
     assert "± U, 95 %" in said
 
