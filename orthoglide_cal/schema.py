@@ -30,6 +30,7 @@ from pydantic.fields import FieldInfo
 
 from orthoglide_cal.errors import InputError
 
+MACHINE_FILE = "machine.yaml"  # what it is called unless another name is given
 _LONGEST = 40  # characters; a gauge shows ten
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 _OCTAL = re.compile(r"[+-]?0[0-9]+")

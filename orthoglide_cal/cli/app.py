@@ -64,7 +64,7 @@ class _Commands(TyperGroup):
         names: Any = _COMMANDS
         self.commands = names  # to list, and to suggest for what is no command
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+    def get_command(self, ctx: object, cmd_name: str) -> Any:
         return get_command(_COMMANDS[cmd_name]) if cmd_name in _COMMANDS else None
 
     def invoke(self, ctx: Any) -> Any:

@@ -55,8 +55,8 @@ def export(
         owners = [kind for kind, of in MACHINES.items() if format in of.controller_formats]
         if owners and known.kind not in owners:
             raise UsageError(
-                f"--format {format} is for the controller of kind {owners[0]}; this machine is"
-                f" of kind {known.kind}.",
+                f"--format {format} is for machines of kind {owners[0]}; this one is of kind"
+                f" {known.kind}.",
                 f"Choose one of {', '.join(known.controller_formats)}, or text.",
             )
         check_measured(given)

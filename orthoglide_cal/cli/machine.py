@@ -10,7 +10,7 @@ import typer
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Number, Text, Texts, argument, flag, option
 from orthoglide_cal.errors import InputError, InvalidFileError, UsageError, command
-from orthoglide_cal.schema import parse_number
+from orthoglide_cal.schema import MACHINE_FILE, parse_number
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -31,10 +31,10 @@ machine = typer.Typer(
 def new(
     target: Path = option(
         "FILE",
-        "File to write. Default: machine.yaml. An existing file is never overwritten.",
+        f"File to write. Default: {MACHINE_FILE}. An existing file is never overwritten.",
         "--output",
         "-o",
-        default=Path("machine.yaml"),
+        default=Path(MACHINE_FILE),
     ),
     kind: str = option(
         "KIND", "Kind of machine: orthoglide (default) or linear_delta.", default="orthoglide"

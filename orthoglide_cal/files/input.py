@@ -42,7 +42,7 @@ from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings, Source, notes_on
 from orthoglide_cal.model.model import Model, differentiate
 from orthoglide_cal.model.orthoglide import Orthoglide
-from orthoglide_cal.schema import Reason, Schema, Sentence
+from orthoglide_cal.schema import MACHINE_FILE, Reason, Schema, Sentence
 
 # The machine that the user names, or the settings of its firmware.
 Known = Model | PrinterFile
@@ -335,8 +335,13 @@ def machine_of_controller(folder: Path, controller: ControllerFile) -> Path | No
 
 
 def _machines_in(folder: Path) -> list[Path]:
-    marks, files = {"kind", "leg_length_mm"}, _files_in(folder).items()
-    return [path for path, keys in files if marks & keys.keys() and "readings" not in keys]
+    """Files with a key of machines, and MACHINE_FILE whatever is left of it."""
+    marks = {"kind", "leg_length_mm"}
+    return [
+        path
+        for path, keys in _files_in(folder).items()
+        if (marks & keys.keys() or path.name == MACHINE_FILE) and "readings" not in keys
+    ]
 
 
 def _text_of(path: Path) -> str:

@@ -199,7 +199,7 @@ def machine_file_in(tree: Content) -> StoredMachine:
     """The machine file that a parsed document is. Raises as `read_machine_file` does."""
     value, file = tree.value, tree.document
     if not isinstance(value, dict):
-        remedy = f"Copy configs/{DEFAULT_NAME} and change its values."
+        remedy = "Make one: orthocal machine new --output FILE"
         raise InputError("This is not a machine file.", remedy, file=file.path, line=1)
     if "readings" in value and "machine" in value:
         remedy = "Give it as the input; the machine that it was measured on is inside."

@@ -80,7 +80,7 @@ def document_from_bytes(data: bytes, path: str, limit: int = TABLE_LIMIT) -> Fil
     check_size(len(data), path, limit)
     text = _decoded(data, path)
     if not text.strip():
-        raise InputError("The file is empty.", "Give a file with readings.", file=path)
+        raise InputError("The file is empty.", "Give another, or restore a copy.", file=path)
     marked = data.startswith(codecs.BOM_UTF8)
     return FileText(path, text, hashlib.sha256(data).hexdigest(), len(data), marked)
 

@@ -28,7 +28,8 @@ def markdown(page: doc.Page) -> str:
 def _block(block: doc.Block) -> str:
     match block:
         case doc.Notice():
-            lines = [f"**{in_markdown(block.title)}**", *(_line(line) for line in block.lines)]
+            title = in_markdown(block.title)
+            lines = [f"**{block.tone.sign}{title}**", *(_line(line) for line in block.lines)]
             return "\n>\n".join(f"> {line}" for line in lines)
         case doc.Facts():
             return "\n".join(f"- {in_markdown(name)}: {_line(value)}" for name, value in block.rows)

@@ -369,7 +369,7 @@ def compare(
     """
     if len(dates) not in (0, len(inputs)):
         raise UsageError(
-            f"There are {len(dates)} dates for {len(inputs)} sessions.",
+            f"{len(inputs)} sessions need as many dates, not {len(dates)}.",
             "Give --dates one date for each, in the order of the files.",
         )
     measured = [not given.measured.source.simulated for given in inputs]

@@ -56,6 +56,7 @@ def test_an_existing_file_is_kept() -> None:
     Path("machine.yaml").write_text("mine")
     refused(2, "machine", "new", "--yes")
     assert Path("machine.yaml").read_text() == "mine"
+    assert "not a machine file" in refused(3, "solve", SIX), "nor passed over for the prototype"
 
 
 def test_a_folder_remembers_its_machine() -> None:

@@ -12,6 +12,7 @@ from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import Conditions
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.cause import Estimate
+from orthoglide_cal.model.machine import Entered
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import double_posture, ideal_plan, reduction, single_posture
@@ -19,6 +20,7 @@ from orthoglide_cal.model.plan import without_zeros
 from orthoglide_cal.model.readings import Posture
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.results import answer_to, identify
+from orthoglide_cal.results.history import precedes
 from orthoglide_cal.results.verification import Outcome, _respond, shared_contrasts, verify
 from tests import truth
 from tests.estimation.sessions import of_values
@@ -250,6 +252,10 @@ def test_the_order_of_two_dates_is_known():
     assert verify(*dated, TRUE).kept
     with pytest.raises(UsageError, match="was measured before"):
         verify(*dated[::-1], TRUE)
+    none, noon = dict.fromkeys("xyz", 0.0), "2026-03-01T12:00:00"
+    entry = Entered(date=noon, before=none, after=dict.fromkeys("xyz", 1.0), data_sha256="0" * 64)
+    later = replace(dated[0], model=NOMINAL.holding((1.0, 1.0, 1.0)))
+    assert [precedes(one, entry) for one in (*dated, later, first)] == [True, False, False, False]
     undated = verify(second, first, TRUE)
     screen = verification_document(undated, identify([], issued=ISSUED)).screen
     assert "was measured first" in str(screen().sections)

@@ -414,8 +414,6 @@ def _cause_blocks(case: Case) -> Iterator[doc.Block]:
     if any(size.std for cause in answer.causes for size in cause.parameters):
         names = {size.name for cause in answer.causes for size in cause.parameters}
         facts.append(("±", "U, 95 %" + "; y_x: along y on leg x" * ("y_x" in names)))
-    if answer.causes[0].heldout_after_mm >= answer.causes[0].heldout_before_mm:
-        facts.append(("note", "It predicts no better: accepting it is not recommended."))
     yield doc.Facts(facts)
 
 
