@@ -60,7 +60,8 @@ def sheet(case: Case) -> str:
     style = re.search("<style>(.*?)</style>", whole, re.DOTALL)[1]
     first = re.search(r"<body>(<header>.*?)<div class=\"sign\">", whole, re.DOTALL)[1]
     # Light, and no rules of paper.
-    style = re.sub(r"@media \(prefers-color-scheme: dark\) \{.*?\n\}\n", "", style, flags=re.DOTALL)
+    dark = r"@media screen and \(prefers-color-scheme: dark\) \{.*?\n\}\n"
+    style = re.sub(dark, "", style, flags=re.DOTALL)
     style = style[: style.index("@page")].replace("body {", ".page {").replace(":root {", ".page {")
     inside = f'<div xmlns="http://www.w3.org/1999/xhtml" class="page">{first}</main></div>'
     back = f'<rect width="{SHEET[0]}" height="{SHEET[1]}" fill="#ffffff"/>'

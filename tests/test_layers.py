@@ -8,35 +8,12 @@ import functools
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+import yaml
+
 ROOT = Path(__file__).parents[1]
 PACKAGE = "orthoglide_cal"
-# From the top down: a room may import those below it.
-ROOMS = (
-    "__main__", "cli", "report", "session", "results", "planning", "inference",
-    "paper", "estimation", "files", "causes", "model", "schema", "errors", "words", "system",
-)  # fmt: skip
-# What is imported by these rooms only, whatever its place in the order.
-ONLY_FOR = {"paper": {"cli", "report"}}
-PRINTING = {"cli"}
-SEEDING = {"cli", "session"}
-KIND_TESTS = {"isinstance", "issubclass"}
-MOST_ANY = 25  # mentions of `Any`
-# The kinds of machine and what reads them; their files, which alone may know which one it is.
-KINDS = {"Orthoglide", "Gauge", "GaugePlan", "LinearDelta", "Probe", "ProbePlan"}
-KIND_FILES = {f"{PACKAGE}.model.{file}" for file in ("machine", "orthoglide", "linear_delta")}
-# Who needs a class of one outside `model`, and why.
-NEEDING = {
-    "causes": "a cause states how large it plausibly is on each kind",
-    "files": "a reader makes a machine or its plan, or reads what only such a machine gives",
-    "planning": "sessions of gauges",
-    "session": "guides through readings of gauges",
-    "estimation.forecast": "sessions of gauges",
-    "report.controller": "what the firmware of a printer is told",
-    "cli.start": "an empty folder is of an Orthoglide, a printer.cfg of a linear delta",
-}
-# Questions for the kind: a class that is required, and what only one kind has or does.
-QUESTIONS = {"require", "layouts", "keeps_entered", "adds_to_joints"}
-MOST_QUESTIONS = 10  # lines
+RULES = yaml.safe_load((ROOT / "tests" / "layers.yaml").read_text(encoding="utf-8"))
+ROOMS, KINDS, QUESTIONS = (RULES[name].split() for name in ("rooms", "kinds", "questions"))
 
 
 def name_of(path: Path) -> str:
@@ -102,7 +79,7 @@ def test_imports_run_downwards() -> None:
             if other in (room, "") or {room, other} - set(ROOMS) - {""}:
                 continue
             upwards = room == "" or rank[other] < rank[room]
-            if upwards or room not in ONLY_FOR.get(other, {room}):
+            if upwards or room not in RULES["only_for"].get(other, {room}):
                 faults.append(f"{place}: {room or PACKAGE} must not know {module}")
     none(faults)
 
@@ -125,7 +102,7 @@ def test_no_class_name_stands_twice() -> None:
 
 def test_hardly_anything_is_of_any_type() -> None:
     found = [f"{name}:{node.lineno}" for name, node in nodes(ast.Name) if node.id == "Any"]
-    none(found if len(found) > MOST_ANY else ())
+    none(found if len(found) > RULES["most_any"] else ())
 
 
 def test_nobody_compares_the_kind_of_machine() -> None:
@@ -137,7 +114,7 @@ def test_nobody_compares_the_kind_of_machine() -> None:
     faults = []
     for name, node in nodes(ast.Call, ast.MatchClass, ast.Compare):
         asked: list[ast.AST] = []
-        if isinstance(node, ast.Call) and ast.unparse(node.func) in KIND_TESTS:
+        if isinstance(node, ast.Call) and ast.unparse(node.func) in ("isinstance", "issubclass"):
             asked = list(ast.walk(node.args[-1]))
         elif isinstance(node, ast.MatchClass):
             asked = [node.cls]
@@ -149,11 +126,13 @@ def test_nobody_compares_the_kind_of_machine() -> None:
 
 
 def test_only_who_makes_or_reads_one_knows_a_kind_of_machine() -> None:
-    faults, idle = [], {*NEEDING}
+    faults, idle = [], {*RULES["needing"]}
     for name, node in nodes(ast.ImportFrom):
-        known = KINDS & {entry.name for entry in node.names}
+        known = {*KINDS} & {entry.name for entry in node.names}
         if known and str(node.module).startswith(PACKAGE) and room_of(name) != "model":
-            places = {place for place in NEEDING if f"{name}.".startswith(f"{PACKAGE}.{place}.")}
+            places = {
+                place for place in RULES["needing"] if f"{name}.".startswith(f"{PACKAGE}.{place}.")
+            }
             idle -= places
             faults += [] if places else [f"{name} needs {', '.join(sorted(known))}"]
     none([*faults, *(f"nobody needs one in {place}" for place in sorted(idle))])
@@ -161,12 +140,13 @@ def test_only_who_makes_or_reads_one_knows_a_kind_of_machine() -> None:
 
 def test_hardly_anybody_asks_for_the_kind_of_machine() -> None:
     """Where readers and writers of one kind begin, and where gauges are planned."""
+    kind_files = [f"{PACKAGE}.model.{file}" for file in RULES["kind_files"]]
     lines = {
         f"{name}:{node.lineno}"
         for name, node in nodes(ast.Attribute)
-        if node.attr in QUESTIONS and name not in KIND_FILES
+        if node.attr in QUESTIONS and name not in kind_files
     }
-    none(sorted(lines) if len(lines) > MOST_QUESTIONS else ())
+    none(sorted(lines) if len(lines) > RULES["most_questions"] else ())
 
 
 def test_every_file_is_reached_from_the_program() -> None:
@@ -225,7 +205,7 @@ def test_only_the_command_line_prints_asks_or_exits() -> None:
         f"{name}:{node.lineno}: {ast.unparse(node.func)}"
         for name, node in nodes(ast.Call)
         if ast.unparse(node.func) in ("print", "input", "exit", "quit", "sys.exit", "os._exit")
-        and room_of(name) not in PRINTING
+        and room_of(name) not in RULES["printing"]
     )
 
 
@@ -236,5 +216,5 @@ def test_randomness_comes_through_a_generator() -> None:
         for name, node in nodes(ast.Attribute)
         if ast.unparse(node.value).endswith("np.random")
         and node.attr != "Generator"
-        and (node.attr != "default_rng" or room_of(name) not in SEEDING)
+        and (node.attr != "default_rng" or room_of(name) not in RULES["seeding"])
     )

@@ -9,7 +9,6 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from itertools import zip_longest
-from typing import Any
 
 from rich.console import Console
 from rich.text import Text
@@ -32,6 +31,8 @@ _LONGEST_NAME = 30
 # A number keeps its name and unit on its line: their blank is none while lines are broken.
 _HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[+−]\d|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
 _NARROWEST = 12  # columns of words are not squeezed below this
+# What a page is made of, as it may give way.
+Spare = list[str] | list[int] | list[doc.Block] | list[doc.Instruction] | list[list[doc.Block]]
 _ANY = Console()  # to wrap text by: what it asks is the same of all
 
 
@@ -45,13 +46,13 @@ def terminal(page: doc.Page, width: int) -> Text:
     return Text("\n").join(lines)
 
 
-def fitting(make: Callable[[], doc.Page], *spare: list[Any], lines: int = 24) -> doc.Page:
+def fitting(make: Callable[[], doc.Page], *spare: Spare, lines: int = 24) -> doc.Page:
     """The page as it is made once so much gave way that so many lines of 80 columns hold it.
 
     The last entries of the first list go first, then those of the next one.
     """
     while terminal(page := make(), 80).plain.count("\n") >= lines and any(spare):
-        next(filter(None, spare)).pop()
+        next(part for part in spare if part).pop()
     return page
 
 

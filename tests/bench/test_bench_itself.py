@@ -249,7 +249,8 @@ LONGER = replace(OFF, arms=np.array([0.6, -0.4, 0.1]))
 def put(folder: Path, name: str, truth: Truth, noise: float = 0.0) -> str:
     path = folder / name
     path.parent.mkdir(exist_ok=True)
-    path.write_text(printer_cfg(V400, truth, noise=noise, seed=len(name)), encoding="utf-8")
+    text = printer_cfg(V400, truth, noise=noise, seed=sum(name.encode()))
+    path.write_text(text, encoding="utf-8")
     return str(path)
 
 

@@ -1,6 +1,5 @@
 """The program as a whole: start, help, exit codes, streams, interruptions."""
 
-import contextlib
 import json
 import os
 import re
@@ -12,7 +11,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import pexpect
 import pytest
 from typer.main import get_command
 
@@ -143,19 +141,13 @@ def test_a_full_disk_behind_standard_output_is_said_in_one_line() -> None:
 
 def test_long_messages_break_between_words_in_a_terminal(tmp_path: Path) -> None:
     """And a command that a message names stays on one line, to be copied."""
-    child = pexpect.spawn(
-        sys.executable,
-        ["-m", "orthoglide_cal", "apply", "x.csv", "--yes"],
-        cwd=str(tmp_path), dimensions=(24, 50), encoding="utf-8", timeout=60,
-        env={name: value for name, value in os.environ.items() if name != "COLUMNS"},
-    )  # fmt: skip
-    child.expect(pexpect.EOF)
-    shown = (child.before or "").replace("\r\n", "\n").rstrip("\n").split("\n")
+    with Terminal(tmp_path, "x.csv", command=("apply",)) as terminal:
+        assert terminal.finish() == 2
+    shown = terminal.seen.replace("\r\n", "\n").rstrip("\n").split("\n")
     assert len(shown) > 2
-    assert max(map(len, shown)) <= 50
+    assert max(map(len, shown)) <= 80
     assert shown[-1] == "  orthocal machine new"
-    with contextlib.chdir(tmp_path):
-        assert " ".join(shown).split() == run("apply", "x.csv", "--yes").stderr.split()
+    assert " ".join(shown).split() == run("apply", "x.csv", "--yes").stderr.split()
 
 
 @pytest.mark.parametrize("form", [(), ("--json",)])

@@ -50,6 +50,29 @@ SESSIONS = [
 ]
 
 
+def like(machine: Machine) -> truth.Machine:
+    """A machine of the truth with legs as long; nothing else of it shows in readings."""
+    return replace(truth.PROTOTYPE, leg=machine.leg_length_mm)
+
+
+def true_readings(
+    plan: GaugePlan, machine: Machine, offsets: Floats, effects: tuple[Effect, ...] = ()
+) -> Floats:
+    """What perfect gauges read, shape (n,) [mm], of a plan of one part; offsets (3,) [mm]."""
+    columns = {
+        name: getattr(plan, name) for name in ("leg", "direction", "displacement", "gauge_at")
+    }
+    real, state = like(machine), state_with(offsets, effects)[None]
+    there = plan_of(real, **columns, minutes=60.0 * plan.hours)
+    if plan.fixed:
+        return np.asarray(signals(there, real, state)[0])
+    carriages, tool = carriages_and_tool(there, real, state, np.zeros((len(plan), 3)))
+    rows = np.arange(len(plan))
+    at_joint = carriages[plan.leg, plan.direction, 0, rows]
+    at_tool = tool[plan.direction, 0, rows]
+    return np.asarray(np.where(plan.contact == Contact.TOOL, at_tool, at_joint))
+
+
 @pytest.mark.parametrize(("model", "protocol", "name", "cycles"), SESSIONS)
 def test_predicted_noise_is_what_monte_carlo_finds(
     model: Model, protocol: MeasuringProtocol, name: str, cycles: int
@@ -191,26 +214,3 @@ def test_the_tool_is_off_by_what_the_offsets_leave() -> None:
     assert plan.floor is None
     middle = float(plan.chosen.budget.k * np.sqrt(np.trace(plan.chosen.budget.covariance_mm2)))
     assert middle < (plan.chosen.tool_mm or 0.0) < 2.0 * middle
-
-
-def like(machine: Machine) -> truth.Machine:
-    """A machine of the truth with legs as long; nothing else of it shows in readings."""
-    return replace(truth.PROTOTYPE, leg=machine.leg_length_mm)
-
-
-def true_readings(
-    plan: GaugePlan, machine: Machine, offsets: Floats, effects: tuple[Effect, ...] = ()
-) -> Floats:
-    """What perfect gauges read, shape (n,) [mm], of a plan of one part; offsets (3,) [mm]."""
-    columns = {
-        name: getattr(plan, name) for name in ("leg", "direction", "displacement", "gauge_at")
-    }
-    real, state = like(machine), state_with(offsets, effects)[None]
-    there = plan_of(real, **columns, minutes=60.0 * plan.hours)
-    if plan.fixed:
-        return np.asarray(signals(there, real, state)[0])
-    carriages, tool = carriages_and_tool(there, real, state, np.zeros((len(plan), 3)))
-    rows = np.arange(len(plan))
-    at_joint = carriages[plan.leg, plan.direction, 0, rows]
-    at_tool = tool[plan.direction, 0, rows]
-    return np.asarray(np.where(plan.contact == Contact.TOOL, at_tool, at_joint))

@@ -137,9 +137,6 @@ class Browser:
         """Parameters of the events of these kinds since the page was opened."""
         return [e["params"] for e in self.events if e.get("method") in methods]
 
-    def requests(self) -> list[str]:
-        return [event["request"]["url"] for event in self.of("Network.requestWillBeSent")]
-
     def complaints(self) -> list[dict[str, Any]]:
         """Everything on the console: messages, exceptions, violations of the policy."""
         return self.of("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded")

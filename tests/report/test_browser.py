@@ -51,7 +51,8 @@ def test_page_is_silent_alone_fits_and_is_printed(
     apart = [] if kind == "hostile" else ["covered"]
     chromium.open(pages[kind])
     assert chromium.complaints() == []
-    outside = [url for url in chromium.requests() if not url.startswith("data:")]
+    asked = [event["request"]["url"] for event in chromium.of("Network.requestWillBeSent")]
+    outside = [url for url in asked if not url.startswith("data:")]
     assert outside == [pages[kind].as_uri()]
     for width in WIDTHS:
         chromium.view(width)

@@ -33,12 +33,6 @@ KNOWN = {f"orthoglide_cal.{name}" for name in (
 )}  # fmt: skip
 
 
-def grid_of(*sections: doc.Section, head: str = "") -> doc.Grid:
-    """The first table of some sections, with a head that holds these words."""
-    blocks = (block for section in sections for block in section.blocks)
-    return next(b for b in blocks if isinstance(b, doc.Grid) and head in " ".join(map(str, b.head)))
-
-
 def commands(document: doc.Document) -> list[str]:
     blocks = (block for section in document.page().sheet for block in section.blocks)
     lists = (block.items for block in blocks if isinstance(block, doc.Instructions))
@@ -153,7 +147,9 @@ def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], object]
 
 def test_a_way_that_takes_longer_is_shown_as_less_sure() -> None:
     sections = plan_document(measurement_plan(NOMINAL, Wanted())).page().sections
-    grid = grid_of(next(s for s in sections if s.title == "Other ways to the same uncertainty"))
+    (section,) = (s for s in sections if s.title == "Other ways to the same uncertainty")
+    (grid,) = section.blocks
+    assert isinstance(grid, doc.Grid)
     assert grid.caption
     (wanted,) = re.findall(r"± ([\d.]+) mm", grid.caption)
     longer = 0

@@ -54,9 +54,7 @@ class Drawn:
         one, line = np.ones(n), self.days / self.days[-1]
         steps = [(np.arange(n) > gap).astype(float) for gap in range(n - 1)]
         other = {
-            "step": [[one, line]],
-            "adjusted": [[one, line]],
-            "steps": [[one, line]],
+            **{story: [[one, line]] for story in ("step", "adjusted", "steps")},
             "drift": [[one, step] for step in steps],
             "scatter": [[one, line], *([one, step] for step in steps)],
             "step and drift": [[one, line], *([one, step] for step in steps)],
