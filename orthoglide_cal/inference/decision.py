@@ -503,7 +503,7 @@ class Decision:
         Repeats cannot average it out: in each cell as large as what is left in the readings.
         """
         white, width = self.belief.at.white, fit.offsets.size
-        estimator = fit.offsets_covariance @ fit.columns[:, :width].T / fit.sigma**2
+        estimator = fit.covariance[:width] @ fit.columns.T / fit.sigma**2
         left = float(fit.residual @ fit.residual) / max(len(white) - width, 1)
         cells = estimator @ (white.matrix @ white.plan.returning)
         return np.asarray(left * cells @ cells.T)
