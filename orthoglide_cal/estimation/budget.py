@@ -111,7 +111,11 @@ class Budget:
 
 
 def budget_of(
-    estimator: Floats, gauge: Instrument, scatter: Scatter | None, uncertain: Iterable[Influence]
+    estimator: Floats,
+    gauge: Instrument,
+    scatter: Scatter | None,
+    uncertain: Iterable[Influence],
+    precision: Floats | float = 1.0,
 ) -> Budget:
     """The budget of offsets that a linear estimator makes of readings.
 
@@ -120,8 +124,9 @@ def budget_of(
         gauge: its resolution, and its stated repeatability where the readings have no scatter.
         scatter: of one reading, as found; None takes what is stated of the gauge.
         uncertain: what acts on the readings in addition to noise.
+        precision: of each reading, as of a `Plan`, shape (n,).
     """
-    unit = estimator @ estimator.T
+    unit = (estimator / precision) @ (estimator / precision).T
     rounding2 = gauge.rounding_mm**2
     evaluation, noise2, dof, dof_of_rounding = "B", gauge.repeatability_mm**2, math.inf, math.inf
     if scatter is not None:

@@ -65,13 +65,6 @@ class Problem(ReadOnly):
             readings, jacobian = simulate_with_jacobian(self.model, offsets, plan, strict)
         return np.asarray(readings @ matrix.T), np.asarray(matrix @ jacobian)
 
-    def change(self, offsets: Floats, entered: Floats) -> Floats:
-        """Change of the data by entering offsets (3,) [mm] in the controller, shape (k,) [mm].
-
-        What remains of the offsets Δρ (3,) [mm] before is Δρ − entered.
-        """
-        return self.predict(offsets - entered) - self.predict(offsets)
-
     @cached_property
     def at_zero(self) -> tuple[Floats, Floats]:
         """`predict_with_jacobian` at zero offsets, read-only: (k,) [mm], (k, 3)."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import Problem, fit_offsets, pose_plan, solve
+from orthoglide_cal.estimation import Problem, fit_offsets, pose_plan, promise, solve
 from orthoglide_cal.estimation.accuracy import rms, sigma_rho, unit_covariance
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
@@ -209,7 +209,8 @@ def table_4(model: Model) -> Reproduction:
     """Expected improvement of the three experiments."""
     computed = {}
     for number in (1, 2, 3):
-        promised = solve(experiment(number), model).promised()
+        solution = solve(experiment(number), model)
+        promised = promise(solution.measured, solution, solution.offsets_mm)
         computed[f"#{number} measured"] = [row.measured_mm for row in promised]
         computed[f"#{number} expected"] = [row.expected_mm for row in promised]
     rows = [
