@@ -18,15 +18,7 @@ import numpy as np
 
 from orthoglide_cal.estimation.gaussian import whiten, whiten_shared
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
-from orthoglide_cal.model.plan import (
-    Contrasts,
-    Floats,
-    Ints,
-    Plan,
-    ReadOnly,
-    Reduction,
-    read_only,
-)
+from orthoglide_cal.model.plan import Contrasts, Floats, Ints, Plan, ReadOnly, Reduction, read_only
 
 # A fit is an optimum if the step that is left is at most this [standard deviations].
 OPTIMAL = 1e-3

@@ -336,4 +336,3 @@ def _scatter(
     residual = posed.data - matrix @ readings
     total = sum_of_squares(problem, matrix @ jacobian, residual, matrix @ ratio)
     return Scatter(math.sqrt(total / dof), dof)
-

@@ -31,17 +31,9 @@ from orthoglide_cal.estimation import (
     solve,
     stays,
 )
-from orthoglide_cal.estimation.accuracy import (
-    Scatter,
-    chance_of_residual,
-    rms,
-)
+from orthoglide_cal.estimation.accuracy import Scatter, chance_of_residual, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
-from orthoglide_cal.estimation.losses import (
-    FALSE_RELEASE,
-    NEEDLESS_HOLD,
-    is_likely,
-)
+from orthoglide_cal.estimation.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
 from orthoglide_cal.estimation.solution import judgement_of, require_settings
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
