@@ -29,7 +29,7 @@ from pydantic import Field, computed_field
 from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import HOME_SWITCH, correcting
-from orthoglide_cal.errors import UnusableResultError, UsageError
+from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import (
     Posed,
     Problem,
@@ -37,7 +37,6 @@ from orthoglide_cal.estimation import (
     Solution,
     pose,
     promise,
-    solve,
 )
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
@@ -454,10 +453,7 @@ def _by_axis(values: Floats) -> dict[str, float]:
 
 def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     """The parameters, as unsure as the diagnosis leaves them, and data without passing faults."""
-    try:
-        diagnosis = diagnose(given.measured, model)
-    except UnusableResultError:
-        return widened(given, solve(given.measured, model), None), given.measured
+    diagnosis = diagnose(given.measured, model)
     diagnosis.alone.require_possible()
     return widened(given, diagnosis.alone, diagnosis), diagnosis.put_right
 
