@@ -189,7 +189,7 @@ def _influences_at(model: Model, offsets: tuple[float, ...], plan: Plan) -> tupl
 
 
 def _influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
-    readings, hidden = _of_causes(model.machine.unobservable, model, offsets, plan)
+    readings, hidden = plausible_causes(model.machine.unobservable, model, offsets, plan)
     gauges = model.machine.uncertain(
         plan, lambda other: readings if other is plan else simulate(model, offsets, other)
     )
@@ -216,10 +216,10 @@ def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influen
     """
     if not model.machine.fixed_parameters:
         return ()  # without a simulation
-    return tuple(_of_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
+    return tuple(plausible_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
 
 
-def _of_causes(
+def plausible_causes(
     ids: Iterable[str], model: Model, offsets: Floats, plan: Plan
 ) -> tuple[Floats, list[Influence]]:
     """Readings (..., n) [mm], and causes at plausible size; not those that the model knows of."""

@@ -11,7 +11,6 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import (
     Scatter,
     chance_of_residual,
-    determined,
     require_determined,
     require_rank,
     rms,
@@ -144,19 +143,14 @@ class Solution(OffsetEstimate):
         left = self.posed.data - self.posed.problem.predict(offsets)
         return replace(self, offsets_mm=offsets, residuals_mm=left)
 
-    @cached_property
-    def doubts(self) -> tuple[Reason, ...]:
-        """Readings that no such gauge can have shown."""
-        return self.model.machine.instrument.doubts(self.measured)
-
     @property
     def warnings(self) -> tuple[Reason, ...]:
         """Remarks on the data."""
-        scatter, floor = self.sigma_residuals_mm, self.model.machine.instrument.rounding_mm
-        remarks = (*self.doubts, *notes_on(self.measured))
-        if scatter is None or scatter >= floor:
+        gauge, scatter = self.model.machine.instrument, self.sigma_residuals_mm
+        remarks = (*gauge.doubts(self.measured), *notes_on(self.measured))
+        if scatter is None or scatter >= gauge.rounding_mm:
             return remarks
-        return (*remarks, Reason.of("below_resolution", floor_mm=floor))
+        return (*remarks, Reason.of("below_resolution", floor_mm=gauge.rounding_mm))
 
     @cached_property
     def remaining(self) -> float:
@@ -176,11 +170,6 @@ class Solution(OffsetEstimate):
     def converged(self) -> bool:
         """True if that check holds."""
         return self.remaining <= OPTIMAL
-
-    @property
-    def determined(self) -> tuple[bool, ...]:
-        """True of each parameter that is known to within `Machine.max_reportable_u`."""
-        return determined(self.model, self.expanded_mm)
 
     @property
     def judgement(self) -> Reason:

@@ -49,7 +49,7 @@ from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES, Posture
-from orthoglide_cal.model.workspace import Workspace, workspace_error
+from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import answer as schema
 from orthoglide_cal.results.answer import Release, Remedy
 from orthoglide_cal.results.validity import validity
@@ -162,6 +162,11 @@ def answer_to(
     judged = _left_over(solution, diagnosis)
     shift = np.abs(alone.offsets_mm - chosen.offsets_mm)
     lines, total = budget_lines(budget)
+    workspace = None
+    with suppress(PostureError, UsageError):  # of a machine without one, or out of its reach
+        spread_mm2 = budget.covariance_mm2
+        if details:
+            workspace = workspace_error(real.model, chosen.offsets_mm, spread_mm2, budget.k)
     correlation = budget.covariance_mm2 / np.outer(std, std)
     np.fill_diagonal(correlation, 1.0)
     return schema.Answer(
@@ -207,7 +212,7 @@ def answer_to(
         undetermined=tuple(_undetermined(model, parameters)),
         check=_check(given, solution, rows, budget.k) if decision.needed else None,
         ruled_out=model.ruled_out,
-        workspace=_workspace(chosen, real.model) if details else None,
+        workspace=workspace,
         holdout=holdout,
         warnings=solution.warnings,
         notes=(*decision.cautions, *diagnosis.notes),
@@ -251,7 +256,8 @@ def widened(given: Input, solution: Solution, diagnosis: Diagnosis | None) -> So
 
 def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> OffsetEstimate:
     """The parameters under what the diagnosis found."""
-    model = with_causes(given.model, diagnosis)
+    lasting = _lasting(diagnosis) if diagnosis.verdict is Verdict.NAMED else []
+    model = given.model.extended(effect for effect in lasting if effect.cause.in_machine)
     held = set(model.machine.fixed_parameters) - {cause.id for cause in diagnosis.causes}
     taken = [source for source in solution.budget.contributions if source.source in held]
     budget = diagnosis.budget.extended([*taken, *_warmth(given)])
@@ -261,13 +267,6 @@ def _as_diagnosed(given: Input, solution: Solution, diagnosis: Diagnosis) -> Off
 
 def _warmth(given: Input) -> tuple[Contribution, ...]:
     return warmth(given.conditions.mean_temperature_c, given.model.machine.leg_mm)
-
-
-def with_causes(model: Model, diagnosis: Diagnosis) -> Model:
-    """The machine with the lasting causes that a diagnosis names in it."""
-    if diagnosis.verdict is not Verdict.NAMED:
-        return model
-    return model.extended(effect for effect in _lasting(diagnosis) if effect.cause.in_machine)
 
 
 def _lasting(diagnosis: Diagnosis) -> list[Effect]:
@@ -427,14 +426,6 @@ def _check(
     )
 
 
-def _workspace(estimate: OffsetEstimate, model: Model) -> Workspace | None:
-    """Tool-position error before and after the adjustment; None if it cannot be computed."""
-    budget = estimate.budget
-    with suppress(PostureError, UsageError):
-        return workspace_error(model, estimate.offsets_mm, budget.covariance_mm2, budget.k)
-    return None
-
-
 def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
     for id, gap in ((cause.id, parameter) for cause in causes for parameter in cause.parameters):
         if (screw := CAUSES[id].adjustment(gap.name)) and screw.along:
@@ -532,12 +523,10 @@ def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
     beyond = [parameter for parameter in parameters if abs(parameter[2]) > parameter[3]]
     if beyond:
         yield Reason.of("implausible", values=beyond), Remedy(sentence=Reason.of("recheck"))
-    pairs = zip(machine.parameter_names, solution.determined, strict=True)
-    names = [name for name, known in pairs if not known]
-    if names:
+    if names := [size.name for size in parameters_of(solution) if not size.determined]:
         more = Remedy(sentence=Reason.of("more_readings"))
         yield Reason.of("undetermined", names=names), more
-    for doubt in solution.doubts:
+    for doubt in machine.instrument.doubts(solution.measured):
         remedy = Remedy(sentence=Reason.of("check_gauge", doubt=doubt))
         yield Reason.of("gauge_doubt", doubt=doubt), remedy
 
