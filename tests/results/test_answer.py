@@ -156,17 +156,11 @@ def test_the_check_is_where_the_offsets_show_most() -> None:
     assert ends.what[-1] in "0+-"
 
 
-def with_causes(case: Case) -> Model:
-    """The machine with what its diagnosis names in it."""
-    found = (effect.accepted("2026-01-02", "0" * 64) for effect in diagnosis_of(case).effects)
-    return case.given.model.extended(found)
-
-
 def test_the_promise_takes_what_was_found_into_account() -> None:
     """With a gap the diagnosed offsets leave something: the check says what, as simulation does."""
     case = cases.named_in_machine()
     answer, measured, diagnosis = case.answer, case.given.measured, diagnosis_of(case)
-    model, noise = with_causes(case), diagnosis.left_open[0][1].sigma
+    model, noise = making.with_causes(case.given.model, diagnosis), diagnosis.left_open[0][1].sigma
     known = OffsetEstimate(model, diagnosis.offsets_mm, diagnosis.budget, Scatter(noise, np.inf))
     entered = np.array([each.change(answer.decimals) for each in answer.parameters])
     promised = [row.expanded_mm for row in promise(measured, known, entered)]
@@ -281,7 +275,7 @@ def test_offsets_and_causes_keep_their_correlations() -> None:
     """The page's "at most" after the adjustment, from the covariance of the diagnosis."""
     case = cases.named_in_machine()
     answer, diagnosis = case.answer, diagnosis_of(case)
-    covariance, model = diagnosis.covariance_mm2, with_causes(case)
+    covariance, model = diagnosis.covariance_mm2, making.with_causes(case.given.model, diagnosis)
     correlation = covariance / np.outer(diagnosis.std_mm, diagnosis.std_mm)
     assert np.array(answer.correlation) == pytest.approx(correlation, rel=1e-9)
     assert np.abs(correlation - np.eye(3)).max() > 0.05
