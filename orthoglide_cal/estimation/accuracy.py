@@ -39,11 +39,6 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def sigma_rho(covariance: Floats) -> float:
-    """σ_ρ = √(trace V / 3) (eq. 33), in the unit of √V."""
-    return float(np.sqrt(np.trace(covariance) / 3.0))
-
-
 @dataclass(frozen=True)
 class Scatter:
     """A standard deviation of one reading [mm] and its (effective) degrees of freedom."""

@@ -162,12 +162,11 @@ def answer_to(
     judged = _left_over(solution, diagnosis)
     shift = np.abs(alone.offsets_mm - chosen.offsets_mm)
     lines, total = budget_lines(budget)
-    workspace = None
-    with suppress(PostureError, UsageError):  # of a machine without one, or out of its reach
-        spread_mm2 = budget.covariance_mm2
-        if details:
-            workspace = workspace_error(real.model, chosen.offsets_mm, spread_mm2, budget.k)
-    correlation = budget.covariance_mm2 / np.outer(std, std)
+    workspace, covariance = None, budget.covariance_mm2
+    if details:
+        with suppress(PostureError, UsageError):  # it has none, or cannot reach all of it
+            workspace = workspace_error(real.model, chosen.offsets_mm, covariance, budget.k)
+    correlation = covariance / np.outer(std, std)
     np.fill_diagonal(correlation, 1.0)
     return schema.Answer(
         **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
