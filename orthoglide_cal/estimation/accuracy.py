@@ -39,11 +39,6 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def sigma_rho(covariance: Floats) -> float:
-    """σ_ρ = √(trace V / 3) (eq. 33), in the unit of √V."""
-    return float(np.sqrt(np.trace(covariance) / 3.0))
-
-
 @dataclass(frozen=True)
 class Scatter:
     """A standard deviation of one reading [mm] and its (effective) degrees of freedom."""
@@ -100,12 +95,10 @@ def determined(model: Model, expanded: Floats) -> tuple[bool, ...]:
 
 def _free_directions(matrix: Floats, scale: float) -> Floats:
     """Offset directions that the rows of the matrix (k, 3) do not see, shape (m, 3)."""
-    if not len(matrix):
-        return np.eye(matrix.shape[1])
-    _, values, vectors = np.linalg.svd(matrix, full_matrices=len(matrix) < matrix.shape[1])
-    size = np.zeros(matrix.shape[1])
-    size[: len(values)] = values
-    return np.asarray(vectors[size <= NEGLIGIBLE * scale])
+    # Not fewer rows than columns: each direction has a singular value.
+    padded = np.vstack((matrix, np.zeros((matrix.shape[1], matrix.shape[1]))))
+    _, values, vectors = np.linalg.svd(padded, full_matrices=False)
+    return np.asarray(vectors[values <= NEGLIGIBLE * scale])
 
 
 @functools.lru_cache(maxsize=8)
@@ -154,20 +147,14 @@ def _completing(problem: Problem, matrix: Floats) -> str:
     machine = problem.model.machine
     ideal, which = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
     sensitivity = ideal.at_zero[1]
-    rows = dict(zip(which, sensitivity, strict=True))
-    scale = np.abs(sensitivity).max()
-    chosen = []
-    while missing := len(_free_directions(matrix, scale)):
-        rank = matrix.shape[1] - missing
-        lifted = {}  # the singular value that an added row lifts above this rank
-        for key, row in rows.items():
-            values = np.linalg.svd(np.vstack((matrix, row)), compute_uv=False)
-            lifted[key] = values[rank] if rank < len(values) else 0.0
-        best = max(lifted, key=lifted.__getitem__)
-        series, posture = best
+    scale, chosen = np.abs(sensitivity).max(), list[str]()
+    while len(free := _free_directions(matrix, scale)):
+        # The one that sees most of what no other does.
+        best = int(np.argmax(np.linalg.norm(sensitivity @ free.T, axis=1)))
+        series, posture = which[best]
         where = f"at {posture}, joint end and tool end"
         if posture is None:
             where = f"at {Posture.MAX} and {Posture.MIN} in one gauge set-up"
         chosen.append(f"{series.words}, {where}")
-        matrix = np.vstack((matrix, rows.pop(best)))
+        matrix = np.vstack((matrix, sensitivity[best]))
     return "; ".join(chosen)

@@ -111,7 +111,11 @@ class Budget:
 
 
 def budget_of(
-    estimator: Floats, gauge: Instrument, scatter: Scatter | None, uncertain: Iterable[Influence]
+    estimator: Floats,
+    gauge: Instrument,
+    scatter: Scatter | None,
+    uncertain: Iterable[Influence],
+    precision: Floats | float = 1.0,
 ) -> Budget:
     """The budget of offsets that a linear estimator makes of readings.
 
@@ -120,8 +124,9 @@ def budget_of(
         gauge: its resolution, and its stated repeatability where the readings have no scatter.
         scatter: of one reading, as found; None takes what is stated of the gauge.
         uncertain: what acts on the readings in addition to noise.
+        precision: of each reading, as of a `Plan`, shape (n,).
     """
-    unit = estimator @ estimator.T
+    unit = (estimator / precision) @ (estimator / precision).T
     rounding2 = gauge.rounding_mm**2
     evaluation, noise2, dof, dof_of_rounding = "B", gauge.repeatability_mm**2, math.inf, math.inf
     if scatter is not None:
@@ -184,7 +189,7 @@ def _influences_at(model: Model, offsets: tuple[float, ...], plan: Plan) -> tupl
 
 
 def _influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influence, ...]:
-    readings, hidden = _of_causes(model.machine.unobservable, model, offsets, plan)
+    readings, hidden = plausible_causes(model.machine.unobservable, model, offsets, plan)
     gauges = model.machine.uncertain(
         plan, lambda other: readings if other is plan else simulate(model, offsets, other)
     )
@@ -211,10 +216,10 @@ def fixed_influences(model: Model, offsets: Floats, plan: Plan) -> tuple[Influen
     """
     if not model.machine.fixed_parameters:
         return ()  # without a simulation
-    return tuple(_of_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
+    return tuple(plausible_causes(model.machine.fixed_parameters, model, offsets, plan)[1])
 
 
-def _of_causes(
+def plausible_causes(
     ids: Iterable[str], model: Model, offsets: Floats, plan: Plan
 ) -> tuple[Floats, list[Influence]]:
     """Readings (..., n) [mm], and causes at plausible size; not those that the model knows of."""

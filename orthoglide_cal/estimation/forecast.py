@@ -17,10 +17,11 @@ from dataclasses import replace
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
+from orthoglide_cal.estimation.budget import plausible_causes
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.model.cause import PER_HOUR
 from orthoglide_cal.model.machine import Machine
-from orthoglide_cal.model.model import Model, differentiate_absent, simulate, simulate_with_jacobian
+from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import double_posture
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import GaugePlan
@@ -112,16 +113,11 @@ def misfit_mm(machine: Machine) -> float:
     Of each cause at the posture that it changes most, compared with the isotropic one.
     """
     hidden, plan = machine.unobservable, double_posture(machine, cycles=1)
-    causes = [
-        c for c in CAUSES.values() if c.repeats and c.possible(machine) and c.id not in hidden
-    ]
-    _, (_, *slopes) = differentiate_absent(Model(machine), np.zeros(3), plan, causes)
+    ids = [cause.id for cause in CAUSES.values() if cause.repeats and cause.id not in hidden]
+    _, plausible = plausible_causes(ids, Model(machine), np.zeros(3), plan)
     isotropic = np.unique(plan.setup, return_index=True)[1][plan.setup]
-    largest = []
-    for cause, slope in zip(causes, slopes, strict=True):
-        moved = (slope - slope[isotropic]) * cause.prior_std(machine)
-        largest.append(float(np.linalg.norm(moved, axis=1).max()))
-    return math.hypot(*largest)
+    moved = (one.columns - one.columns[isotropic] for one in plausible)
+    return math.hypot(*(float(np.linalg.norm(columns, axis=1).max()) for columns in moved))
 
 
 def _same(*keys: Ints) -> np.ndarray:

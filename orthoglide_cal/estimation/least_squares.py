@@ -18,15 +18,7 @@ import numpy as np
 
 from orthoglide_cal.estimation.gaussian import whiten, whiten_shared
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
-from orthoglide_cal.model.plan import (
-    Contrasts,
-    Floats,
-    Ints,
-    Plan,
-    ReadOnly,
-    Reduction,
-    read_only,
-)
+from orthoglide_cal.model.plan import Contrasts, Floats, Ints, Plan, ReadOnly, Reduction, read_only
 
 # A fit is an optimum if the step that is left is at most this [standard deviations].
 OPTIMAL = 1e-3
@@ -64,13 +56,6 @@ class Problem(ReadOnly):
         else:
             readings, jacobian = simulate_with_jacobian(self.model, offsets, plan, strict)
         return np.asarray(readings @ matrix.T), np.asarray(matrix @ jacobian)
-
-    def change(self, offsets: Floats, entered: Floats) -> Floats:
-        """Change of the data by entering offsets (3,) [mm] in the controller, shape (k,) [mm].
-
-        What remains of the offsets Δρ (3,) [mm] before is Δρ − entered.
-        """
-        return self.predict(offsets - entered) - self.predict(offsets)
 
     @cached_property
     def at_zero(self) -> tuple[Floats, Floats]:

@@ -23,14 +23,7 @@ from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
-from orthoglide_cal.model.plan import (
-    Contrasts,
-    Floats,
-    Plan,
-    ReadOnly,
-    Reduction,
-    zero_free,
-)
+from orthoglide_cal.model.plan import Contrasts, Floats, Plan, ReadOnly, Reduction, zero_free
 from orthoglide_cal.model.readings import Posture
 
 DESCRIPTIONS = {

@@ -1,7 +1,6 @@
 """From what was measured to joint offsets, how sure they are, and whether the model fits."""
 
 import math
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,14 +11,13 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import (
     Scatter,
     chance_of_residual,
-    determined,
     require_determined,
     require_rank,
     rms,
     scatter_of_repeats,
     sum_of_squares,
 )
-from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
+from orthoglide_cal.estimation.budget import budget_of, fixed_influences, influences
 from orthoglide_cal.estimation.least_squares import (
     OPTIMAL,
     LeastSquaresFit,
@@ -28,12 +26,11 @@ from orthoglide_cal.estimation.least_squares import (
 )
 from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
 from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose
-from orthoglide_cal.estimation.promise import OffsetEstimate, PromisedDifference, promise
-from orthoglide_cal.model.cause import CONFIDENCE, Effect
-from orthoglide_cal.model.machine import Influence, Instrument
+from orthoglide_cal.estimation.promise import OffsetEstimate
+from orthoglide_cal.model.cause import CONFIDENCE
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.plan import Floats, Plan, read_only
+from orthoglide_cal.model.plan import Floats, read_only
 from orthoglide_cal.schema import Reason
 
 # Below this chance the residuals are called larger than the gauge's noise.
@@ -87,19 +84,6 @@ class Solution(OffsetEstimate):
             return None
         sum_of_squares = self.scatter.dof * self.scatter.sigma_mm**2
         return chance_of_residual(sum_of_squares, self.scatter.dof, self.stated_mm)
-
-    def promised(
-        self,
-        entered: Floats | None = None,
-        right: Measured | None = None,
-        corrected: Iterable[Effect] = (),
-    ) -> tuple[PromisedDifference, ...]:
-        """Differences to expect once (3,) [mm] were entered; its own offsets if None.
-
-        `right` and `corrected` as in `promise`.
-        """
-        change = self.offsets_mm if entered is None else entered
-        return promise(self.measured, self, change, right, corrected)
 
     @cached_property
     def _fit(self) -> tuple[float, Floats]:
@@ -159,19 +143,14 @@ class Solution(OffsetEstimate):
         left = self.posed.data - self.posed.problem.predict(offsets)
         return replace(self, offsets_mm=offsets, residuals_mm=left)
 
-    @cached_property
-    def doubts(self) -> tuple[Reason, ...]:
-        """Readings that no such gauge can have shown."""
-        return self.model.machine.instrument.doubts(self.measured)
-
     @property
     def warnings(self) -> tuple[Reason, ...]:
         """Remarks on the data."""
-        scatter, floor = self.sigma_residuals_mm, self.model.machine.instrument.rounding_mm
-        remarks = (*self.doubts, *notes_on(self.measured))
-        if scatter is None or scatter >= floor:
+        gauge, scatter = self.model.machine.instrument, self.sigma_residuals_mm
+        remarks = (*gauge.doubts(self.measured), *notes_on(self.measured))
+        if scatter is None or scatter >= gauge.rounding_mm:
             return remarks
-        return (*remarks, Reason.of("below_resolution", floor_mm=floor))
+        return (*remarks, Reason.of("below_resolution", floor_mm=gauge.rounding_mm))
 
     @cached_property
     def remaining(self) -> float:
@@ -191,11 +170,6 @@ class Solution(OffsetEstimate):
     def converged(self) -> bool:
         """True if that check holds."""
         return self.remaining <= OPTIMAL
-
-    @property
-    def determined(self) -> tuple[bool, ...]:
-        """True of each parameter that is known to within `Machine.max_reportable_u`."""
-        return determined(self.model, self.expanded_mm)
 
     @property
     def judgement(self) -> Reason:
@@ -285,12 +259,12 @@ def fit_parameters(
     return Solution(
         model=model,
         offsets_mm=offsets,
-        budget=budget_of_readings(
+        budget=budget_of(
             estimator @ posed.problem.matrix,
-            plan,
             gauge,
             scatter,
             (*uncertain, *fixed_influences(model, offsets, plan)),
+            plan.precision,
         ),
         noise=noise,
         measured=measured,
@@ -351,18 +325,3 @@ def _scatter(
     residual = posed.data - matrix @ readings
     total = sum_of_squares(problem, matrix @ jacobian, residual, matrix @ ratio)
     return Scatter(math.sqrt(total / dof), dof)
-
-
-def budget_of_readings(
-    estimator: Floats,
-    plan: Plan,
-    gauge: Instrument,
-    scatter: Scatter | None,
-    uncertain: Sequence[Influence],
-) -> Budget:
-    """Budget of parameters that a linear estimator (p, n) makes of readings, precise or not."""
-    equal = [
-        replace(influence, columns=plan.precision[:, None] * influence.columns)
-        for influence in uncertain
-    ]
-    return budget_of(estimator / plan.precision, gauge, scatter, equal)

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import Problem, fit_offsets, pose_plan, solve
-from orthoglide_cal.estimation.accuracy import rms, sigma_rho, unit_covariance
+from orthoglide_cal.estimation import Problem, fit_offsets, pose_plan, promise, solve
+from orthoglide_cal.estimation.accuracy import rms, unit_covariance
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Source
 from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan, plan_of
@@ -209,7 +209,8 @@ def table_4(model: Model) -> Reproduction:
     """Expected improvement of the three experiments."""
     computed = {}
     for number in (1, 2, 3):
-        promised = solve(experiment(number), model).promised()
+        solution = solve(experiment(number), model)
+        promised = promise(solution.measured, solution, solution.offsets_mm)
         computed[f"#{number} measured"] = [row.measured_mm for row in promised]
         computed[f"#{number} expected"] = [row.expected_mm for row in promised]
     rows = [
@@ -256,7 +257,8 @@ def accuracy_factor(model: Model, kind: DataKind) -> float:
             same isotropic, Max and Min readings.
     """
     problem = _problem(model, kind)
-    return sigma_rho(unit_covariance(problem, problem.at_zero[1]))
+    # σ_ρ = √(trace V / 3) (eq. 33)
+    return rms(np.sqrt(np.diag(unit_covariance(problem, problem.at_zero[1]))))
 
 
 def accuracy(model: Model) -> Reproduction:

@@ -18,8 +18,7 @@ from pydantic import Field, computed_field
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import Method, Posed, pose_plan
 from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
-from orthoglide_cal.estimation.budget import Budget, fixed_influences, influences
-from orthoglide_cal.estimation.solution import budget_of_readings
+from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
 from orthoglide_cal.model.machine import Influence, Layout, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, Plan
@@ -78,7 +77,7 @@ class SessionForecast(Schema):
         scatter = Scatter(machine.instrument.noise_mm, float(dof)) if dof > 0 else None
         taken = fixed_influences(model, np.zeros(len(machine.parameter_names)), plan)
         both = (*uncertain, *taken)
-        budget = budget_of_readings(estimator, plan, machine.instrument, scatter, both)
+        budget = budget_of(estimator, machine.instrument, scatter, both, plan.precision)
         return cls(model=model, budget=budget, readings=len(plan), **session._asdict(), **more)
 
     @computed_field

@@ -222,7 +222,7 @@ class Answer(Schema):
     dates: tuple[OfDate, ...] = Field((), description="of --together: parameters of each date")
     machine: MachineName
     method: str | None = Field(None, description="null: there is no result")
-    verdict: Verdict | None = Field(None, description="null: these data cannot be diagnosed")
+    verdict: Verdict | None = Field(None, description="null: there is no result")
     refuted: Sentence | None = Field(
         None, description="what the best explanation did not see, and which contradicts it"
     )

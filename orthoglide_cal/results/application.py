@@ -18,13 +18,7 @@ from orthoglide_cal.files.input import Input
 from orthoglide_cal.files.machine_file import StoredMachine, differing, with_history
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Estimate
-from orthoglide_cal.model.machine import (
-    Corrections,
-    Entered,
-    Machine,
-    Written,
-    WrittenTable,
-)
+from orthoglide_cal.model.machine import Corrections, Entered, Machine, Written, WrittenTable
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES

@@ -24,12 +24,7 @@ from orthoglide_cal.errors import UnusableResultError, UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width
 from orthoglide_cal.estimation.budget import EXPANSION_PER_K, REFERENCE_C, fixed_influences
-from orthoglide_cal.estimation.losses import (
-    DISMISSED,
-    MISSED_CHANGE,
-    WRONG_STORY,
-    is_dismissed,
-)
+from orthoglide_cal.estimation.losses import DISMISSED, MISSED_CHANGE, WRONG_STORY, is_dismissed
 from orthoglide_cal.estimation.solution import require_settings
 from orthoglide_cal.files.input import Input, copies_in
 from orthoglide_cal.files.machine_file import machine_values

@@ -31,17 +31,9 @@ from orthoglide_cal.estimation import (
     solve,
     stays,
 )
-from orthoglide_cal.estimation.accuracy import (
-    Scatter,
-    chance_of_residual,
-    rms,
-)
+from orthoglide_cal.estimation.accuracy import Scatter, chance_of_residual, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_lines, warmth
-from orthoglide_cal.estimation.losses import (
-    FALSE_RELEASE,
-    NEEDLESS_HOLD,
-    is_likely,
-)
+from orthoglide_cal.estimation.losses import FALSE_RELEASE, NEEDLESS_HOLD, is_likely
 from orthoglide_cal.estimation.solution import judgement_of, require_settings
 from orthoglide_cal.files.input import Input
 from orthoglide_cal.inference import (
@@ -57,7 +49,7 @@ from orthoglide_cal.model.cause import CONFIDENCE, NORMAL_K, Effect
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Measured
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.readings import AXES, Posture
-from orthoglide_cal.model.workspace import Workspace, workspace_error
+from orthoglide_cal.model.workspace import workspace_error
 from orthoglide_cal.results import answer as schema
 from orthoglide_cal.results.answer import Release, Remedy
 from orthoglide_cal.results.validity import validity
@@ -101,14 +93,9 @@ def answer_to(
     machine = model.machine
     name = schema.MachineName(name=machine.name, kind=machine.kind)
     try:
-        diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
-    except UnusableResultError:
-        # Numbers out of all proportion: the solution's own check is all there is.
-        diagnosis = None
-    try:
         require_settings(measured)
-        fitted = diagnosis.alone if diagnosis and method is None else None
-        solution = fitted or fit_parameters(measured, model, method)
+        diagnosis = diagnosed or diagnose(measured, model, sensitivity=details)
+        solution = fit_parameters(measured, model, method) if method else diagnosis.alone
         solution.require_possible()
     except UnusableResultError as error:
         remedy = (Remedy(sentence=Reason.of("do", what=error.remedy)),) if error.remedy else ()
@@ -118,21 +105,21 @@ def answer_to(
         refused = Release(reasons=(reason,), remedies=remedy, sound=False)
         return schema.Answer(input=file, machine=name, release=refused, validity=conditions)
     following = None
-    if diagnosis is not None and diagnosis.undecided:
+    if diagnosis.undecided:
         # Planning takes long to load, and has nothing to say where all is decided.
         from orthoglide_cal.planning import best_next
 
         following = best_next(diagnosis)
     decision = release(solution, diagnosis, following, corrects)
     kept = given.conditions.questioned if given.is_session else ()
-    if kept and diagnosis and diagnosis.verdict is not Verdict.CONSISTENT:
+    if kept and diagnosis.verdict is not Verdict.CONSISTENT:
         again = Reason.of("retake", kept=kept)
         retake = Remedy(sentence=again, verb="measure", options="--resume")
         decision = decision.changed(remedies=(retake, *decision.remedies))
     alone, diagnosed_as = widened(given, solution, diagnosis), None
-    if diagnosis is not None and diagnosis.verdict is not Verdict.CONSISTENT:
+    if diagnosis.verdict is not Verdict.CONSISTENT:
         diagnosed_as = _as_diagnosed(given, solution, diagnosis)
-    named = diagnosis is not None and diagnosis.verdict is Verdict.NAMED
+    named = diagnosis.verdict is Verdict.NAMED
     shown_as = None if method else diagnosed_as
     chosen = shown_as or alone
     # What is entered acts on the machine as well as it is known, whatever method was asked for.
@@ -145,7 +132,7 @@ def answer_to(
     others = tuple(answer_to(other, method, details=details) for other in asked)
     if decision.usable:
         decision = _with_others(decision, parameters, others)
-    right = diagnosis.put_right if diagnosis else None
+    right = diagnosis.put_right
     change = np.array([parameter.change(decimals) for parameter in parameters])
     rows = promise(measured, real, change, right)
     shown_budget = shown_as.budget if shown_as else solution.budget
@@ -167,7 +154,7 @@ def answer_to(
         decision = decision.changed(cautions=cautions)
     # Of the fit whose parameters are shown; undecided, of the offsets alone with these values.
     left_mm = solution.at(chosen.offsets_mm).rms_after_mm if shown_as else solution.rms_after_mm
-    if diagnosis is not None and shown_as:
+    if shown_as:
         if named and diagnosis.causes:
             left_mm = diagnosis.causes[0].rms_after_mm
         elif any(pattern.accepted for pattern in diagnosis.patterns):
@@ -175,9 +162,14 @@ def answer_to(
     judged = _left_over(solution, diagnosis)
     shift = np.abs(alone.offsets_mm - chosen.offsets_mm)
     lines, total = budget_lines(budget)
-    correlation = budget.covariance_mm2 / np.outer(std, std)
+    workspace, covariance = None, budget.covariance_mm2
+    if details:
+        with suppress(PostureError, UsageError):  # it has none, or cannot reach all of it
+            workspace = workspace_error(real.model, chosen.offsets_mm, covariance, budget.k)
+    correlation = covariance / np.outer(std, std)
     np.fill_diagonal(correlation, 1.0)
-    answer = schema.Answer(
+    return schema.Answer(
+        **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
         input=file,
         machine=name,
         method=solution.method,
@@ -219,16 +211,11 @@ def answer_to(
         undetermined=tuple(_undetermined(model, parameters)),
         check=_check(given, solution, rows, budget.k) if decision.needed else None,
         ruled_out=model.ruled_out,
-        workspace=_workspace(chosen, real.model) if details else None,
+        workspace=workspace,
         holdout=holdout,
         warnings=solution.warnings,
-        notes=decision.cautions,
+        notes=(*decision.cautions, *diagnosis.notes),
         others=others,
-    )
-    if diagnosis is None:
-        return answer
-    return answer.changed(
-        **{name: getattr(diagnosis, name) for name in _DIAGNOSED},
         # The parameters alone are those of the solution.
         explanations=tuple(
             one.changed(rms_mm=solution.rms_after_mm, parameters=parameters_of(alone))
@@ -240,7 +227,6 @@ def answer_to(
         assumed=tuple(assumed.id for assumed in diagnosis.assumed_sizes),
         next_measurement=following,
         sensitivity=dict(diagnosis.sensitivity) or None,
-        notes=(*decision.cautions, *diagnosis.notes),
     )
 
 
@@ -365,12 +351,12 @@ def spread(values: Mapping[str, float]) -> schema.Spread:
 
 
 def _residuals(
-    measured: Measured, solution: Solution, diagnosis: Diagnosis | None
+    measured: Measured, solution: Solution, diagnosis: Diagnosis
 ) -> Iterator[schema.Residual]:
     """Every reading, in the order of the file."""
     with_causes: list[float | None] = [None] * len(measured)
-    patterns = [one for one in diagnosis.patterns if one.accepted] if diagnosis else []
-    if diagnosis is not None and (diagnosis.causes or patterns):
+    patterns = [one for one in diagnosis.patterns if one.accepted]
+    if diagnosis.causes or patterns:
         with_causes = [*diagnosis.explained_mm.tolist()]
     values = zip(measured.value.tolist(), solution.predicted_mm.tolist(), with_causes, strict=True)
     in_time, moved = np.arange(len(measured)), np.full(len(measured), np.nan)
@@ -396,7 +382,7 @@ def _residuals(
                 "minutes": 60.0 * measured.plan.hours[k],
                 "pattern_mm": [one.effect_mm[k] for one in patterns],
                 "pattern_expanded_mm": [one.effect_expanded_mm[k] for one in patterns],
-                "wrong": diagnosis is not None and k in diagnosis.wrong_readings,
+                "wrong": k in diagnosis.wrong_readings,
             }
         left = {"measured_mm": value, "modelled_mm": modelled, "with_causes_mm": explained}
         yield schema.Residual.model_validate({**place, "order": order[k], **left})
@@ -445,14 +431,6 @@ def _check(
     )
 
 
-def _workspace(estimate: OffsetEstimate, model: Model) -> Workspace | None:
-    """Tool-position error before and after the adjustment; None if it cannot be computed."""
-    budget = estimate.budget
-    with suppress(PostureError, UsageError):
-        return workspace_error(model, estimate.offsets_mm, budget.covariance_mm2, budget.k)
-    return None
-
-
 def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
     for id, gap in ((cause.id, parameter) for cause in causes for parameter in cause.parameters):
         if (screw := CAUSES[id].adjustment(gap.name)) and screw.along:
@@ -466,7 +444,7 @@ def _shims(causes: Iterable[FoundCause]) -> Iterator[schema.Shim]:
 
 def release(
     solution: Solution,
-    diagnosis: Diagnosis | None,
+    diagnosis: Diagnosis,
     following: NextMeasurement | None = None,
     corrects: Collection[str] = (),
 ) -> Release:
@@ -477,13 +455,13 @@ def release(
 
     Args:
         solution: of the offsets alone, with the accepted causes; it checks itself again here.
-        diagnosis: of the same data; None if it was not or could not be made.
+        diagnosis: of the same data.
         following: what would distinguish the explanations that it leaves open; None without.
         corrects: as of `answer_to`.
     """
-    failures = tuple(_failures(solution, diagnosis))
-    patterns = [one for one in diagnosis.patterns if one.accepted] if diagnosis else []
-    if diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT:
+    failures = tuple(_failures(solution))
+    patterns = [one for one in diagnosis.patterns if one.accepted]
+    if diagnosis.verdict is Verdict.CONSISTENT:
         judged = Release()
     elif diagnosis.verdict is Verdict.NAMED:
         judged = _named(solution, diagnosis, corrects)
@@ -511,38 +489,36 @@ def release(
     )
 
 
-def _cautions(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[Reason]:
+def _cautions(solution: Solution, diagnosis: Diagnosis) -> Iterator[Reason]:
     """Cautions about offsets that are released."""
-    rough = 1.0 if diagnosis is None else diagnosis.left_open[0][1].scale_factor
+    rough = diagnosis.left_open[0][1].scale_factor
     judged = judgement_of(*_left_over(solution, diagnosis))
     suspicious = judged.code == "residuals_too_large"
     # As stated, not as widened by the diagnosis to cover what is left.
     if rough > 1.0 and solution.judgement.code == "residuals_too_large":
         yield Reason.of("local_shape", factor=rough)
-    elif not solution.dof or (
-        suspicious and (diagnosis is None or diagnosis.verdict is Verdict.CONSISTENT)
-    ):
+    elif not solution.dof or (suspicious and diagnosis.verdict is Verdict.CONSISTENT):
         # Without spare readings nothing can contradict or support the offsets. What a named
         # cause explains does not.
         yield judged
 
 
 def _left_over(
-    solution: Solution, diagnosis: Diagnosis | None
+    solution: Solution, diagnosis: Diagnosis
 ) -> tuple[float | None, float | None, float]:
     """Return p, and scatter and stated noise [mm], of what a solution leaves.
 
     They are those of the diagnosis where that made the solution: one answer has one judgement.
     """
-    if diagnosis is None or solution is not diagnosis.alone or not solution.dof:
+    if solution is not diagnosis.alone or not solution.dof:
         return solution.lack_of_fit_p, solution.sigma_residuals_mm, solution.stated_mm
     lack = diagnosis.lack_of_fit
     return lack.p_value, lack.residual_mm, lack.noise_mm
 
 
-def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple[Reason, Remedy]]:
+def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
     """Objections of the solution's own check, each with what to do."""
-    machine, more = solution.model.machine, Remedy(sentence=Reason.of("more_readings"))
+    machine = solution.model.machine
     if not solution.converged:
         check = Remedy(sentence=Reason.of("validate"), verb="validate")
         yield Reason.of("not_converged"), check
@@ -552,15 +528,12 @@ def _failures(solution: Solution, diagnosis: Diagnosis | None) -> Iterator[tuple
     beyond = [parameter for parameter in parameters if abs(parameter[2]) > parameter[3]]
     if beyond:
         yield Reason.of("implausible", values=beyond), Remedy(sentence=Reason.of("recheck"))
-    pairs = zip(machine.parameter_names, solution.determined, strict=True)
-    names = [name for name, known in pairs if not known]
-    if names:
+    if names := [size.name for size in parameters_of(solution) if not size.determined]:
+        more = Remedy(sentence=Reason.of("more_readings"))
         yield Reason.of("undetermined", names=names), more
-    for doubt in solution.doubts:
+    for doubt in machine.instrument.doubts(solution.measured):
         remedy = Remedy(sentence=Reason.of("check_gauge", doubt=doubt))
         yield Reason.of("gauge_doubt", doubt=doubt), remedy
-    if diagnosis is None and solution.judgement.code == "residuals_too_large":
-        yield solution.judgement, more
 
 
 def _ambiguous(diagnosis: Diagnosis, following: NextMeasurement | None) -> Release:

@@ -1,7 +1,7 @@
 """Under which conditions a result holds, what a reader has to know before signing, its number."""
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 
 from pydantic import AwareDatetime, Field
@@ -57,20 +57,20 @@ def validity(given: Input) -> Validity:
         used, last = (day and datetime.fromisoformat(day).date() for day in (measured, due))
         gauges.append(UsedGauge(**known, overdue=bool(used and last and used > last)))
     start, end = conditions.temperature_ends_c
-    recorded = Validity(
+    return Validity(
         measured=measured,
         operator=conditions.operator,
         gauges=tuple(gauges),
         temperature_start_c=start,
         temperature_end_c=end,
         simulated=given.measured.source.simulated,
-        reservations=(),
+        reservations=tuple(_reservations(given, gauges)),
     )
-    return recorded.changed(reservations=tuple(_reservations(given, recorded)))
 
 
-def _reservations(given: Input, conditions: Validity) -> Iterator[Reason]:
-    for gauge in conditions.gauges:
+def _reservations(given: Input, gauges: Sequence[UsedGauge]) -> Iterator[Reason]:
+    conditions = given.conditions
+    for gauge in gauges:
         if gauge.overdue:
             yield Reason.of("overdue_gauge", id=gauge.id, due=gauge.due)
     for remark in given.measured.remarks:
@@ -78,22 +78,22 @@ def _reservations(given: Input, conditions: Validity) -> Iterator[Reason]:
             yield remark
         elif remark.code == "nozzle_lowered":
             yield Reason.of("nozzle_lower", **remark.data)
-    known = given.conditions.temperatures_c
+    known = conditions.temperatures_c
     if known and max(known) - min(known) > STEP_K:
         yield Reason.of("temperature_changed", kelvin=max(known) - min(known))
     stated = {
-        "date": conditions.measured,
+        "date": conditions.finished or conditions.started,
         "operator": conditions.operator,
-        "temperature": conditions.temperature_start_c is not None,
-        "gauges": conditions.gauges,
+        "temperature": conditions.temperature_ends_c[0] is not None,
+        "gauges": gauges,
     }
     missing = [name for name in given.model.machine.noted if not stated[name]]
-    for gauge in conditions.gauges:
+    for gauge in gauges:
         if not gauge.certificate:
             missing.append(f"certificate of gauge {gauge.id}")
         if not gauge.due:
             missing.append(f"due date of gauge {gauge.id}")
-    if missing and not conditions.simulated:
+    if missing and not given.measured.source.simulated:
         yield Reason.of("not_recorded", missing=missing)
 
 

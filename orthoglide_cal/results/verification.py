@@ -29,8 +29,15 @@ from pydantic import Field, computed_field
 from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import HOME_SWITCH, correcting
-from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, solve
+from orthoglide_cal.errors import UsageError
+from orthoglide_cal.estimation import (
+    Posed,
+    Problem,
+    PromisedDifference,
+    Solution,
+    pose,
+    promise,
+)
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
@@ -285,8 +292,9 @@ def verify(
     moved = shared_contrasts(before.measured, without, model).change if added else shared.change
     later = pose(after.measured, model, table_kind(before.measured))
     shown = {difference.name for difference in later.which}
-    promise = [row for row in first.promised(applied, right, added) if row.name in shown]
-    rows = _differences(promise, later, limit_mm)
+    every = promise(before.measured, first, applied, right, added)
+    promised = [row for row in every if row.name in shown]
+    rows = _differences(promised, later, limit_mm)
     as_left = spread({row.difference: row.after_mm for row in rows})
     response = _respond(shared, moved, first.offsets_mm, applied)
     apart = rms(np.array([row.after_mm - row.promised_mm for row in rows]))
@@ -304,7 +312,7 @@ def verify(
         rms_promised_mm=rms(np.array([row.promised_mm for row in rows])),
         rms_after_mm=as_left.rms_mm,
         as_left=as_left,
-        remains=None if adjusted else remainder(promise, model),
+        remains=None if adjusted else remainder(promised, model),
         applied_mm=_by_axis(applied),
         corrected=corrected,
         differences=rows,
@@ -445,19 +453,16 @@ def _by_axis(values: Floats) -> dict[str, float]:
 
 def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     """The parameters, as unsure as the diagnosis leaves them, and data without passing faults."""
-    try:
-        diagnosis = diagnose(given.measured, model)
-    except UnusableResultError:
-        return widened(given, solve(given.measured, model), None), given.measured
+    diagnosis = diagnose(given.measured, model)
     diagnosis.alone.require_possible()
     return widened(given, diagnosis.alone, diagnosis), diagnosis.put_right
 
 
 def _differences(
-    promise: Sequence[PromisedDifference], later: Posed, limit_mm: float | None
+    promised: Sequence[PromisedDifference], later: Posed, limit_mm: float | None
 ) -> tuple[ComparedDifference, ...]:
     """The differences of Table 4 before, predicted and after; `later` holds at least those."""
-    if not promise:
+    if not promised:
         raise UsageError(
             "The two files share no difference between the ends of a leg's travel.",
             "Measure the postures max and min before and after.",
@@ -476,7 +481,7 @@ def _differences(
             expanded_mm=measured[row.name][1],
             outcome=None if limit_mm is None else _outcome(*measured[row.name], limit_mm),
         )
-        for row in promise
+        for row in promised
     )
 
 
@@ -655,7 +660,8 @@ def _respond(
     gauge = problem.model.machine.instrument
     # Midway, where a linear model of the change is right to third order.
     jacobian = -problem.predict_with_jacobian(offsets - applied / 2.0)[1]
-    predicted = problem.change(offsets, applied) + shared.change - moved
+    predicted = problem.predict(offsets - applied) - problem.predict(offsets)
+    predicted = predicted + shared.change - moved
     values = shared.change, moved, predicted, jacobian
     change, moved, predicted, jacobian = whiten(shared.covariance, *values)
     # The axes are fitted together; corrections have one gain.

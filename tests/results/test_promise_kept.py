@@ -13,7 +13,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
-from orthoglide_cal.estimation import solve
+from orthoglide_cal.estimation import promise, solve
 from orthoglide_cal.inference import extend
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import Readings
@@ -103,10 +103,9 @@ def test_a_promise_leaves_room_for_another_pace_where_time_plays_a_part() -> Non
     measured, model = known(truth.make_session(3, truth.PROTOTYPE, truth.MICRON))
     sure = {name: Estimate(value=0.2, std=0.0, unit="mm/h") for name in "xyz"}
     drift = CAUSES["thermal_drift"].estimated(sure, np.eye(3)).accepted(DAY.isoformat(), "0" * 64)
-    still, drifting = (
-        {AXES.index(row.name[-1]): row.expanded_mm for row in solve(measured, each).promised()}
-        for each in (model, model.extended([drift]))
-    )
+    solutions = (solve(measured, each) for each in (model, model.extended([drift])))
+    rows = (promise(measured, solution, solution.offsets_mm) for solution in solutions)
+    still, drifting = ({AXES.index(row.name[-1]): row.expanded_mm for row in all} for all in rows)
     wider = [
         drifting[leg] / solve(measured, model.extended([drift])).noise.sigma_mm
         - still[leg] / solve(measured, model).noise.sigma_mm
