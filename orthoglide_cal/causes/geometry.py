@@ -4,7 +4,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Screw, Stage
+from orthoglide_cal.model.cause import Cause, Screw, Stage, worded
 from orthoglide_cal.model.kinematics import Geometry
 from orthoglide_cal.model.linear_delta import TOWERS, LinearDelta
 from orthoglide_cal.model.machine import Machine
@@ -101,16 +101,12 @@ class LegLength(Cause):
     instrument = "a calliper on each leg, from joint centre to joint centre"
     number = MappingProxyType({Orthoglide: "leg_length_mm", LinearDelta: "arm_length_mm"})
     advice = "Measure the legs between their joint centres and enter the mean in the machine file."
-    elsewhere = MappingProxyType(
-        {
-            LinearDelta: {
-                "title": "the arms differ from the nominal length",
-                "instrument": "a calliper on each arm, from joint centre to joint centre",
-                "advice": "Measure the arms between their joint centres and enter each in"
-                " printer.cfg (arm_length), or in your firmware and the machine file; then"
-                " calibrate and probe again.",
-            }
-        }
+    elsewhere = worded(
+        LinearDelta,
+        title="the arms differ from the nominal length",
+        instrument="a calliper on each arm, from joint centre to joint centre",
+        advice="Measure the arms between their joint centres and enter each in printer.cfg"
+        " (arm_length), or in your firmware and the machine file; then calibrate and probe again.",
     )
 
     def transferred(self, theta: Floats, before: Machine, after: Machine) -> Floats:

@@ -4,7 +4,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from orthoglide_cal.model.cause import Cause, Screw, Stage
+from orthoglide_cal.model.cause import Cause, Screw, Stage, worded
 from orthoglide_cal.model.kinematics import Command
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
@@ -29,14 +29,11 @@ class EncoderScale(Cause):
     instrument = "gauge blocks against the carriage over its whole travel"
     advice = "Check the travel of the carriage against gauge blocks and correct the axis scale."
     no_setting = "correct the steps per millimetre of each tower"
-    elsewhere = MappingProxyType(
-        {
-            LinearDelta: {
-                "instrument": "a calliper against the carriage over its whole travel",
-                "advice": "Check the travel of the carriage against a calliper and correct the"
-                " steps per millimetre.",
-            }
-        }
+    elsewhere = worded(
+        LinearDelta,
+        instrument="a calliper against the carriage over its whole travel",
+        advice="Check the travel of the carriage against a calliper and correct the steps per"
+        " millimetre.",
     )
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
@@ -66,13 +63,9 @@ class Backlash(Cause):
     settles = True
     instrument = "a dial indicator on the carriage, approached from both sides"
     advice = "Adjust the nut or belt of the carriage, or approach every posture from the same side."
-    elsewhere = MappingProxyType(
-        {
-            LinearDelta: {
-                "advice": "Adjust the belt of the carriage, or approach every place from the same"
-                " side."
-            }
-        }
+    elsewhere = worded(
+        LinearDelta,
+        advice="Adjust the belt of the carriage, or approach every place from the same side.",
     )
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:
@@ -97,13 +90,10 @@ class ThermalDrift(Cause):
     timed = True
     instrument = "the same reading again after an hour"
     advice = "Let the machine warm up before measuring, and repeat the session."
-    elsewhere = MappingProxyType(
-        {
-            LinearDelta: {
-                "title": "the endstops drift with time",
-                "advice": "Let the machine warm up before measuring, and probe again.",
-            }
-        }
+    elsewhere = worded(
+        LinearDelta,
+        title="the endstops drift with time",
+        advice="Let the machine warm up before measuring, and probe again.",
     )
 
     def motion(self, joints: Numbers, theta: Numbers, command: Command) -> Numbers:

@@ -71,6 +71,11 @@ class Screw(NamedTuple):
 PER_HOUR = "mm/h"  # unit of rates
 
 
+def worded(kind: type[Machine], **texts: str) -> Mapping[type[Machine], Mapping[str, str]]:
+    """`Cause.elsewhere` of one kind of machine."""
+    return MappingProxyType({kind: texts})
+
+
 class Cause:
     """Base of all causes; overrides exactly one of geometry, motion, contact and record."""
 

@@ -59,13 +59,15 @@ Predicted = Callable[[Plan], Floats]  # gives the readings of any plan, (..., n)
 Named = Annotated[T, PlainSerializer(lambda values: values._asdict())]
 
 
-# Cause id → its parameters as the controller corrects them, in the unit of the cause.
-Corrections = Annotated[
-    Mapping[str, Mapping[str, Number]],
+# A group of keys that nobody changes; it may be empty in the file.
+Group = Annotated[
+    Mapping[str, T],
     BeforeValidator(empty),
     AfterValidator(MappingProxyType),
     PlainSerializer(dict),
 ]
+# Cause id → its parameters as the controller corrects them, in the unit of the cause.
+Corrections = Group[Mapping[str, Number]]
 
 
 def _of_the_kind(active: Mapping[str, float], info: ValidationInfo) -> Mapping[str, float]:
@@ -297,6 +299,7 @@ class Vocabulary:
     measure: str = ""  # the command that guides through a measurement; empty for none
     probing: str = ""  # how it is measured without a guide
     also: str = ""  # what belongs to that noise, too
+    home: str = ""  # where all joints are at home; empty where the controller shows none
 
 
 class Machine(Schema):
@@ -346,12 +349,9 @@ class Machine(Schema):
     homing_mm: Annotated[Number, Field(ge=1e-3, le=1e3)] | None = None
     # Cause id → plausible size (one standard deviation, contract's unit), 0 for a cause that is
     # ruled out; `Cause.size` says what holds for the others.
-    tolerances: Annotated[
-        Mapping[str, Annotated[Number, Field(ge=0.0, le=1e6)]],
-        BeforeValidator(empty),
-        AfterValidator(MappingProxyType),
-        PlainSerializer(dict),
-    ] = Field(default_factory=lambda: MappingProxyType({}))
+    tolerances: Group[Annotated[Number, Field(ge=0.0, le=1e6)]] = Field(
+        default_factory=lambda: MappingProxyType({})
+    )
     # What its controller corrects of what is wrong with it.
     corrected: Corrections = Field(default_factory=lambda: MappingProxyType({}))
     # What its reports say besides the numbers, and what was entered, oldest first.
@@ -540,10 +540,6 @@ class Machine(Schema):
     def bar_warning(self, plan: AnyPlan) -> Suspicion | None:
         """The plunger that leaves its bar or comes nearest to its end; None if none comes near."""
         return None
-
-    def home_words(self, changes: Mapping[str, float], decimals: int) -> tuple[str, ...]:
-        """Indicated and true positions at home, in words; () where the controller shows none."""
-        return ()
 
     def check_guided(self) -> None:
         """Raises UsageError for a machine that nobody measures by hand, step by step."""

@@ -53,7 +53,6 @@ from orthoglide_cal.model.readings import (
     part_words,
 )
 from orthoglide_cal.schema import Number, ask
-from orthoglide_cal.words import plain
 
 # Usual assembly leaves this much of each joint offset (sec. 2.2), one standard deviation [mm].
 OFFSET_MM = 0.5
@@ -110,6 +109,7 @@ class Orthoglide(Machine):
         finer="a gauge with finer divisions",
         compare="Compare",
         measure="measure",
+        home="At the isotropic posture",
         further="two more postures of each leg between the isotropic one and its limits",
     )
     first_steps = (
@@ -205,12 +205,6 @@ class Orthoglide(Machine):
     @property
     def limits_mm(self) -> tuple[float, float]:
         return self.joint_limits_mm
-
-    def home_words(self, changes: Mapping[str, float], decimals: int) -> tuple[str, ...]:
-        says = plain(self.home_mm, decimals)
-        truly = {axis: plain(self.home_mm + moved, decimals) for axis, moved in changes.items()}
-        lines = (f"{a}: the controller says {says} mm, truly {mm} mm" for a, mm in truly.items())
-        return ("At the isotropic posture, as the controller is set now:", *lines, "")
 
     @property
     def geometry_words(self) -> str:

@@ -25,16 +25,6 @@ SAMPLES = 17  # along each edge of the cube
 MOST_POINTS = 51  # of a compensation table, along each edge
 
 
-@dataclass(frozen=True, eq=False)
-class WorkspaceMaps(ReadOnly):
-    """Tool-position error in slices of a cube inside the joint limits [mm]."""
-
-    axis_mm: Floats  # grid along each edge, shape (n,)
-    levels_mm: Floats  # heights z of the slices, shape (3,)
-    before_mm: Floats  # at [slice, y, x], shape (3, n, n)
-    after_mm: Floats
-
-
 class Workspace(Schema):
     """Largest error of the tool position over the cube that the joint limits allow."""
 
@@ -45,7 +35,8 @@ class Workspace(Schema):
     limit_mm: float | None = None
     left_mm: float = Field(description="what the causes alone leave after entering")
     cube_mm: tuple[float, float]
-    maps: SkipJsonSchema[WorkspaceMaps | None] = Field(None, exclude=True, repr=False)
+    # Before and after, in the lowest, the middle and the highest slice, [slice, y, x], (3, n, n).
+    maps: SkipJsonSchema[tuple[Floats, Floats] | None] = Field(None, exclude=True, repr=False)
 
 
 @functools.lru_cache(maxsize=4)
@@ -118,12 +109,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         worst_after_mm=tuple(points[np.argmax(after)].tolist()),
         left_mm=float(left.max()),
         cube_mm=(float(axis[0]), float(axis[-1])),
-        maps=WorkspaceMaps(
-            axis_mm=axis,
-            levels_mm=axis[levels],
-            before_mm=before.reshape(shape)[levels],
-            after_mm=after.reshape(shape)[levels],
-        ),
+        maps=(read_only(before.reshape(shape)[levels]), read_only(after.reshape(shape)[levels])),
     )
 
 

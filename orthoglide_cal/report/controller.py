@@ -82,14 +82,17 @@ def exported(format: str, case: Case, identity: Identity) -> str:
 
 def _text(case: Case) -> Sequence[str]:
     """For any controller: "the controller says X, truly Y"."""
-    answer = case.answer
+    answer, home = case.answer, case.machine.home_mm
     digits = answer.decimals
+    says, posture = plain(home, digits), [f"{case.words.home}, as the controller is set now:"]
     unit, rows = common_unit(case.machine), [("", "previous", "change", "U", "enter")]
     for row in answer.parameters:
         name = row.name if unit else f"{row.name}, {row.unit}"
         change = typed(row.change(digits), digits) if row.determined else "unknown"
         active, new = plain(row.active, digits), plain(row.new(digits), digits)
         rows.append((name, active, change, two_figures(row.expanded), new))
+        truly = plain(home + row.change(digits), digits)
+        posture.append(f"{row.name}: the controller says {says} mm, truly {truly} mm")
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         "",
@@ -97,7 +100,7 @@ def _text(case: Case) -> Sequence[str]:
         f" uncertainty, {coverage_words(answer.k or 0.0)}, {100 * answer.confidence:.0f} %)",
         *("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows),
         "",
-        *case.machine.home_words({p.name: p.change(digits) for p in answer.parameters}, digits),
+        *((*posture, "") if case.words.home else ()),
     ]
 
 

@@ -417,20 +417,18 @@ def workspace_maps(
 
     The last picture is the one scale of their colours, which begins at zero.
     """
-    before = first.maps
-    assert before is not None
-    pictures = [("as found", before.before_mm, first.before_mm, first.worst_before_mm)]
+    assert first.maps is not None
+    pictures = [("as found", first.maps[0], first.before_mm, first.worst_before_mm)]
     if after is None:
-        pictures.append(("expected", before.after_mm, first.after_mm, first.worst_after_mm))
+        pictures.append(("expected", first.maps[1], first.after_mm, first.worst_after_mm))
     else:
         assert after.maps is not None
-        pictures.append(("as left", after.maps.before_mm, after.before_mm, after.worst_before_mm))
+        pictures.append(("as left", after.maps[0], after.before_mm, after.worst_before_mm))
     limits = class_limits(max(float(error.max()) for _, error, *_ in pictures))
-    ends, panels = (float(before.axis_mm[0]), float(before.axis_mm[-1])), []
+    ends, panels = first.cube_mm, []
     across = Scale(*ends, 0.0, _SIZE)
     for when, error, worst_mm, (x_mm, y_mm, z_mm) in pictures:
-        for k in reversed(range(len(before.levels_mm))):
-            level = float(before.levels_mm[k])
+        for k, level in reversed([*enumerate(np.linspace(*ends, len(error)).tolist())]):
             title = f"{when}, z = {tick_text(level, 1.0)} mm"
             most = two_figures(worst_mm)
             finding = f"Tool-position error in a slice of the workspace, {when}. It is at most"

@@ -128,14 +128,12 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
     error = np.hypot(x, y)[None] / 100.0  # up to 0.99 mm
 
     def errors(before: np.ndarray, after: np.ndarray, worst: float) -> SimpleNamespace:
-        maps = SimpleNamespace(
-            axis_mm=axis, levels_mm=np.array([-20.0]), before_mm=before, after_mm=after
-        )
         corner = (70.0, -70.0, worst)
-        return SimpleNamespace(maps=maps, worst_before_mm=corner, worst_after_mm=corner,
-                               before_mm=before.max(), after_mm=after.max())  # fmt: skip
+        return SimpleNamespace(cube_mm=(-70.0, 70.0), maps=(before, after), worst_before_mm=corner,
+                               worst_after_mm=corner, before_mm=before.max(),
+                               after_mm=after.max())  # fmt: skip
 
-    found = errors(error, error / 10.0, -20.0)
+    found = errors(error, error / 10.0, -70.0)
     before, after, legend = figures.workspace_maps(found)
     assert ">0.00<" in legend
     assert marks(before) == [(210.0, 190.0)]  # the lower right corner
@@ -149,12 +147,12 @@ def test_the_workspace_has_the_colours_of_its_errors_on_one_scale():
             share = np.pi * radius**2 / 140.0**2
             assert above / whole == pytest.approx(1.0 - share, abs=0.02)
     assert set(heat(after)) == {"h0"}
-    assert "as found, z = −20 mm" in before
-    assert "expected, z = −20 mm" in after
+    assert "as found, z = −70 mm" in before
+    assert "expected, z = −70 mm" in after
     # What was measured afterwards takes the place of what was expected; the limit is a circle.
     later = errors(error / 2.0, error, 3.0)
     _, measured, _ = figures.workspace_maps(found, later, 0.35)
-    assert "as left, z = −20 mm" in measured
+    assert "as left, z = −70 mm" in measured
     assert "≤ 0.49" in measured
     assert marks(measured) == []  # its worst point lies in no slice
     edges = re.findall('<line x1="([0-9.]+)" y1="([0-9.]+)"[^>]*class="due"', measured)
