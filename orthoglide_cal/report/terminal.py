@@ -80,7 +80,7 @@ class _Lines:
                 yield from self._flow(doc.strong(section.title))
             for number, block in enumerate(section.blocks):
                 close = section.title is None and not headed
-                if number and isinstance(block, doc.Grid | doc.Figure) and not close:
+                if number and isinstance(block, doc.Grid | doc.Facts | doc.Figure) and not close:
                     yield Text()
                 yield from self._block(block, _GAP if close else "")
         if page.signatures:
