@@ -319,19 +319,23 @@ def _gains_of_noise(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
     left = known[:, -1] - columns @ (columns.T @ known[:, -1])
     more2 = (unit * fit.noise.stated * factors) ** 2
     share, noise2 = more2 / (1.0 + more2), (fit.noise.sigma / fit.noise.stated) ** 2
-    for k in np.flatnonzero(~everywhere):
+    some = rows[:, ~everywhere].T
+    by_where = []
+    # A bed has more unknowns than a where of it readings; of gauges all wheres at once.
+    for part in [some] if texture is None else some[:, None]:
         # With less weight of some readings, by the eigenvalues of their part of the hat matrix.
-        some, residual = columns[rows[:, k]], left[rows[:, k]]
-        if len(some) < some.shape[1]:
-            size2, axes = np.linalg.eigh(some @ some.T)
-            match2 = size2 * (axes.T @ residual) ** 2
+        here = columns[part[:1].any(axis=0)]
+        if len(part) == 1 and len(here) < here.shape[1]:
+            size2, axes = np.linalg.eigh((here @ here.T)[None])
+            match2 = size2 * (left[part[0]] @ axes) ** 2
         else:
-            size2, axes = np.linalg.eigh(some.T @ some)
-            match2 = (axes.T @ (some.T @ residual)) ** 2
-        kept = 1.0 - np.outer(share, size2)
-        square = share * (residual @ residual) + share**2 * (match2 / kept).sum(axis=1)
-        log_det = np.log(kept).sum(axis=1) + len(some) * np.log1p(more2)
-        gains[k] = 0.5 * (square[:, None] / noise2 - log_det[:, None])
+            size2, axes = np.linalg.eigh(columns.T @ (part[:, :, None] * columns))
+            match2 = (((part * left) @ columns)[:, None] @ axes)[:, 0] ** 2
+        kept = 1.0 - share[:, None] * size2[:, None]
+        square = share * (part @ left**2)[:, None] + share**2 * (match2[:, None] / kept).sum(-1)
+        log_det = np.log(kept).sum(axis=-1) + part.sum(axis=1)[:, None] * np.log1p(more2)
+        by_where.append(0.5 * (square[..., None] / noise2 - log_det[..., None]))
+    gains[~everywhere] = np.concatenate((gains[:0], *by_where))
     return gains[:, None]
 
 
