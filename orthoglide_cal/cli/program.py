@@ -1,4 +1,4 @@
-"""The entry point. It loads nothing before it can be interrupted."""
+"""The entry point: it loads nothing before it can be interrupted."""
 
 import sys
 

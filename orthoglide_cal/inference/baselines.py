@@ -71,9 +71,9 @@ def baselines(
     there, error, then, _ = _touches(later, None if anew else offsets - entered)
     quartic = None
     if enough:
-        found = np.linalg.lstsq(columns, left)[0]
-        fixed = found[: jacobian.shape[1]] * (np.arange(jacobian.shape[1]) >= free)
-        predicted = then @ fixed + _surface(white, there) @ found[-len(QUARTIC) :]
+        terms = np.linalg.lstsq(columns, left)[0]
+        fixed = terms[: jacobian.shape[1]] * (np.arange(jacobian.shape[1]) >= free)
+        predicted = then @ fixed + _surface(white, there) @ terms[-len(QUARTIC) :]
         quartic = rms(unexplained(then[:, :free], error - predicted))
     return quartic, rms(unexplained(then[:, :free], error - _interpolated(place, left, there)))
 
@@ -84,21 +84,21 @@ def repeats(white: Whitened, later: Whitened | None = None) -> float | None:
     What calibrated parameters leave of the touches of each date; None for few, or of one date.
     """
     maps = [
-        (place[own], left[own], jacobian[own])
+        (place[dated], left[dated], jacobian[dated])
         for white_data in (white, later)
         if white_data is not None and white_data.plan.touches.any()
         for place, left, jacobian, date in (_touches(white_data),)
         for day in np.unique(date)
-        for own in (date == day,)
+        for dated in (date == day,)
     ]
-    found = []
+    correlations = []
     for (place, left, _), (there, after, then) in pairwise(maps):
         if min(len(left), len(after)) < ENOUGH * then.shape[1]:
             return None
         both = unexplained(then, np.stack((_interpolated(place, left, there), after), axis=1))
         size = np.sqrt(np.prod((both**2).sum(axis=0)))
-        found.append(float(np.prod(both, axis=1).sum() / max(size, TINY)))
-    return min(found, default=None)
+        correlations.append(float(np.prod(both, axis=1).sum() / max(size, TINY)))
+    return min(correlations, default=None)
 
 
 def _touches(white: Whitened, offsets: Floats | None = None) -> tuple[Floats, Floats, Floats, Ints]:
@@ -127,11 +127,11 @@ def _patches(white: Whitened, columns: Floats, left: Floats) -> Iterator[Floats]
     number = np.cumsum(touches) - 1
     for patches in left_out(white):
         for patch in patches:
-            own = number[patch[touches[patch]]]
-            rest = np.setdiff1d(np.arange(len(left)), own)
-            if own.size:
-                found = np.linalg.lstsq(columns[rest], left[rest])[0]
-                yield left[own] - columns[own] @ found
+            omitted = number[patch[touches[patch]]]
+            rest = np.setdiff1d(np.arange(len(left)), omitted)
+            if omitted.size:
+                terms = np.linalg.lstsq(columns[rest], left[rest])[0]
+                yield left[omitted] - columns[omitted] @ terms
 
 
 def _interpolated(place: Floats, value: Floats, there: Floats) -> Floats:

@@ -122,10 +122,8 @@ class Explanation(Schema):
 
 def nothing_wrong(explanations: Iterable[Explanation]) -> float | None:
     """Probability of a sound machine, soundly measured; None where it is not worth saying."""
-    found = next(
-        (explanation.probability for explanation in explanations if explanation.sound), 0.0
-    )
-    return found if found >= WORTH_SAYING else None
+    probability = next((one.probability for one in explanations if one.sound), 0.0)
+    return probability if probability >= WORTH_SAYING else None
 
 
 class LackOfFit(Schema):

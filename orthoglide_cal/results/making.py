@@ -126,7 +126,8 @@ def answer_to(
     real = (diagnosed_as if named else None) or chosen
     budget, std = chosen.budget, chosen.budget.std_mm
     decimals = machine.decimals or entered_decimals(budget.expanded_mm.tolist(), machine.active)
-    parameters = parameters_of(chosen)
+    offsets_only = parameters_of(alone)
+    parameters = parameters_of(shown_as) if shown_as else offsets_only
     # They may hold a release; without one only a page shows them.
     asked = given.others if decision.usable or details else ()
     others = tuple(answer_to(other, method, details=details) for other in asked)
@@ -183,7 +184,7 @@ def answer_to(
         correlation=tuple(map(tuple, correlation.tolist())),
         sigma_rho_mm=rms(std) if set(machine.parameter_units) == {"mm"} else None,
         alone=schema.Alone(
-            parameters=parameters_of(alone),
+            parameters=offsets_only,
             rms_after_mm=solution.rms_after_mm,
             wrong_by=float(shift.max()),
             unit=machine.parameter_units[int(np.argmax(shift))],
@@ -218,9 +219,7 @@ def answer_to(
         others=others,
         # The parameters alone are those of the solution.
         explanations=tuple(
-            one.changed(rms_mm=solution.rms_after_mm, parameters=parameters_of(alone))
-            if one.sound
-            else one
+            one.changed(rms_mm=solution.rms_after_mm, parameters=offsets_only) if one.sound else one
             for one in diagnosis.explanations
         ),
         shims=tuple(_shims(diagnosis.causes)) if named else (),
