@@ -56,10 +56,15 @@ def shrinking(columns: Floats) -> tuple[Floats, Floats]:
     return axes, 1.0 / np.sqrt(1.0 + size**2)
 
 
+def shrink(values: Floats, axes: Floats, factors: Floats) -> Floats:
+    """(I − U diag(1 − f) Uᵀ) v of values (k,) or (k, m), with U and f as of `shrinking`."""
+    return np.asarray(values - axes @ ((1.0 - factors) * (axes.T @ values).T).T)
+
+
 def whiten_shared(columns: Floats, *values: Floats) -> tuple[Floats, ...]:
     """Values, each (k,) or (k, q), in units of independent noise of S = I + C Cᵀ, C (k, c)."""
     axes, factors = shrinking(columns)
-    return tuple(value - axes @ ((1.0 - factors) * (axes.T @ value).T).T for value in values)
+    return tuple(shrink(value, axes, factors) for value in values)
 
 
 def log_density(covariance: Floats, residuals: Floats) -> Floats:

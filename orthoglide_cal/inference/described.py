@@ -6,14 +6,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from orthoglide_cal.estimation.accuracy import rms
-from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.fit import Fit, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern
 from orthoglide_cal.inference.patterns import at_usual_size, extended, fits_of
 from orthoglide_cal.inference.result import FoundPattern
 from orthoglide_cal.model.cause import NORMAL_K, Estimate
 from orthoglide_cal.model.measured import Measured, Readings
-from orthoglide_cal.model.plan import Bools, Floats, Ints, Plan, Where, without_zeros
+from orthoglide_cal.model.plan import Bools, Floats, Ints, Where, without_zeros
 
 MINUTES = 60.0  # in an hour
 # Pattern → name of the parameter of its shapes.
@@ -24,7 +23,7 @@ _Fits = Sequence[tuple[float, Fit]]
 
 def described(
     hypothesis: Hypothesis,
-    belief: Belief,
+    base: Fit,
     measured: Measured,
     probability: float,
     accepted: bool,
@@ -32,51 +31,54 @@ def described(
 ) -> FoundPattern | None:
     """The last pattern of a hypothesis in numbers; None where no readings of one gauge differ.
 
-    `before_mm` is left by the calibrated parameters alone, r.m.s.
+    `base` is the fit of its listed causes; `before_mm` is left by the calibrated parameters alone.
     """
-    base = belief.fit(hypothesis.ids)
     pattern, white = hypothesis.patterns[-1], hypothesis.at.white
+    how, plan = pattern.how, white.plan
     fits, before = fits_of(hypothesis, base), at_usual_size(base)
     for other in hypothesis.patterns[:-1]:
         before = extended(before, other)
     after = fits[0][1]
-    wheres = white.plan.wheres(white.raw)
-    rows = next(rows for where, rows in wheres if where == pattern.where)
-    where = dict(pattern.where)
-    if "posture" in where and isinstance(measured, Readings):
-        where["posture"] = measured.posture[int(np.argmax(rows))]
+    rows = next(rows for where, rows in plan.wheres(white.raw) if where == pattern.where)
     gauges = list(_gauges(pattern, fits, rows))
     if not gauges:
         return None
-    _, size, std, _ = max(gauges, key=lambda one: abs(one[1]))
-    kelvin, unit = pattern.how == "temperature", "mm/K" if pattern.how == "temperature" else "mm"
+    _, size, std, _ = max(gauges, key=lambda gauge: abs(gauge[1]))
+    kelvin, unit = how == "temperature", "mm/K" if how == "temperature" else "mm"
     parameters = [
         Estimate(name=name, unit=unit, value=value / by, std=spread / abs(by))
         for name, value, spread, span in gauges
         for by in [span if kelvin else 1.0]
     ]
-    start, late = None, None
-    between: tuple[Where, ...] = ()
-    if pattern.how in _SHAPE_NAMES:
-        shapes = np.array([shape.parameter for shape in pattern.shapes])
-        known = _mean_and_std(np.array([share for share, _ in fits]), MINUTES * shapes)
-        columns = {"name": _SHAPE_NAMES[pattern.how], "unit": "min"}
-        parameters.append(Estimate(**columns, value=known[0], std=known[1]))
-        late = _heldout(rows, before, after, _last_third(white.plan))
-        start = {
-            "steps": known[0],
-            "settles": MINUTES * float(white.plan.hours[rows].min()),
-        }.get(pattern.how)
-        if pattern.how == "steps" and isinstance(measured, Readings):
-            between = tuple(_between(measured, rows, *known))
-    left = before if pattern.how == "scatters" else after
-    heldout = None
+    where, start, between = dict(pattern.where), None, tuple[Where, ...]()
+    heldout, late = None, None
     effect: list[tuple[float, ...]] = [(), ()]
+    if how in _SHAPE_NAMES:
+        moment, u = _mean_and_std(fits, [MINUTES * shape.parameter for shape in pattern.shapes])
+        name = _SHAPE_NAMES[how]
+        parameters.append(Estimate(name=name, unit="min", value=float(moment), std=float(u)))
+        if how == "steps":
+            start = float(moment)
+        elif how == "settles":
+            start = MINUTES * float(plan.hours[rows].min())
+        # The last third of each set-up; the other readings stay.
+        ordered, first = plan.sequence
+        setup = np.cumsum(first) - 1
+        rank = np.arange(len(ordered)) - np.flatnonzero(first)[setup]
+        thirds = np.empty(len(ordered), np.intp)
+        thirds[ordered] = np.where(3 * rank >= 2 * np.bincount(setup)[setup], 0, -1)
+        late = _heldout(rows, before, after, thirds)
     if isinstance(measured, Readings):
-        effect = [tuple(values.tolist()) for values in _effect(pattern, fits, rows)]
+        if "posture" in where:
+            where["posture"] = measured.posture[int(np.argmax(rows))]
+        if how == "steps":
+            between = tuple(_between(measured, rows, float(moment), float(u)))
         heldout = _heldout(rows, before, after, measured.cycle)
+        effect = [tuple(values.tolist()) for values in _effect(pattern, fits, rows)]
+    # More noise takes nothing away.
+    left = before if how == "scatters" else after
     return FoundPattern(
-        how=pattern.how,
+        how=how,
         where=where,
         from_minutes=start,
         between=between,
@@ -86,7 +88,6 @@ def described(
         probability=probability,
         accepted=accepted,
         rms_before_mm=before_mm,
-        # More noise takes nothing away.
         rms_after_mm=white.rms(left.left) if left.white is white else None,
         heldout_before_mm=heldout and heldout[0],
         heldout_after_mm=heldout and heldout[1],
@@ -100,28 +101,34 @@ def described(
 
 def _effect(pattern: Pattern, fits: _Fits, rows: Bools) -> tuple[Floats, Floats]:
     """What it adds to each reading, and U of that, both (n,) [mm]; more noise adds U alone."""
-    shares, values = np.array([share for share, _ in fits]), np.zeros((len(fits), len(rows)))
+    columns = [shape.columns for shape in pattern.shapes]
     if pattern.how == "scatters":
         variances = np.outer([shape.size**2 for shape in pattern.shapes], rows)
+        mean, std = _mean_and_std(fits, np.zeros_like(variances), variances)
     else:
-        plan, columns = pattern.at.white.plan, [shape.columns for shape in pattern.shapes]
         if pattern.how == "repeats":  # of a gauge the zero hides their mean
-            columns = [without_zeros(plan, one.T).T for one in columns]
-        known = _unknowns(pattern, fits)
-        values = np.array([one @ mean for one, (mean, _) in zip(columns, known, strict=True)])
-        spreads = ((one @ spread) * one for one, (_, spread) in zip(columns, known, strict=True))
-        variances = np.array([spread.sum(axis=1) for spread in spreads])
-    mean = shares @ values
-    return mean, NORMAL_K * np.sqrt(shares @ ((values - mean) ** 2 + variances))
+            columns = [without_zeros(pattern.at.white.plan, one.T).T for one in columns]
+        mean, std = _sizes(fits, columns)
+    return mean, NORMAL_K * std
 
 
-def _unknowns(pattern: Pattern, fits: _Fits) -> list[tuple[Floats, Floats]]:
-    """What scales the columns of each shape: mean (q,) and covariance (q, q)."""
-    known = []
-    for shape, (_, fit) in zip(pattern.shapes, fits, strict=True):
-        slot = slice(fit.first_uncertain - shape.columns.shape[1], fit.first_uncertain)
-        known.append((fit.moved[slot], fit.covariance[slot, slot]))
-    return known
+def _sizes(fits: _Fits, columns: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """Mean and standard deviation of what the columns (m, q) under each fit add up to, (m,)."""
+    values, variances = [], []
+    for one, (_, fit) in zip(columns, fits, strict=True):
+        slot = slice(fit.first_uncertain - one.shape[1], fit.first_uncertain)
+        values.append(one @ fit.moved[slot])
+        variances.append(((one @ fit.covariance[slot, slot]) * one).sum(axis=1))
+    return _mean_and_std(fits, values, np.array(variances))
+
+
+def _mean_and_std(
+    fits: _Fits, values: Sequence[Floats | float] | Floats, variances: Floats | float = 0.0
+) -> tuple[Floats, Floats]:
+    """Of values, and variances, under each fit, (f, ...), by their shares, which sum to 1."""
+    shares, under = np.array([share for share, _ in fits]), np.array(values)
+    mean = shares @ under
+    return mean, np.sqrt(shares @ ((under - mean) ** 2 + variances))
 
 
 def _between(measured: Readings, rows: Bools, minutes: float, std: float) -> Iterator[Where]:
@@ -136,16 +143,6 @@ def _between(measured: Readings, rows: Bools, minutes: float, std: float) -> Ite
         yield {"order": str(rank + 1)} | {name: str(own[name]) for name in names}
 
 
-def _last_third(plan: Plan) -> Ints:
-    """0 for the readings in the last third of each set-up, −1 for the others, (n,)."""
-    rows, first = plan.sequence
-    setup = np.cumsum(first) - 1
-    rank, count = np.arange(len(rows)) - np.flatnonzero(first)[setup], np.bincount(setup)[setup]
-    cells = np.empty(len(rows), np.intp)
-    cells[rows] = np.where(3 * rank >= 2 * count, 0, -1)
-    return cells
-
-
 def _gauges(
     pattern: Pattern, fits: _Fits, rows: Bools
 ) -> Iterator[tuple[str, float, float, float]]:
@@ -153,37 +150,27 @@ def _gauges(
 
     Positive where the later of the two readings is the larger. More noise is one for all.
     """
-    shares = np.array([share for share, _ in fits])
+    shapes, plan = pattern.shapes, pattern.at.white.plan
     if pattern.how == "scatters":
-        sizes = np.array([shape.size for shape in pattern.shapes])
+        sizes = np.array([shape.size for shape in shapes])
         # Sizes between those that were tried are as likely.
         between = sizes * math.log(pattern.sizes[1] / pattern.sizes[0]) / math.sqrt(12.0)
-        yield "noise", *_mean_and_std(shares, sizes, between**2), 1.0
+        size, std = _mean_and_std(fits, sizes, between**2)
+        yield "noise", float(size), float(std), 1.0
         return
-    plan, columns = pattern.at.white.plan, [shape.columns for shape in pattern.shapes]
-    known = _unknowns(pattern, fits)
-    effect = columns[0] @ known[0][0]
+    fit, columns = fits[0][1], shapes[0].columns
+    effect = columns @ fit.moved[fit.first_uncertain - columns.shape[1] : fit.first_uncertain]
+    by = 1.0 if pattern.parameters is None else float(pattern.parameters[0])
     for gauge in dict.fromkeys(plan.shared[rows].tolist()):
         own = np.flatnonzero(plan.shared == gauge)
         ends = own[effect[own].argmin()], own[effect[own].argmax()]
         first, last = sorted(ends, key=plan.order.__getitem__)
-        apart = [shape[last] - shape[first] for shape in columns]
-        values = np.array([one @ mean for one, (mean, _) in zip(apart, known, strict=True)])
-        variances = [one @ spread @ one for one, (_, spread) in zip(apart, known, strict=True)]
-        if not np.any(apart[0]):
-            continue
-        entry, span = plan.entry(int(first)), float(apart[0].sum())
-        name = f"{entry['direction']}_{entry['leg']}" if "leg" in entry else "readings"
-        by = 1.0 if pattern.parameters is None else float(pattern.parameters[0])
-        yield name, *_mean_and_std(shares, values, np.array(variances)), by * span
-
-
-def _mean_and_std(
-    shares: Floats, values: Floats, variances: Floats | float = 0.0
-) -> tuple[float, float]:
-    """Of a mixture, shares (m,) that sum to 1."""
-    mean = float(shares @ values)
-    return mean, math.sqrt(float(shares @ ((values - mean) ** 2 + variances)))
+        apart = [(shape.columns[last] - shape.columns[first])[None] for shape in shapes]
+        if np.any(apart[0]):
+            mean, std = _sizes(fits, apart)
+            entry = plan.entry(int(first))
+            name = f"{entry['direction']}_{entry['leg']}" if "leg" in entry else "readings"
+            yield name, float(mean[0]), float(std[0]), by * float(apart[0].sum())
 
 
 def _heldout(rows: Bools, before: Fit, after: Fit, cells: Ints) -> tuple[float, float] | None:
@@ -198,7 +185,6 @@ def _heldout(rows: Bools, before: Fit, after: Fit, cells: Ints) -> tuple[float, 
         return None
     errors = []
     for fit in (before, after):
-        which, error, _ = leave_out(fit.white, fit, blocks)
-        chosen = rows[which]
-        errors.append(rms((error / fit.white.plan.precision[which])[chosen]))
+        which, error, _ = leave_out(fit, blocks)
+        errors.append(rms((error / fit.white.plan.precision[which])[rows[which]]))
     return errors[0], errors[1]
