@@ -12,6 +12,7 @@ import math
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import TypeVar
 
 import numpy as np
@@ -26,7 +27,6 @@ from orthoglide_cal.inference.patterns import (
     combined,
     pattern_candidates,
     placed_causes,
-    weight_of,
 )
 from orthoglide_cal.model.plan import Floats
 
@@ -117,21 +117,21 @@ class Belief:
         """
         at, nothing, every = self.at, self.fit(()), self._every(fine=True)
         patterns = {one.label: one for one in combined(self.hypotheses[()], nothing, every)}
-        ordered = sorted(patterns.values(), key=weight_of)
+        ordered = sorted(patterns.values(), key=attrgetter("log_weight"))
         likely = {one.patterns[0].how: one for one in ordered} | {
             one.label: one for one in ordered[-LIKELY:-1]
         }
-        least = weight_of(ordered[-1])
-        pairs = [pair for pair in combined(ordered[-1], nothing, every) if weight_of(pair) > least]
+        least = ordered[-1].log_weight
+        pairs = [pair for pair in combined(ordered[-1], nothing, every) if pair.log_weight > least]
         for ids in (ids for ids in self.listed if len(ids) == 1):
             pairs += combined(self.hypotheses[ids], self.fit(ids), every)
         placed = placed_causes(at)
         for hypothesis in likely.values():
             pairs += combined(hypothesis, nothing, placed)
         # Each only where prior times evidence grows by it.
-        alone = {label: weight_of(one) for label, one in patterns.items()}
-        for pair in sorted(pairs, key=weight_of):
-            if weight_of(pair) > max(alone.get(one.label, -math.inf) for one in pair.patterns):
+        alone = {label: one.log_weight for label, one in patterns.items()}
+        for pair in sorted(pairs, key=attrgetter("log_weight")):
+            if pair.log_weight > max(alone.get(one.label, -math.inf) for one in pair.patterns):
                 patterns[pair.label] = pair
         return replace(self, patterns=patterns)
 
@@ -153,7 +153,7 @@ class Belief:
     def probability(self) -> Mapping[Ids | str, float]:
         """Probability of each set of listed causes and each pattern, the most probable first."""
         patterns = self.patterns.items()
-        beyond = {label: weight_of(scored) for label, scored in patterns}
+        beyond = {label: scored.log_weight for label, scored in patterns}
         return probabilities({**self.log_weight, **beyond})
 
     @cached_property

@@ -23,14 +23,14 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.gaussian import unexplained, whiten
+from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
 from orthoglide_cal.estimation.least_squares import LeastSquaresFit
 from orthoglide_cal.inference.candidates import Candidates
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
 from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place
-from orthoglide_cal.model.machine import Influence, Machine, Origin
+from orthoglide_cal.model.machine import Influence, Machine
 from orthoglide_cal.model.measured import DataKind, Measured, Readings
-from orthoglide_cal.model.model import Model, differentiate, differentiate_absent, simulate
+from orthoglide_cal.model.model import Model, differentiate_absent
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import (
     Bools,
@@ -176,8 +176,8 @@ class Whitened(ReadOnly):
         general, factors = texture.whitened(self.machine.instrument.noise_mm)
         axes, precision = texture.axes, general * self.matrix.precision
         matrix = replace(self.matrix, precision=precision, axes=axes, factors=factors)
-        along = (versions @ axes) * (1.0 - factors)
-        fit = fit_offsets(replace(problem, matrix=matrix), general * (versions - along @ axes.T))
+        white = general * shrink(versions.T, axes, factors).T
+        fit = fit_offsets(replace(problem, matrix=matrix), white)
         predicted, _ = problem.predict_with_jacobian(fit.offsets_mm, strict=False)
         return replace(fit, residuals_mm=versions - predicted)
 
@@ -189,23 +189,6 @@ class Whitened(ReadOnly):
     def side_by_side(self, influences: Iterable[Influence]) -> Floats:
         """Columns of influences on the data, shape (k, c) [mm]."""
         return np.hstack([np.zeros((len(self), 0)), *(one.columns for one in influences)])
-
-    def with_effects(
-        self, uncertain: tuple[Influence, ...], offsets: Floats, effects: Sequence[Effect]
-    ) -> tuple[Influence, ...]:
-        """The same on a machine with some effects: what a stand's place does to the readings
-        depends on how the touched surface lies."""
-        if all(influence.source != Origin.GAUGE_PLACEMENT for influence in uncertain):
-            return uncertain
-        known, plan = self.problem.model.extended(effects), self.plan
-        gauges = self.machine.uncertain(plan, lambda other: simulate(known, offsets, other))
-        anew = {influence.source: influence.reduced(self.matrix) for influence in gauges}
-        return tuple(anew.get(influence.source, influence) for influence in uncertain)
-
-    def linearised(self, offsets: Floats, effects: Sequence[Effect]) -> tuple[Floats, Floats]:
-        """For offsets (3,) [mm] with effects: prediction (k,), its derivatives (k, 3 + p)."""
-        readings, jacobian = differentiate(self.problem.model, offsets, self.plan, effects)
-        return self.matrix @ readings, self.matrix @ jacobian
 
 
 def _warming(readings: Readings) -> Floats | None:
@@ -281,23 +264,20 @@ def places_of(
     size of the offsets is judged in no unit.
     """
     plan, machine, matrix = problem.plan, problem.model.machine, problem.matrix
-    every = []
+    spare, every = len(matrix) - len(machine.parameter_names), []
     for cause in extras:
         places = tuple(cause.places(plan, machine))
-        if isinstance(cause, PatternCause):
-            weight = dict.fromkeys(places, -math.log(max(len(places), 1)))
-            columns = Places(matrix, cause.patterns(plan, places)) if places else None
-            every.append(Placed(cause, places, 0, weight, patterns=columns))
-        else:
-            total = sum(map(cause.share, places))
-            spare = len(matrix) - len(machine.parameter_names)
-            weights = {
-                place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
-                for place in places
-            }
-            undone = tuple(place for place in places if cause.reversible(plan, place))
-            others = tuple(place for place in places if place not in undone)
-            every.append(Placed(cause, undone, 0, weights, others))
+        total = sum(map(cause.share, places))
+        weights = {
+            place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
+            for place in places
+        }
+        tried = tuple(place for place in places if cause.reversible(plan, place))
+        others = tuple(place for place in places if not cause.reversible(plan, place))
+        patterns = None
+        if isinstance(cause, PatternCause) and places:
+            patterns = Places(matrix, cause.patterns(plan, places))
+        every.append(Placed(cause, tried, 0, weights, others, patterns))
     return tuple(every)
 
 

@@ -35,7 +35,8 @@ from orthoglide_cal.inference.hypothesis import (
     pattern_densities,
 )
 from orthoglide_cal.model.cause import Effect
-from orthoglide_cal.model.machine import Influence, Instrument
+from orthoglide_cal.model.machine import Influence, Instrument, Origin
+from orthoglide_cal.model.model import differentiate, simulate
 from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, ReadOnly, read_only
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
@@ -151,11 +152,6 @@ class Fit(ReadOnly):
         return sum((effect.place for effect in self.effects if effect.cause.hides_reading), ())
 
     @property
-    def unknowns(self) -> float:
-        """Degrees of freedom that a fit with priors takes up: trace of its hat matrix."""
-        return float(np.trace(self.covariance @ self.columns.T @ self.columns)) / self.sigma**2
-
-    @property
     def first_uncertain(self) -> int:
         """Index of the first unknown that is of what is uncertain of the data."""
         widths = (influence.columns.shape[1] for influence in self.uncertain)
@@ -269,18 +265,21 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
     large as these data make it.
     """
     fit = begun = _begin(hypothesis, scale_factor)
-    at, slopes, step, rounds = fit.linearised, fit.derivatives, math.inf, 0
+    at, white, step, rounds = fit.linearised, fit.linearised.white, math.inf, 0
     # From where they were linearised: the offsets alone, fitted to the data as recorded.
-    theta = fit.moved[len(fit.start) : slopes.shape[1]]
+    theta = fit.moved[len(fit.start) : fit.derivatives.shape[1]]
     moved = np.abs(np.concatenate([fit.offsets - at.offsets[0], theta]))
-    if float(np.sqrt(np.mean(slopes**2, axis=0)) @ moved) > at.noise.stated:
+    if float(np.sqrt(np.mean(fit.derivatives**2, axis=0)) @ moved) > at.noise.stated:
         rounds = ROUNDS
     for _ in range(rounds):
         try:
-            predicted, derivatives = at.white.linearised(*fit.state)
+            offsets, effects = fit.state
+            readings, slopes = differentiate(
+                at.white.problem.model, offsets, at.white.plan, effects
+            )
         except PostureError:  # No machine is like that: such an explanation stays as it was scored.
             break
-        before, (fit, step) = step, _step(fit, predicted, derivatives)
+        before, (fit, step) = step, _step(fit, white.matrix @ readings, white.matrix @ slopes)
         if not FAR_MM < step < 0.5 * before:
             break
     fit = _settle(fit)
@@ -357,21 +356,26 @@ def _step(fit: Fit, predicted: Floats, derivatives: Floats) -> tuple[Fit, float]
 
 
 def _settle(fit: Fit) -> Fit:
-    """The fit with what is uncertain of the data as it acts on a machine with these causes."""
+    """The fit with what is uncertain of the data as it acts on a machine with these causes.
+
+    What a stand's place does to the readings depends on how the touched surface lies.
+    """
     white, derivatives, width = fit.linearised.white, fit.derivatives, len(fit.start)
     caused = derivatives[:, width:] @ fit.moved[width : derivatives.shape[1]]
-    if rms(caused) <= STEEP * fit.noise.stated:
+    stands = any(influence.source == Origin.GAUGE_PLACEMENT for influence in fit.uncertain)
+    if not stands or rms(caused) <= STEEP * fit.noise.stated:
         return fit
+    offsets, effects = fit.state
+    known = white.problem.model.extended(effects)
     try:
-        uncertain = white.with_effects(fit.uncertain, *fit.state)
+        gauges = white.machine.uncertain(white.plan, lambda other: simulate(known, offsets, other))
+        anew = {influence.source: influence.reduced(white.matrix) for influence in gauges}
     except PostureError:
         return fit
-    if uncertain is fit.uncertain:
-        return fit
-    kept = fit.columns[:, : fit.first_uncertain]
-    columns = np.hstack([kept, white.side_by_side(uncertain)])
+    uncertain = tuple(anew.get(influence.source, influence) for influence in fit.uncertain)
+    columns = [fit.columns[:, : fit.first_uncertain], white.side_by_side(uncertain)]
     seen = fit.linearised.shown(uncertain, derivatives[:, :width])
-    return replace(fit, uncertain=uncertain, columns=columns, seen=seen)
+    return replace(fit, uncertain=uncertain, columns=np.hstack(columns), seen=seen)
 
 
 def _judged(fit: Fit) -> Fit:

@@ -145,6 +145,11 @@ class Hypothesis:
         return listed + sum(pattern.log_prior for pattern in self.patterns)
 
     @property
+    def log_weight(self) -> float:
+        """ln of prior times evidence."""
+        return self.log_evidence + self.log_prior
+
+    @property
     def linearised(self) -> Linearised:
         """The linear model that it was scored with, and its fit begins with."""
         return self.replanned or self.at
@@ -237,9 +242,9 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis], placed: Placed) -> 
     for pairs in _together(at, at.candidates.pairs):
         both = density_of(at, pairs, at.usual)
         likelier += _at_best_place(at, pairs, placed, both, both.log_density(at.residuals[:1].T))
-    likelier.sort(key=lambda score: -score.log_evidence - score.log_prior)
+    likelier.sort(key=lambda score: -score.log_weight)
     best = [_several_wrong(at, score) for score in likelier[:SEARCHED]]
-    likeliest = max(best, key=lambda score: score.log_evidence + score.log_prior)
+    likeliest = max(best, key=lambda score: score.log_weight)
     others = likeliest.wrong_readings[:-1]
     for score in likelier[SEARCHED:]:
         more = (_further(at, score, others),) if others else ()

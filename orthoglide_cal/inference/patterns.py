@@ -21,7 +21,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.special import erf
 
-from orthoglide_cal.causes import UNLISTED, PatternCause
+from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid, Texture
@@ -214,10 +214,10 @@ def _shown_of_plan(plan: Plan, fine: bool, how: str) -> tuple[Columns, Bools]:
 
 def _shown(matrix: Reduction, plan: Plan, ordered: bool, made: Columns) -> Bools:
     """Which columns of a how show at each where and at no narrower, (w, v, q)."""
-    (columns, mover, _), (wheres, selected, covered) = made, _wheres(plan.steps, ordered)
+    (columns, mover, _), (_, selected, covered) = made, _wheres(plan.steps, ordered)
     n, v, q = columns.shape
     if not 0 < q <= MOST_COLUMNS:
-        return np.zeros((len(wheres), v, q), np.bool_)
+        return np.zeros((len(selected), v, q), np.bool_)
     flat, some = columns.reshape(n, -1), max(AT_ONCE // n, 1)
     parts = (flat[:, start : start + some] for start in range(0, v * q, some))
     square = [((matrix @ part) ** 2).sum(axis=0) for part in parts]
@@ -247,17 +247,6 @@ def at_usual_size(fit: Fit) -> Fit:
     anew = replace(fit, sizes=sizes, centre=centre)
     log = float(log_sum(anew.by_noise)) + math.log(at.scales[min(at.scales)])
     return replace(anew, log_evidence=log)
-
-
-def _least_by_noise(fit: Fit) -> Floats:
-    """ln p at each σ as `_gains` has it, with S by σ², where that is less, shape (g,).
-
-    Below the stated σ a bad fit is far less likely with it: what a pattern gains there is real.
-    """
-    ratio2 = (fit.noise.sigma / fit.noise.stated) ** 2
-    left, stated = fit.whitened(fit.unexpected), int(np.argmax(fit.noise.log_weight))
-    log = fit.noise.log_weight - 0.5 * (left @ left / ratio2 + left.size * np.log(ratio2))
-    return np.asarray(np.minimum(fit.by_noise, log - log[stated] + fit.by_noise[stated]))
 
 
 def _gains(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
@@ -389,7 +378,13 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> Fit:
 def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothesis]:
     """Every pattern in addition to a fit; log evidence and prior without those of its causes."""
     scored, at = [], fit.hypothesis.at
-    noise = _least_by_noise(fit) - log_sum(fit.by_noise)
+    # ln p at each σ as `_gains` has it, with S by σ², where that is less: below the stated σ a bad
+    # fit is far less likely with it, and what a pattern gains there is real.
+    ratio2 = (fit.noise.sigma / fit.noise.stated) ** 2
+    left, stated = fit.whitened(fit.unexpected), int(np.argmax(fit.noise.log_weight))
+    log = fit.noise.log_weight - 0.5 * (left @ left / ratio2 + left.size * np.log(ratio2))
+    least = np.minimum(fit.by_noise, log - log[stated] + fit.by_noise[stated])
+    noise = least - log_sum(fit.by_noise)
     for patterns in candidates:
         one, chosen = patterns[0], np.stack([pattern.chosen for pattern in patterns])
         gains = (_gains_of_noise if one.how == "scatters" else _gains)(fit, one, chosen)
@@ -417,9 +412,7 @@ def placed_causes(at: Linearised) -> list[list[Pattern]]:
     candidates = []
     for id, placed in at.extras.items():
         cause, places = placed.cause, placed.patterns
-        if places is None or not isinstance(cause, PatternCause) or cause.counts:
-            continue
-        if len(places) > MOST_PLACES:
+        if places is None or cause.counts or len(places) > MOST_PLACES:
             continue
         unit = cause.prior_std(at.white.machine)[0] / at.noise.stated
         columns = unit * places.patterns.columns(slice(None))[:, :, None]
@@ -435,16 +428,9 @@ def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Fit]]:
     *before, last = hypothesis.patterns
     for pattern in before:
         fit = extended(fit, pattern)
-    total = sum(shape.share for shape in last.shapes)
-    return [
-        (shape.share / total, extended(fit, last, number))
-        for number, shape in enumerate(last.shapes)
-    ]
-
-
-def weight_of(hypothesis: Hypothesis) -> float:
-    """ln of prior times evidence."""
-    return hypothesis.log_evidence + hypothesis.log_prior
+    shares = np.array([shape.share for shape in last.shapes])
+    shares = (shares / shares.sum()).tolist()
+    return [(share, extended(fit, last, k)) for k, share in enumerate(shares)]
 
 
 def combined(
