@@ -257,8 +257,8 @@ def fit_parameters(
     dof = len(plain.data) - len(offsets) - sum(here.values())
     scatter, noise, matrix = None, Scatter(stated_mm, math.inf), plain.problem.matrix
     if dof > 0:
-        left, slopes = plain.data - matrix @ readings, matrix @ jacobian
-        total = sum_of_squares(plain.problem, slopes, left, matrix @ ratio)
+        residual, slopes = plain.data - matrix @ readings, matrix @ jacobian
+        total = sum_of_squares(plain.problem, slopes, residual, matrix @ ratio)
         scatter = Scatter(math.sqrt(total / dof), dof)
         noise = Scatter(max(scatter.sigma_mm, gauge.rounding_mm), dof)
     uncertain = (*uncertain, *fixed_influences(model, offsets, plan))

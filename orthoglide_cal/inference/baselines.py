@@ -49,8 +49,8 @@ class Baselines(Schema):
 
 def baselines(
     white: Whitened, later: Whitened | None, entered: Floats, free: int
-) -> tuple[float | None, float | None]:
-    """`quartic_mm` and `earlier_map_mm` of the touches of a printer, all alike.
+) -> dict[str, float]:
+    """`quartic_mm` and `earlier_map_mm` of the touches of a printer, all alike, where known.
 
     Args:
         white: the data.
@@ -71,16 +71,17 @@ def baselines(
             if omitted.size and enough:
                 terms = np.linalg.lstsq(columns[rest], left[rest])[0]
                 errors.append(left[omitted] - columns[omitted] @ terms)
-        return rms(np.concatenate(errors)) if errors else None, None
+        return {"quartic_mm": rms(np.concatenate(errors))} if errors else {}
     anew = free == offsets.size
     there, error, then, _ = _touches(later, None if anew else offsets - entered)
-    quartic = None
+    mapped = unexplained(then[:, :free], error - _interpolated(place, left, there))
+    held = {"earlier_map_mm": rms(mapped)}
     if enough:
         terms = np.linalg.lstsq(columns, left)[0]
         fixed = terms[: jacobian.shape[1]] * (np.arange(jacobian.shape[1]) >= free)
         predicted = then @ fixed + _surface(white, there) @ terms[-len(QUARTIC) :]
-        quartic = rms(unexplained(then[:, :free], error - predicted))
-    return quartic, rms(unexplained(then[:, :free], error - _interpolated(place, left, there)))
+        held["quartic_mm"] = rms(unexplained(then[:, :free], error - predicted))
+    return held
 
 
 def repeats(white: Whitened, later: Whitened | None = None) -> float | None:

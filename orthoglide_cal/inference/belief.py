@@ -111,24 +111,22 @@ class Belief:
     def closely(self) -> Belief:
         """The belief with patterns looked at closely, also in addition to each other.
 
-        The best one with a second one, only if prior times evidence grows; each single cause with a
-        pattern; the likely ones and the best of each kind with causes that have a place, which
-        fitted alone would stand where the pattern acts.
+        The best one with a second one; each single cause with a pattern; the likely ones and the
+        best of each kind with causes that have a place, which fitted alone would stand where the
+        pattern acts. Each only if prior times evidence grows.
         """
-        at, nothing, every = self.at, self.fit(()), self._every(fine=True)
+        nothing, every = self.fit(()), self._every(fine=True)
         patterns = {one.label: one for one in combined(self.hypotheses[()], nothing, every)}
         ordered = sorted(patterns.values(), key=attrgetter("log_weight"))
         likely = {one.patterns[0].how: one for one in ordered} | {
             one.label: one for one in ordered[-LIKELY:-1]
         }
-        least = ordered[-1].log_weight
-        pairs = [pair for pair in combined(ordered[-1], nothing, every) if pair.log_weight > least]
+        pairs = combined(ordered[-1], nothing, every)
         for ids in (ids for ids in self.listed if len(ids) == 1):
             pairs += combined(self.hypotheses[ids], self.fit(ids), every)
-        placed = placed_causes(at)
+        placed = placed_causes(self.at)
         for hypothesis in likely.values():
             pairs += combined(hypothesis, nothing, placed)
-        # Each only where prior times evidence grows by it.
         alone = {label: one.log_weight for label, one in patterns.items()}
         for pair in sorted(pairs, key=attrgetter("log_weight")):
             if pair.log_weight > max(alone.get(one.label, -math.inf) for one in pair.patterns):
@@ -204,10 +202,10 @@ class Belief:
         The smaller of those in the mean over plausible sizes and of those where both fit best: that
         the other causes are then of more usual size is no evidence.
         """
-        gain = self.log_weight[ids] - self.log_weight[part]
-        gain -= self.hypotheses[ids].log_prior - self.hypotheses[part].log_prior
-        fits = [self.fits.get(ids), self.fits.get(part)]
-        if all(fit and unit_of(fit.effects) == 1.0 for fit in fits):
-            first, second = (fit.log_likelihood for fit in fits if fit)
-            gain = min(gain, first - second)
+        first, second = (self.fits.get(one, self.hypotheses[one]) for one in (ids, part))
+        gain = first.log_evidence - second.log_evidence
+        if isinstance(first, Fit) and isinstance(second, Fit):
+            units = unit_of(first.effects), unit_of(second.effects)
+            if units == (1.0, 1.0):
+                gain = min(gain, first.log_likelihood - second.log_likelihood)
         return gain

@@ -309,16 +309,16 @@ class Linearised(ReadOnly):
         Raises:
             UnusableResultError: no offsets fit them as recorded, or they hardly determine any.
         """
-        machine = white.machine
+        noise = NoiseGrid.around(white.machine.instrument.noise_mm, white.texture)
         places = places_of(white.problem, candidates.extras)
         # Faults of the record put right, where the data can express it, and the gauge shows
         # readings in that unit.
         undone = [
-            (cause, place)
-            for cause, tried in ((placed.cause, placed.tried) for placed in places)
-            if isinstance(cause, RelabelCause)
-            for place in tried
-            if cause.unit_mm(place) in (1.0, white.unit_mm)
+            (placed.cause, place)
+            for placed in places
+            if isinstance(placed.cause, RelabelCause)
+            for place in placed.tried
+            if placed.cause.unit_mm(place) in (1.0, white.unit_mm)
         ]
         units = np.array([cause.unit_mm(place) for cause, place in undone])
         right = white.relabelled(white.data, *undone) * units[:, None]
@@ -333,40 +333,34 @@ class Linearised(ReadOnly):
             )
         # A relabelling that no offsets fit did not happen.
         possible = [key for key, fits in zip(undone, fit.converged[1:], strict=True) if fits]
-        extras: dict[str, Placed] = {}
-        version = 1
+        extras, first = dict[str, Placed](), 1
         for placed in places:
-            cause = placed.cause
-            if isinstance(cause, RelabelCause):
-                tried = tuple(place for place in placed.tried if (cause, place) in possible)
-                placed = replace(placed, tried=tried, first=version)
-                version += len(tried)
-            extras[cause.id] = placed
+            if isinstance(placed.cause, RelabelCause):
+                tried = tuple(place for cause, place in possible if cause is placed.cause)
+                placed, first = replace(placed, tried=tried, first=first), first + len(tried)
+            extras[placed.cause.id] = placed
         offsets, broad = fit.offsets_mm[0], candidates.broad
         _, slopes = differentiate_absent(white.problem.model, offsets, white.plan, broad)
         columns, ends = white.matrix @ np.hstack(slopes), np.cumsum([s.shape[1] for s in slopes])
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
-        weighed = {cause.id for cause in broad}
-        uncertain: list[Influence] = []
-        for influence in white.uncertain(offsets):
-            if influence.source in weighed:
+        by_cause = {cause.id: slope for cause, slope in zip(broad, jacobians, strict=True)}
+        uncertain = list(white.uncertain(offsets))
+        for number, influence in enumerate(uncertain):
+            if influence.source in by_cause:
                 shown = unexplained(jacobian, influence.columns)
-                if np.linalg.norm(shown) > machine.instrument.noise_mm:
+                if np.linalg.norm(shown) > noise.stated:
                     # It has a name of its own for what shows: what offsets imitate is carried.
-                    influence = replace(influence, columns=influence.columns - shown)
-            uncertain.append(influence)
+                    uncertain[number] = replace(influence, columns=influence.columns - shown)
         return cls(
             white=white,
             candidates=candidates,
-            noise=NoiseGrid.around(machine.instrument.noise_mm, white.texture),
+            noise=noise,
             extras=extras,
             versions=versions[fit.converged],
             offsets=fit.offsets_mm[fit.converged],
             residuals=fit.residuals_mm[fit.converged],
             jacobian=jacobian,
-            jacobians={
-                cause.id: derivatives for cause, derivatives in zip(broad, jacobians, strict=True)
-            },
+            jacobians=by_cause,
             uncertain=tuple(uncertain),
         )
 

@@ -37,7 +37,7 @@ from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.fit import LARGEST, Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import PASSING, fits_of
-from orthoglide_cal.inference.result import Verdict
+from orthoglide_cal.inference.result import TimesStated, Verdict
 from orthoglide_cal.model.cause import NORMAL_K, Stage
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
@@ -401,7 +401,7 @@ class Decision:
         return tuple(faults)
 
     @cached_property
-    def beyond_tolerance(self) -> tuple[tuple[str, float], ...]:
+    def beyond_tolerance(self) -> tuple[TimesStated, ...]:
         """Causes that would explain what is unexplained, how many times their size."""
         if self.verdict is not Verdict.UNEXPLAINED:
             return ()
@@ -415,7 +415,7 @@ class Decision:
             times = fit.effects[0].times(at.white.machine)
             if times > BEYOND and round(times) <= LARGEST and self._chance_beyond(fit) >= MISFIT:
                 explaining.append((float(fit.residual @ fit.residual), cause.id, times))
-        return tuple((id, times) for _, id, times in sorted(explaining))
+        return tuple(TimesStated(id=id, times=times) for _, id, times in sorted(explaining))
 
     @property
     def by_place(self) -> tuple[tuple[float, Fit], ...]:

@@ -15,7 +15,7 @@ from orthoglide_cal.estimation import Solution, fit_parameters
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
-from orthoglide_cal.inference.candidates import Candidates
+from orthoglide_cal.inference.candidates import Candidates, Ids
 from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
 from orthoglide_cal.inference.described import described
@@ -33,11 +33,10 @@ from orthoglide_cal.inference.result import (
     LackOfFit,
     Otherwise,
     Parameter,
-    TimesStated,
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Estimate, Place
+from orthoglide_cal.model.cause import NORMAL_K, Cause, Effect, Place
 from orthoglide_cal.model.measured import Measured, Readings, notes_on
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
@@ -110,14 +109,9 @@ def diagnose(
         unit = 1.0 if later is not None else unit_of(accepted.effects)
         before = replace(before, rms_mm=before.rms_mm * unit)
         if touched:
-            quartic, earlier = baselines(white, later, entered, free)
-            beside = Baselines(
-                parameters_mm=before.rms_mm,
-                extension_mm=after.rms_mm,
-                quartic_mm=quartic,
-                earlier_map_mm=earlier,
-                repeats=again,
-            )
+            errors = {"parameters_mm": before.rms_mm, "extension_mm": after.rms_mm}
+            others = baselines(white, later, entered, free)
+            beside = Baselines(**errors, **others, repeats=again)
         better = beside is not None and beside.better is not None
         causes = _named(decision, alone, before, after, better)
     changes: dict[str, Otherwise] = {}
@@ -126,13 +120,12 @@ def diagnose(
             other = decide_by(belief.scaled(factor))
             changes[name] = Otherwise(verdict=other.verdict, ids=other.accepted)
     offsets, covariance = decision.offsets
-    unshown = _unshown(decision, offsets, NORMAL_K * np.sqrt(np.diag(covariance)))
+    unshown = tuple(_unshown(decision, offsets, NORMAL_K * np.sqrt(np.diag(covariance))))
     matter = {fault.id for fault in unshown if fault.matters}
     tried = {id for ids in belief.hypotheses for id in ids}
-    beyond = decision.verdict is Verdict.UNEXPLAINED and decision.refuted is None
-    patterns, with_it = (), []
-    if beyond:
-        patterns, with_it = tuple(_patterns(decision, alone)), list(_beside_patterns(decision))
+    patterns, with_it = list[FoundPattern](), list[tuple[Cause, Place]]()
+    if decision.verdict is Verdict.UNEXPLAINED and decision.refuted is None:
+        patterns, with_it = [*_patterns(decision, alone)], [*_beside_patterns(decision)]
     explained, wrong = alone.predicted_mm, accepted.wrong_readings
     if any(pattern.accepted for pattern in patterns):
         explained = _predicted(decision, measured, *_with_patterns(decision))
@@ -160,13 +153,11 @@ def diagnose(
         explained_mm=explained,
         wrong_readings=wrong,
         sensitivity=MappingProxyType(changes),
-        explanations=_explanations(decision),
+        explanations=tuple(_explanations(decision)),
         unshown=unshown,
-        patterns=patterns,
+        patterns=tuple(patterns),
         enterable=decision.enterable if decision.verdict is Verdict.UNEXPLAINED else 0.0,
-        beyond_tolerance=tuple(
-            TimesStated(id=id, times=times) for id, times in decision.beyond_tolerance
-        ),
+        beyond_tolerance=decision.beyond_tolerance,
         assumed_sizes=tuple(
             AssumedSize(id=id, size=cause.size(model.machine), unit=cause.unit)
             for id, cause in CAUSES.items()
@@ -286,58 +277,54 @@ def _refuted_by_date(measured: Measured, decision: Decision) -> Reason | None:
         at = Linearised.of(earlier, Candidates(lasting, (), (), {}))
         bases = (Hypothesis(at, 0.0, base, fit.hypothesis.scale) for base in (lasting, ()))
         shaped, bare = map(fit_hypothesis, bases)
-        refuted = refuted_later(decision, later, shaped, bare, fit.offsets.size)
-        if refuted is not None:
+        if refuted := refuted_later(decision, later, shaped, bare, fit.offsets.size):
             return refuted
     return None
 
 
-def _explanations(decision: Decision) -> tuple[Explanation, ...]:
+def _explanations(decision: Decision) -> Iterator[Explanation]:
     """Those not dismissed, best first; those that are left open with their parameters."""
     belief, white = decision.belief, decision.belief.at.white
-    model, explanations = white.problem.model, []
-    fits = {tuple(sorted(fit.ids)): fit for _, fit in decision.left_open}
+    model = white.problem.model
+    fits: dict[Ids | str, Fit] = {tuple(sorted(fit.ids)): fit for _, fit in decision.left_open}
     least = DISMISSED * max(belief.probability.values())
     # What is open is compared with the parameters alone, however improbable.
     sound = WORTH_SAYING * (decision.verdict in (Verdict.CONSISTENT, Verdict.NAMED))
     for key, probability in belief.probability.items():
+        fit = fits.get(key)
+        if fit is None and probability < (least if key else sound):
+            continue
         ids, pattern = (key, None) if isinstance(key, tuple) else ((), key)
         values: dict[str, object] = {"ids": ids, "pattern": pattern, "probability": probability}
-        fit = fits.get(ids)
-        if fit is not None and pattern is None:
+        if fit is not None:
             std = np.sqrt(np.diag(fit.offsets_covariance))
             values |= {
                 "rms_mm": white.rms(fit.left) if ids else None,
                 "parameters": Parameter.all_of(model, fit.offsets, std, NORMAL_K),
                 "sizes": {effect.cause.id: model.called(effect) for effect in fit.effects},
             }
-        elif probability < (least if key else sound):
-            continue
-        explanations.append(Explanation.model_validate(values))
-    return tuple(explanations)
+        yield Explanation.model_validate(values)
 
 
-def _unshown(decision: Decision, offsets: Floats, u: Floats) -> tuple[UnshownFault, ...]:
+def _unshown(decision: Decision, offsets: Floats, u: Floats) -> Iterator[UnshownFault]:
     """Each fault that would not show, with all places where it may be; U (3,) of the offsets."""
-    white, machine = decision.belief.at.white, decision.belief.at.white.machine
-    wheres: dict[str, list[str]] = {}
-    moved: dict[str, Floats] = {}
+    plan, machine = decision.belief.at.white.plan, decision.belief.at.white.machine
+    faults: dict[str, list[Fit]] = {}
     for id, _, fit in decision.unshown:
-        place = next(effect.place for effect in fit.effects if effect.cause.id == id)
-        wheres.setdefault(id, []).append(CAUSES[id].label(place, white.plan, machine))
-        moved[id] = np.maximum(moved.get(id, 0.0 * u), np.abs(fit.offsets - offsets))
-    return tuple(
-        UnshownFault(
+        faults.setdefault(id, []).append(fit)
+    for id, fits in faults.items():
+        places = (effect.place for fit in fits for effect in fit.effects if effect.cause.id == id)
+        wheres = (CAUSES[id].label(place, plan, machine) for place in places)
+        change = np.max([np.abs(fit.offsets - offsets) for fit in fits], axis=0)
+        largest = int(np.argmax(change / u))
+        yield UnshownFault(
             id=id,
-            where=" or ".join(filter(None, wheres[id])),
+            where=" or ".join(filter(None, wheres)),
             check=CAUSES[id].words(machine).instrument,
             change=float(change[largest]),
             unit=machine.parameter_units[largest],
             matters=bool(np.any(change > u)),
         )
-        for id, change in moved.items()
-        for largest in (int(np.argmax(change / u)),)
-    )
 
 
 def _named(
@@ -357,6 +344,12 @@ def _named(
     for effect, slot in zip(accepted.effects, accepted.slots, strict=True):
         cause, id = effect.cause, effect.cause.id
         where, times = cause.label(effect.place, white.plan, machine), effect.times(machine)
+        parameters = white.problem.model.called(effect)
+        if cause.hides_reading and len(effect.place) > 1:
+            # Several wrong readings are called by their places.
+            names = (cause.label((row,), white.plan, machine) for row in effect.place)
+            pairs = zip(parameters, names, strict=True)
+            parameters = tuple(one.changed(name=name) for one, name in pairs)
         adds = accepted.columns[:, slot] @ effect.theta[: slot.stop - slot.start]
         # Causes that stand in its place in a rival explanation, or in one of the same remedy.
         instead = [rival for rival in (*same, *rivals) if id not in rival if ids - {id} <= {*rival}]
@@ -371,7 +364,7 @@ def _named(
                 id=id,
                 probability=decision.belief.listed[decision.accepted],
                 where=where,
-                parameters=_parameters(white, effect),
+                parameters=parameters,
                 adds_mm=white.rms(unexplained(by_parameters, adds)),
                 rms_before_mm=alone.rms_after_mm * unit_of(accepted.effects),
                 rms_after_mm=white.rms(accepted.left),
@@ -429,16 +422,6 @@ def _beside_patterns(decision: Decision) -> Iterator[tuple[Cause, Place]]:
         if one.how in CAUSES:
             placed = hypothesis.at.extras[one.how]
             yield placed.cause, placed.tried[int(one.log_shape.max(axis=1).argmax())]
-
-
-def _parameters(white: Whitened, effect: Effect) -> tuple[Estimate, ...]:
-    """Parameters of a cause; several wrong readings are called by their places."""
-    model, cause, place = white.problem.model, effect.cause, effect.place
-    sizes = model.called(effect)
-    if not cause.hides_reading or len(place) < 2:
-        return sizes
-    names = (cause.label((row,), white.plan, model.machine) for row in place)
-    return tuple(one.changed(name=name) for one, name in zip(sizes, names, strict=True))
 
 
 def _lack_of_fit(decision: Decision, alone: Solution) -> LackOfFit:
