@@ -19,8 +19,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import log_sum
-from orthoglide_cal.inference.candidates import Candidates, Ids
-from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
+from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, score_all
 from orthoglide_cal.inference.patterns import (

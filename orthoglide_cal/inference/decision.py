@@ -32,8 +32,7 @@ from orthoglide_cal.estimation.losses import (
 )
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture, probabilities
-from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
-from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Whitened
 from orthoglide_cal.inference.fit import LARGEST, Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.patterns import PASSING, fits_of

@@ -15,8 +15,7 @@ from orthoglide_cal.estimation import Solution, fit_parameters
 from orthoglide_cal.estimation.gaussian import unexplained
 from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
-from orthoglide_cal.inference.candidates import Candidates, Ids
-from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
+from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
 from orthoglide_cal.inference.described import described
 from orthoglide_cal.inference.fit import Fit, HeldOut, fit_hypothesis, leave_out, left_out

@@ -22,8 +22,7 @@ from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
 from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, shrink, shrinking
-from orthoglide_cal.inference.candidates import Ids, ids_of
-from orthoglide_cal.inference.data import Linearised, Whitened
+from orthoglide_cal.inference.data import Ids, Linearised, Whitened, ids_of
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
