@@ -166,12 +166,9 @@ class Decision:
                 held.update([ids for ids in listed if doubted in ids][:1])
         others = [ids for ids in listed if ids not in ((), best, *same)]
         rivals = [ids for ids in others if ids in held or self.is_open(ids)]
-
-        def adds(ids: Ids) -> bool:
-            parts = (other for other in (*rivals, *same) if set(other) < set(ids))
-            return not any(self._adds_little(ids, part) for part in parts)
-
-        return tuple(ids for ids in rivals if ids in held or adds(ids))
+        parts = {ids: [part for part in (*rivals, *same) if {*part} < {*ids}] for ids in rivals}
+        little = {ids for ids in rivals if any(self._adds_little(ids, part) for part in parts[ids])}
+        return tuple(ids for ids in rivals if ids in held or ids not in little)
 
     @cached_property
     def silent(self) -> tuple[Ids, ...]:

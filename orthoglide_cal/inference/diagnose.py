@@ -17,10 +17,9 @@ from orthoglide_cal.estimation.losses import DISMISSED
 from orthoglide_cal.inference.baselines import REPEATS, Baselines, baselines, repeats
 from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.decision import BEYOND, MISFIT, Decision, decide, decide_by
-from orthoglide_cal.inference.described import described
 from orthoglide_cal.inference.fit import Fit, HeldOut, fit_hypothesis, leave_out, left_out
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.patterns import fits_of
+from orthoglide_cal.inference.patterns import describe, fits_of
 from orthoglide_cal.inference.prediction import chance_of_worse, moved_origin, predict_later
 from orthoglide_cal.inference.result import (
     WORTH_SAYING,
@@ -395,7 +394,7 @@ def _patterns(decision: Decision, alone: Solution) -> Iterator[FoundPattern]:
     for label, last in first.items():
         accepted = label in (pattern.label for pattern in likeliest.patterns)
         of_it = alone.measured, total[label], accepted, alone.rms_after_mm
-        numbers = described(last, belief.fit(last.ids), *of_it)
+        numbers = describe(last, belief.fit(last.ids), *of_it)
         if numbers is not None:
             yield numbers
 

@@ -206,10 +206,7 @@ class Fit(ReadOnly):
 
     @property
     def log_likelihood(self) -> float:
-        """ln p of the data at the fit, without its constant.
-
-        The sizes of causes do not count, but that widths are positive does.
-        """
+        """ln p of the data at the fit, without its constant and sizes of causes, but with bounds."""
         return self.log_positive - 0.5 * self.square / self.noise.stated**2
 
     @cached_property
