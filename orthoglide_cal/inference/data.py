@@ -155,9 +155,12 @@ class Whitened(ReadOnly):
         if isinstance(measured, Readings):
             white = cls.of_plan(measured.plan, model, measured.timed)
             require_rank(white.problem)
+            plan, warm, kelvin = measured.plan, measured.temperature, None
+            rows = plan.in_time[np.isfinite(warm[plan.in_time])]
+            if rows.size > 1:
+                kelvin = np.interp(plan.order, plan.order[rows], warm[rows] - warm[rows[0]])
             unit = model.machine.instrument.mistaken_unit(measured)
-            data = white.matrix @ measured.value
-            return replace(white, data=data, unit_mm=unit, kelvin=_warming(measured))
+            return replace(white, data=white.matrix @ measured.value, unit_mm=unit, kelvin=kelvin)
         posed = pose(measured, model, measured.kind)
         require_rank(posed.problem)
         plan, matrix = posed.problem.plan, posed.problem.matrix @ np.eye(len(posed.problem.plan))
@@ -263,16 +266,6 @@ class Whitened(ReadOnly):
     def side_by_side(self, influences: Iterable[Influence]) -> Floats:
         """Columns of influences on the data, shape (k, c) [mm]."""
         return np.hstack([np.zeros((len(self), 0)), *(one.columns for one in influences)])
-
-
-def _warming(readings: Readings) -> Floats | None:
-    """Temperature of each reading less the first, (n,) [K]; None if fewer than two have one."""
-    rows, warm = readings.plan.in_time, readings.temperature
-    known = rows[np.isfinite(warm[rows])]
-    if known.size < 2:
-        return None
-    course = warm[known] - warm[known[0]]
-    return np.asarray(np.interp(readings.plan.order, readings.plan.order[known], course))
 
 
 def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:

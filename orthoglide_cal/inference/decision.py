@@ -256,20 +256,6 @@ class Decision:
             risk += belief.unlisted[one.label] * loss
         return risk <= bearable
 
-    @property
-    def exceeded(self) -> bool:
-        """True if a pattern, alone or beside the accepted causes, may make them a wrong name.
-
-        Several causes, or several wrong readings, follow most patterns.
-        """
-        belief, accepted = self.belief, self.accepted
-        if len(accepted) != 1 or len(self.fit.wrong_readings) > 1:
-            return bool(accepted)
-        patterns = (*belief.patterns.values(), *belief.beside(accepted))
-        likeliest = max(one.log_weight for one in patterns) - belief.log_weight[accepted]
-        listed = OPEN_ANSWER * belief.something / belief.listed[accepted]
-        return likeliest > math.log(listed / (WRONG_NAME + FALSE_RELEASE))
-
     @cached_property
     def accepted(self) -> Ids:
         """The causes that are named, or the likeliest of an open question."""
@@ -556,5 +542,16 @@ def decide_by(linear: Belief) -> Decision:
         decision = Decision(decision.belief.refined(wanted))
     decision = Decision(decision.belief.refined([decision.best]))
     # Few differences follow nearly any pattern.
-    doubted = decision.verdict is Verdict.UNEXPLAINED or decision.exceeded
-    return Decision(decision.belief.closely()) if at.white.raw and doubted else decision
+    if not at.white.raw:
+        return decision
+    # Several causes, or several wrong readings, follow most patterns.
+    belief, accepted = decision.belief, decision.accepted
+    doubted = decision.verdict is Verdict.UNEXPLAINED or len(accepted) > 1
+    doubted = doubted or len(decision.fit.wrong_readings) > 1
+    if accepted and not doubted:
+        # A pattern, alone or beside the accepted cause, may make it a wrong name.
+        patterns = (*belief.patterns.values(), *belief.beside(accepted))
+        likeliest = max(one.log_weight for one in patterns) - belief.log_weight[accepted]
+        listed = OPEN_ANSWER * belief.something / belief.listed[accepted]
+        doubted = likeliest > math.log(listed / (WRONG_NAME + FALSE_RELEASE))
+    return Decision(belief.closely()) if doubted else decision

@@ -206,7 +206,7 @@ class Fit(ReadOnly):
 
     @property
     def log_likelihood(self) -> float:
-        """ln p of the data at the fit, without its constant and sizes of causes, but with bounds."""
+        """ln p of the data at the fit, without constant and sizes of causes, but with bounds."""
         return self.log_positive - 0.5 * self.square / self.noise.stated**2
 
     @cached_property
@@ -388,7 +388,9 @@ def _judged(fit: Fit) -> Fit:
         else:
             wrong, weight = others_wrong(at, placed, hypothesis.wrong_readings[:-1])
             seen = np.hstack((seen, wrong))
-    scales = at.scales if hypothesis.is_alone else at.usual
+    # No other fault limits the size of one cause with many parameters.
+    alone = len(base) < 2 and (extra is None or hypothesis.replanned is not None)
+    scales = at.scales if alone else at.usual
     density = density_of(at, [base], scales, [fit.derivatives], [seen])
     # By scale and σ if all parameters act, (s, g).
     by_noise = density.by_noise(data)
@@ -398,7 +400,7 @@ def _judged(fit: Fit) -> Fit:
         blocks = pattern_densities(at, placed, density, data, by_noise)
         log = log_sum(np.stack([log_sum(log[0], (-2, -1)) for _, log in blocks]), 0)
     evidence = float(log_sum(log))
-    if base and hypothesis.is_alone:
+    if base and alone:
         (evidence,) = all_or_one(at, base, data, [evidence], [fit.derivatives])
     elif base:
         evidence += LOG_ALL

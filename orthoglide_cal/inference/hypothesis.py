@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -153,11 +154,6 @@ class Hypothesis:
         """The linear model that it was scored with, and its fit begins with."""
         return self.replanned or self.at
 
-    @property
-    def is_alone(self) -> bool:
-        """True of one cause with many parameters, or none: no other fault limits its size."""
-        return len(self.base) < 2 and (self.extra is None or self.replanned is not None)
-
     @cached_property
     def version(self) -> int:
         """Number of the version of the data that it explains."""
@@ -241,14 +237,12 @@ def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis], placed: Placed) -> 
     for pairs in _together(at, at.candidates.pairs):
         both = density_of(at, pairs, at.usual)
         likelier += _at_best_place(at, pairs, placed, both, both.log_density(at.residuals[:1].T))
-    likelier.sort(key=lambda score: -score.log_weight)
-    best = [_several_wrong(at, score) for score in likelier[:SEARCHED]]
-    likeliest = max(best, key=lambda score: score.log_weight)
-    others = likeliest.wrong_readings[:-1]
-    for score in likelier[SEARCHED:]:
-        more = (_further(at, score, others),) if others else ()
-        best.append(max((score, *more), key=lambda one: one.log_evidence))
-    return best
+    likelier.sort(key=attrgetter("log_weight"), reverse=True)
+    best, rest = [_several_wrong(at, one) for one in likelier[:SEARCHED]], likelier[SEARCHED:]
+    if others := max(best, key=attrgetter("log_weight")).wrong_readings[:-1]:
+        both = ((score, _further(at, score, others)) for score in rest)
+        rest = [max(pair, key=attrgetter("log_evidence")) for pair in both]
+    return best + rest
 
 
 def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
@@ -267,7 +261,7 @@ def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
     # What stood for others at first may be right.
     for number in best.wrong_readings[:-1]:
         kept = tuple(other for other in score.wrong_readings if other != number)
-        score = max(score, _further(at, score, kept[:-1]), key=lambda s: s.log_evidence)
+        score = max(score, _further(at, score, kept[:-1]), key=attrgetter("log_evidence"))
     return score
 
 
