@@ -111,23 +111,11 @@ class Grid:
 class Figure:
     """A picture: SVG parts that are laid out side by side as far as they fit."""
 
-    title: str | None  # None if its section's title says it
-    finding: str  # what one sees in it, in words
     panels: Sequence[Html]
     columns: int = 3  # most side by side; 0: half as wide as a page, beside the other blocks
     key: str | None = None  # explanation of the marks
-    plain: "Block | None" = None  # the same in characters
-
-    @property
-    def in_words(self) -> str:
-        """Title and finding; "" where it has neither."""
-        return f"{self.title}. {self.finding}".strip() if self.title else self.finding
-
-    @property
-    def in_characters(self) -> "list[Block]":
-        """Its words, and what stands for the picture; nothing where that is only drawn."""
-        words: list[Block] = [self.in_words] if self.in_words else []
-        return [*words, self.plain] if self.plain else []
+    title: str | None = None  # None if its section's title says it
+    plain: "Sequence[Block]" = ()  # the same in characters
 
 
 @dataclass(frozen=True)
@@ -163,9 +151,10 @@ class Section:
     title: str | None
     blocks: list[Block]
 
-    def __init__(self, title: str | None, *blocks: Block) -> None:
+    def __init__(self, title: str | None, *blocks: Block | None) -> None:
         self.title = title
-        self.blocks = [block for block in blocks if not isinstance(block, Grid) or block.rows]
+        shown = (block for block in blocks if not isinstance(block, Grid) or block.rows)
+        self.blocks = [block for block in shown if block is not None]
 
 
 def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:

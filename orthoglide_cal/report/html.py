@@ -97,10 +97,9 @@ def _block(block: doc.Block) -> Html:
             shown = _tiles(block) if block.tiles else _table(block)
             return tag("div", shown, caption, class_=whole)
         case doc.Figure():
-            heading = tag("strong", block.title) if block.title else None
             return tag(
                 "figure",
-                tag("figcaption", heading, block.finding) if block.in_words else None,
+                tag("figcaption", tag("strong", block.title)) if block.title else None,
                 tag("div", *block.panels, class_=f"panels {_COLUMNS[block.columns]}"),
                 tag("p", block.key, class_="small") if block.key else None,
                 class_="beside" if block.columns == 0 else None,

@@ -40,7 +40,7 @@ def _block(block: doc.Block) -> str:
             caption = [f"\n{in_markdown(block.caption)}"] if block.caption else []
             return "\n".join([f"| {' | '.join(titles)} |", f"|{'|'.join(rules)}|", *rows, *caption])
         case doc.Figure():
-            return "\n\n".join(map(_block, block.in_characters))
+            return "\n\n".join(map(_block, block.plain))
         case doc.Listing():
             shown = [visible(line) for line in block.lines]
             fence = _fence(shown, 3)

@@ -99,7 +99,7 @@ class _Lines:
             case doc.Grid():
                 yield from self._grid(block)
             case doc.Figure():
-                for part in block.in_characters:
+                for part in block.plain:
                     yield from self._block(part)
             case doc.Listing():
                 yield from (Text(visible(line)) for line in block.lines)

@@ -14,7 +14,7 @@ from orthoglide_cal.errors import file_words
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Estimate
-from orthoglide_cal.model.measured import NOZZLE
+from orthoglide_cal.model.measured import NOZZLE, DataKind
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
@@ -88,8 +88,14 @@ def calibration_document(
         pages += _evidence(case, "as found" if after else "")
         pages += [*_workspace(case, left, limit_mm), _origin(case, identity, left)]
         for measured, when in ((after, "as left"), (case, "as found" if after else "")):
-            if measured is not None and measured.answer.parameters:
-                pages.append(pictures.readings_table(measured, when))
+            # Differences stand among the residuals.
+            if (
+                measured
+                and measured.answer.parameters
+                and measured.answer.input.kind == DataKind.READINGS
+            ):
+                title = _named("Appendix: readings", when)
+                pages.append(doc.Section(title, pictures.readings_table(measured)))
         drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
         rivals = [*_rivals(case)]
         if len(named) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
@@ -168,7 +174,7 @@ def _causes(case: Case) -> Iterator[doc.Section]:
         title = f"Possible: {title}" if undecided else f"{title[0].upper()}{title[1:]}"
         new = [] if remedy.rstrip(".") in advised else [f"{'If so: ' * undecided}{remedy}"]
         grid = _cause_grid(case, cause.id, cause.parameters, cause.where)
-        yield doc.Section(title, grid, *new, *pictures.cause_figure(case, cause))
+        yield doc.Section(title, grid, *new, pictures.cause_figure(case, cause))
 
 
 def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str = "") -> doc.Block:
@@ -178,7 +184,7 @@ def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str 
     sizes = [size for size in parameters if size in sizes]
     if not sizes:
         return doc.strong(f"At {where}.")
-    places = [pictures.place_words(size.name) for size in sizes]
+    places = [figures.place_words(size.name) for size in sizes]
     if where and len(sizes) < 2:
         places = [where]
     columns: dict[str, Sequence[doc.Blank]] = {"": [doc.strong(place) for place in places]}
@@ -240,11 +246,16 @@ def _evidence(case: Case, when: str) -> Iterator[doc.Section]:
     """Residuals, diagnosis, uncertainty and conditions of one measurement, named by `when`."""
     answer, sections = case.answer, [_conditions(case, when)]
     if answer.parameters:
-        left = doc.Section(RESIDUALS, *pictures.residual_blocks(case, when))
+        left = doc.Section(RESIDUALS, *pictures.residual_blocks(case))
         budget = solution.budget_sections(case.machine, answer.budget, answer.total)
         sections = [diagnosis_section(case), left, *budget, *sections]
     for section in sections:
-        yield doc.Section(pictures.named(section.title, when), *section.blocks)
+        yield doc.Section(_named(section.title, when), *section.blocks)
+
+
+def _named(title: str | None, when: str) -> str:
+    """A title with when it was measured, if anything was measured again."""
+    return f"{title}, {when}".removesuffix(", ")
 
 
 def _workspace(
@@ -276,7 +287,7 @@ def _workspace(
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
     if limit_mm is not None:
         key += f" Dotted: {limit_mm:g} mm."
-    figure = doc.Figure(None, "", maps, key=key)
+    figure = doc.Figure(maps, key=key)
     yield doc.Section("Tool-position error over the workspace", lead, figure)
 
 
@@ -311,7 +322,7 @@ def _conditions(case: Case, when: str) -> doc.Section:
     if places:
         drawn = figures.machine_sketch(machine.leg_mm, machine.limits_mm, sorted(places))
         key = "○ dial: its reading grows when the leg moves towards it."
-        blocks.append(doc.Figure("Where the gauges stood", "", (drawn,), columns=0, key=key))
+        blocks.append(doc.Figure([drawn], 0, key, "Where the gauges stood"))
     if given.notes and answer.parameters:
         notes = [(str(line), doc.given(note)) for line, note in given.notes[:_MOST_NOTES]]
         blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
