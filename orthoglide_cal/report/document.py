@@ -157,7 +157,7 @@ class Section:
         self.blocks = [block for block in shown if block is not None]
 
 
-def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:
+def next_steps(steps: Iterable[Instruction], *more: Block | None) -> Section:
     """Next steps, in order; without any only what stands below them."""
     steps = tuple(steps)
     return Section("Next" if steps else None, Instructions(steps), *more)

@@ -325,7 +325,7 @@ def readings_table(case: Case) -> doc.Grid:
         names = [key for key in keys if any(getattr(row, key) for row in rows)]
         at, places = ", ".join(names), [", ".join(str(getattr(e, n)) for n in names) for e in rows]
     # All with the digits of the longest one: 0.20 is more than 0.2.
-    digits = max(len(short(row.measured_mm, 4).partition(".")[2]) for row in rows)
+    digits = max((len(short(e.measured_mm, 4).partition(".")[2]) for e in rows), default=0)
     columns = {at: places, "measured, mm": [signed(row.measured_mm, digits) for row in rows]}
     for model, values in left.items():
         columns[f"left, {model}"] = [signed(mm, 4) for mm in values.tolist()]
