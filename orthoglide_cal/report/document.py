@@ -15,9 +15,9 @@ from orthoglide_cal.words import SIMULATED
 
 # The last line of every page that is written to a file: such a file may be written again.
 MARK = "<!-- Written by orthocal -->\n"
+BLANK = "_" * 12  # to write on
 
-
-Style = Literal["plain", "code", "typed", "strong", "doubtful", "given", "small"]
+Style = Literal["plain", "code", "typed", "strong", "doubtful", "given", "small", "blank"]
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,9 @@ Line = Inline | tuple[Inline, ...]
 Blank = Line | None
 
 
-def parts_of(content: Blank) -> tuple[Marked | None, ...]:
+def parts_of(content: Blank) -> tuple[Marked, ...]:
     """The parts of a line, however it was given; mere text has the style "plain"."""
+    content = Marked("blank", BLANK) if content is None else content
     parts = content if isinstance(content, tuple) else (content,)
     return tuple(Marked("plain", part) if isinstance(part, str) else part for part in parts)
 

@@ -496,20 +496,16 @@ def _parameter(parameter: str, share: float, base: float) -> Iterator[Html]:
 
 # --- causes that can be distinguished -----------------------------------------------------------
 
-# Below so many σ two causes: cannot, can hardly, can mostly be distinguished; above: surely.
-_SHADES = ((1.0, "█"), (2.0, "▓"), (4.0, "▒"), (math.inf, " "))
+_SHADES, _SHADE_LIMITS = "█▓▒ ", (1.0, 2.0, 4.0)  # the darker, the less two are distinguished
 _MOST = 99  # σ beyond which the number says nothing more
-_NOTHING = "–"
-SEPARATION_LEGEND = (
+_LEGEND = (
     "Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes",
-    f"{_NOTHING}: from a sound machine; {_MOST}: or more",
+    f"–: from a sound machine; {_MOST}: or more",
 )
 
 
 def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tuple[str, ...]:
     """How far each cause stands from the others: the lower half of a table, in characters.
-
-    Each cell has its number and a shade: the darker, the less the two can be distinguished.
 
     Args:
         names: of c causes, at most 26.
@@ -524,17 +520,12 @@ def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tupl
     Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes
     –: from a sound machine; 99: or more
     """
-
-    def cell(value: float) -> str:
-        shade = next(shade for limit, shade in _SHADES if value < limit)
-        number = "<1" if value < 1.0 else str(min(int(value), _MOST))
-        return f"{shade}{number:>2} "
-
-    room = max(map(len, names), default=0)
-    letters = string.ascii_uppercase[: len(names)]
-    head = "".join(f"  {letter} " for letter in (_NOTHING, *letters[:-1]))
-    lines = [f"{'':{room + 4}}{head}".rstrip()]
+    room, letters = max(map(len, names)), string.ascii_uppercase[: len(names)]
+    lines = ["".join((" " * (room + 4), *(f"  {letter} " for letter in ("–", *letters[:-1]))))]
     for k, (letter, name) in enumerate(zip(letters, names, strict=True)):
-        cells = "".join(map(cell, [float(trace[k]), *sigma[k, :k].tolist()]))
-        lines.append(f"{letter} {name:<{room}}  {cells}".rstrip())
-    return (*lines, *SEPARATION_LEGEND)
+        cells = ""
+        for value in (trace[k], *sigma[k, :k]):
+            shade = _SHADES[np.searchsorted(_SHADE_LIMITS, value, "right")]
+            cells += f"{shade}{min(int(value), _MOST) or '<1':>2} "
+        lines.append(f"{letter} {name:<{room}}  {cells}")
+    return (*map(str.rstrip, lines), *_LEGEND)
