@@ -8,7 +8,7 @@ from orthoglide_cal.cli.common import MEASURED, Count, File, Number, Text, argum
 from orthoglide_cal.errors import UsageError, command
 
 if TYPE_CHECKING:
-    from orthoglide_cal.planning.forecast import SessionForecast
+    from orthoglide_cal.planning.plan import SessionForecast
     from orthoglide_cal.planning.program import PostureProgram
 
 _GCODE = (".nc", ".ngc", ".gcode", ".tap", ".cnc")

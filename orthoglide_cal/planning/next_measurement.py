@@ -46,7 +46,7 @@ from orthoglide_cal.model.orthoglide import (
 )
 from orthoglide_cal.model.plan import Bools, Floats, Plan, PlanT, joined
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
-from orthoglide_cal.planning.forecast import estimator_for, lengths
+from orthoglide_cal.planning.plan import estimator_for, lengths
 from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import (
     MeasuringProtocol,
