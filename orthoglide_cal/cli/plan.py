@@ -127,7 +127,7 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
     else:
         with as_file(files("orthoglide_cal.files") / "templates" / "gcode.nc") as shipped:
             document = read_document(str(template or shipped), YAML_LIMIT)
-        lines = gcode_template(document, [block.number for block in program.blocks])
+        lines = gcode_template(document, [block.first.block for block in program.blocks])
         text = program_gcode(program, lines)
     advice = "Try them first without gauges, slowly, a hand on the emergency stop."
     common.put(text, target, f"{len(program.blocks)} blocks written to {target}. {advice}")

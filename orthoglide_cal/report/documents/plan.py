@@ -20,6 +20,7 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
+    MOST_COMPARED,
     BestDesign,
     MeasurementPlan,
     SessionForecast,
@@ -383,7 +384,9 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     rows = [(cause.id, cause.words(plan.model.machine).instrument) for cause in hidden]
     caption = "At their usual size they hardly change such readings."
     blocks.append(doc.Grid(("not seen", "what would show it"), rows, (0, 1), caption))
-    return doc.Section("Which causes can be distinguished", *blocks)
+    title = "Which causes can be distinguished"
+    title += f" by {MOST_COMPARED} cycles" if plan.cycles > MOST_COMPARED else ""
+    return doc.Section(title, *blocks)
 
 
 def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
