@@ -80,13 +80,9 @@ def posture_program(
             controller may drive a carriage; None for the joint limits of the machine file.
 
     Raises:
-        UsageError: the approach has no length, or the travel does not hold the isotropic posture.
+        UsageError: the travel does not hold the isotropic posture.
         PostureError: a point is outside the limits, or they leave no room for the approach.
     """
-    if not (math.isfinite(approach_mm) and approach_mm > 0.0):
-        raise UsageError(
-            f"The approach cannot be {approach_mm:g} mm long.", "Give a length such as 1."
-        )
     machine = model.machine
     low, high = machine.limits_mm if travel_mm is None else travel_mm
     if not low <= 0.0 <= high or low == high:
