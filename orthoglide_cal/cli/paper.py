@@ -1,5 +1,6 @@
 """`orthocal paper`: the paper's tables computed again, next to the printed values."""
 
+from collections.abc import Callable
 from functools import partial
 from typing import Literal
 
@@ -23,10 +24,11 @@ def paper(
     import numpy as np
 
     from orthoglide_cal.files.machine_file import default_machine
+    from orthoglide_cal.model.model import Model
     from orthoglide_cal.paper import tables
     from orthoglide_cal.report.documents.short import paper_document
 
-    makers = {
+    makers: dict[str, Callable[[Model], tables.Reproduction]] = {
         "1": tables.table_1,
         "3": partial(tables.table_3, rng=np.random.default_rng(seed)),
         "4": tables.table_4,
