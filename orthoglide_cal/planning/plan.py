@@ -287,12 +287,12 @@ class Wanted(NamedTuple):
 
 @dataclass(frozen=True)
 class Alternative:
-    """A way to measure besides the one that was asked for, with the fewest moves of a gauge."""
+    """A way to measure besides the one that was asked for."""
 
     protocol: MeasuringProtocol
     method: Method
-    same_cycles: SessionForecast  # as were asked for
-    # With as many as make no U larger than the session's largest; None if no number does.
+    # With the fewest cycles that make no U larger than the session's largest, and the fewest moves
+    # of a gauge; None if no number of cycles does.
     same_expanded: SessionForecast | None
 
 
@@ -381,12 +381,7 @@ def measurement_plan(
         plan = session_of(model, protocol, min(chosen.cycles, MOST_COMPARED), stands).plan
         worst_mm, fewest = chosen.worst_mm * (1.0 + ROUNDING), Order.FEWEST_MOVES
         compare = tuple(
-            Alternative(
-                way,
-                method,
-                forecast(model, way, chosen.cycles, method, stands, fewest),
-                fewest_cycles(model, way, method, stands, worst_mm, fewest),
-            )
+            Alternative(way, method, fewest_cycles(model, way, method, stands, worst_mm, fewest))
             for way in (METHODS if details else [best])
             for method in METHODS[way]
         )

@@ -35,10 +35,8 @@ from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.words import (
     counted,
-    decimals_for,
     listed,
     percent,
-    plain,
     short,
     two_figures,
     unit_words,
@@ -329,20 +327,17 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
 
 def _ways(plan: MeasurementPlan) -> doc.Section:
     """Every protocol and method for the same uncertainty."""
-    # As many figures as show of a way that takes longer that it is less sure.
-    wanted, decimals = plan.chosen.worst_mm, decimals_for(plan.chosen.worst_mm) + 2
     rows = []
     for way in plan.compare:
-        numbers = ["", "never", "", ""]
+        numbers = ["never", "", "", ""]
         if (effort := way.same_expanded) is not None:
             sizes = effort.cycles, effort.readings, effort.gauge_moves
             numbers = [*map(str, sizes), f"{effort.minutes:.0f}"]
-        rows.append((way.protocol, way.method, plain(way.same_cycles.worst_mm, decimals), *numbers))
-    head = ("protocol", "method", "U", "cycles", "readings", "moves", "min")
+        rows.append((way.protocol, way.method, *numbers))
+    head = ("protocol", "method", "cycles", "readings", "moves", "min")
     caption = (
-        f"U: of the worst offset with {counted(plan.cycles, 'cycle')}, mm. Then the effort for"
-        f" ± {plain(wanted, decimals)} mm. Moves: how often a stand is moved. A single gauge stays"
-        " at one end of the leg as long as it can (--order fewest-moves)."
+        f"What ± {two_figures(plan.chosen.worst_mm)} mm takes. Moves: how often a stand is moved. A"
+        " single gauge stays at one end of the leg as long as it can (--order fewest-moves)."
     )
     grid = doc.Grid(head, rows, words=(0, 1), caption=caption)
     return doc.Section("Other ways to the same uncertainty", grid)
