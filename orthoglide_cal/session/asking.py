@@ -133,6 +133,11 @@ class Asker:
         return min(self.keyboard.columns, WIDEST)
 
     @property
+    def hint(self) -> str:
+        """What to do for a reading, behind the question for it; nothing without a gauge."""
+        return f" ({self.gauge.hint})" if self.gauge else ""
+
+    @property
     def _strict(self) -> bool:
         """True if what comes too soon is a second press; a simulated gauge has no button."""
         return self.gauge is None or not self.gauge.reads_itself

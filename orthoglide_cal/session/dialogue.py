@@ -1,6 +1,5 @@
 """The loop of a session: show a step, wait for an answer, check it, put it on the disk."""
 
-import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -29,7 +28,7 @@ from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
 from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
 from orthoglide_cal.session.journal import Journal
-from orthoglide_cal.session.readings import ReadingsSoFar, Setting
+from orthoglide_cal.session.readings import ReadingsSoFar, Setting, count_words
 from orthoglide_cal.words import Unit, counted, decimals_for, signed
 
 if TYPE_CHECKING:
@@ -45,9 +44,6 @@ _KEYS = {
     **{"undo": "u", "back": "u", "retake": "r", "note": "n", "skip": "s", "help": "?"},
     **dict.fromkeys(("quit", "exit"), "q"),
 }
-_KEY = re.compile(
-    rf"(?P<key>{'|'.join(map(re.escape, _KEYS))})(?:\s+(?P<words>.+))?", re.IGNORECASE
-)
 
 
 class Quit(Exception):
@@ -92,15 +88,14 @@ class Dialogue:
                 f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is"
                 " wrong with a machine, leave out --design."
             )
-        following = self.setting.following
-        minutes = following.minutes if following else clock(steps)[-1]
         if first:
             from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
             lines = [f"{from_here} both are solved together at the end."]
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
         set_ups = counted(len({step.setup for step in steps}), "set-up")
         moves = counted(gauge_moves(steps), "gauge move")
-        long = wording.duration(minutes).lower()
+        following = self.setting.following
+        long = wording.duration(following.minutes if following else clock(steps)[-1]).lower()
         lines.append(f"File     {visible(str(self.path))}")
         lines.append(f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help.")
         self.asker.say("\n".join(lines))
@@ -110,7 +105,7 @@ class Dialogue:
                 " was shown as saved is missing.",
                 Style.BAD,
             )
-        if self.state.count > (2 if self.state.planned else 1):
+        if self.state.count > 1 + bool(self.state.planned):
             resumed = f"Resumed: {counted(len(self.state.accepted), 'reading')} so far."
             self.asker.say(resumed, Style.GOOD)
             self._say_offsets()
@@ -174,9 +169,7 @@ class Dialogue:
                 error.remedy += f" The readings are safe in the journal; then: {again}"
                 raise
         state, first = self.state, self.setting.first
-        counts = f"{len(state.accepted)} readings"
-        for number, word in ((len(state.replaced), "replaced"), (len(state.skipped), "skipped")):
-            counts += f", {number} {word}" if number else ""
+        counts = count_words(len(state.accepted), len(state.replaced), len(state.skipped))
         reason = state.ended.reason if state.ended else "unfinished"
         lines = ["", f"Session {reason}: {counts}. Written to {visible(str(self.path))}"]
         if first:
@@ -231,9 +224,9 @@ class Dialogue:
         asker.pushed = False
         touched = step.cell.contact.end
         end = f" at the {touched.upper()} end" if touched else ""
-        hint = f" ({asker.gauge.hint})" if asker.gauge else ""
-        gauge = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{self.unit}]{hint} > "
-        answer = asker.ask(f"{place}\n{gauge}", step, self.state.takes(step.number))
+        gauge = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{self.unit}]"
+        prompt = f"{place}\n{gauge}{asker.hint} > "
+        answer = asker.ask(prompt, step, self.state.takes(step.number))
         self._receive(answer, step)
 
     def _stood(self, step: SessionStep) -> Stood:
@@ -277,9 +270,8 @@ class Dialogue:
         self.asker.say(asked, Style.QUESTION)
         keep = "" if pending.doubt is Doubt.RANGE else "k keep, "
         moved = "m the stand moved, " if may_move else ""
-        hint = f" ({self.asker.gauge.hint})" if self.asker.gauge else ""
         again = "or read again" if keep else "Read again"
-        prompt = f"{asked}\n{step.number}. {keep}{moved}{again}{hint} > "
+        prompt = f"{asked}\n{step.number}. {keep}{moved}{again}{self.asker.hint} > "
         answer = self.asker.ask(prompt, step, self.state.takes(step.number))
         word, _, why = answer.partition(" ") if isinstance(answer, str) else ("", "", "")
         word = word.lower()
@@ -295,8 +287,8 @@ class Dialogue:
             self._keep(pending)
         elif word == "m" and may_move:
             self._keep(pending, moved=True)
-        elif _KEYS.get(word or "") == "u":
-            self.write(events.Answered(at=self.now(), keep=False))
+        elif _KEYS.get(word) == "u":
+            self._undo()
         else:
             self._receive(answer, step)
 
@@ -326,10 +318,10 @@ class Dialogue:
             self._take_back(answer)
         elif isinstance(answer, Token):
             self._read(step, answer)
-        elif (key := _KEY.fullmatch(answer)) is not None:
-            self._obey(_KEYS[key["key"].lower()], _clean(key["words"] or ""), step)
         elif not answer:
             self.asker.say("Type the reading, or ? for help.")
+        elif key := _KEYS.get(answer.split()[0].lower()):
+            self._obey(key, _clean(answer.partition(" ")[2]), step)
         else:
             try:
                 token = parse_typed(answer)
@@ -342,14 +334,18 @@ class Dialogue:
         """A gauge sends by itself: take back the readings that its messages became."""
         self.asker.say(wording.STREAM, Style.BAD)
         taken = 0
-        if stream.readings and self.state.pending is not None:
-            self.write(events.Answered(at=self.now(), keep=False))
-            taken += 1
-        while taken < stream.readings and self.state.before is not None:
-            self.write(events.Undone(at=self.now()))
+        while taken < stream.readings and (self.state.pending or self.state.before):
+            self._undo()
             taken += 1
         if taken:
             self.asker.say(f"{_are(taken)} taken back: sent by that gauge.")
+
+    def _undo(self) -> None:
+        """Take back the reading that is questioned, else the last that counts, retake or skip."""
+        if self.state.pending:
+            self.write(events.Answered(at=self.now(), keep=False))
+        else:
+            self.write(events.Undone(at=self.now()))
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
@@ -466,7 +462,7 @@ class Dialogue:
             case "u" if self.state.before is None:
                 self.asker.say("There is nothing to undo.")
             case "u":
-                self.write(events.Undone(at=self.now()))
+                self._undo()
                 left = self.so_far.left
                 where = f" Back to step {left[0].number}." if left else ""
                 self.asker.say(f"Undone; the old value is kept as replaced.{where}")
@@ -515,7 +511,7 @@ class Dialogue:
             chosen = [s for s in steps if s.leg == leg and s.number in state.accepted]
             nothing = f"Leg {which.upper()} has no reading yet."
         else:
-            number = int(which) if re.fullmatch("[0-9]{1,4}", which) else 0
+            number = int(which) if which.isdecimal() and len(which) < 5 else 0
             done = number in state.accepted or number in state.skipped
             chosen = [steps[number - 1]] if done else []
             nothing = f"There is no reading at step {which[:20]} yet."

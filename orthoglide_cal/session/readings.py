@@ -43,6 +43,12 @@ _ORIGIN = "goes_on_from"
 _ENOUGH = 9
 
 
+def count_words(readings: int, replaced: int, skipped: int) -> str:
+    """Number of readings, and of those that do not count or were not taken, if there are any."""
+    others = ((replaced, "replaced"), (skipped, "skipped"))
+    return ", ".join([f"{readings} readings", *(f"{n} {word}" for n, word in others if n)])
+
+
 class PriorReadings:
     """The n readings that were there before a session began; part of it in every result.
 
@@ -54,38 +60,31 @@ class PriorReadings:
         if not isinstance(given.measured, Readings):
             fault = f"{self.path} holds differences; new readings cannot be joined to them."
             raise UsageError(fault, "Give the file of the raw readings, if you have it.")
-        self.data, self.model = data, given.model
-        self.readings = given.measured
-        self.conditions = given.conditions
-        self.is_session = given.is_session
-        self.plan = given.measured.plan
+        self.data, self.model, self.conditions = data, given.model, given.conditions
+        self.readings, self.plan = given.measured, given.measured.plan
         self.repeats = Counter(planned_readings(self.plan))
+        self._is_session = given.is_session
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of a session, in the order of time."""
         rows = reading_rows(self.readings)
-        entries: list[dict[str, str]] = []
-        if self.is_session:
-            entries = load_tree(self.data).value["readings"]
-        for index, row in enumerate(rows):
+        entries = load_tree(self.data).value["readings"] if self._is_session else [{}] * len(rows)
+        for index, (row, entry) in enumerate(zip(rows, entries, strict=True)):
             # Steps are counted from 1 in each session: those of an earlier one cannot be retaken.
             note = re.sub(r" \(r [0-9]+\)", "", row.note or "")
-            at = entries[index].get("timestamp") if entries else None
-            rows[index] = row.changed(timestamp=at, note=note)
-        return [rows[index] for index in self.readings.plan.in_time.tolist()]
+            rows[index] = row.changed(timestamp=entry.get("timestamp"), note=note)
+        return [rows[index] for index in self.plan.in_time.tolist()]
 
     @property
     def environment(self) -> dict[str, str]:
         """Notes around them, and where they are from."""
         conditions, data = self.conditions, self.data
         environment = dict(conditions.environment)
-        counts = f"{len(self.readings)} readings"
-        for number, word in ((conditions.retaken, "replaced"), (conditions.skipped, "skipped")):
-            counts += f", {number} {word}" if number else ""
-        origin = f"{visible(data.path)} ({counts}), sha256 {data.sha256}"
-        before = environment.get(_ORIGIN)
-        return {**environment, _ORIGIN: f"{origin}; {before}" if before else origin}
+        counts = count_words(len(self.readings), conditions.retaken, conditions.skipped)
+        origin = [f"{visible(data.path)} ({counts}), sha256 {data.sha256}"]
+        before = [environment[_ORIGIN]] if _ORIGIN in environment else []
+        return {**environment, _ORIGIN: "; ".join(origin + before)}
 
     def minutes(self, opened_at: str, since: float) -> float | None:
         """The time of a new reading on the clock of the first ones; None where they have none.
