@@ -62,6 +62,7 @@ class Dialogue:
     unit: Unit = Unit.MM  # of readings without one
     until_mm: float | None = None  # end once every offset is known this well; else take them all
     standing: Standing | None = None  # where a machine that is followed stands
+    agreed: bool = False  # that what was left out is read, without asking
     so_far: ReadingsSoFar = field(init=False)  # that count now
     _shown: tuple[object, ...] = (None,)  # the visit of the machine that was shown last
 
@@ -116,6 +117,7 @@ class Dialogue:
         Raises Quit, EOFError, KeyboardInterrupt: left or interrupted; everything is saved.
         InputError: the journal cannot be written any more.
         """
+        self.offer_again()
         while self.state.ended is None:
             if self.state.pending is not None:
                 self._ask_about(self.state.pending)
@@ -126,21 +128,20 @@ class Dialogue:
                 self.write(events.Ended(at=self.now(), reason=reason))
         return self.state
 
-    def offer_again(self, agreed: bool = False) -> None:
+    def offer_again(self) -> None:
         """Ask whether what was left out is read after all, and what was kept in doubt read again.
 
-        If `agreed`, what was left out is, without asking; without a terminal nobody is asked.
-        Raises Quit, EOFError, KeyboardInterrupt as `run`.
+        Without a terminal nobody is asked. Raises Quit, EOFError, KeyboardInterrupt as `run`.
         """
         state, steps, live = self.state, self.setting.steps, self.asker.keyboard.live
         missing = [s for s in steps if s.number in {*state.skipped, *state.dropped}]
         last = self.so_far.steps[-1] if state.accepted else (missing or steps)[0]
-        if missing and (agreed or live):
+        if missing and (self.agreed or live):
             again = with_set_ups(missing, last.setup, steps, state.accepted)
             old = sum(step.number in state.accepted for step in again)
             more = f" For that, {old} earlier readings are taken again: the stands were moved."
             self.asker.say(f"{_are(len(missing))} left out.{more if old else ''}", Style.QUESTION)
-            if agreed or self._agrees("Read what is missing now? y/n > "):
+            if self.agreed or self._agrees("Read what is missing now? y/n > "):
                 self._take_again(again, "reopened")
         taken = state.accepted.items()
         kept = [f"r {step}" for step, item in taken if isinstance(item.take, Questioned)]

@@ -18,6 +18,7 @@ import numpy as np
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.linuxcnc import Standing
 from orthoglide_cal.files.readings import implausible_temperatures
 from orthoglide_cal.files.text import free_path, read_document
 from orthoglide_cal.inference import NextMeasurement, diagnose
@@ -86,8 +87,10 @@ def clock() -> str:
     return datetime.now().astimezone().isoformat(timespec="milliseconds")
 
 
-def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show) -> Dialogue:
-    """Begin a session, or go on with one; files without a name go into `folder`.
+def open_session(
+    request: Request, keyboard: Keyboard, show: Show, standing: Standing | None = None
+) -> Dialogue:
+    """Begin a session, or go on with one; `standing` is a machine that is followed.
 
     Raises:
         UsageError: the options do not go together or with the session; the file exists; another
@@ -97,7 +100,7 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
         GaugeLost: the gauge cannot be reached.
     """
     _check_options(request)
-    path, asker = session_file(request.path, folder, request.resume), Asker(keyboard, show)
+    path, asker = session_file(request.path, Path(), request.resume), Asker(keyboard, show)
     if request.resume:
         journal = Journal.resume(path.with_suffix(JOURNAL))
     else:
@@ -118,7 +121,10 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
             asker.say(wording.machine(setting.held, state.opened.seed is not None))
             if setting.following:
                 asker.say(setting.following.words, Style.TITLE)
-        dialogue = Dialogue(path, journal, setting, asker, clock, request.unit, request.until_mm)
+        dialogue = Dialogue(
+            path, journal, setting, asker, clock, request.unit, request.until_mm, standing,
+            agreed=request.agreed,
+        )  # fmt: skip
         if request.source and request.source != state.source and state.ended is None:
             dialogue.write(events.Reopened(at=clock(), source=request.source))
         return dialogue
