@@ -19,6 +19,7 @@ from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import (
     QUESTIONED,
+    Conditions,
     GaugeIdentity,
     reading_rows,
     readings_of,
@@ -213,42 +214,38 @@ class ReadingsSoFar:
     def row(self, number: int, take: Arrived | None = None, **further: object) -> ReadingRow:
         """A step as a row of the session file: what it reads, a reading, and what is said of it."""
         setting, opened, step = self.setting, self.state.opened, self.setting.steps[number - 1]
-        first = setting.first
-        cells = {"cycle": step.cycle + (first.repeats[step.cell] if first else 0), **further}
+        first, cells = setting.first, dict[str, object](cycle=step.cycle)
+        if first:
+            cells["cycle"] = step.cycle + first.repeats[step.cell]
         if take is not None:
             minutes = take.file_minutes
-            cells = {
+            cells |= {
                 "reading_mm": take.value_mm,
                 "gauge": opened.gauge_id(step.stand),
                 "timestamp": take.at,
                 "minutes": first.minutes(opened.at, minutes) if first else minutes,
                 "temperature_c": opened.temperature_c,
-                **cells,
             }
-        return row_at(step.cell, str(step.posture), several=setting.plan.parts > 1).changed(**cells)
+        row = row_at(step.cell, str(step.posture), several=setting.plan.parts > 1)
+        return row.changed(**cells | further)
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of the session file; a gauge that was moved has another label."""
         rows, first, following = list[ReadingRow](), self.setting.first, self.setting.following
-        seq = len(first.readings) if first else 0
-        for (take, _), step, moved in zip(
-            self.state.accepted.values(), self.steps, self.moved, strict=True
-        ):
+        read_before = first.rows if first else []
+        of_series = {(row.leg, row.direction): row.gauge for row in read_before}  # read it last
+        accepted = zip(self.state.accepted.values(), self.steps, self.moved, strict=True)
+        for seq, ((take, _), step, moved) in enumerate(accepted, len(read_before) + 1):
             label = self.state.opened.gauge_id(step.stand)
-            seq += 1
-            if first and following and following.continues:
-                names = AXES[step.leg], AXES[step.direction]
-                mine = (row.gauge for row in first.rows if (row.leg, row.direction) == names)
-                label = [None, *mine][-1]  # of the gauge that read it last
+            if following and following.continues:
+                label = of_series.get((AXES[step.leg], AXES[step.direction]))
             if moved is not None:
                 label = f"{label or ''} (moved at step {moved})".strip()
             remarks = [text for number, text in self.state.notes if number == take.step]
             if isinstance(take, Questioned):
                 remarks.insert(0, QUESTIONED.format(take.step, take.question))
-            if take.remark:
-                remarks.append(take.remark)
-            note = "; ".join(remarks) or None
+            note = "; ".join(filter(None, (*remarks, take.remark))) or None
             rows.append(self.row(take.step, take, seq=seq, gauge=label, note=note))
         return rows
 
@@ -262,6 +259,7 @@ class ReadingsSoFar:
     def session(self) -> Session:
         """The session file's content; the same records always give the same."""
         state, opened, first = self.state, self.state.opened, self.setting.first
+        before = first.conditions if first else Conditions()
         resolution = self.setting.machine.instrument.resolution_mm
         gauges = [
             GaugeIdentity(
@@ -269,7 +267,7 @@ class ReadingsSoFar:
             )
             for gauge in opened.gauges
         ]
-        before = first.conditions.gauges if first else ()
+        gauges += [gauge for gauge in before.gauges if gauge.id not in {g.id for g in gauges}]
         environment = first.environment if first else {}
         environment["readings_from"] = ", ".join(state.source)
         if opened.seed is not None:
@@ -282,12 +280,9 @@ class ReadingsSoFar:
         return Session(
             machine=self.setting.model,
             protocol=opened.protocol.value,
-            operator=opened.operator or (first.conditions.operator if first else None),
-            gauges=(
-                *gauges,
-                *(gauge for gauge in before if gauge.id not in {g.id for g in gauges}),
-            ),
-            started=(first.conditions.started if first else None) or opened.at,
+            operator=opened.operator or before.operator,
+            gauges=tuple(gauges),
+            started=before.started or opened.at,
             finished=state.ended.at if state.ended else None,
             environment=environment,
             readings=(*(first.rows if first else ()), *self.rows),
