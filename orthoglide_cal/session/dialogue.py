@@ -475,14 +475,22 @@ class Dialogue:
                     self.write(events.Noted(at=self.now(), step=step.number, text=text))
                     self.asker.say(f"Noted at step {step.number}.")
             case "s" if words.lower().split()[:1] == ["all"]:
-                self._skip_all(words[3:].strip())
+                left, reason = self.so_far.left, words[3:].strip()
+                self.asker.say(f"{_are(len(left))} missing.")
+                # A script that gives its reason has said all.
+                agreed = reason and not self.asker.keyboard.live
+                if not agreed and not self._agrees("End the session here? y/n > "):
+                    self.asker.say("Not ended.")
+                    return
+                for skipped in left:
+                    self._skip(skipped, reason or "the session was ended")
             case "s":
                 why = words or self._words("Why is it skipped? > ")
                 with suppress(InputError):
                     parse_typed(why)
                     why = ""  # a reading is no reason
                 if why:
-                    self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
+                    self._skip(step, why)
                 self.asker.say(
                     f"Skipped: {why}" if why else "Not skipped: a reason in words is needed."
                 )
@@ -542,17 +550,8 @@ class Dialogue:
         numbers = tuple(step.number for step in steps)
         self.write(events.Retake(at=self.now(), steps=numbers, reason=reason))
 
-    def _skip_all(self, reason: str) -> None:
-        left = self.so_far.left
-        self.asker.say(f"{_are(len(left))} missing.")
-        # A script that gives its reason has said all.
-        agreed = reason and not self.asker.keyboard.live
-        if not agreed and not self._agrees("End the session here? y/n > "):
-            self.asker.say("Not ended.")
-            return
-        why = reason or "the session was ended"
-        for step in left:
-            self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
+    def _skip(self, step: SessionStep, why: str) -> None:
+        self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
 
 
 def _are(readings: int) -> str:

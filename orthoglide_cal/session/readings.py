@@ -38,7 +38,7 @@ from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
 
-TICK_MIN = 1e-4  # to which times are written
+TICK_DECIMALS = 4  # of minutes, as they stand in the session file
 _ORIGIN = "goes_on_from"
 # Pairs of repeats needed before their scatter may replace the gauge's stated repeatability.
 _ENOUGH = 9
@@ -102,7 +102,8 @@ class PriorReadings:
             then = then.astimezone(now.tzinfo) if then.tzinfo else then.replace(tzinfo=now.tzinfo)
             if then.date() == now.date():
                 last += max((now - then).total_seconds() / 60.0, 0.0)
-        return round(math.ceil(last / TICK_MIN) * TICK_MIN + since, 4)
+        tick = 10.0**-TICK_DECIMALS
+        return round(math.ceil(last / tick) * tick + since, TICK_DECIMALS)
 
     @property
     def left_entered(self) -> Floats:
@@ -173,7 +174,7 @@ class ReadingsSoFar:
         self.steps = [steps[number - 1] for number in state.accepted]  # what each is of
         self.value: Floats = np.array([item.take.value_mm for item in items])  # shape (n,) [mm]
         # Since the session began, shape (n,).
-        self.minutes: Floats = np.array([item.take.file_minutes for item in items])
+        self.minutes: Floats = np.array([item.take.minutes for item in items]).round(TICK_DECIMALS)
         self.left = [step for step in steps if state.is_open(step.number)]  # to be measured
         # Doubts of readings that were kept, with the step that they were about.
         self.settled: set[tuple[Doubt, int]] = set()
@@ -218,7 +219,7 @@ class ReadingsSoFar:
         if first:
             cells["cycle"] = step.cycle + first.repeats[step.cell]
         if take is not None:
-            minutes = take.file_minutes
+            minutes = round(take.minutes, TICK_DECIMALS)
             cells |= {
                 "reading_mm": take.value_mm,
                 "gauge": opened.gauge_id(step.stand),
