@@ -365,16 +365,12 @@ class Dialogue:
         same = taken.model_dump(exclude={"kind"})
         doubt, text, about = question
         asked = Questioned(**same, doubt=doubt, question=text, about=about)
-        before = [
-            old.value_mm
-            for old in (*(take for take, _ in self.state.replaced), self.state.pending)
-            if isinstance(old, Questioned) and old.step == step.number
-        ]
         self.write(asked)
         self.asker.rest(driving=False)
-        near = 3.0 * readings.sigma_mm
+        before = [old for old, _ in self.state.replaced if old.step == step.number]
+        near = (o for o in before if abs(value - o.value_mm) <= 3.0 * readings.sigma_mm)
         # Read again it stays wrong: the plunger cannot reach it, or the machine stands elsewhere.
-        again = doubt is not Doubt.PLACE and any(abs(value - old) <= near for old in before)
+        again = doubt is not Doubt.PLACE and any(isinstance(old, Questioned) for old in near)
         if again and doubt is Doubt.RANGE:
             self.asker.say(wording.OUT_OF_RANGE, Style.BAD)
         elif again:
@@ -512,20 +508,15 @@ class Dialogue:
     def _retake(self, words: str, step: SessionStep) -> None:
         """Measure a step, or a leg, again: "14 why", "x"; with all that its stands need."""
         which, _, reason = words.partition(" ")
-        state, steps = self.state, self.setting.steps
         if not which:
             return
-        if which.lower() in AXES:
-            leg = AXES.index(which.lower())
-            chosen = [s for s in steps if s.leg == leg and s.number in state.accepted]
-            nothing = f"Leg {which.upper()} has no reading yet."
-        else:
-            number = int(which) if which.isdecimal() and len(which) < 5 else 0
-            done = number in state.accepted or number in state.skipped
-            chosen = [steps[number - 1]] if done else []
-            nothing = f"There is no reading at step {which[:20]} yet."
+        state, steps, leg = self.state, self.setting.steps, which.lower() in AXES
+        done = state.accepted if leg else {*state.accepted, *state.skipped}
+        names = ((AXES[s.leg] if leg else str(s.number), s) for s in steps if s.number in done)
+        chosen = [s for name, s in names if name == which.lower()]
         if not chosen:
-            self.asker.say(nothing)
+            where = f"of leg {which.upper()}" if leg else f"at step {which[:20]}"
+            self.asker.say(f"There is no reading {where} yet.")
             return
         again = with_set_ups(chosen, step.setup, steps, state.accepted)
         old = [s for s in again if s.number in state.accepted]
