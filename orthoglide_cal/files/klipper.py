@@ -242,6 +242,14 @@ def read_printer_file(
     )
 
 
+def settings_beside(document: FileText) -> PrinterFile | None:
+    """Settings of the printer.cfg in the same folder, without its data; None if there is none."""
+    if (file := document.beside("printer.cfg")) is None:
+        return None
+    remark = Reason.of("settings_beside", names=["printer.cfg"])
+    return replace(read_printer_file(file), data={}, remarks=(remark,))
+
+
 def read_klippy_log(document: FileText) -> PrinterFile:
     """The last configuration of a log, with the last calibration and else what was probed.
 

@@ -60,15 +60,6 @@ _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complet
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
 
 
-def kind_of(keys: Mapping[str, object]) -> str:
-    """The kind of a file without a `kind`: of most keys that no other has, or an Orthoglide."""
-    keys_of = {
-        kind: keys.keys() & made.model_fields.keys() - Machine.model_fields.keys()
-        for kind, made in MACHINES.items()
-    }
-    return max(keys_of, key=lambda kind: len(keys_of[kind]))
-
-
 def _unnamed(value: object) -> object:
     """An estimate whose name is its key."""
     if isinstance(value, Mapping) and "name" in value:
@@ -252,12 +243,15 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
         else:
             tree.note(path, "The key is missing.", "Add a line `machine: …`.")
         return None
-    kind = value.get("kind", kind_of(value))
+    # Without its kind a file is of that of most keys; an Orthoglide may go without.
+    usual, *_ = MACHINES
+    keys = {kind: value.keys() & made.model_fields.keys() for kind, made in MACHINES.items()}
+    kind = value.get("kind", max(keys, key=lambda kind: len(keys[kind])))
     if not isinstance(kind, str) or kind not in MACHINES:
         remedy = f"{nearest(str(kind), MACHINES)}Known: {', '.join(MACHINES)}."
         tree.note((*path, "kind"), "This kind of machine is not known.", remedy)
         return None
-    if "kind" not in value and kind != kind_of({}):
+    if "kind" not in value and kind != usual:
         tree.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
     machine = MACHINES[kind]
     schema = _file_schema(machine)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
+from typing import Self
 
 import numpy as np
 
@@ -149,6 +150,11 @@ class PrinterFile(ReadOnly):
     unknown: str = ""  # as of `Excerpt`
     started: str | None = None  # ISO 8601; None where the file does not say
     steps: str = ""  # that a calibration was reckoned from, as stored
+
+    def on_bed(self, radius: float) -> Self:
+        """With a radius of the bed [mm] where its file does not state it."""
+        stated = not math.isnan(self.machine.bed_radius_mm)
+        return self if stated else replace(self, machine=self.machine.changed(bed_radius_mm=radius))
 
 
 def delta_of(

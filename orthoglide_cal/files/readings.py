@@ -22,7 +22,6 @@ from orthoglide_cal.files.rows import (
     ReadingRow,
     Rows,
     check_order,
-    difference_name,
     times_of,
 )
 from orthoglide_cal.files.table import Table, csv_text
@@ -337,10 +336,7 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     """The kind that most of the names belong to; the others are faults, and so are repeats."""
     # The single set shares four names with the twelve; its own two decide.
     known = {kind: {difference.name for difference in DIFFERENCES[kind]} for kind in DIFFERENCES}
-    names: dict[int, str] = {}  # also of rows whose value is wrong
-    for index, cells in enumerate(rows.cells):
-        with suppress(InputError):
-            names[index] = difference_name(cells.get("difference", ""))
+    names = {index: row.difference for index, row in rows.sound}
     order = [DataKind.TWELVE, DataKind.SIX]
     if {"dz_x0", "dz_y0"} & set(names.values()):
         order.insert(0, DataKind.SINGLE)

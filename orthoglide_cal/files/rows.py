@@ -31,7 +31,7 @@ from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Source
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import AXES, Posture
-from orthoglide_cal.schema import Count, Moment, Schema, text_that, whole_number, yaml_number
+from orthoglide_cal.schema import Count, Moment, Schema, whole_number, yaml_number
 from orthoglide_cal.words import MM_PER_INCH
 
 LATEST_MINUTES = 1e6  # two years
@@ -45,9 +45,8 @@ _POSTURE = "Write iso, max, min or a displacement in mm."
 
 
 def _number(value: object, info: ValidationInfo) -> float:
-    if info.context is None or not isinstance(value, str):
-        return yaml_number(value)
-    return float(info.context.number(value))
+    parsed = info.context is not None and isinstance(value, str)
+    return float(info.context.content.parse(value)) if parsed else yaml_number(value)
 
 
 def _length(value: object, info: ValidationInfo) -> float:
@@ -69,12 +68,11 @@ def _posture(text: str, info: ValidationInfo) -> str:
         return text.lower()
     if info.context is None:
         return text
-    low, high = info.context.travel
-    remedy = _POSTURE
+    (low, high), remedy = info.context.travel, _POSTURE
     if low > -math.inf:
         remedy = f"Write iso, max, min or a displacement from {low:g} to {high:g} mm."
     try:
-        displacement: float = info.context.number(text)
+        displacement = _number(text, info)
     except InputError:
         raise InputError("This is not a posture.", remedy) from None
     if not low <= displacement <= high:
@@ -98,30 +96,32 @@ def _entered(value: object, info: ValidationInfo) -> object:
 Cell = Annotated[float, BeforeValidator(_number)]
 Length = Annotated[float, BeforeValidator(_length)]
 Order = Annotated[int, whole_number(0)]
-Name = Annotated[str, AfterValidator(str.lower)]  # in letters of any size
-Axis = Annotated[Name, text_that(AXES.__contains__, "This is not an axis.", _AXIS)]
-End = Annotated[
-    Name,
-    text_that(
-        ("joint", "tool").__contains__, "This is not an end of the leg.", "Write joint or tool."
-    ),
-]
-Bar = Annotated[
-    Name,
-    text_that(
-        TURNED.__eq__,
+# Field → what may stand there, in letters of any size; the fault of anything else, the remedy.
+_CHOICES: Mapping[str | None, tuple[Sequence[str], str, str]] = {
+    "leg": (AXES, "This is not an axis.", _AXIS),
+    "direction": (AXES, "This is not an axis.", _AXIS),
+    "end": (("joint", "tool"), "This is not an end of the leg.", "Write joint or tool."),
+    "bar": (
+        (TURNED,),
         "This does not say how the bar was.",
         f"Write {TURNED} where it was turned half round; otherwise leave the cell empty.",
     ),
-]
-Simulated = Annotated[
-    Name,
-    text_that(
-        YES.__eq__,
+    "simulated": (
+        (YES,),
         "This does not say whether it was simulated.",
         f"Write {YES} where a simulator made the row; otherwise leave the cell empty.",
     ),
-]
+}
+
+
+def _choice(text: str, info: ValidationInfo) -> str:
+    known, what, remedy = _CHOICES[info.field_name]
+    if text.lower() not in known:
+        raise InputError(what, remedy)
+    return text.lower()
+
+
+Choice = Annotated[str, AfterValidator(_choice)]
 Minutes = Annotated[Cell, Field(ge=0.0, le=LATEST_MINUTES)]
 
 
@@ -149,11 +149,11 @@ class Row(Schema):
 class ReadingRow(Row):
     """A gauge reading; None where nothing is said."""
 
-    leg: Axis  # whose carriage is displaced
+    leg: Choice  # whose carriage is displaced
     # iso, max, min of that leg, or its displacement from the isotropic posture [mm].
     posture: Annotated[str, AfterValidator(_posture)]
-    direction: Axis  # along which the gauge measures
-    end: End | None = None  # of the leg, that is touched in the single-posture protocol
+    direction: Choice  # along which the gauge measures
+    end: Choice | None = None  # of the leg, that is touched in the single-posture protocol
     cycle: Count | None = None  # repeat, from 1
     # None for a step that was left out.
     reading_mm: Length | None = Field(
@@ -168,11 +168,11 @@ class ReadingRow(Row):
     # Where it stood along the leg, from the carriage joint (0) to the tool (1).
     gauge_at: Annotated[Cell, Field(ge=0.0, le=1.0)] | None = None
     part: Count | None = None  # of the measurement, from 1
-    bar: Bar | None = None  # "turned" where the touched bar was turned half round
+    bar: Choice | None = None  # "turned" where the touched bar was turned half round
     # In the controller since the first reading, x, y, z [mm].
     entered: Annotated[tuple[float, float, float], BeforeValidator(_entered)] | None = None
     note: str | None = None
-    simulated: Simulated | None = None  # "yes" where no machine was measured
+    simulated: Choice | None = None  # "yes" where no machine was measured
     timestamp: Moment | None = None
     reason: str | None = None  # why it was replaced or left out
 
@@ -216,7 +216,7 @@ class ProbeRow(Row):
     cycle: Count | None = None
     minutes: Minutes | None = None
     note: str | None = None
-    simulated: Simulated | None = None
+    simulated: Choice | None = None
 
     needed: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("x_mm", "y_mm", "reading_mm"), "Give it, or remove the row."
@@ -237,7 +237,7 @@ DIFFERENCE_NAMES = "Direction first, leg second. Known: {}.".format(
 )
 
 
-def difference_name(text: str) -> str:
+def _difference_name(text: str) -> str:
     """The canonical name; the leading d may be missing, or a delta."""
     name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
     if name not in _NAMED:
@@ -248,9 +248,9 @@ def difference_name(text: str) -> str:
 class DifferenceRow(Row):
     """A difference as the paper prints it."""
 
-    difference: Annotated[str, AfterValidator(difference_name)]
+    difference: Annotated[str, AfterValidator(_difference_name)]
     value_mm: Length = Field(validation_alias=AliasChoices("value_mm", "value_in"))
-    simulated: Simulated | None = None
+    simulated: Choice | None = None
 
     noun = "difference"
     inches = "value_in"
@@ -293,8 +293,7 @@ class Rows(Generic[R]):
         wanted: bool = True,
     ) -> None:
         self.content, self.path, self.noun = content, path, schema.noun
-        self.number, self.wanted = content.parse, wanted
-        self.longest, self.travel = longest, travel
+        self.longest, self.travel, self.wanted = longest, travel, wanted
         self.in_inches = ""  # the column that the row being read gives in inches
         self.cells: list[dict[str, str]] = []  # column → text, of cells that are not empty
         self.rows: list[R | None] = []
@@ -379,8 +378,7 @@ def check_order(rows: Rows[Timed]) -> None:
             rows.note(index, "seq", what, remedy)
     in_time = sorted(rows.sound, key=lambda item: -1 if item[1].seq is None else item[1].seq)
     for (before, one), (after, other) in pairwise(in_time):
-        earlier, later = one.minutes, other.minutes
-        if earlier is not None and later is not None and later < earlier:
+        if one.minutes is not None and other.minutes is not None and other.minutes < one.minutes:
             what = f"Time runs backwards: line {rows.line(before)} was taken before this one."
             remedy = "Give minutes since the session began; correct seq or the order of the rows."
             column = "minutes" if "minutes" in rows.cells[after] else "timestamp"

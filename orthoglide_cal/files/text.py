@@ -44,6 +44,11 @@ class FileText:
     def source(self) -> Source:
         return Source(self.path, self.sha256)
 
+    def beside(self, name: str) -> "FileText | None":
+        """The file of this name in the same folder; None if there is none. Raises InputError."""
+        path = Path(self.path).with_name(name)
+        return read_document(str(path)) if self.path != "-" and path.is_file() else None
+
 
 def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
     """Read a text file, or standard input for "-", of at most `limit` bytes.
