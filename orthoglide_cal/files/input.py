@@ -28,7 +28,7 @@ from orthoglide_cal.files.readings import (
     readings_from_table,
 )
 from orthoglide_cal.files.session_file import session_from_tree
-from orthoglide_cal.files.table import read_table
+from orthoglide_cal.files.table import Table
 from orthoglide_cal.files.text import (
     YAML_LIMIT,
     FileText,
@@ -392,7 +392,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     entered = judge.machine.entered_from(document.sha256)
     if entered and entered.before:
         judge = judge.holding(entered.active[0], entered.corrected_before)
-    table = read_table(document)
+    table = Table(document)
     columns = set(table.columns)
     places = columns & set(probe_readings.PLACE_COLUMNS)
     probed = bool(places) and not columns & {"leg", "difference"}

@@ -12,7 +12,7 @@ from difflib import get_close_matches
 from itertools import pairwise
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.files.faults import Content, Faults, Place, Steps, unused
+from orthoglide_cal.files.faults import Content, Place, Steps, unused
 from orthoglide_cal.files.rows import CODED, Row
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import Reason, parse_number
@@ -28,7 +28,10 @@ _BLANK_CELL = _BLANKS + "\n\r\v\f"
 class Table(Content):
     """A CSV file; its value is the list of its rows that are not blank.
 
-    Each is column → text without blanks around it, of cells that are not empty.
+    Each is column → text without blanks around it, of cells that are not empty. Blank lines are
+    skipped, and so are lines that start with # and Excel's `sep=;` line. If the first column may
+    hold free text, a # after the header belongs to its text: skipping the line would lose a
+    reading.
     """
 
     of_table = True
@@ -39,7 +42,57 @@ class Table(Content):
         self.header_line = 1
         self.rows: list[dict[str, str]] = []
         self.value = self.rows
-        self.decimal_comma = False  # the delimiter leaves the comma free
+        lines = document.text.split("\n")
+        at, delimiter = _start(lines)
+        self.decimal_comma = delimiter != ","  # the delimiter leaves the comma free
+        comments = True
+        while at < len(lines):
+            shown, line = lines[at].strip(), at + 1
+            plain = lines[at].lstrip(_BLANKS)
+            if not plain.strip() or (comments and plain.startswith("#")):
+                at += 1
+                continue
+            rest = (f"{lines[index]}\n" for index in range(at, len(lines)))
+            reader = csv.reader(rest, delimiter=delimiter, strict=True, skipinitialspace=True)
+            try:
+                cells = [cell.strip(_BLANK_CELL) for cell in next(reader)]
+            except csv.Error as error:
+                what = f"The row cannot be split into cells: {error}."
+                if "end of data" in str(error):
+                    what = "A quotation mark is opened and never closed."
+                remedy = 'Close it, or write "" for a quotation mark inside quotes.'
+                self.add(what, remedy, line=line, value=shown)
+                break
+            at += reader.line_num  # quotes may span lines
+            if not self.columns:
+                self._head(cells, line)
+                comments = self.columns[0] in CODED
+            elif len(self.rows) >= _ROWS:
+                self.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)
+                break
+            elif any(cells[len(self.columns) :]):
+                what = f"The row has {len(cells)} cells, the header {len(self.columns)}."
+                remedy = f"Put a cell that holds {delimiter!r} in quotes."
+                if delimiter == ",":
+                    remedy = "For decimal commas separate the columns with semicolons"
+                    remedy += ", in the header too."
+                self.add(what, remedy, line=line, value=shown)
+            elif any(cells):
+                self.lines[len(self.rows),] = line
+                pairs = zip(self.columns, cells, strict=False)
+                self.rows.append({name: cell for name, cell in pairs if cell})
+
+    def _head(self, cells: Sequence[str], line: int) -> None:
+        """Take the columns' names; too many and repeated ones are faults."""
+        self.columns = tuple(name.lower() for name in cells[:_COLUMNS])
+        self.header_line = line
+        if len(cells) > _COLUMNS:
+            what = f"The header has more than {_COLUMNS} columns."
+            self.add(what, "Check the delimiter.", line=line)
+        for index, name in enumerate(self.columns):
+            if name and name in self.columns[:index]:
+                what = "The header names this column twice."
+                self.add(what, "Rename or remove one.", line=line, column=name)
 
     def parse(self, text: str) -> float:
         return parse_number(text, decimal_comma=self.decimal_comma)
@@ -83,71 +136,17 @@ class Table(Content):
 
         A column next to the readings that never holds free text has not got the 123.
         """
-        if self.decimal_comma or not self.rows:
-            return
-        readings = ("reading_mm", "reading_in")
-        pairs = (pair for pair in pairwise(self.columns) if pair[0] in readings)
+        pairs = (pair for pair in pairwise(self.columns) if pair[0] in ("reading_mm", "reading_in"))
         value, beside = next(pairs, ("", ""))
-        if not value or beside in CODED:
+        if self.decimal_comma or not (self.rows and value) or beside in CODED:
             return
-        fractions = [row.get(beside, "") for row in self.rows]
-        cells = [row.get(value, "") for row in self.rows]
+        cells, fractions = ([row.get(name, "") for row in self.rows] for name in (value, beside))
         whole = all(re.fullmatch("[-+\u2212]?[0-9]+", cell) for cell in cells)
         if whole and all(map(str.isdigit, fractions)) and max(map(len, fractions)) > 1:
             what = f"Every reading is a whole number with digits in the next column, {beside!r}:"
             what += " decimal commas?"
             remedy = "Write decimal points, or separate the columns with semicolons."
             self.add(what, remedy, self.lines[0,], value, f"{cells[0]},{fractions[0]}")
-
-
-def read_table(file: FileText) -> Table:
-    """Split a file into header and rows.
-
-    Blank lines are skipped, and so are lines that start with # and Excel's `sep=;` line. If the
-    first column may hold free text, a # after the header belongs to its text: skipping the line
-    would lose a reading.
-    """
-    table, lines = Table(file), file.text.split("\n")
-    at, delimiter = _start(lines)
-    table.decimal_comma = delimiter != ","
-    comments = True
-    while at < len(lines):
-        plain = lines[at].lstrip(_BLANKS)
-        line = at + 1
-        if not plain.strip() or (comments and plain.startswith("#")):
-            at += 1
-            continue
-        rest = (f"{lines[index]}\n" for index in range(at, len(lines)))
-        reader = csv.reader(rest, delimiter=delimiter, strict=True, skipinitialspace=True)
-        shown = lines[at].strip()
-        try:
-            cells = [cell.strip(_BLANK_CELL) for cell in next(reader)]
-        except csv.Error as error:
-            what = f"The row cannot be split into cells: {error}."
-            if "end of data" in str(error):
-                what = "A quotation mark is opened and never closed."
-            remedy = 'Close it, or write "" for a quotation mark inside quotes.'
-            table.add(what, remedy, line=line, value=shown)
-            break
-        at += reader.line_num  # quotes may span lines
-        if not table.columns:
-            table.columns, table.header_line = _columns(cells, line, table), line
-            comments = table.columns[0] in CODED
-        elif len(table.rows) >= _ROWS:
-            table.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)
-            break
-        elif any(cells[len(table.columns) :]):
-            what = f"The row has {len(cells)} cells, the header {len(table.columns)}."
-            remedy = f"Put a cell that holds {delimiter!r} in quotes."
-            if delimiter == ",":
-                remedy = "For decimal commas separate the columns with semicolons"
-                remedy += ", in the header too."
-            table.add(what, remedy, line=line, value=shown)
-        elif any(cells):
-            table.lines[len(table.rows),] = line
-            pairs = zip(table.columns, cells, strict=False)
-            table.rows.append({name: cell for name, cell in pairs if cell})
-    return table
 
 
 def _start(lines: Sequence[str]) -> tuple[int, str]:
@@ -159,19 +158,6 @@ def _start(lines: Sequence[str]) -> tuple[int, str]:
         if plain and not plain.startswith("#"):
             return index, next((mark for mark in "\t;," if mark in line), ",")
     return len(lines), ","
-
-
-def _columns(header: Sequence[str], line: int, faults: Faults) -> tuple[str, ...]:
-    """Names of the columns; too many and repeated ones are faults."""
-    names = [name.lower() for name in header[:_COLUMNS]]
-    if len(header) > _COLUMNS:
-        what = f"The header has more than {_COLUMNS} columns."
-        faults.add(what, "Check the delimiter.", line=line)
-    for index, name in enumerate(names):
-        if name and name in names[:index]:
-            what = "The header names this column twice."
-            faults.add(what, "Rename or remove one.", line=line, column=name)
-    return tuple(names)
 
 
 def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
