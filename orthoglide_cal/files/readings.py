@@ -256,13 +256,12 @@ def readings_csv(readings: Readings) -> str:
 
 def _time(rows: Rows[ReadingRow], started: str | None) -> None:
     """Give the rows the minutes of their timestamps, if all have one and none has `minutes`."""
-    taken = {index: row.timestamp for index, row in rows.sound if row.timestamp}
+    taken = {k: datetime.fromisoformat(row.timestamp) for k, row in rows.sound if row.timestamp}
     if not taken or len(taken) < len(rows.sound) or any("minutes" in cells for cells in rows.cells):
         return
-    moments = {index: datetime.fromisoformat(at) for index, at in taken.items()}
     try:
-        first = datetime.fromisoformat(started) if started else min(moments.values())
-        minutes = {k: (moment - first).total_seconds() / 60.0 for k, moment in moments.items()}
+        first = datetime.fromisoformat(started) if started else min(taken.values())
+        minutes = {k: (moment - first).total_seconds() / 60.0 for k, moment in taken.items()}
     except TypeError:
         what = "Some times have a time zone and others have none."
         remedy = "Write all of them, and `started`, in the same way."
@@ -301,15 +300,14 @@ def _remarks(
         yield Reason.of("untimed", minutes=_MINUTES_PER_READING)
     if readings.timed or "cycle" in rows[0]:
         # Cycle or minutes should tell repeats apart.
-        lines: dict[frozenset[tuple[str, str]], list[int]] = {}
+        first: dict[frozenset[tuple[str, str]], int] = {}
+        again = []
         for line, cells in zip(readings.line.tolist(), rows, strict=True):
             content = frozenset(item for item in cells.items() if item[0] != "seq")
-            lines.setdefault(content, []).append(line)
-        repeated = [same for same in lines.values() if len(same) > 1]
-        if repeated:
-            first, line, *_ = repeated[0]
-            count = sum(map(len, repeated)) - len(repeated)
-            yield Reason.of("repeated_line", line=line, first=first, count=count)
+            if first.setdefault(content, line) != line:
+                again.append({"line": line, "first": first[content]})
+        if again:
+            yield Reason.of("repeated_line", **again[0], count=len(again))
 
 
 # --- differences of readings, as the paper prints them --------------------------------------------
