@@ -9,7 +9,7 @@ from typing import Any, get_args, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
-from orthoglide_cal.errors import InputError, InvalidFileError
+from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import Reason, parse_number, yaml_number
 
@@ -72,10 +72,10 @@ class Faults:
         column: str | None = None,
         value: str | None = None,
     ) -> None:
-        """Note one fault at its place. Raises InvalidFileError if there are too many."""
+        """Note one fault at its place. Raises InputError if there are too many."""
         if len(self.problems) == _MOST:
             rest = InputError("There are more faults like these.", _FIRST, file=self.file)
-            raise InvalidFileError((*self.error().problems, rest), file=self.file)
+            raise InputError.of((*self.error().problems, rest))
         fault = InputError(what, remedy, file=self.file, line=line, column=column, value=value)
         fault.of_table = self.of_table
         self.problems.append(fault)
@@ -90,10 +90,9 @@ class Faults:
         except InputError as error:
             self.add(error.what, error.remedy, line, column, value or None)
 
-    def error(self) -> InvalidFileError:
+    def error(self) -> InputError:
         """All faults, at least one, by line."""
-        problems = sorted(self.problems, key=lambda fault: fault.line or 0)
-        return InvalidFileError(problems, file=self.file)
+        return InputError.of(sorted(self.problems, key=lambda fault: fault.line or 0))
 
     def check(self) -> None:
         """Raise `error()` if there are any faults."""

@@ -86,7 +86,7 @@ Words = dict[str, tuple[float, ...]]
 def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     """The machine and the probe that these files state; the last of them wins.
 
-    The radius of the bed is NaN where it is not stated. Raises InvalidFileError with everything
+    The radius of the bed is NaN where it is not stated. Raises InputError with everything
     that is wrong in one of them.
     """
     words: Words = {}
@@ -171,7 +171,7 @@ def check_delta(measured: FileText) -> None:
 
 
 def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
-    """The settings, with the probed heights as their mesh. Raises InvalidFileError."""
+    """The settings, with the probed heights as their mesh. Raises InputError."""
     faults, lines = Faults(document.path), document.text.strip("\n").split("\n")
     head, values = [*lines[1:3], "", ""][:2]
     names = [_NAMES.get(name.strip(), name.strip()) for name in head.lower().split(",")]
@@ -272,7 +272,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings after all that was printed, with G33's heights, and what else was probed.
 
     The radius of the bed is NaN where the settings before it do not have it. Raises
-    InvalidFileError: everything that is wrong; InputError: no heights, or not their places.
+    InputError: everything that is wrong; no heights, or not their places.
     """
     faults, offset, remarks = Faults(document.path), np.nan_to_num(settings.probe), list[Reason]()
     reach = settings.machine.bed_radius_mm - _MARGIN_MM
@@ -421,7 +421,7 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, and what was printed as their mesh: Repetier's map, without its corners, which
     are made up; or the last heights of RepRapFirmware, at the places of G30 P….
 
-    Raises InvalidFileError for what is no number; InputError: neither the text nor a bed.g in its
+    Raises InputError for what is no number, or if neither the text nor a bed.g in its
     folder has the places.
     """
     text, path = document.text, document.path

@@ -160,8 +160,8 @@ def read_input(
         stored: what of a printer's file is meant; None for its calibration, or else its mesh.
             Other files are read whole.
 
-    Raises InvalidFileError: every fault of its content with its place; InputError: not readable,
-    too large, or not text.
+    Raises InputError: every fault of its content with its place; or not readable, too large, or
+    not text.
     """
     document = source if isinstance(source, FileText) else read_document(source)
     if _is_yaml(document):

@@ -197,7 +197,7 @@ def read_printer_file(
 ) -> PrinterFile:
     """Content of a printer.cfg; `calibration` replaces its [delta_calibrate]: option → line, text.
 
-    Raises InvalidFileError with everything that is wrong in the lines that matter here.
+    Raises InputError with everything that is wrong in the lines that matter here.
     """
     settings = Settings(document)
     settings.check()  # what follows from a broken line is no fault of its own
@@ -253,7 +253,7 @@ def settings_beside(document: FileText) -> PrinterFile | None:
 def read_klippy_log(document: FileText) -> PrinterFile:
     """The last configuration of a log, with the last calibration and else what was probed.
 
-    Raises InvalidFileError with everything that is wrong in the lines that matter here.
+    Raises InputError with everything that is wrong in the lines that matter here.
     """
     lines = document.text.split("\n")
     starts = [number for number, line in enumerate(lines) if _CONFIG.fullmatch(line)]
@@ -295,7 +295,7 @@ def _calculated(document: FileText, lines: Sequence[str], at: int) -> dict[str, 
 
 
 def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
-    """The settings, and the touches that Klipper printed as their mesh. Raises InvalidFileError."""
+    """The settings, and the touches that Klipper printed as their mesh. Raises InputError."""
     faults, rows = Faults(document.path), []
     for number, line in enumerate(document.text.split("\n"), start=1):
         for match in PROBED.finditer(line):

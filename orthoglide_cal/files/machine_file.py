@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_model, field_validator
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import InputError, InvalidFileError
+from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import WORDS, Content, Steps, dotted, nearest
 from orthoglide_cal.files.text import (
     YAML_LIMIT,
@@ -114,7 +114,7 @@ class Identified(Schema):
                 what, remedy = "The number must not be negative.", "Give zero or more."
                 faults.append(InputError(what, remedy, column=f"{name}.value"))
         if faults:
-            raise InvalidFileError(faults)
+            raise InputError.of(faults)
         return given
 
     @field_validator("correlation")
@@ -173,8 +173,8 @@ class StoredMachine:
 def read_machine_file(path: Path | str) -> StoredMachine:
     """The machine file at a path ("-": standard input).
 
-    Raises InvalidFileError: everything in it that breaks the schema, each with line and path;
-    InputError: not readable, not YAML, or not a machine file.
+    Raises InputError: everything in it that breaks the schema, each with line and path; or not
+    readable, not YAML, or not a machine file.
     """
     file = read_document(str(path), YAML_LIMIT)
     if PRINTER_SECTION.search(file.text):
@@ -410,15 +410,15 @@ def new_machine(values: Mapping[str, object], path: str) -> str:
     """The text of a machine file with these values; the others are the shipped one's of its kind.
 
     The values are as in `machine_values`; without a kind it is an Orthoglide. Raises
-    InvalidFileError: they do not make a machine; each with its key.
+    InputError: they do not make a machine; each with its key.
     """
     prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
     shipped = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
     text = edited(shipped, {**values, "history": [], "complete": True})
     try:
         machine_from_text(text, path)
-    except InvalidFileError as error:
+    except InputError as error:
         # The file is not there yet: its lines say nothing.
-        faults = [replace(fault, file=None, line=None) for fault in error.problems]
-        raise InvalidFileError(faults) from error
+        faults = [replace(fault, file=None, line=None, problems=()) for fault in error.problems]
+        raise InputError.of(faults) from error
     return text

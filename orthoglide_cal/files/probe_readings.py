@@ -35,7 +35,7 @@ LARGEST_MM = 10_000.0
 
 
 def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
-    """The touches of a CSV. Raises InvalidFileError with everything that is wrong."""
+    """The touches of a CSV. Raises InputError with everything that is wrong."""
     remarks = table.check_header(ProbeRow)
     table.check()
     if table.rows and not any("reading_mm" in cells for cells in table.rows):

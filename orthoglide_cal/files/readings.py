@@ -108,7 +108,7 @@ class Conditions(Circumstances):
 
 
 def readings_from_table(table: Table, machine: Machine) -> Readings:
-    """The readings of a CSV. Raises InvalidFileError with everything that is wrong."""
+    """The readings of a CSV. Raises InputError with everything that is wrong."""
     remarks = table.check_header(ReadingRow)
     for cells in table.rows:
         for name in ReadingRow.only_in_sessions:
@@ -127,7 +127,7 @@ def readings_in(
     """Convert and check the readings of a file, by the limits of a machine.
 
     `path` is that of their list, `started` (ISO 8601) counts where there are no `minutes`; remarks
-    are added to those given. Raises InvalidFileError: everything that is wrong with the file.
+    are added to those given. Raises InputError: everything that is wrong with the file.
     """
     leg = machine.leg_mm
     than = "the leg is long"
@@ -314,7 +314,7 @@ def _remarks(
 
 
 def differences_from_table(table: Table, machine: Machine) -> Differences:
-    """The differences of a CSV. Raises InvalidFileError with everything that is wrong."""
+    """The differences of a CSV. Raises InputError with everything that is wrong."""
     remarks = table.check_header(DifferenceRow)
     longest = {"value_mm": (machine.leg_mm, "difference", "the leg is long")}
     rows = Rows(table, DifferenceRow, longest=longest)

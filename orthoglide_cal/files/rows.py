@@ -45,8 +45,9 @@ _POSTURE = "Write iso, max, min or a displacement in mm."
 
 
 def _number(value: object, info: ValidationInfo) -> float:
-    parsed = info.context is not None and isinstance(value, str)
-    return float(info.context.content.parse(value)) if parsed else yaml_number(value)
+    if info.context is None or not isinstance(value, str):
+        return yaml_number(value)
+    return float(info.context.content.parse(value))
 
 
 def _length(value: object, info: ValidationInfo) -> float:
@@ -343,7 +344,7 @@ class Rows(Generic[R]):
         return [(index, row) for index, row in enumerate(self.rows) if row is not None]
 
     def checked(self) -> list[R]:
-        """All rows, at least one. Raises InvalidFileError if anything is wrong."""
+        """All rows, at least one. Raises InputError if anything is wrong."""
         if not self.cells and not self.content.problems:
             remedy = "Give one row for each, under the header."
             self.content.add(f"There is no {self.noun}.", remedy)

@@ -46,8 +46,8 @@ def session_from_tree(
     """The readings of a parsed session, the machine to judge them by, the circumstances, its own.
 
     Without a model they are judged by the machine in the session itself. Which offsets were active
-    in the controller is always the session's to say. Raises InvalidFileError: everything that is
-    wrong with it, each with line and path; InputError: no session.
+    in the controller is always the session's to say. Raises InputError: everything that is
+    wrong with it, each with line and path; or it is no session.
     """
     if not isinstance(tree.value, dict) or "readings" not in tree.value:
         if machine_file.is_machine_file(tree):

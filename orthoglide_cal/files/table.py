@@ -38,7 +38,7 @@ class Table(Content):
 
     def __init__(self, document: FileText) -> None:
         super().__init__(document)
-        self.columns: tuple[str, ...] = ()  # names in lower case, in order; "" where there is none
+        self.columns: list[str] = []  # names in lower case, in order; "" where there is none
         self.header_line = 1
         self.rows: list[dict[str, str]] = []
         self.value = self.rows
@@ -84,7 +84,7 @@ class Table(Content):
 
     def _head(self, cells: Sequence[str], line: int) -> None:
         """Take the columns' names; too many and repeated ones are faults."""
-        self.columns = tuple(name.lower() for name in cells[:_COLUMNS])
+        self.columns = [name.lower() for name in cells[:_COLUMNS]]
         self.header_line = line
         if len(cells) > _COLUMNS:
             what = f"The header has more than {_COLUMNS} columns."
