@@ -27,8 +27,8 @@ from orthoglide_cal.files.readings import (
     implausible_temperatures,
     readings_from_table,
 )
+from orthoglide_cal.files.rows import Table
 from orthoglide_cal.files.session_file import session_from_tree
-from orthoglide_cal.files.table import Table
 from orthoglide_cal.files.text import (
     YAML_LIMIT,
     FileText,

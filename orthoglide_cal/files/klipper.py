@@ -213,10 +213,8 @@ def read_printer_file(
     ]
     # The arms reach downwards only if the towers follow each other in one sense.
     if not any(map(math.isnan, angles)) and not counter_clockwise(angles):
-        given = (settings.options[tower].get("angle", (0, "")) for tower in _TOWERS)
-        towers = ", ".join(f"[{tower}]" for tower in _TOWERS)
-        remedy = f"Check the angles of {towers}; they are usually near 210, 330 and 90."
-        settings.add(TOWERS_TURN, remedy, line=max(given)[0], column="angle")
+        remedy = "Check the angles of the towers; they are usually near 210, 330 and 90."
+        settings.note((_TOWERS[-1], "angle"), TOWERS_TURN, remedy)
     print_radius = settings.number("printer", "print_radius", radius, low=0.0)
     sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
     probe = np.array([settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"])

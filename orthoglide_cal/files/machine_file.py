@@ -148,9 +148,7 @@ class _Around(Schema):
     """Keys of a machine file besides the machine; the context is the class of the machine."""
 
     schema_version: Version
-    identified: Annotated[
-        tuple[Identified, ...], BeforeValidator(lambda given: () if given is None else given)
-    ] = ()
+    identified: Annotated[tuple[Identified, ...], BeforeValidator(lambda given: given or ())] = ()
     complete: Annotated[str, _TRUE] | None = None
 
 
@@ -238,10 +236,8 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
         value = value.get(step)
     before = len(tree.problems)
     if not isinstance(value, dict):
-        if path[-1] in tree.value:
-            tree.note(path, *WORDS["model_type"])
-        else:
-            tree.note(path, "The key is missing.", "Add a line `machine: …`.")
+        missing = "The key is missing.", "Add a line `machine: …`."
+        tree.note(path, *(WORDS["model_type"] if path[-1] in tree.value else missing))
         return None
     # Without its kind a file is of that of most keys; an Orthoglide may go without.
     usual, *_ = MACHINES

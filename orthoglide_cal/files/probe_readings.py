@@ -10,9 +10,8 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.rows import YES, ProbeRow, Rows, check_order, times_of
-from orthoglide_cal.files.table import Table, csv_text
-from orthoglide_cal.files.text import FileText
+from orthoglide_cal.files.rows import YES, ProbeRow, Rows, Table, check_order, times_of
+from orthoglide_cal.files.text import FileText, csv_text
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
 from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
@@ -43,8 +42,7 @@ def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
         remedy = "Probe the places in this order, and write the height at which the probe triggers."
         table.note((0, "reading_mm"), "No reading was filled in.", remedy)
         table.check()
-    away = (2.0 * bed.radius_mm, "coordinate", "the bed is wide")
-    high = (bed.highest_mm, "height", "an arm is long")
+    away, high = 2.0 * bed.radius_mm, bed.highest_mm
     longest = {"x_mm": away, "y_mm": away, "reading_mm": high, "z_mm": high}
     checking = Rows(table, ProbeRow, longest=longest)
     checking.check_complete(("seq", "minutes"))

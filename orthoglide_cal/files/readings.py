@@ -21,11 +21,11 @@ from orthoglide_cal.files.rows import (
     DifferenceRow,
     ReadingRow,
     Rows,
+    Table,
     check_order,
     times_of,
 )
-from orthoglide_cal.files.table import Table, csv_text
-from orthoglide_cal.files.text import number_text
+from orthoglide_cal.files.text import csv_text, number_text
 from orthoglide_cal.model.machine import Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.orthoglide import PlannedReading, plan_of, planned_readings
@@ -129,9 +129,7 @@ def readings_in(
     `path` is that of their list, `started` (ISO 8601) counts where there are no `minutes`; remarks
     are added to those given. Raises InputError: everything that is wrong with the file.
     """
-    leg = machine.leg_mm
-    than = "the leg is long"
-    longest = {"reading_mm": (leg, "reading", than), "entered": (leg, "offset", than)}
+    longest = dict.fromkeys(("reading_mm", "entered"), machine.leg_mm)
     rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.limits_mm)
     rows.check_complete(("seq", "cycle", "minutes", "end"))
     _time(rows, started)
@@ -316,8 +314,7 @@ def _remarks(
 def differences_from_table(table: Table, machine: Machine) -> Differences:
     """The differences of a CSV. Raises InputError with everything that is wrong."""
     remarks = table.check_header(DifferenceRow)
-    longest = {"value_mm": (machine.leg_mm, "difference", "the leg is long")}
-    rows = Rows(table, DifferenceRow, longest=longest)
+    rows = Rows(table, DifferenceRow, longest={"value_mm": machine.leg_mm})
     kind = _kind(rows)
     values = {row.difference: row.value_mm for row in rows.checked()}
     known = {difference.name: difference for difference in DIFFERENCES[kind]}
