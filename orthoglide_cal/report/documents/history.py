@@ -243,7 +243,8 @@ def _shapes(history: History) -> Iterator[doc.Figure]:
     """The bed as the parameters leave it: first, last; difference where the places are the same."""
     if not history.shapes:
         return
-    (place, first, bed), (other, last, _) = history.shapes
+    (place, first), (other, last) = history.shapes
+    bed = history.newest.bed
     largest = 1000.0 * max(float(np.abs(left).max()) for left in (first, last))
     maps = figures.bed_maps("first", place, {"": first}, bed, largest)
     maps += figures.bed_maps("last", other, {"": last}, bed, largest)
