@@ -320,11 +320,16 @@ def precedes(given: Input, entry: Entered) -> bool:
     return active and moment is not None and moment < entered.replace(tzinfo=entered.tzinfo or UTC)
 
 
-def sort_by_date(inputs: Sequence[Input]) -> list[Input]:
-    """The inputs in order of time; as given unless all have a date."""
-    dated = [(at, given) for given in inputs if (at := moment_of(given))]
-    ordered = [given for _, given in sorted(dated, key=itemgetter(0))]
-    return ordered if len(ordered) == len(inputs) else [*inputs]
+def in_order(
+    inputs: Sequence[Input], dates: Sequence[str] = ()
+) -> tuple[list[Input], list[datetime]]:
+    """The inputs in order of time, and their times; as given, without, unless all have one."""
+    pairs = zip_longest(inputs, dates)
+    dated = [(at, given) for given, stated in pairs if (at := moment_of(given, stated))]
+    if len(dated) < len(inputs):
+        return [*inputs], []
+    dated.sort(key=itemgetter(0))
+    return [given for _, given in dated], [at for at, _ in dated]
 
 
 def wrong_order(first: Input, second: Input, right: str) -> UsageError:
@@ -373,11 +378,11 @@ def compare(
             f"A history needs two sessions or more{without}.",
             "Name files; or the folder of sessions: of tables (CSV) it takes none.",
         )
-    inputs, days = [given for given, _ in kept], [moment_of(*pair) for pair in kept]
-    moments, times = [day for day in days if day], np.arange(len(inputs), dtype=np.float64)
-    if dated := len(moments) == len(inputs):
-        order = sorted(range(len(inputs)), key=moments.__getitem__)
-        inputs, moments = [inputs[k] for k in order], [moments[k] for k in order]
+    inputs, moments = in_order(
+        [given for given, _ in kept], [day for _, day in kept if day is not None]
+    )
+    times = np.arange(len(inputs), dtype=np.float64)
+    if dated := bool(moments):
         times = np.array([(moment - moments[0]) / timedelta(days=1) for moment in moments])
     else:
         notes.append(Reason.of("undated"))

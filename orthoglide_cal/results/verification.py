@@ -529,8 +529,8 @@ class SharedContrasts(ReadOnly):
     kind: DataKind  # contrasts of readings, or differences
     problem: Problem  # predicts them for given offsets
     change: Floats  # after − before, measured, shape (k,) [mm]
-    moved: Floats  # the same without what the controller corrects since, shape (k,) [mm]
-    covariance: Floats  # of both for unit variance of one reading, shape (k, k)
+    effect: Floats  # of what the controller corrects since, as modelled, shape (k,) [mm]
+    covariance: Floats  # of the change for unit variance of one reading, shape (k, k)
 
 
 def shared_contrasts(
@@ -570,42 +570,44 @@ def _of_differences(
             "Measure both with the same protocol.",
         )
     kind = DataKind.SIX if len(kinds) > 1 else kinds.pop()
-    posed = [pose(measured, model, kind) for measured in (before, after)]
-    both = [difference for difference in posed[0].which if difference in posed[1].which]
-    rows = [[*map(one.which.index, both)] for one in posed]
-    (was, first), (now, second) = (
-        (one.data[chosen], replace(one.problem, matrix=one.problem.matrix[chosen]))
-        for one, chosen in zip(posed, rows, strict=True)
+    first, second = posed = [pose(measured, model, kind) for measured in (before, after)]
+    both = [difference for difference in first.which if difference in second.which]
+    of_first, of_second = chosen = [np.eye(len(p.data))[[*map(p.which.index, both)]] for p in posed]
+    spreads = (p.problem.spread(rows) for p, rows in zip(posed, chosen, strict=True))
+    problem = replace(first.problem, matrix=of_first @ first.problem.matrix)
+    effect = replace(second.problem, model=corrected).predict(left) - second.problem.predict(left)
+    return SharedContrasts(
+        kind=kind,
+        problem=problem,
+        change=of_second @ second.data - of_first @ first.data,
+        effect=of_second @ effect,
+        covariance=np.asarray(sum(spreads)),
     )
-    effect = replace(second, model=corrected).predict(left) - second.predict(left)
-    covariance = first.covariance() + second.covariance()
-    return SharedContrasts(kind, first, now - was, now - effect - was, covariance)
 
 
 def _of_readings(
     before: Readings, after: Readings, model: Model, corrected: Model, left: Floats
 ) -> SharedContrasts:
     # Each session's machine as it was found: not what was read with something entered meanwhile.
-    found = [readings.plan.as_found for readings in (before, after)]
-    plans = [
-        readings.plan.subset(rows) for readings, rows in zip((before, after), found, strict=True)
-    ]
-    every = joined(*plans).at_once()
+    found = [readings.subset(readings.plan.as_found) for readings in (before, after)]
+    every = joined(*(readings.plan for readings in found)).at_once()
     _, first, cell = np.unique(every.repeats, return_index=True, return_inverse=True)
     design = (cell[:, None] == np.arange(len(first))).astype(np.float64)
-    later = (np.arange(len(every)) >= len(plans[0])).astype(np.float64)
-    unknown = np.hstack((design, block_diag(*(plan.zeros for plan in plans))))
+    later = np.arange(len(every)) >= len(found[0])
+    unknown = np.hstack((design, block_diag(*(readings.plan.zeros for readings in found))))
     seen = unexplained(unknown, later[:, None] * design)
     information, axes = np.linalg.eigh(seen.T @ seen)
     kept = information > NO_INFORMATION
     contrasts, variance = np.ascontiguousarray(axes[:, kept].T), 1.0 / information[kept]
+    estimator = variance[:, None] * (contrasts @ seen.T)
     plain, shown = (simulate(one, left, after.plan) for one in (model, corrected))
-    changes = (
-        variance * (contrasts @ (seen.T @ np.concatenate((before.value[found[0]], now[found[1]]))))
-        for now in (after.value, after.value - (shown - plain))
+    return SharedContrasts(
+        kind=DataKind.READINGS,
+        problem=Problem(model, every.subset(first), contrasts),
+        change=estimator @ np.concatenate([readings.value for readings in found]),
+        effect=estimator[:, later] @ (shown - plain)[after.plan.as_found],
+        covariance=np.diag(variance),
     )
-    problem = Problem(model, every.subset(first), contrasts)
-    return SharedContrasts(DataKind.READINGS, problem, *changes, np.diag(variance))
 
 
 # --- how the machine responded ----------------------------------------------------------------
@@ -622,37 +624,35 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     problem, gauge = shared.problem, shared.problem.model.machine.instrument
     # Midway, where a linear model of the change is right to third order.
     jacobian = -problem.predict_with_jacobian(offsets - applied / 2.0)[1]
-    predicted = problem.predict(offsets - applied) - problem.predict(offsets)
-    predicted = predicted + shared.change - shared.moved
-    values = shared.change, shared.moved, predicted[:, None], jacobian
+    predicted = problem.predict(offsets - applied) - problem.predict(offsets) + shared.effect
+    values = shared.change, shared.change - shared.effect, predicted[:, None], jacobian
     change, moved, predicted, jacobian = whiten(shared.covariance, *values)
     # The axes are fitted together; corrections have one gain.
     acting, moves = (change, predicted, np.ones(1)), list[Coefficient]()
     (gain,), left, spare = _regress(change, predicted, gauge)
-    response_dof = spare
     if applied.any():
         acting = moved, jacobian, applied
         moves, left, spare = _regress(moved, jacobian, gauge)
     answer, likeliest = decide_response(*acting, gauge.noise_mm)
-    another = bool(moves) and answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
+    otherwise = (likeliest.moved != applied) | likeliest.free.any(axis=1)
+    rows = zip(AXES, applied.tolist(), moves, otherwise.tolist(), strict=False)
+    axes = {
+        axis: AxisResponse(
+            applied_mm=by,
+            found_mm=move.value,
+            ci95_mm=move.ci95,
+            coefficient=Coefficient.of(move.value / by, move.std / abs(by), spare) if by else None,
+            otherwise=other,
+        )
+        for axis, by, move, other in rows
+    }
+    another = bool(axes) and answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
     typical = rms(np.sqrt(np.diag(shared.covariance)))
     p_value = chance_of_residual(left, spare, gauge.noise_mm)
-    rows = zip(AXES, applied.tolist(), moves, likeliest.otherwise(applied), strict=False)
     return {
         "response": gain,
-        "response_dof": response_dof,
-        "axes": {
-            axis: AxisResponse(
-                applied_mm=by,
-                found_mm=move.value,
-                ci95_mm=move.ci95,
-                coefficient=Coefficient.of(move.value / by, move.std / abs(by), spare)
-                if by
-                else None,
-                otherwise=otherwise,
-            )
-            for axis, by, move, otherwise in rows
-        },
+        "response_dof": len(change) - 1,
+        "axes": axes,
         "answer": answer,
         "acted_as_mm": _by_axis(likeliest.moved) if another else None,
         "other_change": OtherChange(
