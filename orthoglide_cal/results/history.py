@@ -177,17 +177,14 @@ class _Session:
         for ids, probability in self.belief.listed.items():
             lasting = tuple(id for id in ids if CAUSES[id].lasting)
             self.by_lasting.setdefault(lasting, {})[ids] = probability
-
-    @property
-    def log_weight(self) -> dict[Ids, float]:
-        """ln of prior times evidence of each set of lasting causes, whatever else was wrong."""
         prior = self.belief.at.candidates.log_prior
-        weight: dict[Ids, float] = {}
-        for lasting, shares in self.by_lasting.items():
-            before = sum(math.exp(prior[ids]) for ids in shares)
-            evidence = math.log(sum(shares.values(), 1e-300) / before)
-            weight[lasting] = evidence + LOG_LASTING * len(lasting)
-        return weight
+        # ln of prior times evidence of each set of lasting causes, whatever else was wrong.
+        self.log_weight = {
+            lasting: math.log(sum(shares.values(), 1e-300))
+            - math.log(sum(math.exp(prior[ids]) for ids in shares))
+            + LOG_LASTING * len(lasting)
+            for lasting, shares in self.by_lasting.items()
+        }
 
     def scale_of(self, standing: Ids) -> float:
         """How many times their usual size these causes have, by the likeliest explanation."""
@@ -286,15 +283,17 @@ def _reached(
 ) -> Reached:
     """When the first length drifts to a limit: |r| t + z √(u² + t² u(r)²) = limit."""
     beyond = tuple(s.name for s in scatter if s.unit == "mm" and s.expanded > limit_mm)
-    reached, std = Reached(limit_mm=limit_mm, scatter_exceeds=beyond), {p.name: p.std for p in now}
-    for rate in (rate for rate in rates if rate.unit == "mm" and last):
+    std, days = {size.name: size.std for size in now}, dict[str, float]()
+    for rate in (rate for rate in rates if rate.unit == "mm"):
         times = np.linspace(0.0, limit_mm / max(abs(rate.value), 1e-12), 100_001)
         off = abs(rate.value) * times + ONE_SIDED * np.hypot(std[rate.name], rate.std * times)
-        days = float(times[np.argmax(off >= limit_mm)])
-        if last and (reached.days is None or days < reached.days):
-            day = (last + timedelta(days=min(days, 36500.0))).date().isoformat()
-            reached = reached.changed(parameter=rate.name, days=days, date=day)
-    return reached
+        days[rate.name] = float(times[np.argmax(off >= limit_mm)])
+    reached = Reached(limit_mm=limit_mm, scatter_exceeds=beyond)
+    if not (days and last):
+        return reached
+    first = min(days, key=days.__getitem__)
+    date = (last + timedelta(days=min(days[first], 36500.0))).date().isoformat()
+    return reached.changed(parameter=first, days=days[first], date=date)
 
 
 _IN_NAME = re.compile(r"(?<!\d)(20\d\d-?[01]\d-?[0-3]\d)(?:[ _T-](\d{4}(?:\d\d)?))?(?!\d)")
