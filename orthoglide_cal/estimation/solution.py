@@ -24,14 +24,18 @@ from orthoglide_cal.estimation.accuracy import (
     sum_of_squares,
 )
 from orthoglide_cal.estimation.budget import Budget, budget_of, fixed_influences, influences
-from orthoglide_cal.estimation.least_squares import (
+from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
+from orthoglide_cal.estimation.methods import (
     OPTIMAL,
     LeastSquaresFit,
+    Method,
+    Posed,
+    choose_method,
     fit_offsets,
+    pose,
     simulate_at,
+    table_kind,
 )
-from orthoglide_cal.estimation.losses import MISSED_FAULT, NEEDLESS_HOLD, surprising
-from orthoglide_cal.estimation.methods import Method, Posed, choose_method, pose, table_kind
 from orthoglide_cal.model.cause import CONFIDENCE, Effect
 from orthoglide_cal.model.machine import Origin
 from orthoglide_cal.model.measured import DataKind, Differences, Measured, Readings, notes_on

@@ -29,7 +29,7 @@ from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
-from orthoglide_cal.estimation.least_squares import LeastSquaresFit
+from orthoglide_cal.estimation.methods import LeastSquaresFit
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
 from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place, Stage
 from orthoglide_cal.model.machine import Influence, Machine

@@ -18,8 +18,8 @@ from orthoglide_cal.causes import UNLISTED
 from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.budget import influences
 from orthoglide_cal.estimation.gaussian import Mixture, root_of, unexplained, whiten, whiten_shared
-from orthoglide_cal.estimation.least_squares import fit_offsets
 from orthoglide_cal.estimation.losses import MISSED_CHANGE, WRONG_STORY, surprising
+from orthoglide_cal.estimation.methods import fit_offsets
 from orthoglide_cal.inference.data import UNSEEN, Whitened, as_read
 from orthoglide_cal.inference.fit import Fit, HeldOut
 from orthoglide_cal.model.machine import Machine, Origin
