@@ -201,13 +201,13 @@ class Decision:
     @property
     def wrong(self) -> bool:
         """True if to look for a fault costs less than to miss one."""
-        return is_likely(self.belief.nothing, MISSED_FAULT, self.hold)
+        return is_likely(self.belief.listed[()], MISSED_FAULT, self.hold)
 
     @property
     def surely_sound(self) -> bool:
         """True if nothing is wrong by so far that no fit of a cause can change it."""
-        belief = self.belief
-        return (1.0 - belief.nothing) * MISSED_FAULT < SURELY * belief.nothing * self.hold
+        nothing = self.belief.listed[()]
+        return (1.0 - nothing) * MISSED_FAULT < SURELY * nothing * self.hold
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -294,9 +294,9 @@ class Decision:
         Not faults without a size: what does not show moves nothing, but for the sign of a whole
         table, which the opposite offsets give, too, and which nobody could ever rule out.
         """
-        listed, nothing = self.belief.listed, self.belief.nothing
+        listed = self.belief.listed
         single = (ids for ids in listed if len(ids) == 1 and CAUSES[ids[0]].names)
-        return tuple(id for (id,) in single if listed[id,] * MISSED_FAULT >= MENTION * nothing)
+        return tuple(id for (id,) in single if listed[id,] * MISSED_FAULT >= MENTION * listed[()])
 
     @property
     def not_excluded(self) -> Ids:
