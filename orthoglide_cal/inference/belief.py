@@ -74,8 +74,7 @@ class Belief:
     def about(cls, white: Whitened) -> Belief:
         """Weigh every hypothesis by its linear evidence.
 
-        Raises:
-            UnusableResultError: no offsets fit these data.
+        Raises UnusableResultError: no offsets fit these data.
         """
         plan = white.plan
         spots = len(np.unique(plan.repeats[plan.touches]))

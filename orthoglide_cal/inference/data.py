@@ -147,11 +147,7 @@ class Whitened(ReadOnly):
 
     @classmethod
     def of(cls, measured: Measured, model: Model) -> Whitened:
-        """Whiten what was measured.
-
-        Raises:
-            UnusableResultError: the data do not determine the offsets.
-        """
+        """Whiten what was measured. Raises UnusableResultError: the offsets are not determined."""
         if isinstance(measured, Readings):
             white = cls.of_plan(measured.plan, model, measured.timed)
             require_rank(white.problem)
@@ -365,8 +361,7 @@ class Linearised(ReadOnly):
     def of(cls, white: Whitened, candidates: Candidates) -> Linearised:
         """Enumerate the places and fit the offsets to each version of the data.
 
-        Raises:
-            UnusableResultError: no offsets fit them as recorded, or they hardly determine any.
+        Raises UnusableResultError: no offsets fit them as recorded, or they hardly determine any.
         """
         noise = NoiseGrid.around(white.machine.instrument.noise_mm, white.texture)
         places = places_of(white.problem, candidates.extras)

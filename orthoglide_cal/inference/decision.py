@@ -502,8 +502,7 @@ def _at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple
 def decide(white: Whitened) -> Decision:
     """Weigh every hypothesis about the data, fit those that may change the decision, and decide.
 
-    Raises:
-        UnusableResultError: no offsets fit these data.
+    Raises UnusableResultError: no offsets fit these data.
     """
     return decide_by(Belief.about(white))
 

@@ -219,10 +219,8 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
 def decided(measured: Measured, model: Model) -> Decision:
     """Decide what the data say; maps of several dates that repeat are no noise.
 
-    A name has to predict what is left out of its fit, and each date from those before it.
-
-    Raises:
-        UnusableResultError: the data do not determine the offsets, or cannot be weighed.
+    A name has to predict what is left out of its fit, and each date from those before it. Raises
+    UnusableResultError: the data do not determine the offsets, or cannot be weighed.
     """
     try:
         white = Whitened.of(measured, model)
@@ -452,10 +450,7 @@ def _lack_of_fit(decision: Decision, alone: Solution) -> LackOfFit:
 def _predicted(
     decision: Decision, measured: Measured, residual: Floats, effects: Sequence[Effect]
 ) -> Floats:
-    """Prediction of each value by a fit with some effects, in the order of the file, (n,) [mm].
-
-    `residual` is what it leaves of the whitened data, shape (k,) [mm].
-    """
+    """Prediction of each value, (n,) [mm], by a fit that leaves a whitened residual (k,) [mm]."""
     white = decision.belief.at.white
     for effect in effects:
         cause, place = effect.cause, effect.place
