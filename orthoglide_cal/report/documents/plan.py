@@ -336,7 +336,7 @@ def _ways(plan: MeasurementPlan) -> doc.Section:
         rows.append((way.protocol, way.method, *numbers))
     head = ("protocol", "method", "cycles", "readings", "moves", "min")
     caption = (
-        f"What ± {two_figures(plan.chosen.worst_mm)} mm takes. Moves: how often a stand is moved. A"
+        f"Effort for ± {two_figures(plan.chosen.worst_mm)} mm. Moves: how often a stand is moved. A"
         " single gauge stays at one end of the leg as long as it can (--order fewest-moves)."
     )
     grid = doc.Grid(head, rows, words=(0, 1), caption=caption)
