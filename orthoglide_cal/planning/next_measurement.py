@@ -31,7 +31,7 @@ from orthoglide_cal.estimation.budget import fixed_influences, influences
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN, loss_after
 from orthoglide_cal.inference import Diagnosis, NextMeasurement
-from orthoglide_cal.inference.candidates import Ids
+from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.inference.decision import keep_ratio
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.prediction import chance_of_one_answer, expect, predict

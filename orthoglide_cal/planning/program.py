@@ -20,7 +20,7 @@ import numpy as np
 
 from orthoglide_cal.errors import PostureError, UsageError
 from orthoglide_cal.files.gcode_template import PostureValues, Template
-from orthoglide_cal.files.table import csv_text, in_csv
+from orthoglide_cal.files.text import csv_text, in_csv
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Bools, Floats, ReadOnly

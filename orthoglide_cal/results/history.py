@@ -30,8 +30,7 @@ from orthoglide_cal.files.input import Input, copies_in
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.belief import Belief, mixture, probabilities
-from orthoglide_cal.inference.candidates import Candidates, Ids
-from orthoglide_cal.inference.data import Linearised, Whitened
+from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened
 from orthoglide_cal.inference.decision import Decision, state
 from orthoglide_cal.inference.diagnose import decided, refuted_later
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis

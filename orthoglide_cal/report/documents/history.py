@@ -231,7 +231,7 @@ def _courses(history: History) -> doc.Figure:
     if history.changes or history.drift:
         key += f" Number above: last change, or drift in {_MONTH:g} days, ± U (95 %)."
     key += " Dashed: the limit around the best value now." if history.limit else ""
-    return doc.Figure(None, "", panels, key=key)
+    return doc.Figure(panels, key=key)
 
 
 def _rate(rate: Estimate) -> str:
@@ -245,9 +245,11 @@ def _shapes(history: History) -> Iterator[doc.Figure]:
         return
     (place, first, bed), (other, last, _) = history.shapes
     largest = 1000.0 * max(float(np.abs(left).max()) for left in (first, last))
-    maps = figures.bed_maps("first", place, {"": first}, bed, largest)
-    maps += figures.bed_maps("last", other, {"": last}, bed, largest)
+    maps = [
+        figures.bed_map("first", place, first, bed, largest),
+        figures.bed_map("last", other, last, bed, largest),
+    ]
     if np.array_equal(place, other):
-        maps += figures.bed_maps("difference", place, {"": last - first}, bed, largest)
+        maps.append(figures.bed_map("difference", place, last - first, bed, largest))
     key = f"All on one scale, up to {largest:.0f} µm. Ringed: what stands out."
-    yield doc.Figure(None, "", maps, columns=2, key=key)
+    yield doc.Figure(maps, 2, key)

@@ -58,7 +58,7 @@ def _screen(result: Verification) -> doc.Page:
     both = f"{before} before and after" if before == after else f"{before} and {after}"
     notice = replace(verification_notice(result), aside=f"{result.machine}, {both}")
     # Their title says what the notice above does.
-    differences = left_figure(result).in_characters[1:] if result.differences else []
+    differences = [*left_figure(result).plain[1:]] if result.differences else []
     steps = [*verification_steps(result, None, brief=True)]
 
     def page() -> doc.Page:
