@@ -310,19 +310,13 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         columns["σ"] = ["" if size is None else f"{size:.1f}" for size in sigma]
         pair = " and ".join(machine.rivals)
         meaning.append(f"σ: distance of {pair} of usual size, in standard deviations.")
-    # What no layout determines, and what it adds to U.
+    if brief and not cycles:
+        meaning = []
+    # What no layout determines would hide what they do.
     fixed = [line.source for line in plan.budget if line.source in machine.fixed_parameters]
     if fixed:
-        added = (two_figures(row["fixed"]) for row in plan.chosen.parameters.values())
-        last = " and ".join(fixed), "", "", *added, *[""] * bool(machine.rivals)
-        for column, cell in zip(columns.values(), last, strict=True):
-            column.append(cell)
-        meaning.append(
-            f"No layout determines {last[0]}: it is taken as stated, and the last row is its share"
-            " of U (squares add up). solve also adds causes that the readings cannot rule out."
-        )
-    caption = "" if brief and not cycles else " ".join(meaning)
-    return doc.Grid.of(columns, () if cycles else (0,), caption)
+        meaning.append(f"No layout determines {' and '.join(fixed)}: U is here without it.")
+    return doc.Grid.of(columns, () if cycles else (0,), " ".join(meaning))
 
 
 def _ways(plan: MeasurementPlan) -> doc.Section:
