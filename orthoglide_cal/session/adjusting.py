@@ -345,10 +345,7 @@ def _cells(adjustments: Sequence[Adjustment]) -> tuple[AnyCell, ...]:
 
 
 def _check_same(
-    state: State,
-    following: events.Following,
-    adjustments: Sequence[Adjustment],
-    journal: Path,
+    state: State, following: events.Following, adjustments: Sequence[Adjustment], journal: Path
 ) -> None:
     """Raise InputError for a journal of other adjustments."""
     then = state.planned
