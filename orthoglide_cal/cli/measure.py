@@ -152,8 +152,8 @@ def measure(
 
 @contextmanager
 def guided(
-    begin: "Callable[[Keyboard], Guided]", verb: str, machine: File = None, options: str = ""
-) -> "Iterator[Guided]":
+    begin: Callable[["Keyboard"], Guided], verb: str, machine: File = None, options: str = ""
+) -> Iterator[Guided]:
     """Lead through what is begun at a keyboard, and give it once it has ended.
 
     Whatever interrupts it, the exit code is 130, and how to continue with the command is said.
