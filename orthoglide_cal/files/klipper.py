@@ -311,8 +311,7 @@ def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
     at[less, :2] -= offset[:2]
     at[~less, 2] -= offset[2]
     mesh = stored_mesh(document.source, "console", touches[:, :4], offset[2])
-    data = {"mesh": mesh}
-    return replace(settings, probe=offset, data=data, source=document.source, remarks=remarks)
+    return replace(settings, probe=offset, data={"mesh": mesh}, remarks=remarks)
 
 
 def _check_kind(settings: Settings) -> None:
