@@ -212,7 +212,7 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
         faults.add(what, _AGAIN, line=4)
     faults.check()
     offset, at = np.nan_to_num(settings.probe), range(4, 4 + len(y))
-    grid = stored_grid(document.source, "heightmap", x, y, heights, at, offset)
+    grid = stored_grid(document.source, x, y, heights, at, offset)
     data = {"mesh": replace(grid, remarks=(Reason.of("map_from_place"),))}
     date = _DATE.search(lines[0])
     return replace(settings, probe=offset, data=data, started=date and date[0])
@@ -319,7 +319,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         since, then = [change for change in changes if change[0] < touches[-1][0]][-1]
         placed = np.array([touch for touch in touches if touch[0] > since])
         placed *= (1.0, radius, radius, 1.0)
-        mesh, (line, now) = stored_mesh(document.source, name, placed, offset[2]), changes[-1]
+        mesh, (line, now) = stored_mesh(document.source, placed, offset[2]), changes[-1]
         if then is now:
             return mesh
         remarks.append(Reason.of("converted", name=name, line=line))
@@ -330,7 +330,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             remedy = "Check the settings (M503, or the machine file)."
             raise InputError(what, remedy, file=document.path, line=int(mesh.line[0])) from error
         moved = np.column_stack((mesh.line, place - [0.0, 0.0, offset[2]]))
-        return stored_mesh(document.source, name, moved, offset[2])
+        return stored_mesh(document.source, moved, offset[2])
 
     data: dict[str, Readings] = {}
     if circle:
@@ -392,7 +392,7 @@ def _places(grid: Mapping[int, list[str]], reach: float, offset: Floats) -> list
     )
     x, y = (np.linspace(-reach, reach, count) for count in heights.shape[::-1])
     heights[np.hypot(*np.meshgrid(x, y)) > reach + _ROUNDED] = math.nan
-    mesh = stored_grid(Source("", ""), "", x, y, heights, [*grid], offset)
+    mesh = stored_grid(Source("", ""), x, y, heights, [*grid], offset)
     points = np.column_stack((mesh.line, mesh.plan.spots[:, :2], mesh.value))
     places: list[Sequence[float]] = points[mesh.plan.in_time].tolist()
     return places
@@ -436,5 +436,5 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
             if not math.hypot(x, y) > reach:
                 rows.append((line, x - offset[0], y - offset[1], height))
     faults.check()
-    data = {"mesh": stored_mesh(document.source, "console", np.array(rows), offset[2])}
+    data = {"mesh": stored_mesh(document.source, np.array(rows), offset[2])}
     return replace(settings, probe=offset, data=data, remarks=remarks)
