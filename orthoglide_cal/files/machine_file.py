@@ -206,7 +206,11 @@ def machine_file_in(tree: Content) -> StoredMachine:
 
 def machine_from_text(content: str, path: str) -> Model:
     """The machine that a text describes; `path` is its name. Raises as `read_machine_file`."""
-    return machine_file_in(load_tree(document_from_bytes(content.encode(), path))).model
+    return _stored(content, path).model
+
+
+def _stored(content: str, path: str) -> StoredMachine:
+    return machine_file_in(load_tree(document_from_bytes(content.encode(), path)))
 
 
 @functools.cache
@@ -372,8 +376,7 @@ def new_machine_file(model: Model, controller: str) -> StoredMachine:
     is another machine's.
     """
     name = re.sub(r"[^\w.-]+", "-", PurePath(controller).name.removesuffix(".cfg"))
-    path = str(free_path(Path(), name, ".yaml"))
-    return machine_file_in(load_tree(document_from_bytes(machine_text(model).encode(), path)))
+    return _stored(machine_text(model), str(free_path(Path(), name, ".yaml")))
 
 
 def with_history(
@@ -402,19 +405,17 @@ def with_history(
     return replace(file, model=model, document=replace(file.document, text=text))
 
 
-def new_machine(values: Mapping[str, object], path: str) -> str:
-    """The text of a machine file with these values; the others are the shipped one's of its kind.
+def new_machine(values: Mapping[str, object], path: str) -> StoredMachine:
+    """A machine file with these values, not written yet; the others are the shipped one's.
 
-    The values are as in `machine_values`; without a kind it is an Orthoglide. Raises
-    InputError: they do not make a machine; each with its key.
+    The values are as in `machine_values`; without a kind it is an Orthoglide. Raises InputError:
+    they do not make a machine; each with its key, and no line: the file is not there yet.
     """
     prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
     shipped = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
     text = edited(shipped, {**values, "history": [], "complete": True})
     try:
-        machine_from_text(text, path)
+        return _stored(text, path)
     except InputError as error:
-        # The file is not there yet: its lines say nothing.
         faults = [replace(fault, file=None, line=None, problems=()) for fault in error.problems]
         raise InputError.of(faults) from error
-    return text
