@@ -337,11 +337,7 @@ def machine_values(model: Model) -> dict[str, object]:
                 "cause": effect.cause.id,
                 "where": "",
                 "parameters": {
-                    one.name: {
-                        "value": digits(one.value),
-                        "std": digits(one.std),
-                        "unit": one.unit,
-                    }
+                    one.name: {"value": digits(one.value), "std": digits(one.std), "unit": one.unit}
                     for one in model.called(effect)
                 },
                 "date": effect.date,
@@ -380,10 +376,7 @@ def new_machine_file(model: Model, controller: str) -> StoredMachine:
 
 
 def with_history(
-    file: StoredMachine,
-    active: Active | None,
-    corrected: Corrections | None,
-    *history: Entered,
+    file: StoredMachine, active: Active | None, corrected: Corrections | None, *history: Entered
 ) -> StoredMachine:
     """The file with other active values and corrections (None: the same), and history, not
     written.
