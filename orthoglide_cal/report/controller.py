@@ -16,13 +16,14 @@ lowered by its adjustment.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import groupby
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES, correcting
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import file_words, visible
-from orthoglide_cal.files.controller_file import ControllerFile
+from orthoglide_cal.files.controller_file import SAVED, firmware_machine, printer_values
 from orthoglide_cal.files.probe_readings import USUAL_ANGLES_DEG
 from orthoglide_cal.files.table import csv_text
 from orthoglide_cal.model.linear_delta import LinearDelta
@@ -30,78 +31,73 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.case import NOT_NEEDED, Case, check_words
 from orthoglide_cal.report.documents.solution import common_unit
-from orthoglide_cal.results import Correction, Identity
+from orthoglide_cal.results import Identity
 from orthoglide_cal.words import coverage_words, plain, two_figures, typed
 
 _DECIMALS = 4  # of a table and of a firmware: tenths of a micrometre
 
 
-def _around(
-    case: Case, identity: Identity, lines: Iterable[str], sign: str = "", *remarks: str
-) -> str:
-    """The lines to enter, below title, origin and warnings, above what to do then.
+def exported(format: str, case: Case, identity: Identity) -> str:
+    """What goes into a controller: a page of text, or lines to paste; with what those leave out.
 
-    Each of the others begins with `sign`, as a comment does. A forced result is marked as such.
+    Below title, origin and warnings, above what to do then; in lines to paste those are comments. A
+    forced result is marked as such.
     """
-    release = case.answer.release
+    answer, release, words = case.answer, case.answer.release, case.words
+    lines, sign, left_out = _text(case), "", list[str]()
+    if format != "text" and case.machine.adds_to_joints:
+        lines, sign = _joints(case), "# "
+    elif format != "text":
+        name, firmware, sign = FIRMWARES[format]
+        changes = [row.change(answer.decimals) for row in answer.parameters]
+        lines, sign = firmware(firmware_machine(case.given.model, changes)), f"{sign} "
+        left_out = [*_left_out(name, case)]
     head = [
-        f"{case.words.title} for {case.machine.name}, {identity.number}",
+        f"{words.title} for {case.machine.name}, {identity.number}",
         f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}",
         f"From {file_words(case.source.path)}, SHA-256 {case.source.sha256}",
         *(["FORCED: this result must not be used."] if release.reasons else []),
         *map(case.says, release.reasons),
         *([f"Note: {NOT_NEEDED}."] if release.settled else []),
         *(f"Note: {case.says(caution)}" for caution in release.cautions),
-        *remarks,
+        *left_out,
     ]
-    after = []
-    if not release.settled:  # else nothing is entered
-        after.append(f"After entering: {case.words.restart[0].lower()}{case.words.restart[1:]}")
-        if case.answer.check is not None:
-            after.append(check_words(case.answer.check))
-        if case.record is not None:
-            after.append(f"Record what was entered: {case.record}")
-    if case.table is not None:
-        after.append(f"Correct the remaining errors with a table: {case.table}")
-    if not release.settled:
-        after.append(f"Then measure again and run: {case.verify}")
-    above, below = ([f"{sign}{visible(line)}" for line in part] for part in (head, after))
+    after = [
+        f"After entering: {words.restart[0].lower()}{words.restart[1:]}",
+        check_words(answer.check) if answer.check else "",
+        f"Record what was entered: {case.record}" if case.record else "",
+        f"Correct the remaining errors with a table: {case.table}" if case.table else "",
+        f"Then measure again and run: {case.verify}",
+    ]
+    if release.settled:  # nothing is entered
+        after = after[3:4]
+    above, below = ([f"{sign}{visible(line)}" for line in part if line] for part in (head, after))
     return "\n".join((*above, *lines, *below, ""))
 
 
-def exported(format: str, case: Case, identity: Identity) -> str:
-    """What goes into a controller: a page of text, or lines to paste; with what those leave out."""
-    if format == "text":
-        return _around(case, identity, _text(case))
-    if case.machine.adds_to_joints:
-        return _around(case, identity, _joints(case), "# ")
-    name, lines, sign = FIRMWARES[format]
-    left_out = _left_out(name, case)
-    return _around(case, identity, lines(firmware_machine(case)), f"{sign} ", *left_out)
-
-
-def _text(case: Case) -> Sequence[str]:
+def _text(case: Case) -> Iterator[str]:
     """For any controller: "the controller says X, truly Y"."""
-    answer, home = case.answer, case.machine.home_mm
-    digits = answer.decimals
-    says, posture = plain(home, digits), [f"{case.words.home}, as the controller is set now:"]
+    answer, home, digits = case.answer, case.machine.home_mm, case.answer.decimals
     unit, rows = common_unit(case.machine), [("", "previous", "change", "U", "enter")]
     for row in answer.parameters:
         name = row.name if unit else f"{row.name}, {row.unit}"
         change = typed(row.change(digits), digits) if row.determined else "unknown"
         active, new = plain(row.active, digits), plain(row.new(digits), digits)
         rows.append((name, active, change, two_figures(row.expanded), new))
-        truly = plain(home + row.change(digits), digits)
-        posture.append(f"{row.name}: the controller says {says} mm, truly {truly} mm")
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
+    yield from (
         "",
         f"{case.words.title}{unit} ({case.words.relation}; U: expanded"
         f" uncertainty, {coverage_words(answer.k or 0.0)}, {100 * answer.confidence:.0f} %)",
-        *("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows),
-        "",
-        *((*posture, "") if case.words.home else ()),
-    ]
+    )
+    yield from ("  ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
+    yield ""
+    if case.words.home:
+        yield f"{case.words.home}, as the controller is set now:"
+        for row in answer.parameters:
+            says, truly = (plain(home + by, digits) for by in (0.0, row.change(digits)))
+            yield f"{row.name}: the controller says {says} mm, truly {truly} mm"
+        yield ""
 
 
 def _joints(case: Case) -> Iterator[str]:
@@ -135,55 +131,6 @@ def as_table(table: Compensation, case: Case, identity: Identity) -> str:
 # --- firmwares of a linear delta --------------------------------------------------------------
 
 
-def firmware_machine(case: Case) -> LinearDelta:
-    """The machine as its firmware is to have it, with arms that were accepted as longer."""
-    model, answer = case.given.model, case.answer
-    machine = LinearDelta.require(model.machine)
-    *endstops, radius, angle_a, angle_b = (row.new(answer.decimals) for row in answer.parameters)
-    arms = np.array(machine.arm_length_mm)
-    for effect in model.accepted:
-        if effect.cause.id in machine.fixed_parameters:
-            arms += effect.theta
-    return machine.changed(
-        arm_length_mm=tuple(arms.tolist()),
-        delta_radius_mm=radius,
-        tower_angles_deg=(angle_a, angle_b, machine.tower_angles_deg[2]),
-        endstops_mm=tuple(endstops),
-    )
-
-
-def firmware_values(
-    case: Case, made: Sequence[Correction] = (), file: ControllerFile | None = None
-) -> dict[str, float]:
-    """The same by the names that a calibration gives them; arms as arm_a, arm_b, arm_c.
-
-    With corrections of named causes: longer arms, and pitch_a, pitch_b, pitch_c [mm per turn] of
-    the towers' scales; a carriage then stands elsewhere at its endstop.
-    """
-    new = firmware_machine(case)
-    names = [*"abc", "radius", *(f"{of}_{tower}" for of in ("angle", "arm") for tower in "abc")]
-    values = (*new.endstops_mm, new.delta_radius_mm, *new.tower_angles_deg, *new.arm_length_mm)
-    setting, known = (
-        dict(zip(names, values, strict=True)),
-        {e.cause.id for e in case.given.model.accepted},
-    )
-    home, heights = new.home_mm, new.endstop_carriages_mm
-    settings = file.settings if file else {}
-    for id, tower, value in ((one.id, one.name, one.value) for one in made):
-        if not CAUSES[id].by_joint:
-            setting[f"arm_{tower}"] += 0.0 if id in known else value
-            continue
-        (effect,) = correcting(new, {id: {tower: value}})
-        at = "abc".index(tower)
-        low, high = effect.cause.correction(-effect.theta, np.array([home, home + 1.0]), home)[
-            0, :, at
-        ]
-        excess = 1.0 / (1.0 + high - low)
-        setting[f"pitch_{tower}"] = float(settings[f"pitch_{tower}"].before) * excess
-        setting[tower] += (excess - 1.0) * (heights[at] - home)
-    return setting
-
-
 def klipper(new: LinearDelta) -> Iterator[str]:
     """Lines of the SAVE_CONFIG block of printer.cfg."""
     yield "# In printer.cfg, at its end: put these in place of the same lines of the SAVE_CONFIG"
@@ -191,13 +138,10 @@ def klipper(new: LinearDelta) -> Iterator[str]:
     yield "# Where these settings stand above the block, too, delete them there: Klipper obeys"
     yield "# those first."
     yield "# Then type RESTART, home (G28), and make a new mesh (BED_MESH_CALIBRATE)."
-    yield "#*# [printer]"
-    yield f"#*# delta_radius = {_number(new.delta_radius_mm)}"
-    towers = new.tower_angles_deg, new.arm_length_mm, new.endstops_mm
-    for tower, *numbers in zip("abc", *towers, strict=True):
-        yield from ("#*#", f"#*# [stepper_{tower}]")
-        named = zip(("angle", "arm_length", "position_endstop"), numbers, strict=True)
-        yield from (f"#*# {name} = {_number(value)}" for name, value in named)
+    values = printer_values(new)
+    for section, names in groupby(SAVED, key=lambda name: SAVED[name][0]):
+        yield from ("#*#", f"#*# [{section}]")
+        yield from (f"#*# {SAVED[name][1]} = {_number(values[name])}" for name in names)
 
 
 def reprapfirmware(new: LinearDelta) -> Iterator[str]:
