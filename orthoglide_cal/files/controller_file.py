@@ -62,7 +62,7 @@ _INCLUDED = re.compile(
     r"|COMP_FILE(_TYPE)?)\b)",
     re.MULTILINE,
 )
-_ADD = "Write {1} = NUMBER once in [{0}], no comment behind it; included files are not read."
+_ADD = "Write {1} = {2} once in [{0}], no comment behind it; included files are not read."
 # What is read of a [JOINT_n] besides its home offset; what is not there counts as 0.
 _FILE, _TYPE, _BACKLASH = "COMP_FILE", "COMP_FILE_TYPE", "BACKLASH"
 _LATCH, _SEARCH = "HOME_LATCH_VEL", "HOME_SEARCH_VEL"
@@ -183,7 +183,7 @@ class ControllerFile(ABC):
     ) -> tuple[Written, bytes]:
         """What is written with other values in some lines, for the record, and the bytes then."""
         lines = self.data.splitlines(keepends=True)
-        for value in sorted(values, key=_from_above, reverse=True):
+        for value in sorted(values, key=_from_above)[::-1]:
             index = value.line - 1
             if index >= len(lines):
                 continue  # somebody removed it since
@@ -457,7 +457,7 @@ def _linuxcnc(target: str, data: bytes, text: str) -> LinuxCnc:
     if unit.lower() not in _UNITS:
         raise InputError(
             "This unit is unknown." if unit else "The value is missing.",
-            "Write LINEAR_UNITS = mm (or inch) once in [TRAJ]; included files are not read.",
+            _ADD.format("TRAJ", "LINEAR_UNITS", "mm (or inch)"),
             file=target, line=at or None, column="[TRAJ] LINEAR_UNITS", value=unit or None,
         )  # fmt: skip
     return LinuxCnc(target, data, settings, unit_mm=_UNITS[unit.lower()])
@@ -506,7 +506,7 @@ def _values(
         elif not (_NUMBER if needed else _ANY_NUMBER).fullmatch(value) and option != _FILE:
             problem = "This is not a number."
         if problem:
-            remedy = advice.format(section, option)
+            remedy = advice.format(section, option, "NUMBER")
             faults.add(problem, remedy, line=number, column=key, value=value or None)
         elif number is not None:
             values[name] = WrittenValue(line=number, key=key, before=value)
