@@ -31,6 +31,7 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation
 from orthoglide_cal.report.case import NOT_NEEDED, Case, check_words
 from orthoglide_cal.report.documents.solution import common_unit
+from orthoglide_cal.report.sentences import FIRMWARES
 from orthoglide_cal.results import Identity
 from orthoglide_cal.words import coverage_words, plain, two_figures, typed
 
@@ -44,14 +45,14 @@ def exported(format: str, case: Case, identity: Identity) -> str:
     forced result is marked as such.
     """
     answer, release, words = case.answer, case.answer.release, case.words
-    lines, sign, left_out = _text(case), "", list[str]()
+    lines, sign, notes = _text(case), "", iter("")
     if format != "text" and case.machine.adds_to_joints:
-        lines, sign = _joints(case), "# "
+        lines, sign, notes = _joints(case), "# ", iter([FIRMWARES["joints"]["before"]])
     elif format != "text":
-        name, firmware, sign = FIRMWARES[format]
         changes = [row.change(answer.decimals) for row in answer.parameters]
-        lines, sign = firmware(firmware_machine(case.given.model, changes)), f"{sign} "
-        left_out = [*_left_out(name, case)]
+        new = firmware_machine(case.given.model, changes)
+        lines, sign = _LINES[format](new), f"{FIRMWARES[format]['comment']} "
+        notes = _notes(format, new, case)
     head = [
         f"{words.title} for {case.machine.name}, {identity.number}",
         f"Issued {identity.issued:%Y-%m-%d %H:%M} UTC by {identity.software}",
@@ -60,7 +61,7 @@ def exported(format: str, case: Case, identity: Identity) -> str:
         *map(case.says, release.reasons),
         *([f"Note: {NOT_NEEDED}."] if release.settled else []),
         *(f"Note: {case.says(caution)}" for caution in release.cautions),
-        *left_out,
+        *"\n".join(notes).split("\n"),
     ]
     after = [
         f"After entering: {words.restart[0].lower()}{words.restart[1:]}",
@@ -101,12 +102,8 @@ def _text(case: Case) -> Iterator[str]:
 
 
 def _joints(case: Case) -> Iterator[str]:
-    """Comments and one [JOINT_n] section per axis; true position = indicated + HOME_OFFSET."""
+    """One [JOINT_n] section per axis; true position = indicated + HOME_OFFSET."""
     digits = case.answer.decimals
-    yield "#"
-    yield "# HOME_OFFSET takes the joint offset with its sign, in mm (divide by 25.4 if"
-    yield "# LINEAR_UNITS is inch). If yours holds more than the offset, such as the place of the"
-    yield "# home switch, add the change to it instead of replacing it."
     for number, row in enumerate(case.answer.parameters):
         change = f"{typed(row.change(digits), digits)} (U = {two_figures(row.expanded)})"
         yield from ("", f"[JOINT_{number}]")
@@ -131,59 +128,37 @@ def as_table(table: Compensation, case: Case, identity: Identity) -> str:
 # --- firmwares of a linear delta --------------------------------------------------------------
 
 
-def klipper(new: LinearDelta) -> Iterator[str]:
+def _klipper(new: LinearDelta) -> Iterator[str]:
     """Lines of the SAVE_CONFIG block of printer.cfg."""
-    yield "# In printer.cfg, at its end: put these in place of the same lines of the SAVE_CONFIG"
-    yield "# block. Paste nothing else there: every line of it begins with #*#."
-    yield "# Where these settings stand above the block, too, delete them there: Klipper obeys"
-    yield "# those first."
-    yield "# Then type RESTART, home (G28), and make a new mesh (BED_MESH_CALIBRATE)."
     values = printer_values(new)
     for section, names in groupby(SAVED, key=lambda name: SAVED[name][0]):
         yield from ("#*#", f"#*# [{section}]")
         yield from (f"#*# {SAVED[name][1]} = {_number(values[name])}" for name in names)
 
 
-def reprapfirmware(new: LinearDelta) -> Iterator[str]:
+def _reprapfirmware(new: LinearDelta) -> Iterator[str]:
     """M665 and M666 of config.g; towers a, b, c are X, Y, Z."""
-    yield "; In config.g, in place of its M665 and M666; if config-override.g has them, too, delete"
-    yield "; them there. Then restart, home (G28), and make a new height map (G29)."
     arms = new.arm_length_mm[:1] if _equal(new) else new.arm_length_mm
     lengths, height = ":".join(map(_number, arms)), float(np.mean(new.endstops_mm))
     radius, bed = _number(new.delta_radius_mm), _number(new.bed_radius_mm)
     yield f"M665 L{lengths} R{radius} H{_number(height)} B{bed} {_turned(new)}"
-    yield f"M666 {_towers([endstop - height for endstop in new.endstops_mm])}"
-    if not _equal(new):
-        yield "; Three lengths after L need RepRapFirmware 2.03 or newer."
+    yield f"M666 {_towers(np.array(new.endstops_mm) - height)}"
 
 
-def marlin(new: LinearDelta) -> Iterator[str]:
+def _marlin(new: LinearDelta) -> Iterator[str]:
     """M665 and M666, saved with M500; towers a, b, c are X, Y, Z."""
-    yield "; Send these lines, then home (G28) and make a new mesh (G29). If Marlin knows a Z"
-    yield "; offset of the probe (M851), add it to H with its sign: it takes it off again."
-    yield "; M500 keeps the values only where Marlin has EEPROM_SETTINGS; otherwise enter them in"
-    yield "; Configuration.h, too."
     arm = float(np.mean(new.arm_length_mm))
-    # No endstop may be adjusted upwards.
-    height = min(new.endstops_mm)
+    height = min(new.endstops_mm)  # no endstop may be adjusted upwards
+    more = "" if _equal(new) else f" {_towers(np.array(new.arm_length_mm) - arm, 'ABC')}"
     radius = _number(new.delta_radius_mm)
-    line = f"M665 L{_number(arm)} R{radius} H{_number(height)} {_turned(new)}"
-    if not _equal(new):
-        named = zip("ABC", new.arm_length_mm, strict=True)
-        line += "".join(f" {name}{_number(length - arm)}" for name, length in named)
-    yield line
-    yield f"M666 {_towers([height - endstop for endstop in new.endstops_mm])}"
+    yield f"M665 L{_number(arm)} R{radius} H{_number(height)} {_turned(new)}{more}"
+    yield f"M666 {_towers(height - np.array(new.endstops_mm))}"
     yield "M500"
-    if not _equal(new):
-        yield "; A, B, C: each arm's excess over L. In old versions B meant something else: then"
-        yield "; leave A, B and C out; the difference of the arms is not entered."
 
 
-def linuxcnc(new: LinearDelta) -> Iterator[str]:
+def _linuxcnc(new: LinearDelta) -> Iterator[str]:
     """R and L of lineardeltakins, whose towers stand at 90, 210 and 330 degrees, and the heights of
     the carriages at their switches."""
-    yield "# In the HAL file, in place of the same lines; in the INI the HOME_OFFSET. Then restart"
-    yield "# LinuxCNC and home. In mm: divide by 25.4 if LINEAR_UNITS is inch."
     arm, radius = float(np.mean(new.arm_length_mm)), new.delta_radius_mm
     yield f"setp lineardeltakins.R {_number(radius)}"
     yield f"setp lineardeltakins.L {_number(arm)}"
@@ -191,11 +166,6 @@ def linuxcnc(new: LinearDelta) -> Iterator[str]:
     for number, tower in enumerate(towers):
         height = new.endstops_mm["abc".index(tower)] + math.sqrt(arm**2 - radius**2)
         yield from (f"[JOINT_{number}]", f"# tower {tower}", f"HOME_OFFSET = {_number(height)}")
-    if not _equal(new):
-        yield "# Not in these lines: the lengths of the single arms; L is their mean."
-    turned = np.sort(np.mod(new.tower_angles_deg, 360.0)) - (90.0, 210.0, 330.0)
-    if np.any(np.abs(turned) >= 0.5 * 10.0**-_DECIMALS):
-        yield "# Not in these lines: towers at other angles than 90, 210 and 330 degrees."
 
 
 def _equal(new: LinearDelta) -> bool:
@@ -207,31 +177,35 @@ def _turned(new: LinearDelta) -> str:
     return _towers(np.subtract(new.tower_angles_deg, USUAL_ANGLES_DEG))
 
 
-def _towers(numbers: Iterable[float]) -> str:
-    return " ".join(f"{n}{_number(v)}" for n, v in zip("XYZ", numbers, strict=True))
+def _towers(numbers: Iterable[float], names: str = "XYZ") -> str:
+    return " ".join(f"{n}{_number(v)}" for n, v in zip(names, numbers, strict=True))
 
 
 def _number(value: float) -> str:
     return plain(value, _DECIMALS)
 
 
-# Format → the name of the firmware, its lines, and what begins a comment.
-FIRMWARES: Mapping[str, tuple[str, Callable[[LinearDelta], Iterator[str]], str]] = {
-    "klipper": ("Klipper", klipper, "#"),
-    "reprapfirmware": ("RepRapFirmware", reprapfirmware, ";"),
-    "marlin": ("Marlin", marlin, ";"),
-    "linuxcnc": ("LinuxCNC's lineardeltakins", linuxcnc, "#"),
+_LINES: Mapping[str, Callable[[LinearDelta], Iterator[str]]] = {
+    "klipper": _klipper,
+    "reprapfirmware": _reprapfirmware,
+    "marlin": _marlin,
+    "linuxcnc": _linuxcnc,
 }
 
 
-def _left_out(name: str, case: Case) -> Iterator[str]:
-    """Parts of the calibration for which the firmware has no setting."""
-    but = " (only when it is compiled)" if name == "Marlin" else ""
-    mesh = "" if name.startswith("LinuxCNC") else "; its mesh corrects the shape of the bed"
-    yield f"{name} has no setting for towers that lean or for a radius of each tower{but}{mesh}."
+def _notes(format: str, new: LinearDelta, case: Case) -> Iterator[str]:
+    """Parts of the calibration for which the firmware has no setting, and where its lines go."""
+    texts = FIRMWARES[format]
+    yield texts["lacks"]
     for id in dict.fromkeys(cause.id for cause in case.known):
         if id not in case.machine.fixed_parameters:
             yield f"Not in these lines: {id}; {CAUSES[id].words(case.machine).no_setting}."
     unknown = [row.name for row in case.answer.parameters if not row.determined]
     if unknown:
         yield f"Unchanged, because these readings do not determine them: {', '.join(unknown)}."
+    if not _equal(new) and "unequal" in texts:
+        yield texts["unequal"]
+    turned = np.sort(np.mod(new.tower_angles_deg, 360.0)) - (90.0, 210.0, 330.0)
+    if np.any(np.abs(turned) >= 0.5 * 10.0**-_DECIMALS) and "turned" in texts:
+        yield texts["turned"]
+    yield texts["before"]
