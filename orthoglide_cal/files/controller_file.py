@@ -20,7 +20,7 @@ import codecs
 import hashlib
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
@@ -35,15 +35,9 @@ from orthoglide_cal.files import moonraker
 from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.klipper import Options, Settings
 from orthoglide_cal.files.text import document_from_bytes, read_bytes, write_text
-from orthoglide_cal.model.cause import Cause
+from orthoglide_cal.model.cause import Cause, Effect
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.machine import (
-    Corrections,
-    Machine,
-    Written,
-    WrittenTable,
-    WrittenValue,
-)
+from orthoglide_cal.model.machine import Corrections, Machine, Written, WrittenTable, WrittenValue
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES
@@ -71,18 +65,10 @@ _MOST_LINES = 256  # of a table
 _FARTHEST_MM = 1e5
 _BEYOND_MM = 1000.0  # half the length of a table where no limits are given
 # Name of a delta's setting → its section and option in printer.cfg.
-SAVED = {
-    "radius": ("printer", "delta_radius"),
-    **{
-        name.format(tower): (f"stepper_{tower}", option)
-        for tower in "abc"
-        for name, option in (
-            ("angle_{}", "angle"),
-            ("arm_{}", "arm_length"),
-            ("{}", "position_endstop"),
-        )
-    },
-}
+SAVED = {"radius": ("printer", "delta_radius")}
+for _tower, _section in ((tower, f"stepper_{tower}") for tower in "abc"):
+    SAVED |= {f"angle_{_tower}": (_section, "angle"), f"arm_{_tower}": (_section, "arm_length")}
+    SAVED[_tower] = _section, "position_endstop"
 _PITCHES = {f"pitch_{tower}": (f"stepper_{tower}", "rotation_distance") for tower in "abc"}
 _HEADER = """
 #*# <---------------------- SAVE_CONFIG ---------------------->
@@ -134,6 +120,10 @@ class ControllerFile(ABC):
         `changes` of the calibrated parameters [mm, deg], `made` of what is wrong with the machine.
         Raises InputError, UsageError: the file would not be as its controller reads it.
         """
+
+    def corrects(self, machine: Machine) -> list[str]:
+        """Ids of the causes that it can take away."""
+        return [id for id, cause in CAUSES.items() if not self.hindrance(cause, machine)]
 
     @property
     def sha256(self) -> str:
@@ -224,24 +214,17 @@ class LinuxCnc(ControllerFile):
     def changed(
         self, model: Model, changes: Mapping[str, float], made: Corrections, decimals: int
     ) -> tuple[Written, bytes]:
-        home_mm, effects = model.machine.home_mm, correcting(model.machine, made)
+        effects = correcting(model.machine, made)
         decimals += 2 if self.unit_mm > 1.0 else 0
         values, tables = list[WrittenValue](), list[WrittenTable]()
-        for index, (axis, change) in enumerate(changes.items()):
-            if not any(axis in sizes for sizes in made.values()):
+        for axis, change in changes.items():
+            if any(axis in sizes for sizes in made.values()):
+                lines, table = self._tabulated(axis, change, effects, model.machine, decimals)
+                values += lines
+                tables.append(table)
+            else:
                 new = float(self.settings[axis].before) + change / self.unit_mm
                 values += self._entered(axis, new, decimals)
-                continue
-            origin = self._origin_mm(axis, home_mm) or 0.0
-
-            def added(at: Floats, origin: float = origin, index: int = index) -> Floats:
-                """What cancels the errors of this joint; by its own position."""
-                sums = sum(e.cause.correction(-e.theta, at + origin, home_mm) for e in effects)
-                return np.asarray(sums)[..., index]
-
-            lines, table = self._tabulated(axis, added, change, decimals)
-            values += lines
-            tables.append(table)
         return self._replaced(values, tables)
 
     def _number(self, axis: str, option: str) -> float:
@@ -270,9 +253,7 @@ class LinuxCnc(ControllerFile):
         for number, text in enumerate(read_bytes(path).decode("latin-1").splitlines(), 1):
             row = [float(word) if _ANY_NUMBER.fullmatch(word) else np.nan for word in text.split()]
             if len(row) != 3 or np.isnan(row).any() or (rows and row[0] <= rows[-1][0]):
-                problem = (
-                    "LinuxCNC ignores this line, or the rest: not 3 numbers, or not ascending."
-                )
+                problem = "LinuxCNC ignores it, or the rest: not 3 numbers, or not ascending."
                 remedy = "Correct the table, or remove COMP_FILE from the INI."
                 raise InputError(problem, remedy, file=path, line=number, value=text)
             rows.append(row)
@@ -284,16 +265,18 @@ class LinuxCnc(ControllerFile):
         return table
 
     def _tabulated(
-        self, axis: str, added: Callable[[Floats], Floats], change_mm: float, decimals: int
+        self, axis: str, change_mm: float, made: Iterable[Effect], machine: Machine, decimals: int
     ) -> tuple[list[WrittenValue], WrittenTable]:
-        """Lines of the INI, and a new table beside it, that add this correction to what is there.
-
-        `added` gives what is to be added over joint positions (n,), moving + and moving -, shape
-        (2, n) [mm].
-        """
+        """Lines of the INI, and a new table beside it, that add corrections to what is there."""
         unit, table, line = self.unit_mm, self._existing(axis), self.settings[axis]
         old, latch = float(line.before), self._number(axis, _LATCH)
-        way = int(latch < 0.0)
+        way, home_mm = int(latch < 0.0), machine.home_mm
+        origin = self._origin_mm(axis, home_mm) or 0.0
+
+        def added(at: Floats) -> Floats:
+            """Over positions of the joint (n,), moving + and moving -, shape (2, n) [mm]."""
+            parts = [e.cause.correction(-e.theta, at + origin, home_mm) for e in made]
+            return np.asarray(np.sum(parts, axis=0)[..., AXES.index(axis)])
 
         def stands(at: Floats) -> Floats:
             return np.stack([np.interp(at, table[:, 0], table[:, k]) for k in (1, 2)])

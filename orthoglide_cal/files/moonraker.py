@@ -151,9 +151,9 @@ def _request(address: str, path: str, body: bytes | None = None, kind: str = "")
     finally:
         connection.close()
     problem, remedy = f"The server answers {status} {visible(words)}.", "Check the address."
-    if status in (403, 503) and (reason := _value(data, "error", "message")):
-        said = visible(str(reason))[:300].removesuffix(".")
-        problem = f"The server refuses it ({status}): {said}."
+    if status in (403, 503) and (answer := _value(data, "error", "message")):
+        reason = visible(str(answer))[:300].removesuffix(".")
+        problem = f"The server refuses it ({status}): {reason}."
         remedy = "Look at the server and at Klipper's log."
     elif status in (401, 403):
         problem = f"The server wants a key ({status})."

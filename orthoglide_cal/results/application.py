@@ -100,17 +100,11 @@ def apply(
 ) -> Application:
     """Record the parameters of an answer as entered, and write them where that is wanted.
 
-    What was active before is what the measurement says of it, not what stands in the file.
-
-    Args:
-        answer: to the input, released; one that needs nothing to be entered changes nothing.
-        file: of the machine that was measured.
-        controller: the controller's file, if it is to be written.
-
-    Raises:
-        UsageError: the measurement is of another machine, or was applied before, or other
-            offsets were entered after it; the controller's file is of another kind of machine, or
-            does not hold what it held when that was measured.
+    What was active before is what the measurement says of it, not what stands in the file. A
+    released answer that needs nothing to be entered changes nothing. Raises UsageError: the
+    measurement is of another machine, or was applied before, or other offsets were entered after
+    it; the controller's file is of another kind of machine, or does not hold what it held when that
+    was measured.
     """
     source, model = given.measured.source, given.model
     for machine in (file.model.machine, model.machine):
@@ -124,24 +118,25 @@ def apply(
         # Causes may have been accepted since; rails and legs are what they were.
         _check_same_machine(given.recorded, file, but=("identified",))
     adds, digits = recording(given) != "elsewhere", answer.decimals
-    history = file.model.machine.history
     before = {p.name: p.active for p in answer.parameters} if adds else None
-    date = at.isoformat(timespec="milliseconds")
-    entry = Entered(date=date, data_sha256=source.sha256, before=before, after=before)
+    date, sha256 = at.isoformat(timespec="milliseconds"), source.sha256
+    entry = Entered(date=date, data_sha256=sha256, before=before, after=before)
     corrections = tuple(_corrections(model, answer, controller)) if controller else ()
     made = [correction for correction in corrections if not correction.left]
     if not answer.release.needed and not made:
         return Application(file, entry, file)
-    last = _last_written(file)
+    history, last = file.model.machine.history, _last_written(file)
     known = last if last and controller and last.target == controller.target else None
     killed = controller and known and known.sha256_before == controller.sha256
-    if killed and history[-1].data_sha256 == source.sha256:
+    if killed and history[-1].data_sha256 == sha256:
         # The program wrote the record, but not that file: as if nothing were recorded.
-        nothing = take_back(file, source.sha256, controller).then
-        return apply(given, answer, nothing, at, controller)
+        return apply(given, answer, take_back(file, sha256, controller).then, at, controller)
     if adds:
         _check_recordable(given, file)
         entry = entry.changed(after={p.name: p.new(digits) for p in answer.parameters})
+    if corrected := [correction for correction in made if CAUSES[correction.id].by_joint]:
+        active = model.machine.corrected
+        entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
     written, data, remarks = None, b"", list[Reason]()
     if controller is not None:
         # A file that was moved or copied holds what was written; that of another machine does not.
@@ -151,25 +146,19 @@ def apply(
             stands = controller.settings
             expected |= {stands[p.name].key: f"{p.active:.9g}" for p in answer.parameters}
         if unlike := controller.differing(expected):
-            since = "Somebody changed it since."
+            since, instead = "Somebody changed it since.", "measure again with the present values."
             if stood and not known:
                 since = f"The last entry was written to another file: {stood.target}"
-            instead = "measure again with the present values."
             if adds:
                 instead = "enter the offsets by hand, and record them without --to."
             fault = f"{controller.target}: {unlike} {since}"
             raise UsageError(fault, f"Restore it, or {instead}")
-        remarks += [
-            *controller.remarks,
-            *([] if stood or not adds else [Reason.of("first_written")]),
-        ]
-        remarks += [remark for remark in given.measured.remarks if remark.code in NOZZLE]
+        first = Reason.of("first_written") if adds and not stood else None
+        nozzle = (remark for remark in given.measured.remarks if remark.code in NOZZLE)
+        remarks = [*controller.remarks, *filter(None, [first]), *nozzle]
         changes = {p.name: p.change(digits) for p in answer.parameters}
         written, data = controller.changed(model, changes, _added_to({}, made), digits)
     entry = entry.changed(written=written)
-    if corrected := [correction for correction in made if CAUSES[correction.id].by_joint]:
-        active = model.machine.corrected
-        entry = entry.changed(corrected_before=active, corrected=_added_to(active, corrected))
     then = with_history(file, entry.after, entry.corrected, *history, entry)
     parts = given, controller, written, data, corrections, tuple(remarks)
     return Application(file, entry, then, False, *parts)
@@ -235,9 +224,9 @@ def recording(given: Input) -> Literal["due", "done", "nowhere", "elsewhere"]:
 def unwritten(file: StoredMachine) -> str | None:
     """The controller's file of the last entry, if the program was killed before it wrote it."""
     written = _last_written(file)
-    if written is None or not written.values or not Path(written.target).is_file():
-        return None
-    return written.target if holds(written.target, written.sha256_before) else None
+    if written and written.values and Path(written.target).is_file():
+        return written.target if holds(written.target, written.sha256_before) else None
+    return None
 
 
 def _last_written(file: StoredMachine) -> Written | None:
@@ -290,14 +279,9 @@ def take_back(
 ) -> Application:
     """Undo the last entry: it leaves the history, and what was before it is active again.
 
-    Args:
-        file: the machine file.
-        sha256: digest of the measurement that the last entry must come from; None for any.
-        controller: the file that it was written to.
-
-    Raises:
-        UsageError: there is no such entry, or the offsets were changed since; it was written to
-            another file, or that does not hold what was written any more.
+    `sha256` is of the measurement that it must come from; None for any. Raises UsageError: there is
+    no such entry, or the offsets were changed since; it was written to another file than this
+    controller's, or that does not hold what was written any more.
     """
     machine, path = file.model.machine, file.document.path
     if not machine.history:
