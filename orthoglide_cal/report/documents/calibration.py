@@ -14,7 +14,7 @@ from orthoglide_cal.errors import file_words
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.model.cause import Estimate
-from orthoglide_cal.model.measured import NOZZLE
+from orthoglide_cal.model.measured import NOZZLE, DataKind
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
@@ -84,12 +84,12 @@ def calibration_document(
             recorded = [(side, side.validity) for side in (left.before, left.after)]
         frame = signed_page("Calibration report", machine, identity, recorded)
         released = answer.release.usable or left is not None
-        pages = [*_evidence(after, "as left")] if after else []
-        pages += _evidence(case, "as found" if after else "")
+        measured = [(after, ", as left"), (case, ", as found")] if after else [(case, "")]
+        pages = [part for one, when in measured for part in _evidence(one, when)]
         pages += [*_workspace(case, left, limit_mm), _origin(case, identity, left)]
-        for measured, when in ((after, "as left"), (case, "as found" if after else "")):
-            if measured is not None and measured.answer.parameters:
-                pages.append(pictures.readings_table(measured, when))
+        for one, when in measured:
+            if one.answer.input.kind == DataKind.READINGS:  # differences stand among the residuals
+                pages.append(doc.Section(f"Appendix: readings{when}", pictures.readings_table(one)))
         drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
         rivals = [*_rivals(case)]
         if len(named) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
@@ -129,13 +129,13 @@ def _notice(case: Case, left: Verification | None) -> doc.Notice:
 
 
 def _result(
-    case: Case, left: Verification | None, named: Sequence[doc.Section], drawn: Sequence[doc.Block]
+    case: Case, left: Verification | None, named: Sequence[doc.Section], drawn: doc.Figure | None
 ) -> Sequence[doc.Section]:
     """What was found, and the next steps; of a refused result the causes come first."""
     if left is not None:
         steps = verification.verification_steps(left, case.machine_file)
         rule = verification.rule_blocks(left)
-        return verification.parameters_left(left), doc.next_steps(steps, *rule, *drawn)
+        return verification.parameters_left(left), doc.next_steps(steps, *rule, drawn)
     next_steps = doc.next_steps(to_do(case))
     if case.answer.release.usable:
         moved = (case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE)
@@ -147,7 +147,7 @@ def _result(
     return next_steps, _parameters(case, drawn)
 
 
-def _parameters(case: Case, drawn: Sequence[doc.Block]) -> doc.Section:
+def _parameters(case: Case, drawn: doc.Figure | None) -> doc.Section:
     """The parameters with U next to the differences."""
     title, usable = solution.parameters_title(case), case.answer.release.usable
     if not usable:
@@ -155,7 +155,7 @@ def _parameters(case: Case, drawn: Sequence[doc.Block]) -> doc.Section:
         title = f"Not to be entered: {case.words.many}{causes}{solution.common_unit(case.machine)}"
     alone = solution.alone_block(case) if usable else ()
     return doc.Section(
-        title, solution.parameters_grid(case), *solution.open_blocks(case), *alone, *drawn
+        title, solution.parameters_grid(case), *solution.open_blocks(case), *alone, drawn
     )
 
 
@@ -164,30 +164,30 @@ def _causes(case: Case) -> Iterator[doc.Section]:
     answer, undecided = case.answer, case.answer.verdict is Verdict.AMBIGUOUS
     advised = " ".join(case.says(remedy.sentence) for remedy in answer.release.remedies)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
-        title, remedy = f"{case.title_of(cause.id)} ({cause.id})", cause.remedy
+        title = f"{case.title_of(cause.id)} ({cause.id})"
         title = f"Possible: {title}" if undecided else f"{title[0].upper()}{title[1:]}"
-        new = [] if remedy.rstrip(".") in advised else [f"{'If so: ' * undecided}{remedy}"]
         grid = _cause_grid(case, cause.id, cause.parameters, cause.where)
-        yield doc.Section(title, grid, *new, *pictures.cause_figure(case, cause))
+        new = cause.remedy.rstrip(".") not in advised
+        remedy = f"{'If so: ' * undecided}{cause.remedy}" if new else None
+        yield doc.Section(title, grid, remedy, pictures.cause_figure(case, cause))
 
 
 def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str = "") -> doc.Block:
     """Where a cause is, and how large with U."""
-    gaps, shims = pictures.moves_rails(id), case.answer.shims
-    sizes = [*parameters] if gaps else pictures.seen_parameters(parameters)
-    sizes = [size for size in parameters if size in sizes]
+    gaps, seen = pictures.moves_rails(id), pictures.seen_parameters(parameters)
+    sizes = [size for size in parameters if gaps or size in seen]
     if not sizes:
         return doc.strong(f"At {where}.")
-    places = [pictures.place_words(size.name) for size in sizes]
+    places = [figures.place_words(size.name) for size in sizes]
     if where and len(sizes) < 2:
         places = [where]
-    columns: dict[str, Sequence[doc.Blank]] = {"": [doc.strong(place) for place in places]}
+    columns: dict[str, Sequence[doc.Blank]] = {"": [*map(doc.strong, places)]}
     columns["size ± U (95 %)"] = [size_words(e.value, e.expanded, e.unit) for e in sizes]
-    if gaps and shims:
+    if gaps and (shims := case.answer.shims):
         columns["shim"] = [
             f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims
         ]
-    caption = "xy: how far rail x lies above rail y, along z; and so on. " if gaps else ""
+    caption = "xy: how far rail x lies above rail y, along z; and so on. " * gaps
     if len(sizes) < len(parameters):
         undecided = case.answer.verdict is Verdict.AMBIGUOUS
         caption += "All others: smaller." if undecided else "All others: within U."
@@ -209,17 +209,17 @@ def _rivals(case: Case) -> Iterator[doc.Section]:
 
 def _differences(
     case: Case, left: Verification | None, limit_mm: float | None
-) -> tuple[doc.Block, ...]:
+) -> doc.Figure | None:
     """Each difference on one axis: as found, as expected, as measured afterwards."""
     answer = case.answer
     if left is not None:
-        return (verification.left_figure(left),) if left.differences else ()
+        return verification.left_figure(left) if left.differences else None
     if not answer.deviations or answer.as_found is None or answer.expected is None:
-        return ()
+        return None
     rows = [(e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations]
     sizes = (answer.as_found.rms_mm, answer.expected.rms_mm)
     ends = answer.check is not None and answer.check.ends
-    return (pictures.differences_figure(rows, sizes, ends, limit_mm),)
+    return pictures.differences_figure(rows, sizes, ends, limit_mm)
 
 
 def _other(case: Case) -> doc.Section:
@@ -238,13 +238,13 @@ def _other(case: Case) -> doc.Section:
 
 def _evidence(case: Case, when: str) -> Iterator[doc.Section]:
     """Residuals, diagnosis, uncertainty and conditions of one measurement, named by `when`."""
-    answer, sections = case.answer, [_conditions(case, when)]
+    answer, sections = case.answer, [_conditions(case)]
     if answer.parameters:
-        left = doc.Section(RESIDUALS, *pictures.residual_blocks(case, when))
+        left = doc.Section(RESIDUALS, *pictures.residual_blocks(case))
         budget = solution.budget_sections(case.machine, answer.budget, answer.total)
         sections = [diagnosis_section(case), left, *budget, *sections]
     for section in sections:
-        yield doc.Section(pictures.named(section.title, when), *section.blocks)
+        yield doc.Section(f"{section.title}{when}", *section.blocks)
 
 
 def _workspace(
@@ -260,41 +260,38 @@ def _workspace(
 
     lead = f"As found: up to {up_to(before.before_mm, before.worst_before_mm)}."
     if after is None:
-        why = ", from uncertainty alone."
+        lead += f" Expected: at most {up_to(before.after_mm, before.worst_after_mm)}"
         if causes := " and ".join(cause.id for cause in case.known):
-            why = (
-                f"; {two_figures(before.left_mm)} mm of that comes from {causes}, which offsets do"
-            )
-            why += " not remove."
-        lead += f" Expected: at most {up_to(before.after_mm, before.worst_after_mm)}{why}"
+            lead += f"; {two_figures(before.left_mm)} mm of that comes from {causes},"
+            lead += " which offsets do not remove."
+        else:
+            lead += ", from uncertainty alone."
         if timed := " and ".join(cause.id for cause in case.known if cause.timed):
             lead += f" Not included: the effect of {timed}, which depends on time or path."
     else:
         lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
     low, high = (plain(edge, 0) for edge in before.cube_mm)
-    maps = figures.workspace_maps(before, after, limit_mm)
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
-    if limit_mm is not None:
-        key += f" Dotted: {limit_mm:g} mm."
-    figure = doc.Figure(None, "", maps, key=key)
-    yield doc.Section("Tool-position error over the workspace", lead, figure)
+    key += "" if limit_mm is None else f" Dotted: {limit_mm:g} mm."
+    maps = doc.Figure(figures.workspace_maps(before, after, limit_mm), key=key)
+    yield doc.Section("Tool-position error over the workspace", lead, maps)
 
 
 # --- conditions and origin --------------------------------------------------------------------
 
 
-def _conditions(case: Case, when: str) -> doc.Section:
+def _conditions(case: Case) -> doc.Section:
     """How it was measured, and where the gauges stood; blank where not given."""
     given, machine, answer = case.given.conditions, case.machine, case.answer
     gauge, noise = machine.instrument, machine.vocabulary.noise
     rows: list[tuple[str, doc.Blank]] = [
-        ("Protocol", None if given.protocol is None else doc.given(given.protocol)),
+        ("Protocol", given.protocol and doc.given(given.protocol)),
         ("Started", moment(given.started)),
         ("Finished", moment(given.finished)),
     ]
-    # Temperatures stand under the verdict.
-    remarks = ((name, text) for name, text in given.environment if "temperature" not in name)
-    rows += [(name.replace("_", " "), doc.given(text)) for name, text in remarks]
+    for name, text in given.environment:
+        if "temperature" not in name:  # they stand under the verdict
+            rows.append((name.replace("_", " "), doc.given(text)))
     if case.given.is_session:
         rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
     # Blanks are for those who write down how it was.
@@ -307,15 +304,14 @@ def _conditions(case: Case, when: str) -> doc.Section:
         for row in answer.residuals
         if row.leg and row.direction and row.gauge_at is not None
     }
-    blocks: list[doc.Block] = [doc.Facts(rows)]
+    drawn, notes = None, given.notes[:_MOST_NOTES] if answer.parameters else ()
     if places:
-        drawn = figures.machine_sketch(machine.leg_mm, machine.limits_mm, sorted(places))
+        sketch = figures.machine_sketch(machine.leg_mm, machine.limits_mm, sorted(places))
         key = "○ dial: its reading grows when the leg moves towards it."
-        blocks.append(doc.Figure("Where the gauges stood", "", (drawn,), columns=0, key=key))
-    if given.notes and answer.parameters:
-        notes = [(str(line), doc.given(note)) for line, note in given.notes[:_MOST_NOTES]]
-        blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
-    return doc.Section(f"Conditions and {noise}s", *blocks)
+        drawn = doc.Figure([sketch], 0, key, "Where the gauges stood")
+    rows_of_notes = [(str(line), doc.given(note)) for line, note in notes]
+    grid = doc.Grid(("line", "note"), rows_of_notes, (0, 1), "Notes at readings.")
+    return doc.Section(f"Conditions and {noise}s", doc.Facts(rows), drawn, grid)
 
 
 def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Section:
