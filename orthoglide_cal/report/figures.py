@@ -51,9 +51,9 @@ class Scale:
             return (self.start + self.end) / 2.0
         return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
 
-    def ticks(self, count: int = 4) -> list[tuple[float, str, str]]:
-        """Place, class and number of about so many grid lines at round numbers."""
-        step = round_up(0.999 * (self.high - self.low) / count, 1.0, 2.0, 2.5, 5.0)
+    def ticks(self) -> list[tuple[float, str, str]]:
+        """Place, class and number of about four grid lines at round numbers."""
+        step = round_up(0.999 * (self.high - self.low) / 4.0, 1.0, 2.0, 2.5, 5.0)
         first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
         kinds = ((k * step, "grid" if k else "zero") for k in range(first, last + 1))
         return [(self(value), kind, number(value)) for value, kind in kinds]

@@ -27,7 +27,6 @@ _STYLES = {
 }
 _TYPED_AT = 46  # column at which what is to be typed begins where there is room
 _GAP = "  "
-_LONGEST_NAME = 30
 # A number keeps its name and unit on its line: their blank is none while lines are broken.
 _HELD, _BLANK_HELD = re.compile(r" (?=[=%σ±]|[+−]\d|[mµ]m\b)|(?<=[=±<>]) "), "\ue000"
 _NARROWEST = 12  # columns of words are not squeezed below this
@@ -64,14 +63,10 @@ class _Lines:
 
     def of(self, page: doc.Page) -> Iterator[Text]:
         headed, begun = page.title is not None, page.notice is not None
-        if page.stamp is not None:
-            yield from self._flow(doc.doubtful(page.stamp))
-        if headed:
-            yield from self._flow(doc.strong(f"{page.kind}: {page.title}"))
-        if page.facts is not None:
-            yield from self._facts(page.facts)
-        if page.notice is not None:
-            yield from self._notice(page.notice)
+        title = doc.strong(f"{page.kind}: {page.title}") if headed else None
+        for top in (page.stamp and doc.doubtful(page.stamp), title, page.facts, page.notice):
+            if top is not None:
+                yield from self._block(top)
         for section in page.in_characters:
             if headed or begun:
                 yield Text()
@@ -95,7 +90,8 @@ class _Lines:
             case doc.Notice():
                 yield from self._notice(block)
             case doc.Facts():
-                yield from self._facts(block, _GAP)
+                rows = [(doc.small(name), value) for name, value in block.rows]
+                yield from self._grid(doc.Grid(("", ""), rows, words=(0, 1)))
             case doc.Grid():
                 yield from self._grid(block)
             case doc.Figure():
@@ -152,22 +148,16 @@ class _Lines:
 
     def _notice(self, notice: doc.Notice) -> Iterator[Text]:
         sign = Text(notice.tone.sign, f"bold {_COLOURS[notice.tone]}")
-        *lines, last = _hung(self._flow(notice.title, len(sign), "bold"), sign, _GAP)
-        yield from lines
-        aside = Text(visible(notice.aside))
+        *above, last = _hung(self._flow(notice.title, len(sign), "bold"), sign, _GAP)
+        aside, lines = _text(notice.aside), notice.lines
         space = self._width - last.cell_len - aside.cell_len
-        fits = space >= len(_GAP)
-        yield Text.assemble(last, " " * space, aside) if aside and fits else last
-        for line in (*([] if fits else [notice.aside]), *notice.lines):
+        if space >= len(_GAP):
+            last = Text.assemble(last, " " * space, aside)
+        elif aside:
+            lines = (notice.aside, *lines)
+        yield from (*above, last)
+        for line in lines:
             yield from _hung(self._flow(line, len(_GAP)), _GAP, _GAP)
-
-    def _facts(self, facts: doc.Facts, indent: str = "") -> Iterator[Text]:
-        names = [_text(name, "dim") for name, _ in facts.rows]
-        room = min(max((name.cell_len for name in names), default=0), _LONGEST_NAME)
-        for name, (_, value) in zip(names, facts.rows, strict=True):
-            lines = self._flow(value, len(indent) + room + len(_GAP))
-            row = _row([self._wrapped(name, room), lines], (room, 0), (0, 1))
-            yield from _hung(row, indent, indent)
 
     def _grid(self, grid: doc.Grid) -> Iterator[Text]:
         """The table, its columns of words squeezed; its rows as sentences where it is too wide."""
