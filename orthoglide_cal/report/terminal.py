@@ -73,8 +73,8 @@ class _Lines:
             begun = True
             if section.title is not None:
                 yield from self._flow(doc.strong(section.title))
+            close = section.title is None and not headed
             for number, block in enumerate(section.blocks):
-                close = section.title is None and not headed
                 if number and isinstance(block, doc.Grid | doc.Facts | doc.Figure) and not close:
                     yield Text()
                 yield from self._block(block, _GAP if close else "")
@@ -131,19 +131,11 @@ class _Lines:
         whole = (k for k, part in enumerate(parts) if part.style in ("typed", "blank"))
         end = next(whole, len(parts))
         sentence, command = _text(parts[:end], style), _text(parts[end:], style)
-        lines = self._wrapped(sentence, self._width - taken)
+        lines = _wrapped(sentence, self._width - taken)
         if command:
             # Wrapping took the blank between the two away.
             space = " " if sentence.plain.endswith(" ") else ""
             lines[-1] = Text.assemble(lines[-1], space, command)
-        return lines
-
-    def _wrapped(self, text: Text, width: int) -> list[Text]:
-        lines = [text.copy()]  # most fit, and wrapping takes its time
-        if text.cell_len > width or "\n" in text.plain or "\t" in text.plain:
-            lines = list(text.wrap(_ANY, max(width, 1), overflow="fold")) or [Text()]
-        for line in lines:
-            line.rstrip()
         return lines
 
     def _notice(self, notice: doc.Notice) -> Iterator[Text]:
@@ -161,39 +153,43 @@ class _Lines:
 
     def _grid(self, grid: doc.Grid) -> Iterator[Text]:
         """The table, its columns of words squeezed; its rows as sentences where it is too wide."""
+        head = [_text(title, "dim") for title in grid.head]
         rows = [[_text(cell) for cell in row] for row in grid.rows]
-        if any(grid.head):
-            rows.insert(0, [_text(title, "dim") for title in grid.head])
-        widths = [max(cell.cell_len for cell in column) for column in zip(*rows, strict=True)]
+        widths = [max(cell.cell_len for cell in column) for column in zip(head, *rows, strict=True)]
         over = sum(widths) + len(_GAP) * len(widths) - self._width
         for k in sorted(grid.words, key=lambda k: -widths[k]):
             less = min(max(over, 0), max(widths[k] - _NARROWEST, 0))
             widths[k] -= less
             over -= less
         if over > 0:
-            yield from self._listed(*rows)
-        for row in rows if over <= 0 else ():
-            cells = [self._wrapped(cell, width) for cell, width in zip(row, widths, strict=True)]
-            yield from _hung(_row(cells, widths, grid.words), _GAP, _GAP)
+            for name, *cells in rows:
+                named = (pair for pair in zip(head[1:], cells, strict=True) if pair[1])
+                parts = (Text.assemble(title, " " * bool(title), cell) for title, cell in named)
+                line = Text.assemble(name, ": ", Text(", ").join(parts))
+                yield from _hung(_wrapped(line, self._width - 2 * len(_GAP)), _GAP, 2 * _GAP)
+        else:
+            for row in [head, *rows] if any(grid.head) else rows:
+                texts = [_wrapped(cell, width) for cell, width in zip(row, widths, strict=True)]
+                yield from _hung(_row(texts, widths, grid.words), _GAP, _GAP)
         if grid.caption:
             yield from _hung(self._flow(grid.caption, len(_GAP), "dim"), _GAP, _GAP)
-
-    def _listed(self, head: Sequence[Text], *rows: Sequence[Text]) -> Iterator[Text]:
-        """Each row as a sentence of titles and cells."""
-        for name, *cells in rows:
-            named = zip(head[1:], cells, strict=True)
-            parts = (Text.assemble(title, " ", cell) for title, cell in named if cell)
-            line = Text.assemble(name, ": ", Text(", ").join(parts))
-            yield from _hung(self._wrapped(line, self._width - 2 * len(_GAP)), _GAP, 2 * _GAP)
 
 
 def _text(content: doc.Blank, style: str = "") -> Text:
     text = Text(style=style)
     for part in doc.parts_of(content):
-        shown = part.text if part.text.isprintable() else visible(part.text)
-        text.append(shown, _STYLES.get(part.style, ""))
+        text.append(visible(part.text), _STYLES.get(part.style, ""))
     text.plain = _HELD.sub(_BLANK_HELD, text.plain)
     return text
+
+
+def _wrapped(text: Text, width: int) -> list[Text]:
+    lines = [text.copy()]  # most fit, and wrapping takes its time
+    if text.cell_len > width:
+        lines = [*text.wrap(_ANY, max(width, 1), overflow="fold")]
+    for line in lines:
+        line.rstrip()
+    return lines
 
 
 def _hung(lines: Iterable[Text], first: str | Text, rest: str | Text) -> Iterator[Text]:
