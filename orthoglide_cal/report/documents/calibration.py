@@ -134,13 +134,12 @@ def _result(
     """What was found, and the next steps; of a refused result the causes come first."""
     if left is not None:
         steps = verification.verification_steps(left, case.machine_file)
-        rule = verification.rule_blocks(left)
-        return verification.parameters_left(left), doc.next_steps(steps, *rule, drawn)
-    next_steps = doc.next_steps(to_do(case))
+        rule = verification.decision_rule(left)
+        return verification.parameters_left(left), doc.next_steps(steps, rule, drawn)
     if case.answer.release.usable:
         moved = (case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE)
-        notes = doc.Section(None, *moved)
-        return _parameters(case, drawn), *named, next_steps, notes
+        return _parameters(case, drawn), *named, doc.next_steps(to_do(case), *moved)
+    next_steps = doc.next_steps(to_do(case))
     # Where the causes are drawn, the first sheet is full.
     if named or not case.answer.parameters:
         return *named, next_steps

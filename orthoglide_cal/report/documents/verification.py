@@ -299,7 +299,7 @@ def _size(parameter: Parameter) -> str | None:
 def _outcome(result: Verification) -> doc.Section:
     """Predicted and measured, difference by difference or in all."""
     if result.differences:
-        return doc.Section("Predicted and measured", *rule_blocks(result), left_figure(result))
+        return doc.Section("Predicted and measured", decision_rule(result), left_figure(result))
     grid = doc.Grid(
         ("r.m.s. of the heights", "as found", "predicted", "as left", "could be"),
         (("touches, without their mean", *_sizes(result)),),
@@ -309,10 +309,10 @@ def _outcome(result: Verification) -> doc.Section:
     return doc.Section("Heights", grid)
 
 
-def rule_blocks(result: Verification) -> tuple[doc.Block, ...]:
-    """By which rule a limit is judged; nothing where none was given."""
-    rule = result.decision
-    return (doc.small(f"Decision rule: {_says(result)(rule.rule)}"),) if rule else ()
+def decision_rule(result: Verification) -> doc.Marked | None:
+    """By which rule a limit is judged; None where none was given."""
+    made = result.decision
+    return doc.small(f"Decision rule: {_says(result)(made.rule)}") if made else None
 
 
 def left_figure(result: Verification) -> doc.Figure:
