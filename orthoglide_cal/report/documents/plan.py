@@ -244,8 +244,8 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
         yield f"{rivals} are {surely}distinguished ({two_figures(sigma)} σ)."
     if plan.invisible:
         yield f"Cannot be seen: {listed(plan.invisible)}."
-    pairs = plan.apart.visible.pairs.items()
-    near = [" from ".join(causes) for causes, sigma in pairs if sigma < TRACE_SIGMA]
+    seen = (pair for pair in plan.separation if plan.trace.keys() >= {*pair.causes})
+    near = [" from ".join(pair.causes) for pair in seen if pair.sigma < TRACE_SIGMA]
     if near:
         rest = ", and others" if len(near) > _SHOWN_PAIRS else ""
         yield f"Cannot be distinguished: {', '.join(near[:_SHOWN_PAIRS])}{rest}."
@@ -352,12 +352,11 @@ def _design(best: BestDesign, typed: str) -> doc.Section:
 
 def _separation(plan: MeasurementPlan) -> doc.Section:
     """Which causes the readings can distinguish."""
-    seen, hidden = plan.apart.visible, plan.apart.invisible
     blocks: list[doc.Block] = ["No cause leaves a trace."]
-    if seen.causes:
-        lines = separation_lines([cause.id for cause in seen.causes], seen.sigma, seen.trace)
-        blocks = [doc.Listing(lines)]
-    rows = [(cause.id, cause.words(plan.model.machine).instrument) for cause in hidden]
+    if plan.trace:
+        sigma = {pair.causes: pair.sigma for pair in plan.separation}
+        blocks = [doc.Listing(separation_lines(plan.trace, sigma))]
+    rows = [(id, CAUSES[id].words(plan.model.machine).instrument) for id in plan.invisible]
     caption = "At their usual size they hardly change such readings."
     blocks.append(doc.Grid(("not seen", "what would show it"), rows, (0, 1), caption))
     title = "Which causes can be distinguished"
