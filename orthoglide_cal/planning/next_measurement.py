@@ -205,20 +205,16 @@ def _set_up_again(first: GaugePlan, machine: Machine) -> Iterator[NextMeasuremen
     usual = walks[0][1]
     fixed = first.gauge_at[first.contact == Contact.FIXED]
     half_way = bool(np.any(np.not_equal(fixed, HALF_WAY)))
-    for cycles in TIMES:
-        how = {"cycles": cycles, "half_way": half_way}
-        for leg in LEGS:
-            there = {"leg": AXES[leg], **how}
-            for walk, stops in walks:
-                yield option(Reason.of("stand_again", **there, walk=walk), (leg,), stops * cycles)
-            yield option(Reason.of("turn_bar", **there), (leg,), usual * cycles, turned=True)
+    for cycles, legs in product(TIMES, ((0,), (1,), (2,), LEGS)):
+        again, turn = ("stand_again", "turn_bar") if len(legs) == 1 else ("repeat", "turn_bars")
+        how = {"leg": AXES[legs[0]], "cycles": cycles, "half_way": half_way}
         for walk, stops in walks:
-            yield option(Reason.of("repeat", **how, walk=walk), LEGS, stops * cycles)
-        yield option(Reason.of("turn_bars", **how), LEGS, usual * cycles, turned=True)
-        for at in machine.gauge_places:
-            if np.all(np.abs(fixed - at) > ANOTHER_PLACE):
-                task = Reason.of("repeat_at", cycles=cycles, gauge_mm=at * machine.leg_mm)
-                yield option(task, LEGS, usual * cycles, gauge_at=at)
+            yield option(Reason.of(again, **how, walk=walk), legs, stops * cycles)
+        yield option(Reason.of(turn, **how), legs, usual * cycles, turned=True)
+    for cycles, at in product(TIMES, machine.gauge_places):
+        if np.all(np.abs(fixed - at) > ANOTHER_PLACE):
+            task = Reason.of("repeat_at", cycles=cycles, gauge_mm=at * machine.leg_mm)
+            yield option(task, LEGS, usual * cycles, gauge_at=at)
     yield option(Reason.of("repeat_reversed", half_way=half_way), LEGS[::-1], usual)
 
 
