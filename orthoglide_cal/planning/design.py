@@ -44,13 +44,10 @@ GIVES_UP = (
 def design_of(machine: Machine) -> tuple[tuple[float, ...], float]:
     """The postures and the gauge place that reach any accuracy with the fewest readings.
 
-    Displacements [mm] of one cycle in their order, and a place along the leg, as of `visiting`.
+    Displacements [mm] of one cycle in their order, within the joint limits, and a place along the
+    leg, one per leg and direction, as of `visiting`; each plunger stays `MARGIN` from both joints.
 
-    Subject to: postures within the joint limits; each plunger on the bar at all of them,
-    `MARGIN` from both joints; one place of the stand per leg and direction.
-
-    Raises:
-        UnusableResultError: no such postures determine the offsets.
+    Raises UnusableResultError: no such postures determine the offsets.
     """
     postures = SHARES @ np.array(machine.limits_mm)
     every = np.array(list(product(range(MOST_VISITS + 1), repeat=len(postures))), dtype=np.intp)
@@ -99,8 +96,7 @@ def _cost(jacobian: Floats, count: Ints) -> Floats:
 def require_on_bar(plan: Plan, machine: Machine) -> Suspicion | None:
     """The warning of a plan whose plungers stay on the bars, but barely; None without one.
 
-    Raises:
-        PostureError: a plunger leaves its bar.
+    Raises PostureError: a plunger leaves its bar.
     """
     warning = machine.bar_warning(plan)
     if warning is not None and warning.size > 0.0:
