@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UsageError
 from orthoglide_cal.estimation import solve
 from orthoglide_cal.estimation.methods import pose
@@ -47,6 +48,11 @@ def before(seed, **more) -> Input:
 def after(applied, seed, **more) -> Input:
     """A session of the same machine after `applied` was entered."""
     return given(session(TRUE - np.array(applied), seed, **more))
+
+
+def contrasts(first, second, model):
+    """Those of two sessions between which nothing was corrected but offsets."""
+    return shared_contrasts(first, second, model, model, np.zeros(3))
 
 
 def test_the_papers_experiments_two_and_three():
@@ -96,8 +102,8 @@ def test_intervals_cover_one_in_95_percent_of_healthy_pairs(count, low, high, fa
         applied = rng.uniform(-1.0, 1.0, 3)
         start = rng.uniform(-1.0, 1.0, 3)
         first, second = session(start, 2 * k), session(start - applied, 2 * k + 1)
-        shared = shared_contrasts(first, second, NOMINAL)
-        found = _respond(shared, shared.change, solve(first, NOMINAL).offsets_mm, applied)
+        shared = contrasts(first, second, NOMINAL)
+        found = _respond(shared, solve(first, NOMINAL).offsets_mm, applied)
         inside += found["response"].agrees
         false_changes += found["other_change"].found
         false_answers += found["answer"] is not Behaviour.AS_MODELLED
@@ -122,10 +128,10 @@ def test_what_is_left_is_as_sure_as_solve_says():
         given(session(*one), conditions=warm) for one in ((TRUE, 1), ([0.01, 0.0, -0.02], 2))
     )
     result = verify(first, second, TRUE)
-    for left, told in zip(result.second, answer_to(second).parameters, strict=True):
-        assert (left.found, left.expanded) == (told.found, told.expanded)
+    for left, told in zip(result.parameters.values(), answer_to(second).parameters, strict=True):
+        assert (left.left, left.left_expanded) == (told.found, told.expanded)
     cold = verify(given(first.measured), given(second.measured), TRUE)
-    assert result.second[0].expanded > 1.1 * cold.second[0].expanded
+    assert result.parameters["x"].left_expanded > 1.1 * cold.parameters["x"].left_expanded
 
 
 def test_unequal_sessions_share_what_both_determine():
@@ -279,6 +285,19 @@ def test_what_was_entered_is_what_two_sessions_record():
     assert both.kept
 
 
+def test_what_is_corrected_of_differences_does_not_depend_on_their_order():
+    corrected = NOMINAL.extended([CAUSES["encoder_scale"].at(np.array([2e-3, -1e-3, 5e-4]))])
+    values = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+    first, second = of_values(DataKind.SIX, values), of_values(DataKind.SIX, -values)
+    turned = replace(second, which=second.which[::-1], value=second.value[::-1])
+    effects = [
+        shared_contrasts(first, later, NOMINAL, corrected, np.zeros(3)).effect
+        for later in (second, turned)
+    ]
+    assert np.abs(effects[0]).max() > 0.004
+    assert effects[1].tolist() == effects[0].tolist()
+
+
 def test_two_machines_are_not_compared():
     changed = {"leg_length_mm": 300.0, "joint_limits_mm": (-90.0, 60.0)}
     others = {name: Model(PROTOTYPE.changed(**{name: value})) for name, value in changed.items()}
@@ -311,16 +330,16 @@ STEP = (0.8, 0.0, -0.4)
 def test_what_was_read_in_another_way_is_left_out() -> None:
     """With a step entered, or with a bar turned."""
     (alone, model), (later, _) = known(FIRST), known(LATER)
-    usual = shared_contrasts(alone, later, model)
+    usual = contrasts(alone, later, model)
     stepped, _ = known(again(FIRST, entered=STEP))
-    found = shared_contrasts(stepped, later, model)
+    found = contrasts(stepped, later, model)
     assert found.change == pytest.approx(usual.change, abs=1e-9)
     assert found.covariance == pytest.approx(usual.covariance, abs=1e-9)
 
     # A turned bar is compared with a turned bar.
     turned, _ = known(again(FIRST, turned=1))
-    assert len(shared_contrasts(turned, later, model).change) == len(usual.change)
-    both = shared_contrasts(turned, known(again(LATER, turned=1))[0], model)
+    assert len(contrasts(turned, later, model).change) == len(usual.change)
+    both = contrasts(turned, known(again(LATER, turned=1))[0], model)
     assert len(both.change) == 2 * len(usual.change)
     assert len(both.problem.plan) == 36
     assert sum(both.problem.plan.turned) == 18
