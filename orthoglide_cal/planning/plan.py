@@ -37,13 +37,13 @@ from orthoglide_cal.model.machine import Influence, Layout, Origin, Suspicion
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.workspace import error_after
-from orthoglide_cal.planning.design import design_of
 from orthoglide_cal.planning.separation import TRACE_SIGMA, separations
 from orthoglide_cal.planning.steps import (
     CYCLES,
     MOST_CYCLES,
     MeasuringProtocol,
     Order,
+    design_of,
     gauge_moves,
     sequence,
     timed_plan,

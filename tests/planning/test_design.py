@@ -17,10 +17,9 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning.design import design_of
 from orthoglide_cal.planning.plan import Wanted, forecast, measurement_plan, session_of
 from orthoglide_cal.planning.separation import Separations, separations
-from orthoglide_cal.planning.steps import MeasuringProtocol
+from orthoglide_cal.planning.steps import MeasuringProtocol, design_of
 from tests import truth
 from tests.inference.sessions import known
 from tests.machines import NOMINAL, PROTOTYPE, both_machines, both_models, sure

@@ -20,9 +20,8 @@ from orthoglide_cal.model.orthoglide import (
 )
 from orthoglide_cal.model.plan import joined
 from orthoglide_cal.model.readings import Contact
-from orthoglide_cal.planning.design import design_of
 from orthoglide_cal.planning.next_measurement import WAIT_MIN, options
-from orthoglide_cal.planning.steps import Order, clock, steps_of
+from orthoglide_cal.planning.steps import Order, clock, design_of, steps_of
 from orthoglide_cal.report.sentences import sentence
 from tests import truth
 from tests.cli.program import run, words

@@ -17,7 +17,6 @@ from orthoglide_cal.estimation.budget import Budget
 from orthoglide_cal.inference import NextMeasurement
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
     MOST_COMPARED,
@@ -26,7 +25,13 @@ from orthoglide_cal.planning.plan import (
     SessionForecast,
 )
 from orthoglide_cal.planning.separation import TRACE_SIGMA
-from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
+from orthoglide_cal.planning.steps import (
+    GIVES_UP,
+    MOST_CYCLES,
+    MeasuringProtocol,
+    Order,
+    sequence_options,
+)
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case, decision_notice
 from orthoglide_cal.report.documents.diagnosis import between_words
