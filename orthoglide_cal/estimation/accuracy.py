@@ -123,19 +123,16 @@ def require_determined(problem: Problem) -> None:
 
 
 def _refuse(problem: Problem, free: np.ndarray) -> NoReturn:
-    """Raises UnusableResultError for the parameters that are `free`, shape (p,)."""
-    machine = problem.model.machine
-    listed = ", ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
-    raise UnusableResultError(
-        f"These readings do not determine {listed}.",
-        machine.vocabulary.fewest or f"Add readings of {_completing(problem, problem.at_zero[1])}.",
-    )
+    """Raises UnusableResultError for the parameters that are `free`, shape (p,).
 
-
-def _completing(problem: Problem, matrix: Floats) -> str:
-    """The fewest differences that complete the rank, in words."""
+    With the fewest differences that complete the rank.
+    """
+    machine, matrix = problem.model.machine, problem.at_zero[1]
+    fault = ", ".join(machine.parameter_symbols[i] for i in np.flatnonzero(free))
+    fault = f"These readings do not determine {fault}."
+    if machine.vocabulary.fewest:
+        raise UnusableResultError(fault, machine.vocabulary.fewest)
     kind = DataKind.SIX if problem.plan.fixed else DataKind.SINGLE
-    machine = problem.model.machine
     ideal, which = pose_plan(ideal_plan(kind, machine), Model(machine), kind)
     sensitivity = ideal.at_zero[1]
     scale, chosen = np.abs(sensitivity).max(), list[str]()
@@ -148,4 +145,4 @@ def _completing(problem: Problem, matrix: Floats) -> str:
             where = f"at {Posture.MAX} and {Posture.MIN} in one gauge set-up"
         chosen.append(f"{series.words}, {where}")
         matrix = np.vstack((matrix, sensitivity[best]))
-    return "; ".join(chosen)
+    raise UnusableResultError(fault, f"Add readings of {'; '.join(chosen)}.")

@@ -170,12 +170,10 @@ def _command(
         protocol = MeasuringProtocol(forecast.name)
         options = sequence_options(protocol, forecast.cycles, Order.PAPER, plan.gauges)
         return command("measure", machine=machine, options=options)
-    usual = (plan.design or plan.by_cycles[0]).name
-    options = f"--layout {forecast.name} " if forecast.name != usual else ""
-    options += f"--program {_PLACES}"
-    return (
-        begun.typed("plan", options) if begun else command("plan", machine=machine, options=options)
-    )
+    options = f"--layout {forecast.name} --program {_PLACES}"
+    if begun:
+        return begun.typed("plan", options)
+    return command("plan", machine=machine, options=options)
 
 
 def _reach(model: Model, expanded: Floats) -> str:
