@@ -61,7 +61,10 @@ _PROBE = re.compile(
     "|scanner|cartographer|beacon|idm"
 )
 _CALIBRATION = "delta_calibrate"
-_STORED = re.compile("(?:manual_)?height[0-9]|distance[0-9]")
+_DISTANCES = "distance"
+# What is stored → the ends of the options with the stepper positions of it.
+_POSITIONS = {"height": ("_pos",), "manual_height": ("_pos",), _DISTANCES: ("_pos1", "_pos2")}
+_STORED = re.compile(rf"({'|'.join(_POSITIONS)})([0-9]{{1,6}})(|_pos[12]?)")
 _PROFILE = "bed_mesh "
 _MATTERS = re.compile(
     rf"printer|{'|'.join(_TOWERS)}|{_CALIBRATION}|bed_mesh|{_PROFILE}.*|{_PROBE.pattern}"
@@ -223,13 +226,12 @@ def read_printer_file(
     known = sorted(settings.options[_CALIBRATION].items())
     stored = [text for option, (_, text) in known if _STORED.match(option)]
     step = np.array([_step(settings, tower) if stored else 0.0 for tower in _TOWERS])
-    heights = _calibration(settings, home, step, ("height", "manual_height"), ("_pos", "_pos"))
-    distances = _calibration(settings, home, step, ("distance",), ("_pos1", "_pos2"))
+    reckoned = _calibration(settings, home, step)
     mesh = _mesh(settings, sensor, probe)
     settings.check()
     scanning = _SCANNING.fullmatch(sensor) is not None
     machine = delta_of(document, arms, radius, np.array(angles), endstops, print_radius, scanning)
-    both = {"calibration": _reached(document.source, machine, heights, distances), "mesh": mesh}
+    both = {"calibration": _reached(document.source, machine, reckoned), "mesh": mesh}
     return PrinterFile(
         machine,
         probe,
@@ -350,57 +352,51 @@ def _step(settings: Settings, tower: str) -> float:
     return way / (max(steps, 1) * settings.read(tower, "gear_ratio", _gears, math.nan, 1.0))
 
 
-def _calibration(
-    settings: Settings, home: Floats, step: Floats, names: Sequence[str], ends: tuple[str, str]
-) -> list[Floats]:
-    """Values that [delta_calibrate] stores under these names, n of them.
+def _calibration(settings: Settings, home: Floats, step: Floats) -> Floats:
+    """What [delta_calibrate] stores: probed heights, those entered by hand, and distances, (n, 9).
 
-    Returns:
-        Heights of the carriage joints over the bed at both ends of a distance, the same twice of a
-        height, shapes (n, 3) [mm]; the probe's offset, a height that was entered by hand, or the
-        distance that callipers showed [mm]; and the line of each.
+    Heights of the carriage joints over the bed at both ends of a distance, the same twice of a
+    height [mm]; the probe's offset, the height entered, or the distance on the callipers [mm]; the
+    line; and 1 for a height.
     """
-    pattern = re.compile(rf"(({'|'.join(names)})([0-9]{{1,6}}))(?:{'|'.join(('', *ends))})")
-    options = settings.options[_CALIBRATION]
-    starts: dict[tuple[int, int, str], int] = {}
+    options, starts = settings.options[_CALIBRATION], dict[tuple[int, int, str], int]()
     for option, (line, _) in options.items():
-        if match := pattern.fullmatch(option):
-            starts.setdefault((names.index(match[2]), int(match[3]), match[1]), line)
-    lines = {key[-1]: starts[key] for key in sorted(starts)}
-    low = 0.0 if names == ("distance",) else -LARGEST_MM
-    values = [settings.number(_CALIBRATION, stem, math.nan, low) for stem in lines]
-    for stem, line in lines.items():
+        match = _STORED.fullmatch(option)
+        if match and match[3] in ("", *_POSITIONS[match[1]]):
+            key = [*_POSITIONS].index(match[1]), int(match[2]), match[1]
+            starts.setdefault(key, line)
+    rows, nothing = [], [math.nan] * len(_TOWERS)
+    for (_, number, name), line in sorted(starts.items()):
+        stem, low = f"{name}{number}", 0.0 if name == _DISTANCES else -LARGEST_MM
+        value = settings.number(_CALIBRATION, stem, math.nan, low)
         if stem not in options:
             settings.missing(_CALIBRATION, stem, line)
-            continue
-        for end in dict.fromkeys(ends):
-            if stem + end not in options:
+        ends = []
+        for end in _POSITIONS[name]:
+            if stem in options and stem + end not in options:
                 what = f"{stem} has no stepper positions: {stem}{end} is missing."
                 remedy = "Run DELTA_CALIBRATE and SAVE_CONFIG again, or remove the line."
                 settings.note((_CALIBRATION, stem), what, remedy)
-    nothing = [math.nan] * len(_TOWERS)
-    steps = (
-        [settings.read(_CALIBRATION, stem + end, _three, nothing, nothing) for stem in lines]
-        for end in ends
-    )
-    carriages = (home - np.reshape(counts, (-1, 3)) * step for counts in steps)
-    return [*carriages, np.array(values), np.array(list(lines.values()))]
+            counts = settings.read(_CALIBRATION, stem + end, _three, nothing, nothing)
+            ends.append(home - np.array(counts) * step)
+        rows.append((*ends[0], *ends[-1], value, line, name != _DISTANCES))
+    return np.reshape(rows, (-1, 9))
 
 
-def _reached(source: Source, machine: LinearDelta, *stored: Sequence[Floats]) -> Readings | None:
-    """Heights and distances, at the places where the machine's parameters put the nozzle."""
-    rails, known = machine.nominal_rails, stored[0][2]
-    if not len(known):
+def _reached(source: Source, machine: LinearDelta, stored: Floats) -> Readings | None:
+    """The same, at the places where the settings in force put the nozzle; None without heights."""
+    value, line, heights = stored[:, 6], stored[:, 7].astype(int), int(stored[:, 8].sum())
+    if not heights:
         return None
-    first, second, value, line = map(np.concatenate, zip(*stored, strict=True))
-    place, other = (np.asarray(rails.tool_for(at, strict=False)) for at in (first, second))
-    plan = touching(place, known, np.arange(len(value)), other=other)
+    ends = np.split(stored[:, :6], 2, axis=1)
+    place, other = (np.asarray(machine.nominal_rails.tool_for(at, strict=False)) for at in ends)
+    plan = touching(place, value[:heights], np.arange(len(value)), other=other)
     value = np.where(plan.distance, value - plan.wanted, place[:, 2] - value)
-    trimmed = float(np.mean(value[: len(known)]))
+    trimmed = float(np.mean(value[:heights]))
     # What the settings in force take for higher is reached lower down.
     moved = Reason.of(NOZZLE[trimmed < 0.0], mm=abs(trimmed))
     remarks = (moved,) if abs(trimmed) > _TRIMMED_MM else ()
-    return Readings(plan, value, line.astype(int), False, source, remarks=remarks)
+    return Readings(plan, value, line, False, source, remarks=remarks)
 
 
 def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
