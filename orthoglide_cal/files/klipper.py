@@ -229,17 +229,13 @@ def read_printer_file(
     reckoned = _calibration(settings, home, step)
     mesh = _mesh(settings, sensor, probe)
     settings.check()
+    machine = delta_of(document, arms, radius, np.array(angles), endstops, print_radius)
     scanning = _SCANNING.fullmatch(sensor) is not None
-    machine = delta_of(document, arms, radius, np.array(angles), endstops, print_radius, scanning)
+    machine = machine.changed(probe=machine.probe.changed(scanning=scanning))
     both = {"calibration": _reached(document.source, machine, reckoned), "mesh": mesh}
-    return PrinterFile(
-        machine,
-        probe,
-        document.source,
-        {name: readings for name, readings in both.items() if readings is not None},
-        remarks=tuple(settings.remarks),
-        steps=" ".join(stored),
-    )
+    data = {name: readings for name, readings in both.items() if readings is not None}
+    remarks, steps = tuple(settings.remarks), " ".join(stored)
+    return PrinterFile(machine, probe, document.source, data, remarks, steps=steps)
 
 
 def settings_beside(document: FileText) -> PrinterFile | None:

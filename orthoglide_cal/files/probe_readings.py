@@ -150,13 +150,7 @@ class PrinterFile(ReadOnly):
 
 
 def delta_of(
-    document: FileText,
-    arms: Floats,
-    radius: float,
-    angles: Floats,
-    endstops: Floats,
-    bed: float,
-    scanning: bool = False,
+    document: FileText, arms: Floats, radius: float, angles: Floats, endstops: Floats, bed: float
 ) -> LinearDelta:
     """A machine with these parameters in force, [mm, deg]; arrays are of shape (3,).
 
@@ -169,7 +163,7 @@ def delta_of(
         tower_angles_deg=tuple(angles.tolist()),
         endstops_mm=Endstops(*endstops.tolist()),
         bed_radius_mm=bed,
-        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM, scanning=scanning),
+        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
     )
 
 
