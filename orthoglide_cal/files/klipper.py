@@ -32,6 +32,7 @@ from orthoglide_cal.files.probe_readings import (
     USUAL_ANGLES_DEG,
     PrinterFile,
     delta_of,
+    heights_in,
     stored_grid,
     stored_mesh,
     within,
@@ -404,8 +405,8 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     profile, remarks = section.removeprefix(_PROFILE).strip(), list[Reason]()
     # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
     saved, _ = options[section].get("points", (math.inf, ""))
-    stored = options[_CALIBRATION].items()
-    first = min((line for option, (line, _) in stored if _STORED.match(option)), default=0)
+    calibration = options[_CALIBRATION].items()
+    first = min((line for option, (line, _) in calibration if _STORED.match(option)), default=0)
     if first > saved:
         remarks.append(Reason.of("stale_mesh", order={"calibration": first, "mesh": saved}))
     unstated = [axis for axis in ("x_offset", "y_offset") if axis not in options[sensor]]
@@ -417,17 +418,24 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
     if len(profiles) > 1:
         remarks.append(Reason.of("other_meshes", count=len(profiles), mesh=profile))
     x, y = (_grid(settings, section, axis) for axis in "xy")
-    lines, rows = _rows(settings, section, len(x), len(y))
     stated = settings.number("bed_mesh", "mesh_radius", 0.0, low=0.0)
+    if "points" not in options[section]:
+        settings.missing(section, "points")
     if settings.problems:
         return None
-    probed = _probed(*np.meshgrid(x, y), rows, stated)
+    start, points = options[section]["points"]
+    texts = enumerate(points.split("\n"), start)
+    rows = {line: text.split(",") for line, text in texts if text.strip()}
+    stored = heights_in(settings, rows, (len(y), len(x)), _AGAIN)
+    if settings.problems:
+        return None
+    probed = _probed(*np.meshgrid(x, y), stored, stated)
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
     offset = probe * (0.0, 0.0, 1.0) if "x_offset" in options[section] else probe
     if padded := int(np.sum(~probed)):
         remarks.append(Reason.of("padded", count=padded, mesh=profile))
-    heights = np.where(probed, rows, math.nan)
-    mesh = stored_grid(settings.document.source, x, y, heights, lines, offset)
+    heights = np.where(probed, stored, math.nan)
+    mesh = stored_grid(settings.document.source, x, y, heights, [*rows], offset)
     return replace(mesh, remarks=tuple(remarks))
 
 
@@ -438,29 +446,6 @@ def _grid(settings: Settings, section: str, axis: str) -> Floats:
     if low >= high:
         settings.note((section, f"max_{axis}"), "The mesh ends before it begins.", _AGAIN)
     return np.linspace(low, high, count)
-
-
-def _rows(settings: Settings, section: str, across: int, along: int) -> tuple[list[int], Floats]:
-    """Line of each row of a mesh, and the heights, shape (along, across)."""
-    if "points" not in settings.options[section]:
-        settings.missing(section, "points")
-        return [], np.empty((0, 0))
-    first, points = settings.options[section]["points"]
-    column, texts = f"points of [{section}]", enumerate(points.split("\n"), first)
-    rows = {line: text.split(",") for line, text in texts if text.strip()}
-    heights = []
-    for line, cells in rows.items():
-        if across and len(cells) != across:
-            what = f"The row of the mesh has {len(cells)} heights, x_count says {across}."
-            settings.add(what, _AGAIN, line, column, ",".join(cells))
-            continue
-        for cell in cells:
-            with settings.noting(line, column, cell):
-                heights.append(within(cell, -LARGEST_MM))
-    if along and len(rows) != along:
-        what = f"The mesh has {len(rows)} rows, y_count says {along}."
-        settings.add(what, _AGAIN, first, column)
-    return list(rows), np.reshape([] if settings.problems else heights, (-1, max(across, 1)))
 
 
 def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:
