@@ -108,7 +108,6 @@ class AxisResponse(Schema):
     applied_mm: float
     found_mm: float  # change that the readings show
     ci95_mm: tuple[float, float]
-    coefficient: Coefficient | None  # found / applied; null: nothing applied
     otherwise: bool  # something else than what was applied is stated
 
 
@@ -631,13 +630,7 @@ def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[
     otherwise = (likeliest.moved != applied) | likeliest.free.any(axis=1)
     rows = zip(AXES, applied.tolist(), moves, otherwise.tolist(), strict=False)
     axes = {
-        axis: AxisResponse(
-            applied_mm=by,
-            found_mm=move.value,
-            ci95_mm=move.ci95,
-            coefficient=Coefficient.of(move.value / by, move.std / abs(by), spare) if by else None,
-            otherwise=other,
-        )
+        axis: AxisResponse(applied_mm=by, found_mm=move.value, ci95_mm=move.ci95, otherwise=other)
         for axis, by, move, other in rows
     }
     another = bool(axes) and answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
