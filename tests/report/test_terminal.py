@@ -9,7 +9,7 @@ from rich.cells import cell_len
 from rich.console import Console
 
 from orthoglide_cal.errors import visible, visible_lines
-from orthoglide_cal.files.table import in_csv
+from orthoglide_cal.files.text import in_csv
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.markdown import in_markdown, markdown
 from orthoglide_cal.report.terminal import terminal
