@@ -180,7 +180,7 @@ def class_limits(largest: float, around_zero: bool = False) -> Floats:
     left.
     """
     steps, first = (CLASSES // 2, CLASSES / 2.0) if around_zero else (CLASSES, 0.0)
-    step = round_up(max(largest / steps, 1e-9), 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.5)
+    step = round_up(max(largest / steps, 1e-9), 1.0, 2.0, 4.0, 6.0, 8.0)  # their halves are short
     return (np.arange(CLASSES + 1.0) - first) * step
 
 
