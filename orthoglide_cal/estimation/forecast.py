@@ -45,9 +45,7 @@ class PlanForecast:
         set-ups and times are those that a forecast names."""
         self._model, self._plan, machine = model, plan, model.machine
         self._zero = np.zeros(len(machine.parameter_names))
-        self._base, self._jacobian = simulate_with_jacobian(Model(machine), self._zero, plan)
-        if model.accepted:
-            self._base = simulate(model, self._zero, plan)
+        _, self._jacobian = simulate_with_jacobian(Model(machine), self._zero, plan)
         causes = CAUSES.values()
         self._drift = math.hypot(*(c.size(machine) for c in causes if c.unit == PER_HOUR))
         self._settling = math.hypot(*(c.size(machine) for c in causes if c.settles))
@@ -65,37 +63,34 @@ class PlanForecast:
             fresh: where not 0, nothing is known of a reading but its repeats with the same number.
             sigma_mm: standard deviation of one reading.
         """
-        known, plan = fresh == 0, self._plan
-        slopes, first = self._jacobian[rows] * known[:, None], self._first_visits(rows, order)
-        cells = _same(plan.cells[rows], fresh)
+        plan = replace(self._plan.subset(rows), setup=setup, order=order, hours=hours)
+        known, first = fresh == 0, _first_visits(plan)
+        slopes, cells = self._jacobian[rows] * known[:, None], _same(plan.cells, fresh)
         common = (
             OFFSET_MM**2 * slopes @ slopes.T
             + ZERO_MM**2 * _same(setup)
             + UNKNOWN_MM**2 * (cells & ~known)
-            + _same(plan.leg[rows], plan.direction[rows])
+            + _same(plan.leg, plan.direction)
             * (self._drift**2 * np.outer(hours, hours) + self._settling**2 * np.outer(first, first))
             + sigma_mm**2 * np.eye(len(rows))
         )
-        base = self._base[rows]
-        if not self._model.repeats:
-            # Time plays a part in a known effect: what is expected depends on when it is read.
-            plan = replace(plan.subset(rows), setup=setup, order=order, hours=hours)
-            base = simulate(self._model, self._zero, plan)
+        means = simulate(self._model, self._zero, plan)
         size2, count = self._misfits[:, None, None] ** 2, len(self._misfits)
         return Mixture(
-            np.tile(base[:, None], (count, 1, 1)),
+            np.tile(means[:, None], (count, 1, 1)),
             common + size2 * (cells & known),
             np.full((count, 1), -math.log(count)),
         )
 
-    def _first_visits(self, rows: Ints, order: Ints) -> np.ndarray:
-        """True while the leg's carriage has not moved away from where it began, shape (m,)."""
-        leg, moved = self._plan.leg[rows], self._plan.displacement[rows]
-        first = np.zeros(len(rows), dtype=bool)
-        for mine in (np.flatnonzero(leg == k) for k in np.unique(leg)):
-            away = moved[mine] != moved[mine[np.argmin(order[mine])]]
-            first[mine] = order[mine] < order[mine][away].min(initial=np.iinfo(np.intp).max)
-        return first
+
+def _first_visits(plan: GaugePlan) -> np.ndarray:
+    """True while the leg's carriage has not moved away from where it began, shape (m,)."""
+    first = np.zeros(len(plan), dtype=bool)
+    for mine in (np.flatnonzero(plan.leg == leg) for leg in np.unique(plan.leg)):
+        order, moved = plan.order[mine], plan.displacement[mine]
+        away = moved != moved[np.argmin(order)]
+        first[mine] = order < order[away].min(initial=np.iinfo(np.intp).max)
+    return first
 
 
 def misfit_mm(machine: Machine) -> float:
