@@ -327,25 +327,26 @@ class Klipper(ControllerFile):
             return "" if cause.id in machine.fixed_parameters else "no_place"
         up, down = cause.correction(np.ones(cause.unknowns), np.arange(3.0), 0.0)
         grows = np.all(up == down) and np.all(up[0] == 0.0)
-        return "" if grows and "pitch_a" in self.settings else "no_place"
+        return "" if grows and _PITCHES.keys() <= self.settings.keys() else "no_place"
 
     def changed(
         self, model: Model, changes: Mapping[str, float], made: Corrections, decimals: int
     ) -> tuple[Written, bytes]:
-        """A carriage whose pitch is corrected stands elsewhere at its endstop."""
-        new = firmware_machine(model, [*changes.values()])
-        values, home = printer_values(new), new.home_mm
+        corrected = correcting(model.machine, made)
         known = {effect.cause.id for effect in model.accepted}
-        for id, sizes in made.items():
-            for tower, size in sizes.items():
-                if not CAUSES[id].by_joint:
-                    values[f"arm_{tower}"] += 0.0 if id in known else size
-                    continue
-                (effect,), at = correcting(new, {id: {tower: size}}), "abc".index(tower)
-                ends = effect.cause.correction(-effect.theta, np.array([home, home + 1.0]), home)
-                ratio = 1.0 / (1.0 + float(np.diff(ends[0, :, at])[0]))
-                values[f"pitch_{tower}"] = ratio * float(self.settings[f"pitch_{tower}"].before)
-                values[tower] += (ratio - 1.0) * (new.endstop_carriages_mm[at] - home)
+        named = [e.cause.at(-e.theta) for e in corrected if e.cause.id not in known]
+        new = firmware_machine(model.extended(named), [*changes.values()])
+        values, home = printer_values(new), new.home_mm
+        for effect in (e for e in corrected if e.cause.by_joint):
+            at = np.array([home, home + 1.0])
+            low, high = effect.cause.correction(-effect.theta, at, home)[0]
+            ratios = (1.0 / (1.0 + high - low)).tolist()
+            for pitch, tower, ratio, stands in zip(
+                _PITCHES, "abc", ratios, new.endstop_carriages_mm.tolist(), strict=True
+            ):
+                values[pitch] = ratio * float(self.settings[pitch].before)
+                # The carriage stands elsewhere at its endstop then.
+                values[tower] += (ratio - 1.0) * (stands - home)
         lines = (self._entered(name, value, decimals) for name, value in values.items())
         return self._replaced([*chain.from_iterable(lines)])
 
@@ -356,8 +357,8 @@ def firmware_machine(model: Model, changes: Sequence[float]) -> LinearDelta:
     `changes` of the calibrated parameters, (6,) [mm, deg].
     """
     machine = LinearDelta.require(model.machine)
-    active = zip(machine.active, changes, strict=True)
-    *endstops, radius, angle_a, angle_b = (round(old + by, 9) for old, by in active)
+    new = zip(machine.active, changes, strict=True)
+    *endstops, radius, angle_a, angle_b = (round(old + by, 9) for old, by in new)
     arms = np.array(machine.arm_length_mm)
     for effect in model.accepted:
         if effect.cause.id in machine.fixed_parameters:
@@ -372,20 +373,18 @@ def firmware_machine(model: Model, changes: Sequence[float]) -> LinearDelta:
 
 def printer_values(machine: LinearDelta) -> dict[str, float]:
     """Settings of its firmware, by the names in `SAVED`."""
-    towers = {"angle_": machine.tower_angles_deg, "arm_": machine.arm_length_mm}
-    return {"radius": machine.delta_radius_mm} | {
-        f"{of}{tower}": value
-        for of, values in (towers | {"": machine.endstops_mm}).items()
-        for tower, value in zip("abc", values, strict=True)
-    }
+    values = {"radius": machine.delta_radius_mm}
+    towers = machine.tower_angles_deg, machine.arm_length_mm, machine.endstops_mm
+    for tower, angle, arm, endstop in zip("abc", *towers, strict=True):
+        values |= {f"angle_{tower}": angle, f"arm_{tower}": arm, tower: endstop}
+    return values
 
 
 def controller_file(target: str) -> ControllerFile:
     """What stands in a controller's file, of a path or of the address of a Moonraker server.
 
-    Raises:
-        InputError: it cannot be read, or is the file of no controller that is known here; or
-            values are not where they can be changed, each with its line.
+    Raises InputError: it cannot be read, or is the file of no controller that is known here; or
+    values are not where they can be changed, each with its line.
     """
     data = read_bytes(target)
     target = moonraker.server(target) or str(Path(target).resolve())

@@ -22,7 +22,6 @@ from orthoglide_cal.model.plan import Floats, ReadOnly, read_only
 from orthoglide_cal.schema import Schema
 
 SAMPLES = 17  # along each edge of the cube
-MOST_POINTS = 51  # of a compensation table, along each edge
 
 
 class Workspace(Schema):
@@ -131,12 +130,9 @@ class Compensation(ReadOnly):
 def compensation(model: Model, points: int) -> Compensation:
     """The table for the causes accepted for this machine, with `points` along each edge.
 
-    Raises UsageError: no accepted cause can be compensated, or the grid has a useless size;
-    PostureError: a leg is too short for a point.
+    Raises UsageError: no accepted cause can be compensated; PostureError: a leg is too short for a
+    point.
     """
-    if not 2 <= points <= MOST_POINTS:
-        what = f"A table has 2 to {MOST_POINTS} points along each edge, not {points}."
-        raise UsageError(what, "Choose --points 7.")
     chosen = tuple(effect for effect in model.remaining() if effect.cause.compensable)
     if not chosen:
         what = "The machine file holds no accepted cause that a table could compensate."
