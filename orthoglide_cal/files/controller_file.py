@@ -251,8 +251,9 @@ class LinuxCnc(ControllerFile):
             return np.array([[float(self.settings[axis].before), half, -half]])
         path, rows = str(Path(self.target).parent / line.before), list[list[float]]()
         for number, text in enumerate(read_bytes(path).decode("latin-1").splitlines(), 1):
-            row = [float(word) if _ANY_NUMBER.fullmatch(word) else np.nan for word in text.split()]
-            if len(row) != 3 or np.isnan(row).any() or (rows and row[0] <= rows[-1][0]):
+            words = text.split()
+            row = [float(word) for word in words if _ANY_NUMBER.fullmatch(word)]
+            if not len(row) == len(words) == 3 or (rows and row[0] <= rows[-1][0]):
                 problem = "LinuxCNC ignores it, or the rest: not 3 numbers, or not ascending."
                 remedy = "Correct the table, or remove COMP_FILE from the INI."
                 raise InputError(problem, remedy, file=path, line=number, value=text)
@@ -453,14 +454,14 @@ def _klipper(target: str, data: bytes, text: str) -> Klipper:
     above, header, _ = text.partition(_HEADER)
     heading = (above + header).count("\n") - 1 if header else len(text)
     for number, line in enumerate(text.rstrip().split("\n")):
-        vain = "Because of this line {} its heading Klipper {} what SAVE_CONFIG wrote."
-        if number <= above.count("\n") and line.startswith("#*#"):
-            problem, remedy = vain.format("above", "drops"), "Delete it."
-        elif number > heading and not re.match(r"#\*#( |$)", line):
-            problem, remedy = vain.format("below", "ignores"), "Move it above the block."
-        else:
-            continue
-        raise InputError(problem, remedy, file=target, line=number, value=line)
+        stray = number <= above.count("\n") and line.startswith("#*#")
+        if stray or (number > heading and not re.match(r"#\*#( |$)", line)):
+            why = (
+                "above its heading Klipper drops" if stray else "below its heading Klipper ignores"
+            )
+            remedy = "Delete it." if stray else "Move it above the block."
+            problem = f"Because of this line {why} what SAVE_CONFIG wrote."
+            raise InputError(problem, remedy, file=target, line=number, value=line)
     printer = Settings(document_from_bytes(data, target))
     printer.check()
     settings = _values(target, printer.options, SAVED | _PITCHES, _SAVE, _PITCHES, heading)
