@@ -82,7 +82,7 @@ def apply(
         controller, target = entry.controller, entry.file.document.path
         otherwise = running(controller) if controller else None
         live = otherwise == "" and not entry.tables
-        document = application_document(entry, path, machine, live)
+        document = application_document(entry, machine, live)
         if not entry.changes:
             if json:
                 common.deliver(document, as_json=True)

@@ -44,6 +44,11 @@ from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.schema import Reason
 from orthoglide_cal.words import MM_PER_INCH, plain
 
+Sizes = Mapping[str, float]
+# Lines that are replaced, and all of a change: what is recorded of it, and the bytes then.
+Lines = Sequence[WrittenValue]
+Change = tuple[Written, bytes]
+
 _SECTION = re.compile(r"\s*\[([^\]]*)\]")
 _ENTRY = re.compile(r"\s*(\w+)\s*(?:=|(?=:))\s*(.*?)\s*", re.ASCII)
 _NUMBER = re.compile(r"[-+]?([0-9]{1,6}(\.[0-9]{0,12})?|\.[0-9]{1,12})")
@@ -112,12 +117,9 @@ class ControllerFile(ABC):
         """Why it cannot take a cause away; "" where it has a place for what does."""
 
     @abstractmethod
-    def changed(
-        self, model: Model, changes: Mapping[str, float], made: Corrections, decimals: int
-    ) -> tuple[Written, bytes]:
-        """What is replaced, for the record, and the bytes then.
+    def changed(self, model: Model, changes: Sizes, made: Corrections, decimals: int) -> Change:
+        """Enter changes of the calibrated parameters [mm, deg], and correct what was made out.
 
-        `changes` of the calibrated parameters [mm, deg], `made` of what is wrong with the machine.
         Raises InputError, UsageError: the file would not be as its controller reads it.
         """
 
@@ -129,8 +131,8 @@ class ControllerFile(ABC):
     def sha256(self) -> str:
         return _digest(self.data)
 
-    def restored(self, written: Written) -> tuple[Written, bytes]:
-        """The same for the way back: the bytes as they were before, to the last one.
+    def restored(self, written: Written) -> Change:
+        """The way back: the bytes as they were before it was written, to the last one.
 
         Raises UsageError, with what differs, if the file is not what was written any more.
         """
@@ -139,7 +141,7 @@ class ControllerFile(ABC):
             line = value.line + inserted
             back.append(value.changed(line=line, before=value.after, after=value.before))
             inserted += not value.before
-        then, data = self._replaced(back)
+        then, data = self._replaced(back, written.tables)
         if (self.sha256, then.sha256_after) == (written.sha256_after, written.sha256_before):
             return then, data
         other = "The values are the same; something else in it was changed."
@@ -157,7 +159,7 @@ class ControllerFile(ABC):
             if not _alike(held.get(key, ""), value)
         )
 
-    def _entered(self, name: str, new: float, decimals: int) -> list[WrittenValue]:
+    def _entered(self, name: str, new: float, decimals: int) -> Lines:
         """The line of a setting with another value; none where it stays."""
         stands = self.settings[name]
         if abs(new - float(stands.before)) < 0.5 * 10.0**-decimals:
@@ -168,10 +170,8 @@ class ControllerFile(ABC):
             raise UsageError(problem, f"Check the value there, {stands.before}.")
         return [stands.changed(after=after)]
 
-    def _replaced(
-        self, values: Sequence[WrittenValue], tables: Sequence[WrittenTable] = ()
-    ) -> tuple[Written, bytes]:
-        """What is written with other values in some lines, for the record, and the bytes then."""
+    def _replaced(self, values: Lines, tables: Sequence[WrittenTable] = ()) -> Change:
+        """What is written with other values in some lines."""
         lines = self.data.splitlines(keepends=True)
         for value in sorted(values, key=_from_above)[::-1]:
             index = value.line - 1
@@ -211,9 +211,7 @@ class LinuxCnc(ControllerFile):
         known = all(self._origin_mm(axis, machine.home_mm) is not None for axis in AXES)
         return "" if known or even else "no_origin"
 
-    def changed(
-        self, model: Model, changes: Mapping[str, float], made: Corrections, decimals: int
-    ) -> tuple[Written, bytes]:
+    def changed(self, model: Model, changes: Sizes, made: Corrections, decimals: int) -> Change:
         effects = correcting(model.machine, made)
         decimals += 2 if self.unit_mm > 1.0 else 0
         values, tables = list[WrittenValue](), list[WrittenTable]()
@@ -267,7 +265,7 @@ class LinuxCnc(ControllerFile):
 
     def _tabulated(
         self, axis: str, change_mm: float, made: Iterable[Effect], machine: Machine, decimals: int
-    ) -> tuple[list[WrittenValue], WrittenTable]:
+    ) -> tuple[Lines, WrittenTable]:
         """Lines of the INI, and a new table beside it, that add corrections to what is there."""
         unit, table, line = self.unit_mm, self._existing(axis), self.settings[axis]
         old, latch = float(line.before), self._number(axis, _LATCH)
@@ -330,9 +328,7 @@ class Klipper(ControllerFile):
         grows = np.all(up == down) and np.all(up[0] == 0.0)
         return "" if grows and _PITCHES.keys() <= self.settings.keys() else "no_place"
 
-    def changed(
-        self, model: Model, changes: Mapping[str, float], made: Corrections, decimals: int
-    ) -> tuple[Written, bytes]:
+    def changed(self, model: Model, changes: Sizes, made: Corrections, decimals: int) -> Change:
         corrected = correcting(model.machine, made)
         known = {effect.cause.id for effect in model.accepted}
         named = [e.cause.at(-e.theta) for e in corrected if e.cause.id not in known]
