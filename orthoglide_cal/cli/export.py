@@ -93,9 +93,6 @@ def released(
         remedies = [f"{step.content} {step.command or ''}".rstrip() for step in case.remedies()]
         if force is not None and answer.parameters:
             remedies.append("To export it anyway, marked as FORCED: --force")
-        raise UnusableResultError(
-            f"{f'Do not use these {case.words.many}' if force is None else 'Export refused'}."
-            f" {' '.join(map(case.says, answer.release.reasons))}",
-            "\n".join(remedies),
-        )
+        why = " ".join(map(case.says, answer.release.reasons))
+        raise UnusableResultError(f"Do not use these {case.words.many}. {why}", "\n".join(remedies))
     return case

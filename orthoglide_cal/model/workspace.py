@@ -87,20 +87,16 @@ def error_after(model: Model, covariance: Floats, k: float) -> tuple[Floats, Flo
 def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float) -> Workspace:
     """Tool-position error of a real machine before and after the offsets are entered.
 
-    Args:
-        offsets: Δρ that the controller does not know yet, shape (3,) [mm].
-        covariance: of the offsets, shape (3, 3) [mm²].
-        k: coverage factor for the uncertainty that remains.
-
-    Raises PostureError: a corner of the cube that the machine cannot reach; UsageError: it has no
-    cube.
+    `offsets` are Δρ that the controller does not know yet, shape (3,) [mm]; their `covariance`,
+    shape (3, 3) [mm²], remains, expanded by k. Raises PostureError: a corner of
+    the cube that the machine cannot reach; UsageError: it has no cube.
     """
     axis, points, indicated = _grid(model, SAMPLES)
     tool = model.real.geometry.tool_for(_standing(model, indicated, offsets))
     before = np.linalg.norm(tool - points, axis=-1)
     left, after = error_after(model, covariance, k)
-    shape = (SAMPLES,) * 3
     levels = [0, SAMPLES // 2, SAMPLES - 1]
+    maps = (read_only(e.reshape((SAMPLES,) * 3)[levels]) for e in (before, after))
     return Workspace(
         before_mm=float(before.max()),
         after_mm=float(after.max()),
@@ -108,7 +104,7 @@ def workspace_error(model: Model, offsets: Floats, covariance: Floats, k: float)
         worst_after_mm=tuple(points[np.argmax(after)].tolist()),
         left_mm=float(left.max()),
         cube_mm=(float(axis[0]), float(axis[-1])),
-        maps=(read_only(before.reshape(shape)[levels]), read_only(after.reshape(shape)[levels])),
+        maps=tuple(maps),
     )
 
 
