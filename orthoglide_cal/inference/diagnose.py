@@ -219,6 +219,8 @@ def extend(measured: Measured, model: Model, id: str, on: date) -> Model:
     return model.accepting(effect.accepted(on.isoformat(), measured.source.sha256))
 
 
+# What cannot be weighed shows as NaN and is refused; warnings would say nothing more.
+@np.errstate(invalid="ignore")
 def decided(measured: Measured, model: Model) -> Decision:
     """Decide what the data say; maps of several dates that repeat are no noise.
 
