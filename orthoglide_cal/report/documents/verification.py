@@ -77,7 +77,7 @@ def _page(result: Verification, identity: Identity) -> doc.Page:
     recorded = [(side, side.validity) for side in (result.before, result.after)]
     page = signed_page("Verification report", result.inputs[1][1].machine, identity, recorded)
     if result.differences:
-        measured = doc.Section("Predicted and measured", *rule_blocks(result), left_figure(result))
+        measured = doc.Section("Predicted and measured", decision_rule(result), left_figure(result))
     else:
         sizes = result.rms_before_mm, result.rms_promised_mm, result.rms_after_mm
         heights = (_size(result, size) for size in (*sizes, result.rms_reachable_mm or 0.0))
@@ -288,10 +288,10 @@ def _known(value: float | None, expanded: float) -> str | None:
     return None if value is None else with_uncertainty(value, expanded)
 
 
-def rule_blocks(result: Verification) -> tuple[doc.Block, ...]:
-    """By which rule a limit is judged; nothing where none was given."""
-    rule = result.decision
-    return (doc.small(f"Decision rule: {_says(result)(rule.rule)}"),) if rule else ()
+def decision_rule(result: Verification) -> doc.Marked | None:
+    """By which rule a limit is judged; None where none was given."""
+    made = result.decision
+    return doc.small(f"Decision rule: {_says(result)(made.rule)}") if made else None
 
 
 def left_figure(result: Verification) -> doc.Figure:
@@ -311,7 +311,6 @@ def _response(result: Verification, response: Coefficient) -> doc.Section:
         "applied": [signed(row.applied_mm, decimals) for row in rows],
         "found": [signed(row.found_mm, decimals) for row in rows],
         "95 % interval": [" … ".join(signed(end, decimals) for end in row.ci95_mm) for row in rows],
-        "coefficient": [_interval(row.coefficient) if row.coefficient else "" for row in rows],
     }
     lead = (
         "Response (measured change / entered change), all axes together: ",
