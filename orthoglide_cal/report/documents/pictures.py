@@ -203,12 +203,8 @@ def reading_panels(
     for k, row in enumerate(rows):
         gauge = "all touches" if row.x_mm is not None else "all differences"
         gauges.setdefault(series_of(row).words if row.leg else gauge, []).append(k)
-    panels = {
-        gauge: drawn
-        for gauge, every in sorted(gauges.items())
-        if (not shown or {*shown} & {*every})
-        and (drawn := [k for k in every if np.isfinite(at[k])])
-    }
+    chosen = {gauge: ks for gauge, ks in sorted(gauges.items()) if not shown or {*shown} & {*ks}}
+    panels = {gauge: [k for k in ks if np.isfinite(at[k])] for gauge, ks in chosen.items()}
     width, height = (216.0, 168.0) if rows[0].leg else (328.0, 132.0)
     places = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
     band = 2000.0 * noise_mm
@@ -220,6 +216,8 @@ def reading_panels(
     up = Scale.around([*ends.ravel().tolist(), -band, band], height - 32.0, 26.0)
     pictures = []
     for gauge, numbers in panels.items():
+        if not numbers:
+            continue
         if over is None:
             numbers.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
             names = list(dict.fromkeys(places[k] for k in numbers))
