@@ -493,27 +493,27 @@ _LEGEND = (
 )
 
 
-def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tuple[str, ...]:
+def separation_lines(
+    trace: Mapping[str, float], sigma: Mapping[tuple[str, str], float]
+) -> tuple[str, ...]:
     """How far each cause stands from the others: the lower half of a table, in characters.
 
     Args:
-        names: of c causes, at most 26.
-        sigma: between each pair, shape (c, c).
-        trace: of each from a sound machine, shape (c,).
+        trace: of each from a sound machine; at most 26.
+        sigma: between each pair, in the same order.
 
-    >>> import numpy as np
-    >>> print("\\n".join(separation_lines(["a", "bc"], np.array([[0, 3.2], [3.2, 0]]), np.ones(2))))
+    >>> print("\\n".join(separation_lines({"a": 1.0, "bc": 1.0}, {("a", "bc"): 3.2})))
             –   A
     A a   ▓ 1
     B bc  ▓ 1 ▒ 3
     Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes
     –: from a sound machine; 99: or more
     """
-    room, letters = max(map(len, names)), string.ascii_uppercase[: len(names)]
+    names, room, letters = [*trace], max(map(len, trace)), string.ascii_uppercase[: len(trace)]
     lines = ["".join((" " * (room + 4), *(f"  {letter} " for letter in ("–", *letters[:-1]))))]
     for k, (letter, name) in enumerate(zip(letters, names, strict=True)):
         cells = ""
-        for value in (trace[k], *sigma[k, :k]):
+        for value in (trace[name], *(sigma[other, name] for other in names[:k])):
             shade = _SHADES[np.searchsorted(_SHADE_LIMITS, value, "right")]
             cells += f"{shade}{min(int(value), _MOST) or '<1':>2} "
         lines.append(f"{letter} {name:<{room}}  {cells}")
