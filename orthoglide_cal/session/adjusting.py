@@ -177,14 +177,14 @@ class AdjustingDialogue(Dialogue):
     def run(self) -> State:
         """Lead through what is left, unless a check fails. Raises as `Dialogue.run`."""
         while self.state.ended is None:
-            for number, one in enumerate(self.adjusted):
-                steps = self.setting.steps[len(PHASES) * number :][: len(PHASES)]
+            for setup, one in enumerate(self.adjusted, start=1):
+                steps = [step for step in self.setting.steps if step.setup == setup]
                 if one.next:
                     self._ask_for(steps[PHASES.index(one.next)])
                     break
                 if one.status == "check failed":
                     if self._doubted(one):
-                        self._take_again([*steps[-2:]], "check read again")
+                        self._take_again(steps[-2:], "check read again")
                     else:
                         self.write(events.Ended(at=self.now(), reason="a check failed"))
                     break
