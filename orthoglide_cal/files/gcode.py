@@ -42,7 +42,9 @@ from orthoglide_cal.files.probe_readings import (
     LARGEST_MM,
     USUAL_ANGLES_DEG,
     PrinterFile,
+    Texts,
     delta_of,
+    heights_in,
     stored_grid,
     stored_mesh,
     within,
@@ -191,38 +193,17 @@ def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
     except KeyError as error:
         what = f"The second line of the map has no {error}, or the third no number for it."
         raise InputError(what, _AGAIN, file=document.path, line=2) from error
-    heights = np.full((len(y), len(x)), np.nan)
-    rows = lines[3:]
-    if len(rows) != len(y):
-        what = f"The map has {len(rows)} lines of heights, its header says {len(y)}."
-        remedy = f"Was it cut off? {_AGAIN}"
-        raise InputError(what, remedy, file=document.path, line=3 + len(rows))
-    for row, text in enumerate(rows):
-        cells = [cell.strip() for cell in text.split(",")]
-        if len(cells) != len(x):
-            what = f"The line has {len(cells)} heights, the header says {len(x)}."
-            faults.add(what, _AGAIN, line=4 + row)
-            continue
-        for column, cell in enumerate(cells):
-            with faults.noting(4 + row, value=cell):
-                if cell != _UNPROBED:
-                    heights[row, column] = within(cell, -LARGEST_MM)
+    rows = {line: text.split(",") for line, text in enumerate(lines[3:], start=4)}
+    heights = heights_in(faults, rows, (len(y), len(x)), _AGAIN, _UNPROBED)
     if not faults.problems and not np.isfinite(heights).any():
         what = "No place of the map was probed: a placeholder, not a measurement."
         faults.add(what, _AGAIN, line=4)
     faults.check()
     offset = np.nan_to_num(settings.probe)
-    source, at = document.source, range(4, 4 + len(y))
-    grid = stored_grid(source, "heightmap", x, y, heights, at, offset)
+    grid = stored_grid(document.source, x, y, heights, [*rows], offset)
+    data = {"mesh": replace(grid, remarks=(Reason.of("map_from_place"),))}
     date = _DATE.search(lines[0])
-    return replace(
-        settings,
-        probe=offset,
-        data={"mesh": replace(grid, remarks=(Reason.of("map_from_place"),))},
-        source=source,
-        firmware="reprapfirmware",
-        started=date and date[0],
-    )
+    return replace(settings, probe=offset, data=data, started=date and date[0])
 
 
 def _words(file: FileText) -> Words:
@@ -326,7 +307,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         since, then = [change for change in changes if change[0] < touches[-1][0]][-1]
         placed = np.array([touch for touch in touches if touch[0] > since])
         placed *= (1.0, radius, radius, 1.0)
-        mesh, (line, now) = stored_mesh(document.source, name, placed, offset[2]), changes[-1]
+        mesh, (line, now) = stored_mesh(document.source, placed, offset[2]), changes[-1]
         if then is now:
             return mesh
         remarks.append(Reason.of("converted", name=name, line=line))
@@ -337,7 +318,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             remedy = "Check the settings (M503, or the machine file)."
             raise InputError(what, remedy, file=document.path, line=int(mesh.line[0])) from error
         moved = np.column_stack((mesh.line, place - [0.0, 0.0, offset[2]]))
-        return stored_mesh(document.source, name, moved, offset[2])
+        return stored_mesh(document.source, moved, offset[2])
 
     data: dict[str, Readings] = {}
     if circle:
@@ -348,7 +329,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
         data["calibration"] = stored("G33", circle, radius)
     if grid and not bed:
         needs_reach("G29")
-        bed = _places(grid, reach, offset)
+        bed = _places(faults, grid, reach, offset)
     if bed:
         data["mesh"] = stored("G29", bed)
     if not data:
@@ -357,14 +338,9 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
             what, remedy = "has no heights: G33 was not told to print them", "Send G33 V0 or V3"
         remedy += ", and give all the lines that it prints."
         raise InputError(f"Marlin's output {what}.", remedy, file=document.path)
+    remarks[:0] = settings.remarks
     return replace(
-        settings,
-        machine=changes[-1][1],
-        probe=offset,
-        data=data,
-        source=document.source,
-        firmware="marlin",
-        remarks=(*settings.remarks, *remarks),
+        settings, machine=changes[-1][1], probe=offset, data=data, remarks=tuple(remarks)
     )
 
 
@@ -392,19 +368,14 @@ def _adjusted(machine: LinearDelta, printed: Mapping[str, float], trigger: float
     )
 
 
-def _places(grid: Mapping[int, list[str]], reach: float, offset: Floats) -> list[Sequence[float]]:
+def _places(faults: Faults, grid: Texts, reach: float, offset: Floats) -> list[Sequence[float]]:
     """Line, x, y and height of the points of a grid within reach: Marlin makes up the others."""
-    if len({len(row) for row in grid.values()}) != 1:
-        raise InputError("The rows of the grid are not equally long.", "Send M420 V again.")
-    heights = np.array(
-        [
-            [math.nan if "=" in text else within(text, -LARGEST_MM) for text in row]
-            for row in grid.values()
-        ]
-    )
+    shape = len(grid), len(next(iter(grid.values())))
+    heights = heights_in(faults, grid, shape, "Send M420 V again.", "=+")
+    faults.check()
     x, y = (np.linspace(-reach, reach, count) for count in heights.shape[::-1])
     heights[np.hypot(*np.meshgrid(x, y)) > reach + _ROUNDED] = math.nan
-    mesh = stored_grid(Source("", ""), "", x, y, heights, [*grid], offset)
+    mesh = stored_grid(Source("", ""), x, y, heights, [*grid], offset)
     points = np.column_stack((mesh.line, mesh.plan.spots[:, :2], mesh.value))
     places: list[Sequence[float]] = points[mesh.plan.in_time].tolist()
     return places
@@ -426,10 +397,9 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     """
     text, path = document.text, document.path
     faults, offset, remarks = Faults(path), np.nan_to_num(settings.probe), settings.remarks
-    firmware = "reprapfirmware"
     lines = [(text[: m.start()].count("\n") + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
+    reach = settings.machine.bed_radius_mm if lines else math.inf
     if lines:
-        firmware = "text"
         remarks += (Reason.of("map_height_unknown"),)
     else:
         match = [*PROBE_HEIGHTS.finditer(text)][-1]
@@ -446,11 +416,8 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     for line, parts in lines:
         with faults.noting(line, value=" ".join(parts)):
             x, y, height = (within(part, -LARGEST_MM) for part in parts)
-            if firmware != "text" or not math.hypot(x, y) > settings.machine.bed_radius_mm:
+            if not math.hypot(x, y) > reach:
                 rows.append((line, x - offset[0], y - offset[1], height))
     faults.check()
-    source = document.source
-    data = {"mesh": stored_mesh(source, "console", np.array(rows), offset[2])}
-    return replace(
-        settings, probe=offset, data=data, remarks=remarks, source=source, firmware=firmware
-    )
+    data = {"mesh": stored_mesh(document.source, np.array(rows), offset[2])}
+    return replace(settings, probe=offset, data=data, remarks=remarks)

@@ -1,7 +1,8 @@
 """Touches of a linear delta's bed: from a CSV, or from what files of its firmware store."""
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
 from typing import Self
@@ -10,6 +11,7 @@ import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
+from orthoglide_cal.files.faults import Faults
 from orthoglide_cal.files.rows import YES, ProbeRow, Rows, Table, check_order, times_of
 from orthoglide_cal.files.text import FileText, csv_text
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
@@ -31,6 +33,7 @@ USUAL_ANGLES_DEG = (210.0, 330.0, 90.0)
 # What no firmware states: a probe repeats within a hundredth.
 REPEATABILITY_MM = 0.012
 LARGEST_MM = 10_000.0
+Texts = Mapping[int, Sequence[str]]  # line → cells of a row
 
 
 def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
@@ -95,7 +98,7 @@ def probe_points_csv(readings: Readings) -> str:
 
 
 def stored_mesh(
-    source: Source, mesh: str, touches: Floats, trigger: float, order: Ints | None = None
+    source: Source, touches: Floats, trigger: float, order: Ints | None = None
 ) -> Readings:
     """A mesh from line, x, y and height of its touches, shape (n, 4); in their order if None.
 
@@ -105,18 +108,34 @@ def stored_mesh(
     place = np.column_stack((x, y, height + trigger))
     order = np.arange(len(line)) if order is None else order
     plan = touching(place, np.full(len(line), trigger), order)
-    source = replace(source, excerpt=Excerpt("mesh", "", mesh=mesh))
     return Readings(plan, height, line.astype(int), False, source)
 
 
+def heights_in(
+    faults: Faults, rows: Texts, shape: tuple[int, int], again: str, unprobed: str = "(?!)"
+) -> Floats:
+    """Heights of a mesh of this shape [mm]; what is wrong is noted, with `again` as the remedy.
+
+    NaN stands where a text fits the pattern `unprobed`; the usual one fits none.
+    """
+    heights = np.full((len(rows), shape[1]), math.nan)
+    if len(rows) != shape[0]:
+        what = f"The mesh has {len(rows)} rows instead of {shape[0]}."
+        faults.add(what, f"Was it cut off? {again}", max(rows, default=None))
+    for row, (line, cells) in enumerate(rows.items()):
+        if len(cells) != shape[1]:
+            what = f"The row of the mesh has {len(cells)} heights instead of {shape[1]}."
+            faults.add(what, again, line, value=",".join(cells))
+            continue
+        for place, cell in enumerate(cells):
+            with faults.noting(line, value=cell.strip()):
+                if not re.fullmatch(unprobed, cell.strip()):
+                    heights[row, place] = within(cell, -LARGEST_MM)
+    return heights
+
+
 def stored_grid(
-    source: Source,
-    mesh: str,
-    x: Floats,
-    y: Floats,
-    height: Floats,
-    line: Sequence[int],
-    offset: Floats,
+    source: Source, x: Floats, y: Floats, height: Floats, line: Sequence[int], offset: Floats
 ) -> Readings:
     """A mesh from rows of heights (m, n), NaN where nothing was probed, at x (n,), y (m,) [mm].
 
@@ -129,7 +148,7 @@ def stored_grid(
     across, along = (place[probed] for place in np.meshgrid(x, y))
     lines = np.repeat(line, len(x)).reshape(probed.shape)[probed]
     touches = np.column_stack((lines, across - offset[0], along - offset[1], height[probed]))
-    return stored_mesh(source, mesh, touches, offset[2], np.argsort(np.argsort(turn[probed])))
+    return stored_mesh(source, touches, offset[2], np.argsort(np.argsort(turn[probed])))
 
 
 @dataclass(frozen=True)
@@ -157,13 +176,7 @@ class PrinterFile(ReadOnly):
 
 
 def delta_of(
-    document: FileText,
-    arms: Floats,
-    radius: float,
-    angles: Floats,
-    endstops: Floats,
-    bed: float,
-    scanning: bool = False,
+    document: FileText, arms: Floats, radius: float, angles: Floats, endstops: Floats, bed: float
 ) -> LinearDelta:
     """A machine with these parameters in force, [mm, deg]; arrays are of shape (3,).
 
@@ -176,7 +189,7 @@ def delta_of(
         tower_angles_deg=tuple(angles.tolist()),
         endstops_mm=Endstops(*endstops.tolist()),
         bed_radius_mm=bed,
-        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM, scanning=scanning),
+        probe=Probe(resolution_mm=0.0, repeatability_mm=REPEATABILITY_MM),
     )
 
 
@@ -221,15 +234,14 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
         again = "DELTA_CALIBRATE or BED_MESH_CALIBRATE, and SAVE_CONFIG"
         probing = {"klipper": again, "marlin": "G33 V0 or G29 V4", "reprapfirmware": "G29"}
         raise InputError(what, f"{remedy} {probing[file.firmware]}.", file=file.source.path)
-    readings = file.data[chosen]
-    _check_stored(readings, machine)
+    readings, mesh = file.data[chosen], chosen == "mesh"
+    _check_stored(readings, machine, reckoned=file.firmware == "klipper" and not mesh)
     touches = readings.plan.touches
-    words = f"{touches.sum()} {'points of a mesh' if readings.source.excerpt else 'heights'}"
+    words = f"{touches.sum()} {'points of a mesh' if mesh else 'heights'}"
     if not touches.all():
         words += f" and {np.sum(~touches)} distances"
     ratio = machine.probe.noise_mm / machine.probe.calliper_mm
-    steps = "" if chosen == "mesh" else file.steps
-    excerpt = Excerpt(chosen, words, file.firmware, file.unknown, steps=steps)
+    excerpt = Excerpt(chosen, words, file.firmware, file.unknown, "" if mesh else file.steps)
     return replace(
         readings,
         plan=replace(readings.plan, precision=np.where(touches, 1.0, ratio)),
@@ -238,27 +250,23 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
     )
 
 
-def _check_stored(readings: Readings, machine: LinearDelta) -> None:
-    """Raise InputError for readings that cannot belong to the settings in force."""
-    n, value, source, touches = (
-        len(readings),
-        readings.value,
-        readings.source,
-        readings.plan.touches,
-    )
-    mesh = f"mesh {source.excerpt.mesh!r}" if source.excerpt else ""
-    far, away = ~(np.abs(value) < _FAR_MM), np.hypot(*readings.plan.spots.T[:2])
-    if mesh and n > 1 and np.ptp(value) == 0.0:
+def _check_stored(readings: Readings, machine: LinearDelta, *, reckoned: bool) -> None:
+    """Raise InputError for readings that cannot belong to the settings in force.
+
+    They may be `reckoned` from steps by DELTA_CALIBRATE.
+    """
+    n, value, away = len(readings), readings.value, np.hypot(*readings.plan.spots.T[:2])
+    far = ~(np.abs(value) < _FAR_MM)
+    if n > 1 and np.ptp(value) == 0.0 and not reckoned:
         index, remedy = 0, "Probe the bed, and save the mesh."
-        what = f"All {n} heights of the {mesh} are {value[0]:g}: a placeholder, not a measurement."
+        what = f"All {n} heights are {value[0]:g}: a placeholder, not a measurement."
     elif far.any():
         index = int(np.argmax(far))
-        what, remedy = "A height of the mesh", "Check it, and probe the bed again."
-        if not touches[index]:
+        what, remedy = "The height", "Check it, and probe the bed again."
+        if not readings.plan.touches[index]:
             what = "The stored distance"
             remedy = "Measure it again on the printed object, and give it to DELTA_ANALYZE."
-        elif not mesh:
-            what = "The stored height"
+        elif reckoned:
             remedy = (
                 "Were rotation_distance, microsteps, position_endstop, delta_radius or arm_length"
                 " changed after DELTA_CALIBRATE? Change them back, or run it and SAVE_CONFIG again."
@@ -266,13 +274,13 @@ def _check_stored(readings: Readings, machine: LinearDelta) -> None:
         size = abs(float(value[index]))
         off = "out of reach" if math.isnan(size) else f"{size:.0f} mm off"
         what = f"{what} is {off} with the settings in force."
-    elif mesh and away.max() > BEYOND * machine.bed_radius_mm:
+    elif away.max() > BEYOND * machine.bed_radius_mm and not reckoned:
         index = int(np.argmax(away))
-        what = f"The {mesh} reaches {away.max():.0f} mm from the middle of the bed."
+        what = f"The place is {away.max():.0f} mm from the middle of the bed."
         remedy = (
-            f"Check its places, and the radius of the bed ({machine.bed_radius_mm:g} mm): "
-            "print_radius of [printer], else its delta_radius; or B of M665."
+            f"Check it, and the radius of the bed ({machine.bed_radius_mm:g} mm): print_radius of"
+            " [printer], else its delta_radius; or B of M665."
         )
     else:
         return
-    raise InputError(what, remedy, file=source.path, line=int(readings.line[index]))
+    raise InputError(what, remedy, file=readings.source.path, line=int(readings.line[index]))

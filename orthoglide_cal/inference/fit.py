@@ -261,27 +261,32 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
     large as these data make it.
     """
     fit = begun = _begin(hypothesis, scale_factor)
-    at, white, step, rounds = fit.linearised, fit.linearised.white, math.inf, 0
+    at, white, slopes = fit.linearised, fit.linearised.white, fit.derivatives
+    step, rounds = math.inf, 0
+    width, end = len(fit.start), slopes.shape[1]
+    data = at.versions[hypothesis.version] - hypothesis.added
     # From where they were linearised: the offsets alone, fitted to the data as recorded.
-    theta = fit.moved[len(fit.start) : fit.derivatives.shape[1]]
-    moved = np.abs(np.concatenate([fit.offsets - at.offsets[0], theta]))
-    if float(np.sqrt(np.mean(fit.derivatives**2, axis=0)) @ moved) > at.noise.stated:
+    moved = np.abs(np.append(fit.offsets - at.offsets[0], fit.moved[width:end]))
+    if float(np.sqrt(np.mean(slopes**2, axis=0)) @ moved) > at.noise.stated:
         rounds = ROUNDS
     for _ in range(rounds):
+        offsets, effects = fit.state
         try:
-            offsets, effects = fit.state
-            readings, slopes = differentiate(
-                at.white.problem.model, offsets, at.white.plan, effects
-            )
+            readings, slopes = differentiate(white.problem.model, offsets, white.plan, effects)
         except PostureError:  # No machine is like that: such an explanation stays as it was scored.
             break
-        before, (fit, step) = step, _step(fit, white.matrix @ readings, white.matrix @ slopes)
+        # The linear model of where it stands, and how far that moves the prediction, r.m.s. [mm].
+        slopes, theta = white.matrix @ slopes, np.append(np.zeros(width), fit.moved[width:end])
+        linear = data - white.matrix @ readings + slopes @ theta
+        columns = np.hstack([slopes, fit.columns[:, end:]])
+        fit = replace(fit, start=offsets, linear=linear, columns=columns)
+        before, step = step, rms(slopes @ (fit.moved[:end] - theta))
         if not FAR_MM < step < 0.5 * before:
             break
     fit = _settle(fit)
     if fit is begun and hypothesis.by_noise is not None:  # as it was scored
         return _concluded(fit, hypothesis.by_noise, hypothesis.log_evidence)
-    return _judged(fit)
+    return _concluded(fit, *_evidence(fit))
 
 
 def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
@@ -335,22 +340,6 @@ def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
     ).with_local_shape(scale_factor)
 
 
-def _step(fit: Fit, predicted: Floats, derivatives: Floats) -> tuple[Fit, float]:
-    """The fit with the linear model of where it stands: prediction (k,), derivatives.
-
-    And how far this moves the prediction, r.m.s. [mm].
-    """
-    hypothesis, (width, end) = fit.hypothesis, (len(fit.start), derivatives.shape[1])
-    theta = fit.moved[width:end]
-    linear = fit.linearised.versions[hypothesis.version] - hypothesis.added - predicted
-    linear += derivatives[:, width:] @ theta
-    columns = np.hstack([derivatives, fit.columns[:, end:]])
-    after = replace(fit, start=fit.offsets, linear=linear, columns=columns)
-    step = after.moved[:end].copy()
-    step[width:] -= theta
-    return after, rms(derivatives @ step)
-
-
 def _settle(fit: Fit) -> Fit:
     """The fit with what is uncertain of the data as it acts on a machine with these causes.
 
@@ -374,8 +363,8 @@ def _settle(fit: Fit) -> Fit:
     return replace(fit, uncertain=uncertain, columns=np.hstack(columns), seen=seen)
 
 
-def _judged(fit: Fit) -> Fit:
-    """The fit with its evidence where it ended, σ, and the causes that it finds.
+def _evidence(fit: Fit) -> tuple[Floats, float]:
+    """ln p by σ, if all parameters act, (s, g), and the evidence of a fit where it ended.
 
     Of a relabelling only the place at which it was undone.
     """
@@ -392,7 +381,6 @@ def _judged(fit: Fit) -> Fit:
     alone = len(base) < 2 and (extra is None or hypothesis.replanned is not None)
     scales = at.scales if alone else at.usual
     density = density_of(at, [base], scales, [fit.derivatives], [seen])
-    # By scale and σ if all parameters act, (s, g).
     by_noise = density.by_noise(data)
     if placed is None or placed.patterns is None:
         log = by_noise[0]
@@ -404,7 +392,7 @@ def _judged(fit: Fit) -> Fit:
         (evidence,) = all_or_one(at, base, data, [evidence], [fit.derivatives])
     elif base:
         evidence += LOG_ALL
-    return _concluded(fit, log, evidence + weight)
+    return log, evidence + weight
 
 
 def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
@@ -423,15 +411,13 @@ def _concluded(fit: Fit, by_noise: Floats, log_evidence: float) -> Fit:
         fit = replace(fit, centre=centre, sizes=sizes)
         moved, fit = fit.moved, fit.with_sigma(by_noise)
     unknowns, covariance = centre + moved, fit.covariance
+    drafts = [*(cause.at(np.zeros(0)) for cause in base), *filter(None, [extra])]
     effects = [
-        Effect(cause, unknowns[slot], covariance=covariance[slot, slot])
-        for cause, slot in zip(base, fit.slots, strict=False)
+        replace(effect, theta=unknowns[slot], covariance=covariance[slot, slot])
+        if slot.start < slot.stop
+        else effect
+        for effect, slot in zip(drafts, fit.slots, strict=True)
     ]
-    if extra is not None:
-        slot = fit.slots[-1]
-        if slot.start < slot.stop:
-            extra = replace(extra, theta=unknowns[slot], covariance=covariance[slot, slot])
-        effects.append(extra)
     if any(round(effect.times(fit.white.machine)) > LARGEST for effect in effects):
         log_evidence = -math.inf
     log_evidence += bounds

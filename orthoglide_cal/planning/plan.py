@@ -11,7 +11,7 @@ numbers of cycles, protocols and methods, and the best design takes the fewest r
 """
 
 from bisect import bisect_left
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
@@ -37,13 +37,13 @@ from orthoglide_cal.model.machine import Influence, Layout, Origin, Suspicion
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats, Plan
 from orthoglide_cal.model.workspace import error_after
-from orthoglide_cal.planning.design import design_of
-from orthoglide_cal.planning.separation import Separations, separations
+from orthoglide_cal.planning.separation import TRACE_SIGMA, separations
 from orthoglide_cal.planning.steps import (
     CYCLES,
     MOST_CYCLES,
     MeasuringProtocol,
     Order,
+    design_of,
     gauge_moves,
     sequence,
     timed_plan,
@@ -115,17 +115,16 @@ class SessionForecast(Schema):
     @cached_property
     def parameters(self) -> dict[str, dict[str, Any]]:
         """Of each parameter, in its unit: u from the scatter of the readings, U, whether it is
-        determined, U of what other readings could reduce and of what is taken as stated."""
-        machine, parts = self.model.machine, self.budget.contributions
-        others = {part.source for part in parts}.difference(machine.fixed_parameters)
-        scatter = [part.std for part in parts if part.source in AVERAGED]
+        determined, and U of what other readings could reduce."""
+        machine = self.model.machine
+        lessened = self.budget.without(machine.fixed_parameters)
+        scatter = [part.std for part in self.budget.contributions if part.source in AVERAGED]
         columns = {
             "unit": machine.parameter_units,
             "noise_std": np.sqrt(np.sum(np.square(scatter), axis=0)).tolist(),
             "expanded": self.budget.expanded_mm.tolist(),
             "determined": determined(self.model, self.budget.expanded_mm),
-            "lessened": self._expanded_without(machine.fixed_parameters),
-            "fixed": self._expanded_without(others),
+            "lessened": lessened.expanded_mm.tolist(),
         }
         named = zip(machine.parameter_names, zip(*columns.values(), strict=True), strict=True)
         return {name: dict(zip(columns, row, strict=True)) for name, row in named}
@@ -167,16 +166,9 @@ class SessionForecast(Schema):
     @cached_property
     def floor(self) -> Budget | None:
         """The budget without the scatter of the readings; None if nothing is left of it."""
-        return self._without(AVERAGED)
-
-    def _without(self, sources: Collection[str]) -> Budget | None:
-        left = self.budget.without(sources).contributions
+        left = self.budget.without(AVERAGED).contributions
         parts = tuple(part for part in left if np.any(np.square(part.std) > TINY))
         return Budget(parts) if parts else None
-
-    def _expanded_without(self, sources: Collection[str]) -> list[float]:
-        left = self._without(sources)
-        return [0.0] * len(self.budget.std_mm) if left is None else left.expanded_mm.tolist()
 
 
 def lengths(model: Model, values: Sequence[float]) -> dict[str, float]:
@@ -316,6 +308,13 @@ class Target:
     cycles: int | None
 
 
+class Pair(Schema):
+    """Two causes, and how far apart readings typically put them [σ]."""
+
+    causes: tuple[str, str]
+    sigma: float
+
+
 class MeasurementPlan(Schema):
     """The forecast of a session, and of other ways to measure; its dump is `plan --json`.
 
@@ -328,8 +327,6 @@ class MeasurementPlan(Schema):
     chosen: SessionForecast = Field(exclude=True)
     # What more readings leave besides their scatter; None if that is nothing.
     floor: Budget | None = Field(exclude=True)
-    # Which causes its readings, or as many as `MOST_COMPARED` cycles, can distinguish.
-    apart: Separations = Field(exclude=True)
     # Plungers that leave their bar in this session, or nearly; None if all stay.
     bar_warning: Suspicion | None = Field(default=None, exclude=True)
     schema_version: Literal[1] = 1
@@ -349,7 +346,8 @@ class MeasurementPlan(Schema):
     # number; None for nothing, or for a layout.
     limits: Mapping[str, object]
     compare: tuple[Alternative, ...] = ()  # every protocol with every method, for the same U
-    separation: tuple[Mapping[str, object], ...]  # two causes, and sigma; nearest first
+    # What its readings, or those of `MOST_COMPARED` cycles, can distinguish; nearest first.
+    separation: tuple[Pair, ...]
     invisible: tuple[str, ...]  # causes that leave no trace
     trace: dict[str, float]  # of the others: how far each is from nothing wrong [σ]
     design: BestDesign | None  # None where nothing is to be gained
@@ -399,13 +397,12 @@ def measurement_plan(
     if wanted.target_mm is not None:
         reached = chosen.worst_mm <= wanted.target_mm
         target = Target(wanted.target_mm, reached, chosen.cycles if reached else None)
-    apart, (lines, total) = separations(model, plan), budget_lines(chosen.budget)
-    seen, size = apart.visible, float(np.sqrt(np.mean(machine.linearization_points**2)))
+    (pairs, trace), (lines, total) = separations(model, plan), budget_lines(chosen.budget)
+    size = float(np.sqrt(np.mean(machine.linearization_points**2)))
     return MeasurementPlan(
         model=model,
         chosen=chosen,
         floor=floor,
-        apart=apart,
         bar_warning=machine.bar_warning(chosen.plan),
         machine=machine.name,
         protocol=chosen.name,
@@ -423,9 +420,9 @@ def measurement_plan(
             "cycles": most,
         },
         compare=compare if details else (),
-        separation=tuple({"causes": ids, "sigma": sigma} for ids, sigma in apart.pairs.items()),
-        invisible=tuple(cause.id for cause in apart.invisible),
-        trace=dict(zip([cause.id for cause in seen.causes], seen.trace.tolist(), strict=True)),
+        separation=tuple(Pair(causes=ids, sigma=sigma) for ids, sigma in pairs.items()),
+        invisible=tuple(id for id, sigma in trace.items() if sigma < TRACE_SIGMA),
+        trace={id: sigma for id, sigma in trace.items() if sigma >= TRACE_SIGMA},
         design=design,
         next=following,
     )

@@ -13,8 +13,8 @@ from orthoglide_cal.files.linuxcnc import NEAR_MM, Standing, Stood
 from orthoglide_cal.files.session_file import session_text
 from orthoglide_cal.files.text import write_text
 from orthoglide_cal.model.readings import AXES
-from orthoglide_cal.planning.design import GIVES_UP
 from orthoglide_cal.planning.steps import (
+    GIVES_UP,
     MeasuringProtocol,
     SessionStep,
     clock,

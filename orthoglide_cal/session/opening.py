@@ -27,13 +27,13 @@ from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.model.readings import GaugePlan
 from orthoglide_cal.planning import rank_measurements
-from orthoglide_cal.planning.design import require_on_bar
 from orthoglide_cal.planning.steps import (
     CYCLES,
     MOST_CYCLES,
     MeasuringProtocol,
     Order,
     SessionStep,
+    require_on_bar,
     sequence,
     steps_of,
 )

@@ -134,13 +134,12 @@ def _result(
     """What was found, and the next steps; of a refused result the causes come first."""
     if left is not None:
         steps = verification.verification_steps(left, case.machine_file)
-        rule = verification.rule_blocks(left)
-        return verification.parameters_left(left), doc.next_steps(steps, *rule, drawn)
-    next_steps = doc.next_steps(to_do(case))
+        rule = verification.decision_rule(left)
+        return verification.parameters_left(left), doc.next_steps(steps, rule, drawn)
     if case.answer.release.usable:
         moved = (case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE)
-        notes = doc.Section(None, *moved)
-        return _parameters(case, drawn), *named, next_steps, notes
+        return _parameters(case, drawn), *named, doc.next_steps(to_do(case), *moved)
+    next_steps = doc.next_steps(to_do(case))
     # Where the causes are drawn, the first sheet is full.
     if named or not case.answer.parameters:
         return *named, next_steps
@@ -252,29 +251,30 @@ def _workspace(
 ) -> Iterator[doc.Section]:
     """Tool-position error in slices of the workspace, as found and afterwards."""
     before, after = case.answer.workspace, left.workspace if left else None
-    if before is None:
+    if before is None or before.maps is None:
         return
-
-    def up_to(size_mm: float, tool_mm: Sequence[float]) -> str:
-        return f"{two_figures(size_mm)} mm, at {position_words(tool_mm, 0)}"
-
-    lead = f"As found: up to {up_to(before.before_mm, before.worst_before_mm)}."
-    if after is None:
-        lead += f" Expected: at most {up_to(before.after_mm, before.worst_after_mm)}"
-        if causes := " and ".join(cause.id for cause in case.known):
-            lead += f"; {two_figures(before.left_mm)} mm of that comes from {causes},"
-            lead += " which offsets do not remove."
-        else:
-            lead += ", from uncertainty alone."
-        if timed := " and ".join(cause.id for cause in case.known if cause.timed):
-            lead += f" Not included: the effect of {timed}, which depends on time or path."
+    views = [("as found", before.maps[0], before.before_mm, before.worst_before_mm)]
+    if after and after.maps:
+        views.append(("as left", after.maps[0], after.before_mm, after.worst_before_mm))
     else:
-        lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
+        views.append(("expected", before.maps[1], before.after_mm, before.worst_after_mm))
+    lead = [
+        f"{when.capitalize()}: at most {two_figures(mm)} mm, at {position_words(worst, 0)}."
+        for when, _, mm, worst in views
+    ]
+    if after is None:
+        source = "All of that comes from uncertainty."
+        if causes := " and ".join(cause.id for cause in case.known):
+            source = f"{two_figures(before.left_mm)} mm of that comes from {causes},"
+            source += " which offsets do not remove."
+        lead.append(source)
+        if timed := " and ".join(cause.id for cause in case.known if cause.timed):
+            lead.append(f"Not included: the effect of {timed}, which depends on time or path.")
     low, high = (plain(edge, 0) for edge in before.cube_mm)
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
     key += "" if limit_mm is None else f" Dotted: {limit_mm:g} mm."
-    maps = doc.Figure(figures.workspace_maps(before, after, limit_mm), key=key)
-    yield doc.Section("Tool-position error over the workspace", lead, maps)
+    maps = doc.Figure([*figures.workspace_maps(views, before.cube_mm, limit_mm)], key=key)
+    yield doc.Section("Tool-position error over the workspace", " ".join(lead), maps)
 
 
 # --- conditions and origin --------------------------------------------------------------------

@@ -67,12 +67,11 @@ def differences_figure(
     names, first, expected, expanded, after = zip(*rows, strict=True)
     measured = after[0] is not None
     sizes = {"found": first, "expected": expected, **({"as left": after} if measured else {})}
-    (*_, (head, last)) = sizes.items()
-    columns: dict[str, Sequence[doc.Blank]] = {"": names}
+    *_, (head, last) = sizes.items()
+    columns: dict[str, Sequence[str]] = {"": names}
     columns |= {when: [signed(mm, 3) for mm in values] for when, values in sizes.items()}
     columns["± U"] = [plain(mm, 3) for mm in expanded]
-    if outcomes:
-        columns["limit"] = outcomes
+    columns |= {"limit": outcomes} if outcomes else {}
     limits = [] if limit_mm is None else [-limit_mm, limit_mm]
     # Columns of numbers, by their right edges.
     edges = [194.0, 252.0, _WIDE - 2.0] if measured else [_WIDE - 108.0, _WIDE - 2.0]
@@ -93,16 +92,16 @@ def differences_figure(
     for x, when in zip(edges, sizes, strict=True):
         parts.append(words(x, 12, f"{when} ± U" if when == head else when, "end", "muted"))
     listed = []
-    for k, (name, value, half) in enumerate(zip(names, last, expanded, strict=True)):
+    for k, (name, *cells) in enumerate(zip(*columns.values(), strict=True)):
         y = _TOP + high * (k + 0.5)
         start, stop, *marks = (across(values[k]) for values in sizes.values())
-        ends = across(value - half), across(value + half)
-        numbers = [signed(values[k], 3) for values in sizes.values()]
-        numbers[-1] += f" ± {plain(half, 3)}"
-        listed.append(f"{name} {', '.join([*numbers, *outcomes[k : k + 1]])}")
+        ends = across(last[k] - expanded[k]), across(last[k] + expanded[k])
+        numbers, (u, *outcome) = cells[: len(sizes)], cells[len(sizes) :]
+        numbers[-1] += f" ± {u}"
+        listed.append(f"{name} {', '.join([*numbers, *outcome])}")
         parts += [
             words(2, y + (-2 if outcomes else 4), name, class_="strong"),
-            *(words(2, y + 10, outcome) for outcome in outcomes[k : k + 1]),
+            *(words(2, y + 10, text) for text in outcome),
             *(words(x, y + 4, text, "end") for x, text in zip(edges, numbers, strict=True)),
             tag(
                 "g",
@@ -123,8 +122,8 @@ def differences_figure(
     key += f", with U (95 %). {meaning}"
     if limit_mm is not None:
         key += f" Dashed: the limit, ±{limit_mm:g} mm."
-    whole = f"Differences, {kind}: r.m.s. "
-    whole += f"{' → '.join(plain(size, 3) for size in rms_mm)} mm."
+    rms = " → ".join(plain(size, 3) for size in rms_mm)
+    whole = f"Differences, {kind}: {rms} mm r.m.s."
     return doc.Figure([picture], 0, key, whole, [whole, doc.Grid.of(columns)])
 
 
