@@ -28,8 +28,7 @@ from orthoglide_cal.files.table import csv_text
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation
-from orthoglide_cal.report.case import NOT_NEEDED, Case, check_words
-from orthoglide_cal.report.documents.solution import common_unit
+from orthoglide_cal.report.case import NOT_NEEDED, Case, check_words, common_unit
 from orthoglide_cal.results import Correction, Identity
 from orthoglide_cal.words import coverage_words, plain, two_figures, typed
 

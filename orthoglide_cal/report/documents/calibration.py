@@ -13,7 +13,6 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
-from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import NOZZLE
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
@@ -22,21 +21,28 @@ from orthoglide_cal.report.case import (
     INVALIDATING,
     MEANS,
     Case,
+    common_unit,
     data_words,
-    decision_notice,
     moment,
     position_words,
     reserved,
     signed_page,
-    size_words,
     stated,
+)
+from orthoglide_cal.report.documents import pictures, verification
+from orthoglide_cal.report.documents.answer import (
+    cause_sizes,
+    decision_notice,
+    evidence,
+    fit_facts,
+    open_blocks,
+    parameters_grid,
+    parameters_title,
     to_do,
 )
-from orthoglide_cal.report.documents import pictures, solution, verification
-from orthoglide_cal.report.documents.diagnosis import RESIDUALS, diagnosis_notice, diagnosis_section
 from orthoglide_cal.results import Identity
 from orthoglide_cal.results.verification import Verification
-from orthoglide_cal.words import plain, short, two_figures
+from orthoglide_cal.words import capitalized, plain, short, two_figures
 
 _MOST_NOTES = 40
 
@@ -78,33 +84,41 @@ def calibration_document(
         }
 
     def page() -> doc.Page:
-        machine = case.machine
+        machine, released = case.machine, answer.release.usable or left is not None
         recorded = [(answer.input, answer.validity)]
         if left is not None:
             recorded = [(side, side.validity) for side in (left.before, left.after)]
         frame = signed_page("Calibration report", machine, identity, recorded)
-        released = answer.release.usable or left is not None
-        pages = [*_evidence(after, "as left")] if after else []
-        pages += _evidence(case, "as found" if after else "")
+        causes, rivals = [*_causes(case)], [*_rivals(case)]
+        if len(causes) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
+            causes.append(rivals.pop(0))
+        steps, parameters = doc.next_steps(to_do(case)), _parameters(case, limit_mm)
+        pages: list[doc.Section] = []
+        if left is not None:
+            notice = verification.verification_notice(left)
+            advice = verification.verification_steps(left, case.machine_file)
+            drawn = [verification.left_figure(left)] if left.differences else []
+            steps = doc.next_steps(advice, *verification.rule_blocks(left), *drawn)
+            sheet = [verification.parameters_left(left), steps]
+        elif released:
+            notice = _notice(case)
+            moved = (case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE)
+            sheet = [parameters, *causes, steps, doc.Section(None, *moved)]
+        else:
+            notice, sheet, pages = _notice(case), [*causes, steps], [*rivals, parameters]
+        sheet += [*frame.sheet, *map(_other, case.others)]
+        both = [(after, "as left"), (case, "as found")] if after else [(case, "")]
+        for measured, when in both:
+            pages += [*evidence(measured, when), _conditions(measured, when)]
         pages += [*_workspace(case, left, limit_mm), _origin(case, identity, left)]
-        for measured, when in ((after, "as left"), (case, "as found" if after else "")):
-            if measured is not None and measured.answer.parameters:
-                pages.append(pictures.readings_table(measured, when))
-        drawn, named = _differences(case, left, limit_mm), [*_causes(case)]
-        rivals = [*_rivals(case)]
-        if len(named) == 1 and len(rivals) > 1:  # two drawings have room on the first sheet
-            named.append(rivals.pop(0))
-        sheet = [*_result(case, left, named, drawn), *frame.sheet, *map(_other, case.others)]
-        if named and not released:
-            pages.insert(1, _parameters(case, drawn))
-            pages[:0] = rivals
+        pages += [pictures.readings_table(*of) for of in both if of[0].answer.parameters]
         if not answer.parameters:  # nothing to pin to the machine: one sheet of paper says it all
             sheet, pages = [*sheet, *pages], []
         authorised = machine.report.authorised_by
         roles = ["Measured by", "Adjusted by"] if released else ["Measured by"]
         return replace(
             frame,
-            notice=_notice(case, left),
+            notice=notice,
             sheet=sheet,
             sections=pages,
             signatures=(*roles, f"Authorised by {authorised}" if authorised else "Authorised by"),
@@ -116,47 +130,30 @@ def calibration_document(
 # --- the first sheet --------------------------------------------------------------------------
 
 
-def _notice(case: Case, left: Verification | None) -> doc.Notice:
+def _notice(case: Case) -> doc.Notice:
     """The verdict, with what to know before relying on it; of a refused result what is wrong."""
-    if left is not None:
-        return verification.verification_notice(left)
-    answer, release = case.answer, case.answer.release
-    wrong = release.sound and answer.parameters and not release.usable
-    notice = diagnosis_notice(case) if wrong else decision_notice(case)
+    release = case.answer.release
+    notice = decision_notice(case, diagnosed=release.sound and not release.usable)
     known = [*release.reasons, *release.cautions]
-    papers = (e for e in answer.validity.reservations if e.code not in INVALIDATING)
+    papers = (e for e in case.answer.validity.reservations if e.code not in INVALIDATING)
     return reserved(notice, [case.says(e) for e in papers if e not in known])
 
 
-def _result(
-    case: Case, left: Verification | None, named: Sequence[doc.Section], drawn: Sequence[doc.Block]
-) -> Sequence[doc.Section]:
-    """What was found, and the next steps; of a refused result the causes come first."""
-    if left is not None:
-        steps = verification.verification_steps(left, case.machine_file)
-        rule = verification.rule_blocks(left)
-        return verification.parameters_left(left), doc.next_steps(steps, *rule, *drawn)
-    next_steps = doc.next_steps(to_do(case))
-    if case.answer.release.usable:
-        moved = (case.says(r) for r in case.given.measured.remarks if r.code in NOZZLE)
-        notes = doc.Section(None, *moved)
-        return _parameters(case, drawn), *named, next_steps, notes
-    # Where the causes are drawn, the first sheet is full.
-    if named or not case.answer.parameters:
-        return *named, next_steps
-    return next_steps, _parameters(case, drawn)
-
-
-def _parameters(case: Case, drawn: Sequence[doc.Block]) -> doc.Section:
-    """The parameters with U next to the differences."""
-    title, usable = solution.parameters_title(case), case.answer.release.usable
-    if not usable:
-        causes = f" with {' and '.join(case.answer.named)}" if case.answer.named else ""
-        title = f"Not to be entered: {case.words.many}{causes}{solution.common_unit(case.machine)}"
-    alone = solution.alone_block(case) if usable else ()
-    return doc.Section(
-        title, solution.parameters_grid(case), *solution.open_blocks(case), *alone, *drawn
-    )
+def _parameters(case: Case, limit_mm: float | None) -> doc.Section:
+    """The parameters with U, and each difference as found and as expected on one axis."""
+    answer, title = case.answer, parameters_title(case)
+    if not answer.release.usable:
+        causes = f" with {' and '.join(answer.named)}" if answer.named else ""
+        title = f"Not to be entered: {case.words.many}{causes}{common_unit(case.machine)}"
+    blocks: list[doc.Block] = [parameters_grid(case), *open_blocks(case)]
+    if answer.deviations and answer.as_found and answer.expected:
+        rows = [
+            (e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations
+        ]
+        sizes = (answer.as_found.rms_mm, answer.expected.rms_mm)
+        ends = answer.check is not None and answer.check.ends
+        blocks.append(pictures.differences_figure(rows, sizes, ends, limit_mm))
+    return doc.Section(title, *blocks)
 
 
 def _causes(case: Case) -> Iterator[doc.Section]:
@@ -164,34 +161,16 @@ def _causes(case: Case) -> Iterator[doc.Section]:
     answer, undecided = case.answer, case.answer.verdict is Verdict.AMBIGUOUS
     advised = " ".join(case.says(remedy.sentence) for remedy in answer.release.remedies)
     for cause in answer.causes if answer.verdict is Verdict.NAMED or undecided else ():
-        title, remedy = f"{case.title_of(cause.id)} ({cause.id})", cause.remedy
-        title = f"Possible: {title}" if undecided else f"{title[0].upper()}{title[1:]}"
-        new = [] if remedy.rstrip(".") in advised else [f"{'If so: ' * undecided}{remedy}"]
-        grid = _cause_grid(case, cause.id, cause.parameters, cause.where)
-        yield doc.Section(title, grid, *new, *pictures.cause_figure(case, cause))
-
-
-def _cause_grid(case: Case, id: str, parameters: Sequence[Estimate], where: str = "") -> doc.Block:
-    """Where a cause is, and how large with U."""
-    gaps, shims = pictures.moves_rails(id), case.answer.shims
-    sizes = [*parameters] if gaps else pictures.seen_parameters(parameters)
-    sizes = [size for size in parameters if size in sizes]
-    if not sizes:
-        return doc.strong(f"At {where}.")
-    places = [pictures.place_words(size.name) for size in sizes]
-    if where and len(sizes) < 2:
-        places = [where]
-    columns: dict[str, Sequence[doc.Blank]] = {"": [doc.strong(place) for place in places]}
-    columns["size ± U (95 %)"] = [size_words(e.value, e.expanded, e.unit) for e in sizes]
-    if gaps and shims:
-        columns["shim"] = [
-            f"move rail {e.rail} by {plain(e.mm, 2)} mm towards {e.along}" for e in shims
-        ]
-    caption = "xy: how far rail x lies above rail y, along z; and so on. " if gaps else ""
-    if len(sizes) < len(parameters):
-        undecided = case.answer.verdict is Verdict.AMBIGUOUS
-        caption += "All others: smaller." if undecided else "All others: within U."
-    return doc.Grid.of(columns, range(len(columns)), caption)
+        title = f"{case.title_of(cause.id)} ({cause.id})"
+        blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
+        if pictures.moves_rails(cause.id) and answer.shims:
+            rows = [(e.rail, f"{plain(e.mm, 2)} mm", e.along) for e in answer.shims]
+            above = "xy: how far rail x lies above rail y, along z; and so on."
+            blocks.append(doc.Grid(("rail", "move by", "towards"), rows, caption=above))
+        if cause.remedy.rstrip(".") not in advised:
+            blocks.append(f"{'If so: ' * undecided}{cause.remedy}")
+        title = f"Possible: {title}" if undecided else capitalized(title)
+        yield doc.Section(title, *blocks, *pictures.cause_figure(case, cause))
 
 
 def _rivals(case: Case) -> Iterator[doc.Section]:
@@ -200,26 +179,12 @@ def _rivals(case: Case) -> Iterator[doc.Section]:
     rivals = (state.sizes for state in case.answer.explanations if {*state.sizes} & {*words})
     for id, sizes in next(rivals, {}).items():
         if id in words and (sketch := pictures.cause_sketch(case, id, sizes)):
-            cause, grid = words.pop(id), _cause_grid(case, id, sizes)
+            cause = words.pop(id)
             text = f"How to check: {cause.instrument}. If so: {cause.advice}"
-            yield doc.Section(f"Or: {cause.title} ({id})", grid, text, sketch)
+            lines = *cause_sizes(id, sizes), text
+            yield doc.Section(f"Or: {cause.title} ({id})", *lines, sketch)
     lines = (f"{one.title} ({id}). How to check: {one.instrument}." for id, one in words.items())
-    yield doc.Section("Also possible", *(f"{line[0].upper()}{line[1:]}" for line in lines))
-
-
-def _differences(
-    case: Case, left: Verification | None, limit_mm: float | None
-) -> tuple[doc.Block, ...]:
-    """Each difference on one axis: as found, as expected, as measured afterwards."""
-    answer = case.answer
-    if left is not None:
-        return (verification.left_figure(left),) if left.differences else ()
-    if not answer.deviations or answer.as_found is None or answer.expected is None:
-        return ()
-    rows = [(e.name, e.measured_mm, e.expected_mm, e.expanded_mm, None) for e in answer.deviations]
-    sizes = (answer.as_found.rms_mm, answer.expected.rms_mm)
-    ends = answer.check is not None and answer.check.ends
-    return (pictures.differences_figure(rows, sizes, ends, limit_mm),)
+    yield doc.Section("Also possible", *map(capitalized, lines))
 
 
 def _other(case: Case) -> doc.Section:
@@ -236,17 +201,6 @@ def _other(case: Case) -> doc.Section:
 # --- the evidence -----------------------------------------------------------------------------
 
 
-def _evidence(case: Case, when: str) -> Iterator[doc.Section]:
-    """Residuals, diagnosis, uncertainty and conditions of one measurement, named by `when`."""
-    answer, sections = case.answer, [_conditions(case, when)]
-    if answer.parameters:
-        left = doc.Section(RESIDUALS, *pictures.residual_blocks(case, when))
-        budget = solution.budget_sections(case.machine, answer.budget, answer.total)
-        sections = [diagnosis_section(case), left, *budget, *sections]
-    for section in sections:
-        yield doc.Section(pictures.named(section.title, when), *section.blocks)
-
-
 def _workspace(
     case: Case, left: Verification | None, limit_mm: float | None
 ) -> Iterator[doc.Section]:
@@ -259,18 +213,16 @@ def _workspace(
         return f"{two_figures(size_mm)} mm, at {position_words(tool_mm, 0)}"
 
     lead = f"As found: up to {up_to(before.before_mm, before.worst_before_mm)}."
-    if after is None:
+    if after is not None:
+        lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
+    else:
         why = ", from uncertainty alone."
         if causes := " and ".join(cause.id for cause in case.known):
-            why = (
-                f"; {two_figures(before.left_mm)} mm of that comes from {causes}, which offsets do"
-            )
-            why += " not remove."
+            left_mm = two_figures(before.left_mm)
+            why = f"; {left_mm} mm of that comes from {causes}, which offsets do not remove."
         lead += f" Expected: at most {up_to(before.after_mm, before.worst_after_mm)}{why}"
         if timed := " and ".join(cause.id for cause in case.known if cause.timed):
             lead += f" Not included: the effect of {timed}, which depends on time or path."
-    else:
-        lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
     low, high = (plain(edge, 0) for edge in before.cube_mm)
     maps = figures.workspace_maps(before, after, limit_mm)
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
@@ -331,13 +283,11 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
         rows += [
             ("Input", doc.given(file_words(answer.input.path))),
             ("SHA-256", doc.code(answer.input.sha256)),
-            ("Data", data_words(case.source, answer.input.kind, answer.input.readings)),
+            ("Data", case.data_words),
         ]
     rows += [("Machine", doc.given(machine.name)), ("Geometry", machine.geometry_words)]
     if model.accepted:
         rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.remaining())))
     if answer.method is not None and answer.noise is not None:
-        rows += solution.fit_facts(case)
-    new = (warning for warning in answer.warnings if warning not in answer.notes)
-    notes = (doc.small(case.says(warning)) for warning in new)
-    return doc.Section("Traceability", doc.Facts(rows), *notes)
+        rows += fit_facts(case)
+    return doc.Section("Traceability", doc.Facts(rows))

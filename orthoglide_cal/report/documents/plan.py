@@ -29,9 +29,8 @@ from orthoglide_cal.planning.plan import (
 from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import Case, decision_notice
-from orthoglide_cal.report.documents.diagnosis import between_words
-from orthoglide_cal.report.documents.solution import budget_sections, common_unit, source_words
+from orthoglide_cal.report.case import Case, common_unit
+from orthoglide_cal.report.documents.answer import budget_sections, decision_notice, source_words
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.words import (
@@ -404,6 +403,12 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     return doc.Section("Which causes can be distinguished", *blocks)
 
 
+def _between(measurement: NextMeasurement) -> tuple[str, str]:
+    """The two explanations that it distinguishes, in words."""
+    first, second = (" with ".join(ids) or "a sound machine" for ids in measurement.between)
+    return first, second
+
+
 def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     """The best measurement in addition to the data that there are, and its gain."""
     release = begun.answer.release
@@ -431,7 +436,7 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
             when = f"takes about {max(quickest.minutes, 1.0):.0f} min: {sentence(quickest.what)}"
         target.append(f"± {wanted:g} mm {when}")
     if best.between:
-        first, second = between_words(best)
+        first, second = _between(best)
         title = f"Next: {minutes} give one answer (probability {percent(best.chance)})"
         settled = f"It distinguishes {first} from {second} ({best.separation_sigma:.1f} σ)."
         return doc.Notice(doc.Tone.INFO, title, (settled, worth, *target))
@@ -463,7 +468,7 @@ def _next_grid(
         meaning = "No reading can decide more. Ranked by the reduction of U"
         meaning += " per minute; half an hour is added for the session."
     if full and plan.next[0].between:
-        first, second = between_words(plan.next[0])
+        first, second = _between(plan.next[0])
         meaning = "Settles: the probability of one answer. Ranked by the expected time; a second"
         meaning += f" visit counts as eight hours. σ: distance of {first} and {second} in the new"
         meaning += " readings, in standard deviations."

@@ -11,8 +11,14 @@ from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.model.measured import NOZZLE, Source
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import MEANS, OWNER, data_words, measure_again, stated
-from orthoglide_cal.report.documents.solution import common_unit
+from orthoglide_cal.report.case import (
+    MEANS,
+    OWNER,
+    common_unit,
+    data_words,
+    measure_again,
+    stated,
+)
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.results import Application
 from orthoglide_cal.words import counted, plain, short, signed, two_figures

@@ -13,9 +13,15 @@ from orthoglide_cal.errors import command, file_words
 from orthoglide_cal.inference.response import Behaviour
 from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import INVALIDATING, data_words, reserved, signed_page, sizes_words
+from orthoglide_cal.report.case import (
+    INVALIDATING,
+    common_unit,
+    data_words,
+    reserved,
+    signed_page,
+    sizes_words,
+)
 from orthoglide_cal.report.documents.pictures import differences_figure
-from orthoglide_cal.report.documents.solution import common_unit
 from orthoglide_cal.report.sentences import RESPONSES, sentence
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import Identity, Parameter
