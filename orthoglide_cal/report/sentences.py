@@ -121,7 +121,7 @@ _FORMATS: Mapping[str, Callable[..., str]] = {
         + [counted(len(answers) - 2, "other")] * (len(answers) > 2)
     ),
     "state": lambda ids: " with ".join(ids) or "a sound machine",
-    "values": lambda rows: ", ".join(f"{name} {value:+.1f} {of}" for name, of, value, _ in rows),
+    "values": lambda rows: ", ".join(f"{name} {value:+.1f} {of}" for name, value, of in rows),
     "two": two_figures,
     "p": chance,
     "percent": lambda share: percent(share, 1),
@@ -165,8 +165,8 @@ _MACHINE_FORMATS: Mapping[str, Callable[[Machine, Any], str]] = {
     "titles": lambda machine, ids: capitalized(
         " and ".join(CAUSES[id].words(machine).title for id in ids)
     ),
-    "beyond": lambda machine, values: machine.vocabulary.beyond.format(
-        limit=", ".join(dict.fromkeys(f"{most:g} {unit}" for _, unit, _, most in values))
+    "beyond": lambda machine, limits: machine.vocabulary.beyond.format(
+        limit=", ".join(dict.fromkeys(f"{most:g} {unit}" for most, unit in limits))
     ),
     "patterns": lambda machine, patterns: "; ".join(
         pattern_words(machine, pattern) for pattern in patterns

@@ -515,11 +515,13 @@ def _failures(solution: Solution) -> Iterator[tuple[Reason, Remedy]]:
     if not solution.converged:
         yield Reason.of("not_converged"), Remedy.of("validate", "validate")
         return
-    columns = machine.parameter_names, machine.parameter_units, solution.offsets_mm.tolist()
-    parameters = zip(*columns, machine.plausible, strict=True)
-    if beyond := [parameter for parameter in parameters if abs(parameter[2]) > parameter[3]]:
-        yield Reason.of("implausible", values=beyond), Remedy.of("recheck")
-    if names := [size.name for size in parameters_of(solution) if not size.determined]:
+    sizes, offsets = parameters_of(solution), solution.offsets_mm.tolist()
+    rows = zip(sizes, offsets, machine.plausible, strict=True)
+    if beyond := [row for row in rows if abs(row[1]) > row[2]]:
+        values = [(size.name, offset, size.unit) for size, offset, _ in beyond]
+        limits = [(most, size.unit) for size, _, most in beyond]
+        yield Reason.of("implausible", values=values, limits=limits), Remedy.of("recheck")
+    if names := [size.name for size in sizes if not size.determined]:
         yield Reason.of("undetermined", names=names), Remedy.of("more_readings")
     for doubt in machine.instrument.doubts(solution.measured):
         yield Reason.of("gauge_doubt", doubt=doubt), Remedy.of("check_gauge", doubt=doubt)

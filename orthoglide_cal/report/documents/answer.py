@@ -194,7 +194,6 @@ def _details(case: Case) -> Iterator[doc.Section]:
     sigma = "" if answer.sigma_rho_mm is None else f" σ_ρ = {two_figures(answer.sigma_rho_mm)} mm."
     yield doc.Section(
         parameters_title(case),
-        doc.Facts([*fit_facts(case)]),
         parameters_grid(case),
         *open_blocks(case),
         f"Correlations: {related}.{sigma}",
@@ -214,7 +213,7 @@ def evidence(case: Case, when: str = "") -> Iterator[doc.Section]:
         doc.Section(
             "Diagnosis",
             f"{headline(case).rstrip('.')}.",
-            *_fit_blocks(case),
+            doc.Facts([*_fit_facts(case)]),
             *_cause_blocks(case),
             *_note_blocks(case),
         ),
@@ -410,27 +409,11 @@ def _entering(case: Case, brief: bool) -> Iterator[doc.Instruction]:
 # --- parameters, differences and uncertainty -----------------------------------------------------
 
 
-def fit_facts(case: Case) -> Iterator[tuple[str, str]]:
-    """The method; standard deviations of one reading by what they come from, and the one used."""
-    method, noise = Method(case.answer.method or ""), case.answer.noise
-    yield "Solved by", f"{method} ({_METHODS[method]})"
-    if noise is not None:
-        sizes = {
-            "repeats": noise.repeats_mm,
-            "residuals": noise.residuals_mm,
-            "stated": noise.stated_mm,
-            "resolution q/√12": noise.floor_mm,
-            "used for U": noise.used_mm,
-        }
-        known = {name: "unknown" if mm is None else plain(mm, 4) for name, mm in sizes.items()}
-        spare = f"; {counted(noise.dof, 'degree')} of freedom" if noise.dof else ""
-        yield "Noise, mm", ", ".join(f"{name} {size}" for name, size in known.items()) + spare
-
-
 def parameters_title(case: Case) -> str:
     """Heading of the table: what it is of, in which unit, and how it is meant."""
     words, named = case.words, case.answer.named
-    kind = words.title if case.answer.release.usable else f"{words.title} as found"
+    usable = case.answer.release.usable
+    kind = words.title if usable else f"Not to be entered: {words.many}"
     causes = f" with {' and '.join(named)}" if named else ""
     relation = words.relation.replace("true position", "true")
     return f"{kind}{causes}{common_unit(case.machine)} ({relation})"
@@ -771,20 +754,29 @@ def _note_blocks(case: Case) -> Iterator[doc.Block]:
     yield from map(doc.small, (*lines, *changed))
 
 
-def _fit_blocks(case: Case) -> Iterator[str]:
-    """Do the parameters alone explain the data?"""
-    lack, words = case.answer.lack_of_fit, case.words
-    if lack is None:
+def _fit_facts(case: Case) -> Iterator[tuple[str, str]]:
+    """The method, whether the parameters alone explain the data, and the noise of one reading."""
+    answer, words = case.answer, case.words
+    method, noise, lack = Method(answer.method or ""), answer.noise, answer.lack_of_fit
+    yield "Solved by", f"{method} ({_METHODS[method]})"
+    if noise is None or lack is None:
         return
-    if not lack.dof:
-        yield f"There are as many {words.many} as readings: they always fit exactly."
-        return
-    yield (
-        f"With {words.many} only, {plain(lack.left_mm, 4)} mm"
-        f" r.m.s.{weighing(case.given.measured)} remains; this {words.noise}'s noise{words.also}"
-        f" would leave {plain(lack.expected_mm, 4)} mm ({chance(lack.p_value)},"
-        f" {counted(lack.dof, 'degree')} of freedom)."
-    )
-    if lack.repeats_mm is not None:
-        p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
-        yield f"Repeats scatter by {plain(lack.repeats_mm, 4)} mm{p}. {words.repeats}"
+    fit = f"as many {words.many} as readings: they always fit exactly"
+    if lack.dof:
+        fit = (
+            f"{plain(lack.left_mm, 4)} mm r.m.s.{weighing(case.given.measured)} left with"
+            f" {words.many} only; this {words.noise}'s noise{words.also} would leave"
+            f" {plain(lack.expected_mm, 4)} mm ({chance(lack.p_value)},"
+            f" {counted(lack.dof, 'degree')} of freedom)"
+        )
+    yield "Fit", fit
+    sizes = {
+        "repeats": noise.repeats_mm,
+        "residuals": noise.residuals_mm,
+        "stated": noise.stated_mm,
+        "resolution q/√12": noise.floor_mm,
+        "used for U": noise.used_mm,
+    }
+    known = (f"{name} {'unknown' if mm is None else plain(mm, 4)}" for name, mm in sizes.items())
+    p = "" if lack.repeats_p_value is None else f" ({chance(lack.repeats_p_value)})"
+    yield "Noise, mm", f"{', '.join(known)}. {words.repeats.rstrip('.')}{p}."

@@ -21,7 +21,6 @@ from orthoglide_cal.report.case import (
     INVALIDATING,
     MEANS,
     Case,
-    common_unit,
     data_words,
     moment,
     position_words,
@@ -34,7 +33,6 @@ from orthoglide_cal.report.documents.answer import (
     cause_sizes,
     decision_notice,
     evidence,
-    fit_facts,
     open_blocks,
     parameters_grid,
     parameters_title,
@@ -141,10 +139,7 @@ def _notice(case: Case) -> doc.Notice:
 
 def _parameters(case: Case, limit_mm: float | None) -> doc.Section:
     """The parameters with U, and each difference as found and as expected on one axis."""
-    answer, title = case.answer, parameters_title(case)
-    if not answer.release.usable:
-        causes = f" with {' and '.join(answer.named)}" if answer.named else ""
-        title = f"Not to be entered: {case.words.many}{causes}{common_unit(case.machine)}"
+    answer = case.answer
     blocks: list[doc.Block] = [parameters_grid(case), *open_blocks(case)]
     if answer.deviations and answer.as_found and answer.expected:
         rows = [
@@ -153,7 +148,7 @@ def _parameters(case: Case, limit_mm: float | None) -> doc.Section:
         sizes = (answer.as_found.rms_mm, answer.expected.rms_mm)
         ends = answer.check is not None and answer.check.ends
         blocks.append(pictures.differences_figure(rows, sizes, ends, limit_mm))
-    return doc.Section(title, *blocks)
+    return doc.Section(parameters_title(case), *blocks)
 
 
 def _causes(case: Case) -> Iterator[doc.Section]:
@@ -165,7 +160,7 @@ def _causes(case: Case) -> Iterator[doc.Section]:
         blocks: list[doc.Block] = [*cause_sizes(cause.id, cause.parameters, cause.where)]
         if pictures.moves_rails(cause.id) and answer.shims:
             rows = [(e.rail, f"{plain(e.mm, 2)} mm", e.along) for e in answer.shims]
-            above = "xy: how far rail x lies above rail y, along z; and so on."
+            above = "± U (95 %). xy: how far rail x lies above rail y, along z; and so on."
             blocks.append(doc.Grid(("rail", "move by", "towards"), rows, caption=above))
         if cause.remedy.rstrip(".") not in advised:
             blocks.append(f"{'If so: ' * undecided}{cause.remedy}")
@@ -288,6 +283,4 @@ def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Se
     rows += [("Machine", doc.given(machine.name)), ("Geometry", machine.geometry_words)]
     if model.accepted:
         rows.append(("Accepted", ", ".join(effect.cause.id for effect in model.remaining())))
-    if answer.method is not None and answer.noise is not None:
-        rows += fit_facts(case)
     return doc.Section("Traceability", doc.Facts(rows))
