@@ -7,7 +7,7 @@ Here, too, is how every message writes text from outside, files, and commands to
 import re
 import shlex
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import ClassVar
 
 from orthoglide_cal.words import listed, shortened
@@ -102,7 +102,7 @@ class UsageError(OrthocalError):
 
 @dataclass(eq=False, repr=False)
 class InputError(OrthocalError, ValueError):
-    """A file, or a value in it, cannot be used.
+    """A file, or a value in it, cannot be used; the first fault of a file brings the others.
 
     It is a ValueError for pydantic, which adds the path of what a validator refuses.
     """
@@ -113,13 +113,18 @@ class InputError(OrthocalError, ValueError):
     column: str | None = None  # header (CSV), dotted path (YAML), or section and option (INI)
     of_table: bool = False  # which that is: a table's columns are called so
     value: str | None = None  # the offending text, shortened
+    problems: "tuple[InputError, ...]" = ()  # all faults of the file, this one as well
 
     exit_code = 3
 
     def __post_init__(self) -> None:
         self.value = shortened(self.value) if self.value else self.value
-        # What is wrong; of a file with several faults each of them.
-        self.problems: tuple[InputError, ...] = (self,)
+        self.problems = self.problems or (self,)
+
+    @classmethod
+    def of(cls, problems: "Sequence[InputError]") -> "InputError":
+        """All of them, at least one, as one error."""
+        return replace(problems[0], problems=tuple(problems))
 
     @property
     def place(self) -> str:
@@ -134,25 +139,16 @@ class InputError(OrthocalError, ValueError):
         file = file_words(self.file) if self.file is not None else ""
         return ", ".join(filter(None, (file, self.place)))
 
-    def __str__(self) -> str:
+    @property
+    def alone(self) -> str:
+        """The fault without the others of its file."""
         value = f" ({self.value!r})" if self.value is not None else ""
         where = f"{self.where}: " if self.where else ""
         return f"{where}{self.what}{value} {self.remedy}".strip()
 
-
-class InvalidFileError(InputError):
-    """A file with several faults, all of them in `problems` (at least one)."""
-
-    def __init__(self, problems: Sequence[InputError], *, file: str | None = None) -> None:
-        super().__init__(problems[0].what, problems[0].remedy)
-        vars(self).update(vars(problems[0]))  # the first one stands for all
-        self.file = file or self.file
-        self.problems = tuple(problems)
-
     def __str__(self) -> str:
         kinds, others = fault_kinds(self.problems)
-        lines = [f"{fault}{f' {often}' if often else ''}" for fault, often in kinds]
-        return "\n".join([*lines, *others])
+        return "\n".join((*(f"{fault.alone} {often}".strip() for fault, often in kinds), *others))
 
 
 def fault_kinds(faults: Sequence[InputError]) -> tuple[list[tuple[InputError, str]], list[str]]:

@@ -1,13 +1,11 @@
 """`orthocal adjust`: correct a named cause with its screw, live."""
 
-from contextlib import ExitStack, closing
-
 import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Text, Texts, argument, flag, option
 from orthoglide_cal.cli.export import released
-from orthoglide_cal.cli.measure import saved_when_interrupted, session_display
+from orthoglide_cal.cli.measure import guided, session_display
 from orthoglide_cal.errors import UnusableResultError, UsageError, command
 
 
@@ -32,7 +30,6 @@ def adjust(
     from orthoglide_cal.results.validity import validity
     from orthoglide_cal.session.adjusting import AdjustmentAnswer, open_adjustments
     from orthoglide_cal.session.asking import Asker
-    from orthoglide_cal.session.keyboard import Keyboard
 
     if session == "-":
         raise UsageError("adjust needs a file; standard input is the keyboard.", "Name the file.")
@@ -50,16 +47,11 @@ def adjust(
     id, adjustments = choose_adjustments(diagnosis, cause, machine)
     if validity(given).simulated:
         common.tell("These readings were simulated: this is for practice. Loosen nothing.")
-    show = session_display(json)
-    interrupted = saved_when_interrupted("adjust", machine, f"--cause {id}")
-    with ExitStack() as left, interrupted as running:
-        with closing(Keyboard()) as keyboard:
-            asker, source = Asker(keyboard, show), tuple(gauge or ())
-            dialogue = open_adjustments(given, id, adjustments, source, resume, asker)
-            left.callback(dialogue.close)
-            running.append(dialogue)
-            dialogue.greet()
-            dialogue.run()
+    show, source = session_display(json), tuple(gauge or ())
+    with guided(
+        lambda at: open_adjustments(given, id, adjustments, source, resume, Asker(at, show)),
+        "adjust", machine, f"--cause {id}",
+    ) as dialogue:  # fmt: skip
         answer = AdjustmentAnswer(
             input=InputFile.of(given),
             machine=MachineName(name=known.name, kind=known.kind),

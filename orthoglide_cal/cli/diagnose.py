@@ -48,7 +48,7 @@ def diagnose(
     from orthoglide_cal.report.case import Case
     from orthoglide_cal.report.documents.answer import diagnosis_document
     from orthoglide_cal.results import answer_to, with_dates
-    from orthoglide_cal.results.history import sort_by_date, wrong_order
+    from orthoglide_cal.results.history import in_order, wrong_order
 
     if together and len(files) < 2:
         raise UsageError("--together needs several files.", "Name each date, the latest last.")
@@ -67,14 +67,14 @@ def diagnose(
 
     def judge(path: str) -> int:
         inputs = files if together else [path]
-        dates = sort_by_date([common.read_input(name, machine, data, rule_out) for name in inputs])
+        dates, _ = in_order([common.read_input(name, machine, data, rule_out) for name in inputs])
         given = as_one(dates) if together else dates[0]
         named = common.known_machine(machine) if holdout else None
         by = named if isinstance(named, PrinterFile) else given.model
         later = read_input(holdout, by, stored=data) if holdout else None
         if holdout and later:
             require_distinct([*dates, later])
-            if sort_by_date([given, later])[0] is later:
+            if in_order([given, later])[0][0] is later:
                 right = command("diagnose", holdout, machine=machine, holdout=path, applied=applied)
                 raise wrong_order(later, given, right)
         # Without a diagnosis the answer is that of solve.

@@ -9,7 +9,7 @@ import typer
 
 from orthoglide_cal.cli import common
 from orthoglide_cal.cli.common import File, Number, Text, Texts, argument, flag, option
-from orthoglide_cal.errors import InputError, InvalidFileError, UsageError, command
+from orthoglide_cal.errors import InputError, UsageError, command
 from orthoglide_cal.schema import MACHINE_FILE, parse_number
 
 if TYPE_CHECKING:
@@ -94,7 +94,13 @@ def new(
             fault = f"{typed} is not for a machine of kind {kind}."
             raise UsageError(fault, "Leave it out; --help lists what there is.")
         answers |= {} if value is None else {known[0]: value}
-    answers |= dict(map(_tolerance, tolerance or ()))
+    for text in tolerance or ():
+        cause, _, size = text.partition("=")
+        try:
+            answers[f"tolerances.{cause}"] = parse_number(size, decimal_comma=True)
+        except InputError as error:
+            fault = f"--tolerance {text}: {error.what}"
+            raise UsageError(fault, "Write it as axis_gap=0.3") from error
     answers |= {"practice": True} if practice else {}
     if not yes and not (sys.stdin.isatty() and sys.stderr.isatty()):
         raise UsageError("`machine new` asks for what is not given.", "In a script, give --yes.")
@@ -102,7 +108,7 @@ def new(
         raise UsageError(f"{target} exists and is not overwritten.", "Name another: --output FILE")
     try:
         _text(answers, target)
-    except InvalidFileError as error:
+    except InputError as error:
         # What follows from a wrong value is no fault of its own.
         faults = [fault for fault in error.problems if fault.column in answers] or error.problems
         raise UsageError("\n".join(f"{f.column}: {_fault(f)}" for f in faults)) from error
@@ -157,16 +163,6 @@ def _questions(schema: "type[BaseModel]", group: str = "") -> Iterator[tuple[str
             yield group + name, f"{title} ({field.description})"
 
 
-def _tolerance(given: str) -> tuple[str, float]:
-    """Key and value of CAUSE=SIZE. Raises UsageError."""
-    cause, _, size = given.partition("=")
-    try:
-        return f"tolerances.{cause}", parse_number(size, decimal_comma=True)
-    except InputError as error:
-        fault = f"--tolerance {given}: {error.what}"
-        raise UsageError(fault, "Write it as axis_gap=0.3") from error
-
-
 def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
     """Ask until the answer makes a machine; it joins the others. False: go back one question.
 
@@ -175,14 +171,21 @@ def _ask(answers: Answers, key: str, question: str, target: Path) -> bool:
     from orthoglide_cal.files.machine_file import machine_from_text
 
     usual = _plain(answers[key]) if key in answers else _usual(key, answers)
-    shown = " ".join(map(str, usual if isinstance(usual, list) else [usual]))
+    texts = list(map(str, usual if isinstance(usual, list) else [usual]))
     doubted: Value | None = None
     while True:
-        typed = typer.prompt(question, default=shown, type=str, err=True)
+        typed = typer.prompt(question, default=" ".join(texts), type=str, err=True)
         if typed.strip() == _BACK:
             return False
         try:
-            value = typed if key == "name" else _numbers(typed, usual)
+            value: Value = typed
+            if key != "name":
+                parts = typed.replace("mm", " ").split()
+                numbers = [parse_number(part, decimal_comma=True) for part in parts]
+                if len(numbers) != len(texts):
+                    many = "One number is" if len(texts) == 1 else f"{len(texts)} numbers are"
+                    raise InputError(f"{many} needed.", "Type it as in the brackets.", value=typed)
+                value = numbers if isinstance(usual, list) else numbers[0]
             made = machine_from_text(_text({**answers, key: value}, target), str(target))
             doubt = made.machine.instrument.implausible().get(key.rpartition(".")[2])
             if doubt and value != doubted:
@@ -205,18 +208,8 @@ def _fault(fault: InputError) -> str:
     return f"{fault.what}{value} {fault.remedy}"
 
 
-def _numbers(typed: str, usual: Value) -> float | list[float]:
-    """The number that was typed, or several. Raises InputError if there are not as many."""
-    values = [parse_number(part, decimal_comma=True) for part in typed.replace("mm", " ").split()]
-    wanted = len(usual) if isinstance(usual, list) else 1
-    if len(values) != wanted:
-        fault = "One number is needed." if wanted == 1 else f"{wanted} numbers are needed."
-        raise InputError(fault, "Type it as in the brackets.", value=typed)
-    return values[0] if wanted == 1 else values
-
-
 def _text(answers: Answers, target: Path) -> str:
-    """The file's text. Raises InvalidFileError for values that make no machine."""
+    """The file's text. Raises InputError for values that make no machine."""
     from orthoglide_cal.files.machine_file import new_machine
 
     values: Answers = {"name": "my machine"}
@@ -251,6 +244,6 @@ def _usual(key: str, answers: Answers) -> Value:
         value = next(iter(value.values() if isinstance(value, dict) else value))
     if "leg_length_mm" in answers and key in ("joint_limits_mm", "workspace_mm"):
         share = answers["leg_length_mm"] / known["leg_length_mm"]
-        scales = isinstance(value, list)
-        return [round(number * share) for number in value] if scales else round(value * share)
+        several = isinstance(value, list)
+        return [round(number * share) for number in value] if several else round(value * share)
     return _plain(value)

@@ -3,11 +3,11 @@
 import errno
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import typer
 
@@ -29,8 +29,10 @@ from orthoglide_cal.words import Unit
 if TYPE_CHECKING:
     from orthoglide_cal.session.asking import Show
     from orthoglide_cal.session.dialogue import Dialogue
+    from orthoglide_cal.session.keyboard import Keyboard
 
 INTERRUPTED = 130
+Guided = TypeVar("Guided", bound="Dialogue")
 
 
 def measure(
@@ -98,7 +100,6 @@ def measure(
     from orthoglide_cal.report.sentences import sentence
     from orthoglide_cal.results import answer_to
     from orthoglide_cal.session.events import GaugeLabel
-    from orthoglide_cal.session.keyboard import Keyboard
     from orthoglide_cal.session.opening import Request, open_session, set_aside
 
     if discard:
@@ -138,18 +139,8 @@ def measure(
         gauges=labels,
         says=sentence,
     )
-    standing = Standing(follow) if follow else None
-    show = session_display(json)
-    with ExitStack() as left, saved_when_interrupted("measure") as running:
-        with closing(Keyboard()) as keyboard:
-            dialogue = open_session(request, Path(), keyboard, show)
-            left.callback(dialogue.close)
-            running.append(dialogue)
-            dialogue.standing = standing
-            dialogue.greet()
-            if resume:
-                dialogue.offer_again(yes)
-            dialogue.run()
+    standing, show = Standing(follow) if follow else None, session_display(json)
+    with guided(lambda at: open_session(request, at, show, standing), "measure") as dialogue:
         dialogue.publish()
         given = common.read_input(str(dialogue.path))
         answer = answer_to(given, details=json)
@@ -160,34 +151,39 @@ def measure(
 
 
 @contextmanager
-def saved_when_interrupted(
-    verb: str, machine: File = None, options: str = ""
-) -> "Iterator[list[Dialogue]]":
-    """End a session, whatever interrupts it, with exit code 130 and how to go on with the command.
+def guided(
+    begin: "Callable[[Keyboard], Guided]", verb: str, machine: File = None, options: str = ""
+) -> "Iterator[Guided]":
+    """Lead through what is begun at a keyboard, and give it once it has ended.
 
-    The session is put into the list that this gives, once there is one.
+    Whatever interrupts it, the exit code is 130, and how to continue with the command is said.
     """
     from orthoglide_cal.session.dialogue import Quit
+    from orthoglide_cal.session.keyboard import Keyboard
 
     names = ("SIGTERM", "SIGHUP", "SIGBREAK")
     caught = [getattr(signal, name) for name in names if hasattr(signal, name)]
     before = {number: signal.signal(number, signal.default_int_handler) for number in caught}
-    running: list[Dialogue] = []
-    message = ""
+    message = again = ""
     try:
-        yield running
+        with ExitStack() as left:
+            with closing(Keyboard()) as keyboard:
+                dialogue = begin(keyboard)
+                left.callback(dialogue.close)
+                path, options = str(dialogue.path), f"{options} --resume".strip()
+                again = command(verb, path, machine=machine, options=options)
+                dialogue.greet()
+                dialogue.run()
+            yield dialogue
+        return
     except (Quit, EOFError, KeyboardInterrupt, BrokenPipeError) as reason:
         message = "\nNo session was started."
-        if running:
+        if again:
             saved = "Saved." if isinstance(reason, Quit) else "\nInterrupted; everything is saved."
-            path, options = str(running[0].path), f"{options} --resume".strip()
-            again = command(verb, path, machine=machine, options=options)
             message = f"{saved} Continue with:\n  {again}"
     except OSError as error:
         if error.errno != errno.EIO:  # the terminal was closed
             raise
-    else:
-        return
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

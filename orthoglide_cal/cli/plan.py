@@ -8,7 +8,7 @@ from orthoglide_cal.cli.common import MEASURED, Count, File, Number, Text, argum
 from orthoglide_cal.errors import UsageError, command
 
 if TYPE_CHECKING:
-    from orthoglide_cal.planning.forecast import SessionForecast
+    from orthoglide_cal.planning.plan import SessionForecast
     from orthoglide_cal.planning.program import PostureProgram
 
 _GCODE = (".nc", ".ngc", ".gcode", ".tap", ".cnc")
@@ -33,7 +33,9 @@ def plan(
         "FILE", "Template of the G-code. `orthocal template gcode` prints one."
     ),
     order: common.Order = common.ORDER,
-    approach: Number = option("MM", "With --program: length of the slow approach. Default: 1."),
+    approach: Number = option(
+        "MM", "With --program: length of the slow approach. Default: 1.", min=0.01
+    ),
     travel: tuple[float, float] | None = option(
         "LOW HIGH",
         "With --program: limits of the carriages, mm from the isotropic posture. Default: the"
@@ -71,19 +73,18 @@ def plan(
     model = given.model if given else common.given_machine(machine) or common.folder_machine()
     if program is not None:
         chosen = chosen_session(model, wanted)
-        follows = chosen.name in list(MeasuringProtocol)  # a protocol, and no layout
-        if json or html or overwrite or (given and follows):
+        guided = chosen.name in list(MeasuringProtocol)  # no layout
+        if json or html or overwrite or (given and guided):
             fault = "--program writes nothing but the posture program."
             raise UsageError(fault, "Leave out --json, --html, --overwrite and FILE.")
-        ends = (_CSV, *_GCODE) if follows else (_CSV,)
+        ends = (_CSV, *_GCODE) if guided else (_CSV,)
         if str(program) != "-" and program.suffix.lower() not in ends:
-            remedy = f"End it in {_CSV} for a table{f', in {_GCODE[0]} for G-code' * follows}."
+            remedy = f"End it in {_CSV} for a table{f', in {_GCODE[0]} for G-code' * guided}."
             raise UsageError(f"The name {program} does not say what to write.", remedy)
-        if not follows:
+        if not guided:
             if moves != (None,) * 4:
-                raise UsageError(
-                    "A printer's places are written as a table.", "Leave these options out."
-                )
+                fault = "A printer's places are written as a table."
+                raise UsageError(fault, "Leave these options out.")
             write_places(chosen, program)
             return
         careful = require_on_bar(chosen.plan, model.machine)
@@ -92,9 +93,9 @@ def plan(
         turn = Order(order or "paper")
         session = (MeasuringProtocol(chosen.name), chosen.cycles, turn, wanted.stands)
         typed = command("measure", machine=machine, options=sequence_options(*session))
-        length = APPROACH_MM if approach is None else approach
         steps = sequence(model.machine, *session)
-        write_program(posture_program(model, steps, typed, length, travel), program, template)
+        driven = posture_program(model, steps, typed, approach or APPROACH_MM, travel)
+        write_program(driven, program, template)
         return
     full = details or json or html is not None
     with common.working(file or "A plan"):
@@ -114,21 +115,21 @@ def write_program(program: "PostureProgram", target: Path, template: Path | None
     Raises UsageError: a template without G-code, or the file exists; InputError: the template
     cannot be used, or the file cannot be written.
     """
-    from importlib.resources import as_file, files
+    from importlib.resources import files
 
     from orthoglide_cal.files.gcode_template import gcode_template
     from orthoglide_cal.files.text import YAML_LIMIT, read_document
     from orthoglide_cal.planning.program import program_csv, program_gcode
 
-    if target.suffix.lower() not in _GCODE:
-        if template is not None:
-            raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
+    if target.suffix.lower() in _GCODE:
+        path = template or files("orthoglide_cal.files") / "templates" / "gcode.nc"
+        numbers = [block.first.block for block in program.blocks]
+        lines = gcode_template(read_document(str(path), YAML_LIMIT), numbers)
+        text = program_gcode(program, lines)
+    elif template is None:
         text = program_csv(program)
     else:
-        with as_file(files("orthoglide_cal.files") / "templates" / "gcode.nc") as shipped:
-            document = read_document(str(template or shipped), YAML_LIMIT)
-        lines = gcode_template(document, [block.number for block in program.blocks])
-        text = program_gcode(program, lines)
+        raise UsageError("--template is for G-code.", f"Name a file that ends in {_GCODE[0]}.")
     advice = "Try them first without gauges, slowly, a hand on the emergency stop."
     common.put(text, target, f"{len(program.blocks)} blocks written to {target}. {advice}")
 

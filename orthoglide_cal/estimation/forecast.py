@@ -54,13 +54,7 @@ class PlanForecast:
         self._misfits = _SIZES * misfit_mm(machine)
 
     def forecast(
-        self,
-        rows: Ints,
-        setup: Ints,
-        order: Ints,
-        hours: Floats,
-        fresh: Ints | None = None,
-        sigma_mm: float | None = None,
+        self, rows: Ints, setup: Ints, order: Ints, hours: Floats, fresh: Ints, sigma_mm: float
     ) -> Mixture:
         """Some of the plan's readings, for each size of the misfit; all arrays have shape (m,).
 
@@ -68,12 +62,9 @@ class PlanForecast:
             rows: which readings of the plan.
             setup: 0 … k−1; readings of one set-up share a zero.
             order, hours: rank in time, and when they are taken [h].
-            fresh: where not 0, nothing is known of a reading but its repeats with the same
-                number; 0 everywhere if None.
-            sigma_mm: standard deviation of one reading; as stated if None.
+            fresh: where not 0, nothing is known of a reading but its repeats with the same number.
+            sigma_mm: standard deviation of one reading.
         """
-        noise_mm = self._model.machine.instrument.noise_mm if sigma_mm is None else sigma_mm
-        fresh = np.zeros(len(rows), dtype=np.intp) if fresh is None else fresh
         known, plan = fresh == 0, self._plan
         slopes, first = self._jacobian[rows] * known[:, None], self._first_visits(rows, order)
         cells = _same(plan.cells[rows], fresh)
@@ -83,7 +74,7 @@ class PlanForecast:
             + UNKNOWN_MM**2 * (cells & ~known)
             + _same(plan.leg[rows], plan.direction[rows])
             * (self._drift**2 * np.outer(hours, hours) + self._settling**2 * np.outer(first, first))
-            + noise_mm**2 * np.eye(len(rows))
+            + sigma_mm**2 * np.eye(len(rows))
         )
         base = self._base[rows]
         if not self._model.repeats:

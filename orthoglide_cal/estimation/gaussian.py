@@ -23,15 +23,8 @@ TINY = 1e-12  # a variance of log odds
 def whiten(covariance: Floats, *values: Floats) -> tuple[Floats, ...]:
     """R⁻¹ v with S = R Rᵀ: values in units of independent noise.
 
-    Args:
-        covariance: S, positive definite, shape (..., k, k).
-        values: each of shape (k,) or (..., k, q).
-
-    Returns:
-        The same values whitened, one by one.
-
-    Raises:
-        numpy.linalg.LinAlgError: S is not positive definite.
+    S of shape (..., k, k), values each (k,) or (..., k, q). Raises numpy.linalg.LinAlgError: S is
+    not positive definite.
 
     >>> whiten(np.diag([4.0, 9.0]), np.array([2.0, 6.0]))
     (array([1., 2.]),)
@@ -56,33 +49,22 @@ def shrinking(columns: Floats) -> tuple[Floats, Floats]:
     return axes, 1.0 / np.sqrt(1.0 + size**2)
 
 
+def shrink(values: Floats, axes: Floats, factors: Floats) -> Floats:
+    """(I − U diag(1 − f) Uᵀ) v of values (k,) or (k, m), with U and f as of `shrinking`."""
+    return np.asarray(values - axes @ ((1.0 - factors) * (axes.T @ values).T).T)
+
+
 def whiten_shared(columns: Floats, *values: Floats) -> tuple[Floats, ...]:
     """Values, each (k,) or (k, q), in units of independent noise of S = I + C Cᵀ, C (k, c)."""
     axes, factors = shrinking(columns)
-    return tuple(value - axes @ ((1.0 - factors) * (axes.T @ value).T).T for value in values)
-
-
-def log_density(covariance: Floats, residuals: Floats) -> Floats:
-    """ln N(r; 0, S) without its constant, −½ (rᵀ S⁻¹ r + ln det S), shape (..., q).
-
-    S is of shape (..., k, k), columns r of shape (..., k, q).
-    """
-    root = np.linalg.cholesky(covariance)
-    log_scale = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
-    white = np.linalg.solve(root, residuals)
-    return np.asarray(-0.5 * (white**2).sum(axis=-2) - log_scale[..., None])
+    return tuple(shrink(value, axes, factors) for value in values)
 
 
 def condition(columns: Floats, data: Floats, sizes: Floats, sigma: float) -> tuple[Floats, Floats]:
     """Unknowns u of d = C u + e with priors u ~ N(0, sizes²) and noise e ~ N(0, σ²).
 
-    Args:
-        columns, data: C, shape (k, q), and d, shape (k,) [mm].
-        sizes: plausible size of each unknown, one standard deviation, shape (q,).
-        sigma: σ [mm].
-
-    Returns:
-        Their mean, shape (q,), and covariance (CᵀC/σ² + diag(1/sizes²))⁻¹, shape (q, q).
+    C of shape (k, q), d (k,), sizes (q,). Returns their mean, shape (q,), and covariance
+    (CᵀC/σ² + diag(1/sizes²))⁻¹, shape (q, q).
     """
     precision = columns.T @ columns / sigma**2 + np.diag(1.0 / sizes**2)
     covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
@@ -90,9 +72,9 @@ def condition(columns: Floats, data: Floats, sizes: Floats, sigma: float) -> tup
 
 
 def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen: Ints) -> float:
-    """The likeliest size that some unknowns have in common (expectation and maximisation).
+    """The likeliest size that the `chosen` unknowns have in common, of first size 1; else as above.
 
-    Arguments as of `condition`; of those with the `chosen` indices the first size is 1.
+    By expectation and maximisation.
     """
     others = np.delete(np.arange(len(sizes)), chosen)
     precision, pull = columns.T @ columns / sigma**2, columns.T @ data / sigma**2
@@ -113,18 +95,12 @@ def fit_size(columns: Floats, data: Floats, sizes: Floats, sigma: float, chosen:
 
 
 def unexplained(columns: Floats, values: Floats) -> Floats:
-    """v − C C⁺ v: what free unknowns, of any size, leave of white values.
-
-    C is of shape (k, q), v and what is left of it (k,) or (k, m).
-    """
+    """v − C C⁺ v: what unknowns of any size, C (k, q), leave of white values, (k,) or (k, m)."""
     return np.asarray(values - columns @ (np.linalg.pinv(columns) @ values))
 
 
 def root_of(covariance: Floats) -> Floats:
-    """R with R Rᵀ = P for any P (q, q) without negative variances, columns by growing size.
-
-    What rounding makes negative is zero.
-    """
+    """R with R Rᵀ = P (q, q), columns by growing size; what rounding makes negative is zero."""
     size2, directions = np.linalg.eigh(covariance)
     return np.asarray(directions * np.sqrt(np.maximum(size2, 0.0)))
 
@@ -156,8 +132,11 @@ class Mixture(ReadOnly):
     log_weight: Floats  # ln of the probability of each explanation, shape (t, q)
 
     def by_explanation(self, values: Floats, rows: Ints) -> Floats:
-        """ln p of some of the values (k, q), at `rows` (k,), under each, shape (t, q)."""
-        return log_density(self.covariance[:, rows[:, None], rows], values - self.means[:, rows])
+        """ln p of values (k, q) at `rows` (k,) under each, without its constant, shape (t, q)."""
+        covariance = self.covariance[:, rows[:, None], rows]
+        (white,) = whiten(covariance, values - self.means[:, rows])
+        spread = np.linalg.slogdet(covariance)[1][:, None]
+        return np.asarray(-0.5 * ((white**2).sum(axis=-2) + spread))
 
     def log_density(self, values: Floats, rows: Ints) -> Floats:
         """ln p of the same, whichever explanation holds, shape (q,)."""
@@ -181,13 +160,10 @@ class Mixture(ReadOnly):
         return Mixture(self.means[some, values], covariance, self.log_weight[some])
 
     def log_odds(self, judged: Mixture) -> tuple[Floats, Floats]:
-        """By how much values raise the log odds of the true explanation over a rival.
+        """By how much values raise the log odds of the true explanation (first axis) over a rival.
 
         Values as this mixture predicts them, weighed by the densities of `judged`, of the same
-        explanations, both from one data set.
-
-        Returns:
-            Mean and standard deviation, each of shape (t, t), the true one first.
+        explanations, both from one data set: mean and standard deviation, each (t, t).
         """
         covariance, gap = self.covariance[:, None], (self.means[:, None] - judged.means)[..., 0]
         precision = np.linalg.inv(judged.covariance)

@@ -65,10 +65,9 @@ class Problem(ReadOnly):
         return read_only(predicted), read_only(jacobian)
 
     def covariance(self) -> Floats:
-        """R Rᵀ: covariance of the data for unit variance of one reading (eqs. 28, 31), (k, k).
+        """R Rᵀ: covariance of the data for unit variance of a common reading (eqs. 28, 31), (k, k).
 
-        Of one as precise as most; others have more or less noise. Of differences: contrasts are
-        independent.
+        Of differences: contrasts are independent.
         """
         return self.spread(np.eye(len(self.matrix)))
 
@@ -108,10 +107,7 @@ class Problem(ReadOnly):
 def simulate_at(
     model: Model, offsets: Floats, plan: Plan, strict: bool = True
 ) -> tuple[Floats, Floats]:
-    """`simulate_with_jacobian` at one point (3,): other weights of the same readings ask it again.
-
-    At zero so do other sessions of the same steps.
-    """
+    """`simulate_with_jacobian` at one point (3,), kept for other weights and other sessions."""
     same = plan.steps if model.repeats else plan
     readings, jacobian = _simulate_at(model, tuple(offsets.tolist()), same)
     if strict and not np.isfinite(readings).all():
@@ -160,15 +156,10 @@ class LeastSquaresFit(ReadOnly):
 # What fails on the way shows as NaN and is refused there; warnings would say nothing more.
 @np.errstate(divide="ignore", over="ignore", invalid="ignore")
 def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> LeastSquaresFit:
-    """Minimise |d − R·h(Δρ)|² for each data set.
+    """Minimise |d − R·h(Δρ)|² for each data set d, shape (..., k) [mm], of one problem.
 
-    Args:
-        problem: the common problem, of full rank.
-        data: d, shape (..., k) [mm].
-        start: first offsets, shape (..., p) [mm]; zero if None.
-
-    Returns:
-        The fit; look at `converged` before using a number of it.
+    `start` are first offsets, shape (..., p) [mm]; zero if None. Look at `converged` before using a
+    number of the fit.
     """
     batch, flat = data.shape[:-1], data.reshape(-1, data.shape[-1])
     model, slope = problem.at_zero
@@ -198,11 +189,8 @@ def fit_offsets(problem: Problem, data: Floats, start: Floats | None = None) -> 
         slack = ROUNDING * cost + ROUNDING_MM * np.sqrt(cost)
         better = (after**2).sum(axis=-1) <= cost + slack
         moved = which[better]
-        offsets[moved], residual[moved], jacobian[moved] = (
-            trial[better],
-            after[better],
-            slope[better],
-        )
+        offsets[moved], residual[moved] = trial[better], after[better]
+        jacobian[moved] = slope[better]
         step[moved] = normal_step(jacobian[moved], residual[moved])
         left[moved] = problem.length(jacobian[moved], step[moved])
         more = np.maximum(10.0 * damping[which], FIRST_DAMPING)

@@ -18,7 +18,7 @@ from enum import StrEnum
 import numpy as np
 
 from orthoglide_cal.errors import UnusableResultError, UsageError
-from orthoglide_cal.estimation.gaussian import shrinking
+from orthoglide_cal.estimation.gaussian import shrink, shrinking
 from orthoglide_cal.estimation.least_squares import Problem
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Difference, Measured, Readings
 from orthoglide_cal.model.model import Model
@@ -110,7 +110,7 @@ class Posed(ReadOnly):
         if isinstance(matrix, Contrasts):
             axes, factors = shrinking(ratio)
             matrix = replace(matrix, axes=axes, factors=factors)
-            (data,) = self.problem.whitened(ratio, self.data)
+            data = shrink(self.data, axes, factors)
         else:
             matrix, data = self.problem.whitened(ratio, matrix, self.data)
         return replace(self, problem=replace(self.problem, matrix=matrix), data=data)
@@ -132,11 +132,9 @@ def pose_plan(plan: Plan, model: Model, kind: DataKind) -> tuple[Problem, tuple[
 
 
 def pose(measured: Measured, model: Model, kind: DataKind) -> Posed:
-    """Reduce the data to what is compared with the model; differences that they lack are left out.
+    """Reduce the data to what is compared with the model, of a kind that can be made of them.
 
-    Args:
-        measured, model: the data, and what they are of.
-        kind: one that can be made of these data.
+    Differences that they lack are left out.
     """
     if isinstance(measured, Readings):
         problem, kept = pose_plan(measured.plan, model, kind)

@@ -247,24 +247,26 @@ def fit_parameters(
     if not chosen.linear:
         residuals = fit.residuals_mm
         estimator = np.asarray(np.linalg.pinv(posed.problem.matrix @ jacobian), np.float64)
-    # What a cause of the machine would explain is no noise.
+    # Noise of one reading is what no offsets explain, of raw data in all readings, whatever the
+    # method; what a cause of the machine would explain is none.
+    if isinstance(measured, Readings) and plain.which:
+        plain = pose(measured, model, DataKind.READINGS)
     hidden = set(model.machine.unobservable) - {effect.cause.id for effect in model.accepted}
     ratio = np.hstack([ratio for source, ratio in ratios if source not in hidden])
     # What was fitted to these very readings took its part of their noise away.
-    known = len(offsets) + sum(here.values())
-    scatter = _scatter(measured, plain, readings, jacobian, ratio, known)
-    noise = Scatter(stated_mm, math.inf)
-    if scatter is not None:
-        noise = Scatter(max(scatter.sigma_mm, gauge.rounding_mm), scatter.dof)
+    dof = len(plain.data) - len(offsets) - sum(here.values())
+    scatter, noise, matrix = None, Scatter(stated_mm, math.inf), plain.problem.matrix
+    if dof > 0:
+        residual, slopes = plain.data - matrix @ readings, matrix @ jacobian
+        total = sum_of_squares(plain.problem, slopes, residual, matrix @ ratio)
+        scatter = Scatter(math.sqrt(total / dof), dof)
+        noise = Scatter(max(scatter.sigma_mm, gauge.rounding_mm), dof)
+    uncertain = (*uncertain, *fixed_influences(model, offsets, plan))
     return Solution(
         model=model,
         offsets_mm=offsets,
         budget=budget_of(
-            estimator @ posed.problem.matrix,
-            gauge,
-            scatter,
-            (*uncertain, *fixed_influences(model, offsets, plan)),
-            plan.precision,
+            estimator @ posed.problem.matrix, gauge, scatter, uncertain, plan.precision
         ),
         noise=noise,
         measured=measured,
@@ -301,27 +303,3 @@ def _search(posed: Posed, start: Floats | None = None) -> LeastSquaresFit:
             "Check the machine file and the readings; validate names every fault.",
         )
     return fit
-
-
-def _scatter(
-    measured: Measured, posed: Posed, readings: Floats, jacobian: Floats, ratio: Floats, known: int
-) -> Scatter | None:
-    """σ of one reading from what no offsets explain; None without degrees of freedom.
-
-    Of raw data from all readings, whatever the method.
-
-    Args:
-        measured, posed: the data, and as the method sees them, without weights.
-        readings, jacobian: predicted of the plan, (n,) [mm], and their derivative, (n, 3).
-        ratio: what the influences add to them, in standard deviations, (n, p).
-        known: parameters that were fitted to the data.
-    """
-    if isinstance(measured, Readings) and posed.which:
-        posed = pose(measured, posed.problem.model, DataKind.READINGS)
-    dof = len(posed.data) - known
-    if dof <= 0:
-        return None
-    problem, matrix = posed.problem, posed.problem.matrix
-    residual = posed.data - matrix @ readings
-    total = sum_of_squares(problem, matrix @ jacobian, residual, matrix @ ratio)
-    return Scatter(math.sqrt(total / dof), dof)

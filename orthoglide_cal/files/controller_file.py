@@ -207,8 +207,8 @@ def controller_file(target: str) -> ControllerFile:
     """What stands in a controller's file, of a path or of the address of a Moonraker server.
 
     Raises:
-        InvalidFileError: values are not where they can be changed; each with its line.
-        InputError: it cannot be read, or is the file of no controller that is known here.
+        InputError: it cannot be read, or is the file of no controller that is known here; or
+            values are not where they can be changed, each with its line.
     """
     data = read_bytes(target)
     target = moonraker.server(target) or str(Path(target).resolve())
@@ -326,7 +326,7 @@ def _values(
     heading: int,
     optional: Collection[str] = (),
 ) -> dict[str, WrittenValue]:
-    """The wanted values, below the heading of Klipper's block. Raises InvalidFileError."""
+    """The wanted values, below the heading of Klipper's block. Raises InputError."""
     faults, values = Faults(target), dict[str, WrittenValue]()
     for name, (section, option) in wanted.items():
         key, needed = f"[{section}] {option}", name not in optional

@@ -1,14 +1,15 @@
 """Everything that is wrong with one file, each fault with its place; pydantic's errors in words."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
+from itertools import chain
 from typing import Any, get_args, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 
-from orthoglide_cal.errors import InputError, InvalidFileError
+from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.schema import Reason, parse_number, yaml_number
 
@@ -71,10 +72,10 @@ class Faults:
         column: str | None = None,
         value: str | None = None,
     ) -> None:
-        """Note one fault at its place. Raises InvalidFileError if there are too many."""
+        """Note one fault at its place. Raises InputError if there are too many."""
         if len(self.problems) == _MOST:
             rest = InputError("There are more faults like these.", _FIRST, file=self.file)
-            raise InvalidFileError((*self.error().problems, rest), file=self.file)
+            raise InputError.of((*self.error().problems, rest))
         fault = InputError(what, remedy, file=self.file, line=line, column=column, value=value)
         fault.of_table = self.of_table
         self.problems.append(fault)
@@ -89,10 +90,9 @@ class Faults:
         except InputError as error:
             self.add(error.what, error.remedy, line, column, value or None)
 
-    def error(self) -> InvalidFileError:
+    def error(self) -> InputError:
         """All faults, at least one, by line."""
-        problems = sorted(self.problems, key=lambda fault: fault.line or 0)
-        return InvalidFileError(problems, file=self.file)
+        return InputError.of(sorted(self.problems, key=lambda fault: fault.line or 0))
 
     def check(self) -> None:
         """Raise `error()` if there are any faults."""
@@ -157,7 +157,10 @@ class Content(Faults):
                 meant = str(finding["input"])
             elif kind == "extra_forbidden":
                 meant = str(path[-1])
-                known = _known(path, schema)
+                fields = _fields(schema)
+                for step in path[:-1]:  # a place in a list has no name of its own
+                    fields = _fields(fields[step]) if step in fields else fields
+                known = list(fields)
             elif kind == "missing" and isinstance(path[-1], int):
                 kind = "too_short"
             elif kind == "greater_than_equal" and given["ge"] == 0:
@@ -203,27 +206,11 @@ def unused(kind: str, names: Iterable[str], known: Iterable[str]) -> list[Reason
     return [Reason.of("unknown_names", kind=kind, names=given, hints=hints)] if given else []
 
 
-def _known(path: Steps, schema: object) -> list[str]:
-    """Names that are known where an unknown one stands."""
-    classes = _classes(schema)
-    for step in path[:-1]:
-        fields = [_fields(kind)[step] for kind in classes if step in _fields(kind)]
-        if fields:
-            classes = [kind for field in fields for kind in _classes(field)]
-    return list(dict.fromkeys(str(name) for kind in classes for name in _fields(kind)))
-
-
-def _fields(kind: type) -> dict[str | int, object]:
-    """Name → type of each field of a schema or a named tuple."""
-    if issubclass(kind, BaseModel):
-        return {name: field.annotation for name, field in kind.model_fields.items()}
-    hints: dict[str | int, object] = {}
-    return hints | get_type_hints(kind)
-
-
-def _classes(annotation: object) -> Sequence[type]:
-    """The schemas and named tuples that a type is made of."""
-    if isinstance(annotation, type):
-        named = issubclass(annotation, BaseModel) or hasattr(annotation, "_fields")
-        return [annotation] if named else []
-    return [kind for part in get_args(annotation) for kind in _classes(part)]
+def _fields(annotation: object) -> dict[str, object]:
+    """Name → type of each field of the schemas and named tuples that a type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return {name: field.annotation for name, field in annotation.model_fields.items()}
+    if hasattr(annotation, "_fields"):
+        return get_type_hints(annotation)
+    parts = (_fields(part).items() for part in get_args(annotation))
+    return dict(chain.from_iterable(parts))

@@ -32,7 +32,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path, PurePath
+from pathlib import PurePath
 
 import numpy as np
 
@@ -47,7 +47,7 @@ from orthoglide_cal.files.probe_readings import (
     stored_mesh,
     within,
 )
-from orthoglide_cal.files.text import FileText, read_document
+from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import TOWERS_TURN, Endstops, LinearDelta, counter_clockwise
 from orthoglide_cal.model.measured import Readings, Source
 from orthoglide_cal.model.plan import Floats
@@ -65,7 +65,7 @@ _LOADS = re.compile(r"^\s*M501\b", re.MULTILINE | re.IGNORECASE)
 _KINEMATICS = re.compile(r"^\s*M66[79]\b[^;\n]*", re.MULTILINE | re.IGNORECASE)
 _NAME = re.compile(r'^\s*M550\s+P"([^"\n]+)"', re.MULTILINE | re.IGNORECASE)
 _DATE = re.compile(r"\b20[0-9]{2}-[0-9]{2}-[0-9]{2} [0-9]{2}:[0-9]{2}")
-HEIGHT_MAP = re.compile(r"\s*RepRapFirmware height map file")
+HEIGHT_MAP = re.compile(r"\A\s*RepRapFirmware height map file")
 # Later versions name the axes, and number what earlier ones call x and y.
 _NAMES = {
     f"{name}{number}": axis + name
@@ -86,7 +86,7 @@ Words = dict[str, tuple[float, ...]]
 def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     """The machine and the probe that these files state; the last of them wins.
 
-    The radius of the bed is NaN where it is not stated. Raises InvalidFileError with everything
+    The radius of the bed is NaN where it is not stated. Raises InputError with everything
     that is wrong in one of them.
     """
     words: Words = {}
@@ -130,48 +130,48 @@ def read_codes(document: FileText, *overriding: FileText) -> PrinterFile:
     return PrinterFile(machine, probe, document.source, unknown=unknown.format(name))
 
 
-def read_codes_in(folder: Path, measured: FileText | None = None) -> PrinterFile | None:
+def own_codes(document: FileText) -> PrinterFile | None:
+    """Settings that a text holds itself; None if it has none."""
+    return read_codes(document) if SETTINGS.search(document.text) else None
+
+
+def codes_beside(measured: FileText) -> PrinterFile | None:
     """Settings of config.g, and of config-override.g if M501 loads it; None if there are no arms.
 
-    The date of what was measured by these settings is compared with theirs.
+    The date of a height map that was measured by these settings is compared with theirs.
     """
-    paths = [folder / name for name in ("config.g", "config-override.g")]
-    files = [read_document(str(path)) for path in paths if path.is_file()]
-    if len(files) == len(paths) and not _LOADS.search(files[0].text):
-        files.pop()
+    config, override = map(measured.beside, ("config.g", "config-override.g"))
+    loaded = override if config is None or _LOADS.search(config.text) else None
+    files = [file for file in (config, loaded) if file]
     if not any(SETTINGS.search(file.text) for file in files):
         return None
     names = [PurePath(file.path).name for file in files]
     remarks = [Reason.of("settings_beside", names=names)]
-    both = (files[-1], measured) if measured else ()
-    matches = [_DATE.search(file.text.split("\n", 1)[0]) for file in both]
-    dates = [date[0] for date in matches if date]
-    if len(dates) == 2 and dates[1] < dates[0]:
-        stale = Reason.of(
-            "stale_mesh", order={"date": dates[1], "settings": names[-1], "calibrated": dates[0]}
-        )
-        remarks.append(stale)
+    set_on, probed = (_DATE.search(file.text.split("\n", 1)[0]) for file in (files[-1], measured))
+    if set_on and probed and HEIGHT_MAP.search(measured.text) and probed[0] < set_on[0]:
+        order = {"date": probed[0], "settings": names[-1], "calibrated": set_on[0]}
+        remarks.append(Reason.of("stale_mesh", order=order))
     return replace(read_codes(*files), remarks=tuple(remarks))
 
 
-def check_delta(folder: Path, path: str) -> None:
-    """Raise InputError for what was probed at `path` beside a config.g that has no arms."""
-    if not (folder / "config.g").is_file():
+def check_delta(measured: FileText) -> None:
+    """Raise InputError for what was probed beside a config.g that has no arms."""
+    if (config := measured.beside("config.g")) is None:
         return
-    text = read_document(str(folder / "config.g")).text
-    if _LOADS.search(text):
-        raise InputError(_UNKNOWN.format("config.g"), "Copy it from the printer.", file=path)
-    kind = _KINEMATICS.search(text)
+    if _LOADS.search(config.text):
+        what = _UNKNOWN.format("config.g")
+        raise InputError(what, "Copy it from the printer.", file=measured.path)
+    kind = _KINEMATICS.search(config.text)
     raise InputError(
         "This printer is not a delta: config.g in the same folder has no M665 with L"
         f"{f' ({kind[0].strip()})' if kind else ''}.",
         "Give the height map of a delta; or name its settings: --machine FILE",
-        file=path,
+        file=measured.path,
     )
 
 
 def read_height_map(document: FileText, settings: PrinterFile) -> PrinterFile:
-    """The settings, with the probed heights as their mesh. Raises InvalidFileError."""
+    """The settings, with the probed heights as their mesh. Raises InputError."""
     faults, lines = Faults(document.path), document.text.strip("\n").split("\n")
     head, values = [*lines[1:3], "", ""][:2]
     names = [_NAMES.get(name.strip(), name.strip()) for name in head.lower().split(",")]
@@ -252,8 +252,6 @@ def _words(file: FileText) -> Words:
 MARLIN_OUTPUT = re.compile(
     "Bed X:|Bilinear Leveling Grid:|G33 Auto Calibrate|Bed Topography Report|Measured points:"
 )
-# MarlinKimbra keeps its settings in M666.
-KIMBRA = re.compile(r"MarlinKimbra|\bM666\b[^\n]*\bD[0-9.]+\s+H", re.IGNORECASE)
 _BED = re.compile(r"Bed X: ?(\S+) Y: ?(\S+) Z: ?(\S+)")
 _GRID = re.compile(r"(?<!Subdivided )(?<!ROM )Bilinear Leveling Grid:")
 _ROW = re.compile(r"(?:^|[\s>])[0-9]{1,3}((?:\s+(?:[-+][0-9.]+|nan|=+))+)\s*$")
@@ -274,7 +272,7 @@ def read_marlin(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings after all that was printed, with G33's heights, and what else was probed.
 
     The radius of the bed is NaN where the settings before it do not have it. Raises
-    InvalidFileError: everything that is wrong; InputError: no heights, or not their places.
+    InputError: everything that is wrong; no heights, or not their places.
     """
     faults, offset, remarks = Faults(document.path), np.nan_to_num(settings.probe), list[Reason]()
     reach = settings.machine.bed_radius_mm - _MARGIN_MM
@@ -416,8 +414,6 @@ def _places(grid: Mapping[int, list[str]], reach: float, offset: Floats) -> list
 
 REPETIER_MAP = re.compile(r"\bG33 X(\S+) Y(\S+) Z(\S+)")
 PROBE_HEIGHTS = re.compile(r"\bbed probe heights:((?: +[-+]?[0-9.]+\b)+)", re.IGNORECASE)
-# What tells the output of these consoles.
-PRINTED = (MARLIN_OUTPUT, SETTINGS, PROBE_HEIGHTS, REPETIER_MAP)
 _PLACE = re.compile(r"^[^;\n]*\bG30 P([0-9]+) X(\S+) Y(\S+)", re.MULTILINE | re.IGNORECASE)
 
 
@@ -425,12 +421,12 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     """The settings, and what was printed as their mesh: Repetier's map, without its corners, which
     are made up; or the last heights of RepRapFirmware, at the places of G30 P….
 
-    Raises InvalidFileError for what is no number; InputError: neither the text nor a bed.g in its
+    Raises InputError for what is no number, or if neither the text nor a bed.g in its
     folder has the places.
     """
     text, path = document.text, document.path
     faults, offset, remarks = Faults(path), np.nan_to_num(settings.probe), settings.remarks
-    firmware, bed = "reprapfirmware", Path(path).parent / "bed.g"
+    firmware = "reprapfirmware"
     lines = [(text[: m.start()].count("\n") + 1, m.groups()) for m in REPETIER_MAP.finditer(text)]
     if lines:
         firmware = "text"
@@ -438,8 +434,9 @@ def read_listed(document: FileText, settings: PrinterFile) -> PrinterFile:
     else:
         match = [*PROBE_HEIGHTS.finditer(text)][-1]
         line, heights = text[: match.start()].count("\n") + 1, match[1].split()
-        beside = read_document(str(bed)).text if bed.is_file() else ""
-        places = {int(number): place for number, *place in _PLACE.findall(text + beside)}
+        bed = document.beside("bed.g")
+        listed = _PLACE.findall(text + (bed.text if bed else ""))
+        places = {int(number): place for number, *place in listed}
         if not places.keys() >= set(range(len(heights))):
             what = f"RepRapFirmware's console prints {len(heights)} heights without their places."
             remedy = "Put bed.g, whose lines G30 P… have them, in the same folder."

@@ -66,7 +66,7 @@ class Template(Schema):
 def gcode_template(document: FileText, numbers: Iterable[int]) -> Template:
     """The template that a file holds.
 
-    Raises InvalidFileError: no marker or two, a setting that cannot be used, one of the numbers of
+    Raises InputError: no marker or two, a setting that cannot be used, one of the numbers of
     the blocks to be written, or a mode (inches, relative) in which they would drive elsewhere.
     """
     content, taken = Content(document), set(numbers)

@@ -3,14 +3,14 @@
 import hashlib
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 from glob import escape
 from itertools import pairwise
 from pathlib import Path, PurePath
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple, cast
 
 import numpy as np
 from pydantic import InstanceOf, PlainSerializer
@@ -27,8 +27,8 @@ from orthoglide_cal.files.readings import (
     implausible_temperatures,
     readings_from_table,
 )
+from orthoglide_cal.files.rows import Table
 from orthoglide_cal.files.session_file import session_from_tree
-from orthoglide_cal.files.table import read_table
 from orthoglide_cal.files.text import (
     YAML_LIMIT,
     FileText,
@@ -39,7 +39,7 @@ from orthoglide_cal.files.text import (
 from orthoglide_cal.files.yaml_tree import load_tree
 from orthoglide_cal.model.cause import Effect
 from orthoglide_cal.model.linear_delta import LinearDelta
-from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings, Source, notes_on
+from orthoglide_cal.model.measured import CAUTIONS, Excerpt, Measured, Readings
 from orthoglide_cal.model.model import Model, differentiate
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.schema import MACHINE_FILE, Reason, Schema, Sentence
@@ -70,6 +70,30 @@ _GAUGED = re.compile(
 _DELTA = re.compile(r"^kinematics\s*[:=]\s*delta\b", re.MULTILINE | re.IGNORECASE)
 
 
+class _Format(NamedTuple):
+    """What a firmware writes of its touches; it does not say which printer they are from."""
+
+    mark: re.Pattern[str]
+    title: str
+    named: str  # what gives its settings: --machine …
+    settings: Callable[[FileText], PrinterFile | None]  # in the same file, or beside it
+    read: Callable[[FileText, PrinterFile], PrinterFile]
+
+
+_FORMATS = (
+    _Format(gcode.HEIGHT_MAP, "a height map of RepRapFirmware", "config.g",
+            gcode.codes_beside, gcode.read_height_map),
+    _Format(klipper.PROBED, "what Klipper's console prints", "printer.cfg",
+            klipper.settings_beside, klipper.read_probed),
+    _Format(gcode.MARLIN_OUTPUT, "what Marlin prints",
+            "FILE, or keep what M503 prints in this file", gcode.own_codes, gcode.read_marlin),
+    _Format(gcode.PROBE_HEIGHTS, "what RepRapFirmware's console prints", "config.g",
+            gcode.codes_beside, gcode.read_listed),
+    _Format(gcode.REPETIER_MAP, "a map of Repetier (G33)", "FILE",
+            gcode.own_codes, gcode.read_listed),
+)  # fmt: skip
+
+
 @dataclass(frozen=True, eq=False)
 class Input:
     """A measurement, its machine and its conditions."""
@@ -84,6 +108,11 @@ class Input:
     @property
     def is_session(self) -> bool:
         return self.recorded is not None
+
+    @property
+    def name(self) -> str:
+        """Of its file, without the folder."""
+        return PurePath(self.measured.source.path).name
 
 
 class CheckedFile(Schema):
@@ -131,8 +160,8 @@ def read_input(
         stored: what of a printer's file is meant; None for its calibration, or else its mesh.
             Other files are read whole.
 
-    Raises InvalidFileError: every fault of its content with its place; InputError: not readable,
-    too large, or not text.
+    Raises InputError: every fault of its content with its place; or not readable, too large, or
+    not text.
     """
     document = source if isinstance(source, FileText) else read_document(source)
     if _is_yaml(document):
@@ -218,50 +247,34 @@ def together(inputs: Sequence[Input]) -> Input:
         [(given.model.machine, given.measured) for given in inputs],
         lambda now: differentiate(last.model, zero, now, ())[1],
     )
-    reads = [given.measured for given in inputs if isinstance(given.measured, Readings)]
+    remarks = [
+        Reason.of("other_settings", files=[given.name for given in pair], settings=names)
+        for pair in pairwise(inputs)
+        if (names := pair[0].model.machine.differing(pair[1].model.machine))
+    ]
+    reads, unknown = [], []
+    for given in inputs:
+        read, excerpt = cast(Readings, given.measured), given.measured.source.excerpt
+        reads.append(read)
+        unknown += [f"{given.name}: {excerpt.unknown}"] if excerpt and excerpt.unknown else []
+        for remark in read.remarks:
+            if remark.code in CAUTIONS:
+                remark = remark.changed(data={**remark.data, "of_file": given.name})
+            remarks += [remark] if remark not in remarks else []
     sources = [read.source for read in reads]
+    words = f"{len(plan)} readings of {len(inputs)} dates"
     excerpt = replace(
-        sources[-1].excerpt or Excerpt("", ""),
-        words=f"{len(plan)} readings of {len(inputs)} dates",
-        unknown=" ".join(
-            f"{PurePath(source.path).name}: {source.excerpt.unknown}"
-            for source in sources
-            if source.excerpt and source.excerpt.unknown
-        ),
+        sources[-1].excerpt or Excerpt("", ""), words=words, unknown=" ".join(unknown)
     )
-    changed = [
-        Reason.of(
-            "other_settings",
-            files=[PurePath(given.measured.source.path).name for given in (before, after)],
-            settings=names,
-        )
-        for before, after in pairwise(inputs)
-        if (names := before.model.machine.differing(after.model.machine))
-    ]
-    cautions = [
-        remark.changed(data={**remark.data, "of_file": PurePath(read.source.path).name})
-        for read in reads
-        for remark in read.remarks
-        if remark.code in CAUTIONS
-    ]
-    noted: list[Reason] = []
-    for note in (note for read in reads for note in notes_on(read)):
-        noted += [note] if note not in noted else []
-    source = Source(
-        sources[-1].path,
-        hashlib.sha256("".join(source.sha256 for source in sources).encode()).hexdigest(),
-        excerpt,
-        tuple(source.path for source in sources[:-1]),
-        any(source.simulated for source in sources),
+    source = replace(
+        sources[-1],
+        sha256=hashlib.sha256("".join(source.sha256 for source in sources).encode()).hexdigest(),
+        excerpt=excerpt,
+        earlier=tuple(source.path for source in sources[:-1]),
+        simulated=any(source.simulated for source in sources),
     )
-    measured = Readings(
-        plan,
-        value,
-        np.concatenate([read.line for read in reads]),
-        all(read.timed for read in reads),
-        source,
-        remarks=(*changed, *noted, *cautions),
-    )
+    line, timed = np.concatenate([read.line for read in reads]), all(read.timed for read in reads)
+    measured = Readings(plan, value, line, timed, source, remarks=tuple(remarks))
     return replace(last, measured=measured, others=())
 
 
@@ -280,7 +293,8 @@ def sessions_in(folder: Path, tables: bool = False) -> list[Path]:
     if not folder.is_dir():
         raise InputError("There is no such folder.", "Check the path.", file=str(folder))
     sessions = []
-    for path, keys in _files_in(folder).items():
+    for path, text in _texts_in(folder, "yaml", "yml"):
+        keys = _keys_of(text)
         if {"machine", "readings"} <= keys.keys():
             moment = path.stat().st_mtime
             for key in ("started", "finished"):
@@ -288,8 +302,8 @@ def sessions_in(folder: Path, tables: bool = False) -> list[Path]:
                     written = keys.get(key, "").strip().strip("'\"")
                     moment = datetime.fromisoformat(written).timestamp()
             sessions.append((moment, path))
-    for path in folder.glob("*.csv") if tables else ():
-        if path.is_file() and _GAUGED.search(_text_of(path)):
+    for path, text in _texts_in(folder, "csv") if tables else ():
+        if _GAUGED.search(text):
             sessions.append((path.stat().st_mtime, path))
     return [path for _, path in sorted(sessions)]
 
@@ -305,8 +319,7 @@ def latest_session(folder: Path) -> Path:
 
 def printers_in(folder: Path) -> list[Path]:
     """The files of a folder that describe a linear delta as Klipper reads them, latest last."""
-    candidates = (path for path in folder.glob("*.cfg") if path.is_file())
-    printers = (path for path in candidates if _DELTA.search(_text_of(path)))
+    printers = (path for path, text in _texts_in(folder, "cfg") if _DELTA.search(text))
     return sorted(printers, key=lambda path: (path.stat().st_mtime, path))
 
 
@@ -336,25 +349,26 @@ def machine_of_controller(folder: Path, controller: ControllerFile) -> Path | No
 
 def _machines_in(folder: Path) -> list[Path]:
     """Files with a key of machines, and MACHINE_FILE whatever is left of it."""
-    marks = {"kind", "leg_length_mm"}
-    return [
-        path
-        for path, keys in _files_in(folder).items()
-        if (marks & keys.keys() or path.name == MACHINE_FILE) and "readings" not in keys
-    ]
+    marks, machines = {"kind", "leg_length_mm"}, []
+    for path, text in _texts_in(folder, "yaml", "yml"):
+        keys = _keys_of(text).keys()
+        if (marks & keys or path.name == MACHINE_FILE) and "readings" not in keys:
+            machines.append(path)
+    return machines
 
 
-def _text_of(path: Path) -> str:
-    """Empty if it cannot be read, or is larger than any session."""
-    with suppress(InputError):
-        return read_document(str(path), YAML_LIMIT).text
-    return ""
+def _texts_in(folder: Path, *ends: str) -> Iterator[tuple[Path, str]]:
+    """Files with these endings; what cannot be read, or is larger than any session, has no text."""
+    for path in sorted(path for end in ends for path in folder.glob(f"*.{end}") if path.is_file()):
+        text = ""
+        with suppress(InputError):
+            text = read_document(str(path), YAML_LIMIT).text
+        yield path, text
 
 
-def _files_in(folder: Path) -> dict[Path, dict[str, str]]:
-    """The YAML files of a folder: keys at the beginning of a line, and what stands behind them."""
-    files = sorted(path for end in ("yaml", "yml") for path in folder.glob(f"*.{end}"))
-    return {path: dict(reversed(_KEY.findall(_text_of(path)))) for path in files if path.is_file()}
+def _keys_of(text: str) -> dict[str, str]:
+    """Keys at the beginning of a line of YAML, and what stands behind them."""
+    return dict(reversed(_KEY.findall(text)))
 
 
 def _is_yaml(document: FileText) -> bool:
@@ -366,7 +380,8 @@ def _is_yaml(document: FileText) -> bool:
     lines = (line for line in document.text.split("\n", 1000) if line.strip())
     first = next((line for line in lines if not line.lstrip().startswith("#")), "")
     # "Recv: …" of a console looks like a key.
-    others = (klipper.KLIPPY_LOG, klipper.PROBED, *gcode.PRINTED, *_NO_READINGS.values())
+    printed = (format.mark for format in _FORMATS)
+    others = (klipper.KLIPPY_LOG, *printed, gcode.SETTINGS, *_NO_READINGS.values())
     return bool(_YAML.match(first)) and not any(mark.search(document.text) for mark in others)
 
 
@@ -377,7 +392,7 @@ def _table(document: FileText, model: Model | None, otherwise: Callable[[], Mode
     entered = judge.machine.entered_from(document.sha256)
     if entered and entered.before:
         judge = judge.holding(entered.active[0], entered.corrected_before)
-    table = read_table(document)
+    table = Table(document)
     columns = set(table.columns)
     places = columns & set(probe_readings.PLACE_COLUMNS)
     probed = bool(places) and not columns & {"leg", "difference"}
@@ -402,21 +417,14 @@ def printer_settings(path: Path) -> PrinterFile | None:
     if machine_file.PRINTER_SECTION.search(document.text):
         return klipper.read_printer_file(document)
     if path.name == "config.g":
-        return gcode.read_codes_in(path.parent)
-    return gcode.read_codes(document) if gcode.SETTINGS.search(document.text) else None
+        return gcode.codes_beside(document)
+    return gcode.own_codes(document)
 
 
 def _as_model(known: Known | None) -> Model | None:
     if not isinstance(known, PrinterFile):
         return known
-    return Model(_with_bed(known, known.machine.delta_radius_mm).machine)
-
-
-def _with_bed(file: PrinterFile, radius: float) -> PrinterFile:
-    """With a radius of the bed [mm] where its file does not state it."""
-    if not math.isnan(file.machine.bed_radius_mm):
-        return file
-    return replace(file, machine=file.machine.changed(bed_radius_mm=radius))
+    return Model(known.on_bed(known.machine.delta_radius_mm).machine)
 
 
 def _firmware_file(
@@ -428,57 +436,38 @@ def _firmware_file(
         return klipper.read_klippy_log(document)
     if machine_file.PRINTER_SECTION.search(text):
         return klipper.read_printer_file(document)
-    folder = Path(document.path).parent if document.path != "-" else None
-    beside: PrinterFile | None = None
-    if gcode.HEIGHT_MAP.match(text):
-        read, named = gcode.read_height_map, "--machine config.g"
-        title = "a height map of RepRapFirmware"
-        beside = gcode.read_codes_in(folder, document) if folder else None
-        if folder and not (beside or known):
-            gcode.check_delta(folder, document.path)
-    elif klipper.PROBED.search(text):
-        read, named = klipper.read_probed, "--machine printer.cfg"
-        title = "what Klipper's console prints"
-        if folder and (folder / "printer.cfg").is_file():
-            beside = klipper.read_printer_file(read_document(str(folder / "printer.cfg")))
-            remark = Reason.of("settings_beside", names=["printer.cfg"])
-            beside = replace(beside, data={}, remarks=(remark,))
-    elif gcode.MARLIN_OUTPUT.search(text):
-        read, named = gcode.read_marlin, "--machine FILE, or keep what M503 prints in this file"
-        title = f"what {'MarlinKimbra' if gcode.KIMBRA.search(text) else 'Marlin'} prints"
-        beside = gcode.read_codes(document) if gcode.SETTINGS.search(text) else None
-    elif gcode.PROBE_HEIGHTS.search(text):
-        read, named = gcode.read_listed, "--machine config.g"
-        title = "what RepRapFirmware's console prints"
-        beside = gcode.read_codes_in(folder) if folder else None
-    elif gcode.REPETIER_MAP.search(text):
-        read, named, title = gcode.read_listed, "--machine FILE", "a map of Repetier (G33)"
-    elif gcode.SETTINGS.search(text):
+    format = next((format for format in _FORMATS if format.mark.search(text)), None)
+    if format is None and gcode.SETTINGS.search(text):
         what = "The file holds the settings of a printer's firmware, and no readings."
         remedy = "Give what was probed, such as heightmap.csv, and this file by --machine."
         raise InputError(what, remedy, file=document.path)
-    elif kind := next((k for k, mark in _NO_READINGS.items() if mark.search(text)), None):
+    if format is None:
+        kind = next((kind for kind, mark in _NO_READINGS.items() if mark.search(text)), None)
+        if kind is None:
+            return None
         remedy = "Give the readings: a CSV, a session, or a printer's file."
         raise InputError(f"This is {kind}, not a file of readings.", remedy, file=document.path)
-    else:
-        return None
     # Those that the user names, else those beside the touches, else the numbers of a machine file,
     # which do not tell where the probe is.
+    beside = format.settings(document)
     if beside and beside.unknown and known:
         beside = None
     if isinstance(known, PrinterFile):
         settings = replace(known, data={}, remarks=())
     elif beside and known:
-        settings = _with_bed(beside, _delta(known, document.path).bed_radius_mm)
+        settings = beside.on_bed(_delta(known, document.path).bed_radius_mm)
     elif beside:
         settings = beside
     else:
-        what = f"This is {title}; it does not say which printer it is from."
-        nothing = InputError(what, f"Name its settings: {named}", file=document.path)
+        if format.mark is gcode.HEIGHT_MAP and not known:
+            gcode.check_delta(document)
+        what = f"This is {format.title}; it does not say which printer it is from."
+        remedy = f"Name its settings: --machine {format.named}"
+        nothing = InputError(what, remedy, file=document.path)
         machine = _delta(known or otherwise(), document.path, nothing)
         remark = Reason.of("probe_offset_unknown")
         settings = PrinterFile(machine, np.full(3, np.nan), document.source, remarks=(remark,))
-    return read(document, settings)
+    return format.read(document, settings)
 
 
 def _delta(model: Model, path: str, refused: InputError | None = None) -> LinearDelta:
@@ -529,7 +518,7 @@ def _printer(file: PrinterFile, known: Known | None, stored: str | None) -> Inpu
     machine file that the user names, if any: one in the same folder may be another printer's.
     """
     for readings in reversed(file.data.values()):
-        file = _with_bed(file, float(np.hypot(*readings.plan.spots.T[:2]).max()))
+        file = file.on_bed(float(np.hypot(*readings.plan.spots.T[:2]).max()))
     model = _as_model(known) or Model(file.machine)
     machine, remarks = probe_readings.known_printer(file, _delta(model, file.source.path))
     model = replace(model, machine=machine)

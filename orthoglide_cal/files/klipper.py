@@ -19,7 +19,7 @@ import itertools
 import math
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -197,7 +197,7 @@ def read_printer_file(
 ) -> PrinterFile:
     """Content of a printer.cfg; `calibration` replaces its [delta_calibrate]: option → line, text.
 
-    Raises InvalidFileError with everything that is wrong in the lines that matter here.
+    Raises InputError with everything that is wrong in the lines that matter here.
     """
     settings = Settings(document)
     settings.check()  # what follows from a broken line is no fault of its own
@@ -213,10 +213,8 @@ def read_printer_file(
     ]
     # The arms reach downwards only if the towers follow each other in one sense.
     if not any(map(math.isnan, angles)) and not counter_clockwise(angles):
-        given = (settings.options[tower].get("angle", (0, "")) for tower in _TOWERS)
-        towers = ", ".join(f"[{tower}]" for tower in _TOWERS)
-        remedy = f"Check the angles of {towers}; they are usually near 210, 330 and 90."
-        settings.add(TOWERS_TURN, remedy, line=max(given)[0], column="angle")
+        remedy = "Check the angles of the towers; they are usually near 210, 330 and 90."
+        settings.note((_TOWERS[-1], "angle"), TOWERS_TURN, remedy)
     print_radius = settings.number("printer", "print_radius", radius, low=0.0)
     sensor = next(filter(_PROBE.fullmatch, settings.sections), "probe")
     probe = np.array([settings.number(sensor, f"{axis}_offset", 0.0) for axis in "xyz"])
@@ -242,10 +240,18 @@ def read_printer_file(
     )
 
 
+def settings_beside(document: FileText) -> PrinterFile | None:
+    """Settings of the printer.cfg in the same folder, without its data; None if there is none."""
+    if (file := document.beside("printer.cfg")) is None:
+        return None
+    remark = Reason.of("settings_beside", names=["printer.cfg"])
+    return replace(read_printer_file(file), data={}, remarks=(remark,))
+
+
 def read_klippy_log(document: FileText) -> PrinterFile:
     """The last configuration of a log, with the last calibration and else what was probed.
 
-    Raises InvalidFileError with everything that is wrong in the lines that matter here.
+    Raises InputError with everything that is wrong in the lines that matter here.
     """
     lines = document.text.split("\n")
     starts = [number for number, line in enumerate(lines) if _CONFIG.fullmatch(line)]
@@ -287,7 +293,7 @@ def _calculated(document: FileText, lines: Sequence[str], at: int) -> dict[str, 
 
 
 def read_probed(document: FileText, settings: PrinterFile) -> PrinterFile:
-    """The settings, and the touches that Klipper printed as their mesh. Raises InvalidFileError."""
+    """The settings, and the touches that Klipper printed as their mesh. Raises InputError."""
     faults, rows = Faults(document.path), []
     for number, line in enumerate(document.text.split("\n"), start=1):
         for match in PROBED.finditer(line):
@@ -399,12 +405,24 @@ def _reached(source: Source, machine: LinearDelta, *stored: Sequence[Floats]) ->
 
 
 def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
-    profiles = [name for name in settings.sections if name.startswith(_PROFILE)]
+    """The default mesh, else the first one; None without one, or after noting what is wrong."""
+    profiles, options = [n for n in settings.sections if n.startswith(_PROFILE)], settings.options
     if not profiles:
         return None
-    section = next((name for name in profiles if name == f"{_PROFILE}default"), profiles[0])
-    profile = section.removeprefix(_PROFILE).strip()
-    remarks = [*_mesh_remarks(settings, sensor, section)]
+    section = f"{_PROFILE}default" if f"{_PROFILE}default" in profiles else profiles[0]
+    profile, remarks = section.removeprefix(_PROFILE).strip(), list[Reason]()
+    # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
+    saved, _ = options[section].get("points", (math.inf, ""))
+    stored = options[_CALIBRATION].items()
+    first = min((line for option, (line, _) in stored if _STORED.match(option)), default=0)
+    if first > saved:
+        remarks.append(Reason.of("stale_mesh", order={"calibration": first, "mesh": saved}))
+    unstated = [axis for axis in ("x_offset", "y_offset") if axis not in options[sensor]]
+    if settings.included and unstated:
+        remarks.append(Reason.of("offset_not_stated", options=unstated, sensor=sensor))
+    for option, (line, _) in options["bed_mesh"].items():
+        if option in _ZEROS:
+            remarks.append(Reason.of("mesh_zero", line=line, option=option))
     if len(profiles) > 1:
         remarks.append(Reason.of("other_meshes", count=len(profiles), mesh=profile))
     x, y = (_grid(settings, section, axis) for axis in "xy")
@@ -414,29 +432,12 @@ def _mesh(settings: Settings, sensor: str, probe: Floats) -> Readings | None:
         return None
     probed = _probed(*np.meshgrid(x, y), rows, stated)
     # Old versions stored the offsets with the mesh, and the places of the nozzle.
-    offset = probe * (0.0, 0.0, 1.0) if "x_offset" in settings.options[section] else probe
+    offset = probe * (0.0, 0.0, 1.0) if "x_offset" in options[section] else probe
     if padded := int(np.sum(~probed)):
         remarks.append(Reason.of("padded", count=padded, mesh=profile))
     heights = np.where(probed, rows, math.nan)
     mesh = stored_grid(settings.document.source, profile, x, y, heights, lines, offset)
     return replace(mesh, remarks=tuple(remarks))
-
-
-def _mesh_remarks(settings: Settings, sensor: str, section: str) -> Iterator[Reason]:
-    """Remarks on the age, the places and the heights of a mesh."""
-    # SAVE_CONFIG moves what DELTA_CALIBRATE found to the end; a mesh keeps its place.
-    mesh, _ = settings.options[section].get("points", (math.inf, ""))
-    stored = settings.options[_CALIBRATION].items()
-    first = min((line for option, (line, _) in stored if _STORED.match(option)), default=0)
-    if first > mesh:
-        yield Reason.of("stale_mesh", order={"calibration": first, "mesh": mesh})
-    stated = settings.options[sensor]
-    unstated = [axis for axis in ("x_offset", "y_offset") if axis not in stated]
-    if settings.included and unstated:
-        yield Reason.of("offset_not_stated", options=unstated, sensor=sensor)
-    for option, (line, _) in settings.options["bed_mesh"].items():
-        if option in _ZEROS:
-            yield Reason.of("mesh_zero", line=line, option=option)
 
 
 def _grid(settings: Settings, section: str, axis: str) -> Floats:
@@ -486,11 +487,8 @@ def _probed(x: Floats, y: Floats, height: Floats, stated: float) -> Bools:
 
     def repeats(row: Floats, kept: Bools) -> bool:
         """True if the rest of a row repeats the outermost of those kept."""
-        places = np.flatnonzero(kept)
-        if not places.size:
-            return False
-        first, last = places[0], places[-1]
-        return bool(np.all(row[:first] == row[first]) and np.all(row[last:] == row[last]))
+        at, places = np.arange(len(row)), np.flatnonzero(kept)
+        return places.size > 0 and np.array_equal(row, row[at.clip(places[0], places[-1])])
 
     return inside if fits or all(map(repeats, height, inside)) else np.ones_like(inside)
 

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import BeforeValidator, ValidationError, ValidationInfo, create_model, field_validator
 
 from orthoglide_cal.causes import CAUSES
-from orthoglide_cal.errors import InputError, InvalidFileError
+from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.faults import WORDS, Content, Steps, dotted, nearest
 from orthoglide_cal.files.text import (
     YAML_LIMIT,
@@ -58,15 +58,6 @@ WRITTEN = "# Written by orthocal. The last line, `complete: true`, shows that no
 _NOWHERE = text_that("".__eq__, "An accepted cause acts on the whole machine.", 'Write where: "".')
 _TRUE = text_that("true".__eq__, "Only `true` is possible here.", "Write complete: true.")
 _HEAD = "# Change what you know better; `orthocal validate` checks it. Lengths are mm.\n"
-
-
-def kind_of(keys: Mapping[str, object]) -> str:
-    """The kind of a file without a `kind`: of most keys that no other has, or an Orthoglide."""
-    keys_of = {
-        kind: keys.keys() & made.model_fields.keys() - Machine.model_fields.keys()
-        for kind, made in MACHINES.items()
-    }
-    return max(keys_of, key=lambda kind: len(keys_of[kind]))
 
 
 def _unnamed(value: object) -> object:
@@ -123,7 +114,7 @@ class Identified(Schema):
                 what, remedy = "The number must not be negative.", "Give zero or more."
                 faults.append(InputError(what, remedy, column=f"{name}.value"))
         if faults:
-            raise InvalidFileError(faults)
+            raise InputError.of(faults)
         return given
 
     @field_validator("correlation")
@@ -157,9 +148,7 @@ class _Around(Schema):
     """Keys of a machine file besides the machine; the context is the class of the machine."""
 
     schema_version: Version
-    identified: Annotated[
-        tuple[Identified, ...], BeforeValidator(lambda given: () if given is None else given)
-    ] = ()
+    identified: Annotated[tuple[Identified, ...], BeforeValidator(lambda given: given or ())] = ()
     complete: Annotated[str, _TRUE] | None = None
 
 
@@ -182,8 +171,8 @@ class StoredMachine:
 def read_machine_file(path: Path | str) -> StoredMachine:
     """The machine file at a path ("-": standard input).
 
-    Raises InvalidFileError: everything in it that breaks the schema, each with line and path;
-    InputError: not readable, not YAML, or not a machine file.
+    Raises InputError: everything in it that breaks the schema, each with line and path; or not
+    readable, not YAML, or not a machine file.
     """
     file = read_document(str(path), YAML_LIMIT)
     if PRINTER_SECTION.search(file.text):
@@ -247,17 +236,18 @@ def machine_in(tree: Content, path: Steps) -> Model | None:
         value = value.get(step)
     before = len(tree.problems)
     if not isinstance(value, dict):
-        if path[-1] in tree.value:
-            tree.note(path, *WORDS["model_type"])
-        else:
-            tree.note(path, "The key is missing.", "Add a line `machine: …`.")
+        missing = "The key is missing.", "Add a line `machine: …`."
+        tree.note(path, *(WORDS["model_type"] if path[-1] in tree.value else missing))
         return None
-    kind = value.get("kind", kind_of(value))
+    # Without its kind a file is of that of most keys; an Orthoglide may go without.
+    usual, *_ = MACHINES
+    keys = {kind: value.keys() & made.model_fields.keys() for kind, made in MACHINES.items()}
+    kind = value.get("kind", max(keys, key=lambda kind: len(keys[kind])))
     if not isinstance(kind, str) or kind not in MACHINES:
         remedy = f"{nearest(str(kind), MACHINES)}Known: {', '.join(MACHINES)}."
         tree.note((*path, "kind"), "This kind of machine is not known.", remedy)
         return None
-    if "kind" not in value and kind != kind_of({}):
+    if "kind" not in value and kind != usual:
         tree.add("The key is missing.", f"Add a line `kind: {kind}`.", line=1, column="kind")
     machine = MACHINES[kind]
     schema = _file_schema(machine)
@@ -416,15 +406,15 @@ def new_machine(values: Mapping[str, object], path: str) -> str:
     """The text of a machine file with these values; the others are the shipped one's of its kind.
 
     The values are as in `machine_values`; without a kind it is an Orthoglide. Raises
-    InvalidFileError: they do not make a machine; each with its key.
+    InputError: they do not make a machine; each with its key.
     """
     prototype = read_document(str(shipped_machine(str(values.get("kind"))))).text
     shipped = WRITTEN + _HEAD + prototype[prototype.index("schema_version:") :]
     text = edited(shipped, {**values, "history": [], "complete": True})
     try:
         machine_from_text(text, path)
-    except InvalidFileError as error:
+    except InputError as error:
         # The file is not there yet: its lines say nothing.
-        faults = [replace(fault, file=None, line=None) for fault in error.problems]
-        raise InvalidFileError(faults) from error
+        faults = [replace(fault, file=None, line=None, problems=()) for fault in error.problems]
+        raise InputError.of(faults) from error
     return text

@@ -4,14 +4,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import PurePath
+from typing import Self
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.rows import YES, ProbeRow, Rows, check_order, times_of
-from orthoglide_cal.files.table import Table
-from orthoglide_cal.files.text import FileText
+from orthoglide_cal.files.rows import YES, ProbeRow, Rows, Table, check_order, times_of
+from orthoglide_cal.files.text import FileText, csv_text
 from orthoglide_cal.model.linear_delta import Endstops, LinearDelta, Probe, touching
 from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.measured import Excerpt, Readings, Source
@@ -34,7 +34,7 @@ LARGEST_MM = 10_000.0
 
 
 def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
-    """The touches of a CSV. Raises InvalidFileError with everything that is wrong."""
+    """The touches of a CSV. Raises InputError with everything that is wrong."""
     remarks = table.check_header(ProbeRow)
     table.check()
     if table.rows and not any("reading_mm" in cells for cells in table.rows):
@@ -42,8 +42,7 @@ def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
         remedy = "Probe the places in this order, and write the height at which the probe triggers."
         table.note((0, "reading_mm"), "No reading was filled in.", remedy)
         table.check()
-    away = (2.0 * bed.radius_mm, "coordinate", "the bed is wide")
-    high = (bed.highest_mm, "height", "an arm is long")
+    away, high = 2.0 * bed.radius_mm, bed.highest_mm
     longest = {"x_mm": away, "y_mm": away, "reading_mm": high, "z_mm": high}
     checking = Rows(table, ProbeRow, longest=longest)
     checking.check_complete(("seq", "minutes"))
@@ -74,21 +73,22 @@ def probe_readings_from_table(table: Table, bed: Bed) -> Readings:
 
 def places_csv(plan: Plan) -> str:
     """The touches of a plan as a file to be filled in: their places, and no reading yet."""
-    rows = [f"{x:g},{y:g},{high:g}," for x, y, high in plan.spots[plan.touches].tolist()]
-    return "\n".join((",".join((*PLACE_COLUMNS, "z_mm", "reading_mm")), *rows)) + "\n"
+    places = plan.spots[plan.touches].tolist()
+    rows = ((f"{x:g}", f"{y:g}", f"{high:g}", None) for x, y, high in places)
+    return csv_text((*PLACE_COLUMNS, "z_mm", "reading_mm"), rows)
 
 
 def probe_points_csv(readings: Readings) -> str:
     """Touches as a CSV that can be read again."""
-    plan = readings.plan
-    surface = np.array([plan.entry(index)["surface_mm"] for index in range(len(plan))])
+    plan, mark = readings.plan, ("simulated",) * readings.source.simulated
+    surface = [plan.entry(index)["surface_mm"] for index in range(len(plan))]
     columns = (plan.order + 1, 60.0 * plan.hours, *plan.spots.T[:2], surface, readings.value)
-    mark, marked = (",simulated", f",{YES}") if readings.source.simulated else ("", "")
-    rows = [
-        f"{number},{minutes:.2f},{x:g},{y:g},{z:g},{value + z:.6f}{marked}"
-        for number, minutes, x, y, z, value in zip(*(c.tolist() for c in columns), strict=True)
-    ]
-    return "\n".join((f"seq,minutes,x_mm,y_mm,z_mm,reading_mm{mark}", *rows)) + "\n"
+    rows = (
+        (f"{seq:g}", f"{minutes:.2f}", f"{x:g}", f"{y:g}", f"{z:g}", f"{value + z:.6f}")
+        for seq, minutes, x, y, z, value in np.column_stack(columns).tolist()
+    )
+    head = ("seq", "minutes", *PLACE_COLUMNS, "z_mm", "reading_mm", *mark)
+    return csv_text(head, ((*row, *(YES for _ in mark)) for row in rows))
 
 
 # --- files of a firmware, whichever it is ---------------------------------------------------------
@@ -149,6 +149,11 @@ class PrinterFile(ReadOnly):
     unknown: str = ""  # as of `Excerpt`
     started: str | None = None  # ISO 8601; None where the file does not say
     steps: str = ""  # that a calibration was reckoned from, as stored
+
+    def on_bed(self, radius: float) -> Self:
+        """With a radius of the bed [mm] where its file does not state it."""
+        stated = not math.isnan(self.machine.bed_radius_mm)
+        return self if stated else replace(self, machine=self.machine.changed(bed_radius_mm=radius))
 
 
 def delta_of(
@@ -235,21 +240,21 @@ def printer_readings(file: PrinterFile, stored: str | None, machine: LinearDelta
 
 def _check_stored(readings: Readings, machine: LinearDelta) -> None:
     """Raise InputError for readings that cannot belong to the settings in force."""
-
-    def refuse(index: int, what: str, remedy: str) -> InputError:
-        path, line = readings.source.path, int(readings.line[index])
-        return InputError(what, remedy, file=path, line=line)
-
-    n, value, excerpt = len(readings), readings.value, readings.source.excerpt
-    mesh = f"mesh {excerpt.mesh!r}" if excerpt else ""
+    n, value, source, touches = (
+        len(readings),
+        readings.value,
+        readings.source,
+        readings.plan.touches,
+    )
+    mesh = f"mesh {source.excerpt.mesh!r}" if source.excerpt else ""
+    far, away = ~(np.abs(value) < _FAR_MM), np.hypot(*readings.plan.spots.T[:2])
     if mesh and n > 1 and np.ptp(value) == 0.0:
+        index, remedy = 0, "Probe the bed, and save the mesh."
         what = f"All {n} heights of the {mesh} are {value[0]:g}: a placeholder, not a measurement."
-        raise refuse(0, what, "Probe the bed, and save the mesh.")
-    far = np.flatnonzero(~(np.abs(value) < _FAR_MM))
-    if far.size:
-        first = int(far[0])
+    elif far.any():
+        index = int(np.argmax(far))
         what, remedy = "A height of the mesh", "Check it, and probe the bed again."
-        if not readings.plan.touches[first]:
+        if not touches[index]:
             what = "The stored distance"
             remedy = "Measure it again on the printed object, and give it to DELTA_ANALYZE."
         elif not mesh:
@@ -258,14 +263,16 @@ def _check_stored(readings: Readings, machine: LinearDelta) -> None:
                 "Were rotation_distance, microsteps, position_endstop, delta_radius or arm_length"
                 " changed after DELTA_CALIBRATE? Change them back, or run it and SAVE_CONFIG again."
             )
-        size = abs(float(value[first]))
+        size = abs(float(value[index]))
         off = "out of reach" if math.isnan(size) else f"{size:.0f} mm off"
-        raise refuse(first, f"{what} is {off} with the settings in force.", remedy)
-    away = np.hypot(*readings.plan.spots.T[:2])
-    if mesh and away.max() > BEYOND * machine.bed_radius_mm:
-        raise refuse(
-            int(np.argmax(away)),
-            f"The {mesh} reaches {away.max():.0f} mm from the middle of the bed.",
+        what = f"{what} is {off} with the settings in force."
+    elif mesh and away.max() > BEYOND * machine.bed_radius_mm:
+        index = int(np.argmax(away))
+        what = f"The {mesh} reaches {away.max():.0f} mm from the middle of the bed."
+        remedy = (
             f"Check its places, and the radius of the bed ({machine.bed_radius_mm:g} mm): "
-            "print_radius of [printer], else its delta_radius; or B of M665.",
+            "print_radius of [printer], else its delta_radius; or B of M665."
         )
+    else:
+        return
+    raise InputError(what, remedy, file=source.path, line=int(readings.line[index]))

@@ -21,12 +21,11 @@ from orthoglide_cal.files.rows import (
     DifferenceRow,
     ReadingRow,
     Rows,
+    Table,
     check_order,
-    difference_name,
     times_of,
 )
-from orthoglide_cal.files.table import Table, csv_text
-from orthoglide_cal.files.text import number_text
+from orthoglide_cal.files.text import csv_text, number_text
 from orthoglide_cal.model.machine import Machine, OwnGauge
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Differences, Readings, Source
 from orthoglide_cal.model.orthoglide import PlannedReading, plan_of, planned_readings
@@ -109,7 +108,7 @@ class Conditions(Circumstances):
 
 
 def readings_from_table(table: Table, machine: Machine) -> Readings:
-    """The readings of a CSV. Raises InvalidFileError with everything that is wrong."""
+    """The readings of a CSV. Raises InputError with everything that is wrong."""
     remarks = table.check_header(ReadingRow)
     for cells in table.rows:
         for name in ReadingRow.only_in_sessions:
@@ -128,11 +127,9 @@ def readings_in(
     """Convert and check the readings of a file, by the limits of a machine.
 
     `path` is that of their list, `started` (ISO 8601) counts where there are no `minutes`; remarks
-    are added to those given. Raises InvalidFileError: everything that is wrong with the file.
+    are added to those given. Raises InputError: everything that is wrong with the file.
     """
-    leg = machine.leg_mm
-    than = "the leg is long"
-    longest = {"reading_mm": (leg, "reading", than), "entered": (leg, "offset", than)}
+    longest = dict.fromkeys(("reading_mm", "entered"), machine.leg_mm)
     rows = Rows(content, ReadingRow, path, longest=longest, travel=machine.limits_mm)
     rows.check_complete(("seq", "cycle", "minutes", "end"))
     _time(rows, started)
@@ -257,13 +254,12 @@ def readings_csv(readings: Readings) -> str:
 
 def _time(rows: Rows[ReadingRow], started: str | None) -> None:
     """Give the rows the minutes of their timestamps, if all have one and none has `minutes`."""
-    taken = {index: row.timestamp for index, row in rows.sound if row.timestamp}
+    taken = {k: datetime.fromisoformat(row.timestamp) for k, row in rows.sound if row.timestamp}
     if not taken or len(taken) < len(rows.sound) or any("minutes" in cells for cells in rows.cells):
         return
-    moments = {index: datetime.fromisoformat(at) for index, at in taken.items()}
     try:
-        first = datetime.fromisoformat(started) if started else min(moments.values())
-        minutes = {k: (moment - first).total_seconds() / 60.0 for k, moment in moments.items()}
+        first = datetime.fromisoformat(started) if started else min(taken.values())
+        minutes = {k: (moment - first).total_seconds() / 60.0 for k, moment in taken.items()}
     except TypeError:
         what = "Some times have a time zone and others have none."
         remedy = "Write all of them, and `started`, in the same way."
@@ -302,25 +298,23 @@ def _remarks(
         yield Reason.of("untimed", minutes=_MINUTES_PER_READING)
     if readings.timed or "cycle" in rows[0]:
         # Cycle or minutes should tell repeats apart.
-        lines: dict[frozenset[tuple[str, str]], list[int]] = {}
+        first: dict[frozenset[tuple[str, str]], int] = {}
+        again = []
         for line, cells in zip(readings.line.tolist(), rows, strict=True):
             content = frozenset(item for item in cells.items() if item[0] != "seq")
-            lines.setdefault(content, []).append(line)
-        repeated = [same for same in lines.values() if len(same) > 1]
-        if repeated:
-            first, line, *_ = repeated[0]
-            count = sum(map(len, repeated)) - len(repeated)
-            yield Reason.of("repeated_line", line=line, first=first, count=count)
+            if first.setdefault(content, line) != line:
+                again.append({"line": line, "first": first[content]})
+        if again:
+            yield Reason.of("repeated_line", **again[0], count=len(again))
 
 
 # --- differences of readings, as the paper prints them --------------------------------------------
 
 
 def differences_from_table(table: Table, machine: Machine) -> Differences:
-    """The differences of a CSV. Raises InvalidFileError with everything that is wrong."""
+    """The differences of a CSV. Raises InputError with everything that is wrong."""
     remarks = table.check_header(DifferenceRow)
-    longest = {"value_mm": (machine.leg_mm, "difference", "the leg is long")}
-    rows = Rows(table, DifferenceRow, longest=longest)
+    rows = Rows(table, DifferenceRow, longest={"value_mm": machine.leg_mm})
     kind = _kind(rows)
     values = {row.difference: row.value_mm for row in rows.checked()}
     known = {difference.name: difference for difference in DIFFERENCES[kind]}
@@ -337,10 +331,7 @@ def _kind(rows: Rows[DifferenceRow]) -> DataKind:
     """The kind that most of the names belong to; the others are faults, and so are repeats."""
     # The single set shares four names with the twelve; its own two decide.
     known = {kind: {difference.name for difference in DIFFERENCES[kind]} for kind in DIFFERENCES}
-    names: dict[int, str] = {}  # also of rows whose value is wrong
-    for index, cells in enumerate(rows.cells):
-        with suppress(InputError):
-            names[index] = difference_name(cells.get("difference", ""))
+    names = {index: row.difference for index, row in rows.sound}
     order = [DataKind.TWELVE, DataKind.SIX]
     if {"dz_x0", "dz_y0"} & set(names.values()):
         order.insert(0, DataKind.SINGLE)

@@ -1,13 +1,17 @@
-"""One row of each kind of table, whatever file it stands in, and how its texts are checked.
+"""Tables: CSV text to records of named cells, and the rows of each kind of table or session.
 
-A row comes as the texts of its cells; the same class writes it. Every cell is checked by itself
-here; what only shows across rows, where the rows become arrays.
+The delimiter is the one that the header line uses (tab, then semicolon, then comma): guessing
+from the content goes wrong on `1,234;5,678`. A row comes as the texts of its cells, whatever file
+it stands in; the same class writes it. Every cell is checked by itself here; what only shows
+across rows, where the rows become arrays.
 """
 
+import csv
 import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from difflib import get_close_matches
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Annotated, ClassVar, Generic, TypeVar
@@ -26,13 +30,21 @@ from pydantic import (
 )
 
 from orthoglide_cal.errors import InputError
-from orthoglide_cal.files.faults import WORDS, Content, Steps
-from orthoglide_cal.files.text import number_text
+from orthoglide_cal.files.faults import WORDS, Content, Place, Steps, unused
+from orthoglide_cal.files.text import FileText, number_text
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind, Source
 from orthoglide_cal.model.plan import Floats, Ints
 from orthoglide_cal.model.readings import AXES, Posture
-from orthoglide_cal.schema import Count, Moment, Schema, text_that, whole_number, yaml_number
-from orthoglide_cal.words import MM_PER_INCH
+from orthoglide_cal.schema import (
+    Count,
+    Moment,
+    Reason,
+    Schema,
+    parse_number,
+    whole_number,
+    yaml_number,
+)
+from orthoglide_cal.words import MM, MM_PER_INCH, listed, short
 
 LATEST_MINUTES = 1e6  # two years
 TURNED = "turned"
@@ -47,7 +59,7 @@ _POSTURE = "Write iso, max, min or a displacement in mm."
 def _number(value: object, info: ValidationInfo) -> float:
     if info.context is None or not isinstance(value, str):
         return yaml_number(value)
-    return float(info.context.number(value))
+    return float(info.context.content.parse(value))
 
 
 def _length(value: object, info: ValidationInfo) -> float:
@@ -55,11 +67,10 @@ def _length(value: object, info: ValidationInfo) -> float:
     if info.context is None:
         return size
     size *= MM_PER_INCH if info.field_name == info.context.in_inches else 1.0
-    if info.field_name in info.context.longest:
-        longest, noun, than = info.context.longest[info.field_name]
-        if abs(size) > longest:
-            remedy = f"Check the unit and the decimal mark; {noun}s are in mm."
-            raise InputError(f"The {noun} is larger than {than}.", remedy)
+    longest = info.context.longest.get(info.field_name, math.inf)
+    if abs(size) > longest:
+        what = f"The length is larger than this machine allows: {longest:g} mm."
+        raise InputError(what, "Check the unit and the decimal mark; lengths are in mm.")
     return size
 
 
@@ -69,12 +80,11 @@ def _posture(text: str, info: ValidationInfo) -> str:
         return text.lower()
     if info.context is None:
         return text
-    low, high = info.context.travel
-    remedy = _POSTURE
+    (low, high), remedy = info.context.travel, _POSTURE
     if low > -math.inf:
         remedy = f"Write iso, max, min or a displacement from {low:g} to {high:g} mm."
     try:
-        displacement: float = info.context.number(text)
+        displacement = _number(text, info)
     except InputError:
         raise InputError("This is not a posture.", remedy) from None
     if not low <= displacement <= high:
@@ -98,30 +108,32 @@ def _entered(value: object, info: ValidationInfo) -> object:
 Cell = Annotated[float, BeforeValidator(_number)]
 Length = Annotated[float, BeforeValidator(_length)]
 Order = Annotated[int, whole_number(0)]
-Name = Annotated[str, AfterValidator(str.lower)]  # in letters of any size
-Axis = Annotated[Name, text_that(AXES.__contains__, "This is not an axis.", _AXIS)]
-End = Annotated[
-    Name,
-    text_that(
-        ("joint", "tool").__contains__, "This is not an end of the leg.", "Write joint or tool."
-    ),
-]
-Bar = Annotated[
-    Name,
-    text_that(
-        TURNED.__eq__,
+# Field → what may stand there, in letters of any size; the fault of anything else, the remedy.
+_CHOICES: Mapping[str | None, tuple[Sequence[str], str, str]] = {
+    "leg": (AXES, "This is not an axis.", _AXIS),
+    "direction": (AXES, "This is not an axis.", _AXIS),
+    "end": (("joint", "tool"), "This is not an end of the leg.", "Write joint or tool."),
+    "bar": (
+        (TURNED,),
         "This does not say how the bar was.",
         f"Write {TURNED} where it was turned half round; otherwise leave the cell empty.",
     ),
-]
-Simulated = Annotated[
-    Name,
-    text_that(
-        YES.__eq__,
+    "simulated": (
+        (YES,),
         "This does not say whether it was simulated.",
         f"Write {YES} where a simulator made the row; otherwise leave the cell empty.",
     ),
-]
+}
+
+
+def _choice(text: str, info: ValidationInfo) -> str:
+    known, what, remedy = _CHOICES[info.field_name]
+    if text.lower() not in known:
+        raise InputError(what, remedy)
+    return text.lower()
+
+
+Choice = Annotated[str, AfterValidator(_choice)]
 Minutes = Annotated[Cell, Field(ge=0.0, le=LATEST_MINUTES)]
 
 
@@ -149,11 +161,11 @@ class Row(Schema):
 class ReadingRow(Row):
     """A gauge reading; None where nothing is said."""
 
-    leg: Axis  # whose carriage is displaced
+    leg: Choice  # whose carriage is displaced
     # iso, max, min of that leg, or its displacement from the isotropic posture [mm].
     posture: Annotated[str, AfterValidator(_posture)]
-    direction: Axis  # along which the gauge measures
-    end: End | None = None  # of the leg, that is touched in the single-posture protocol
+    direction: Choice  # along which the gauge measures
+    end: Choice | None = None  # of the leg, that is touched in the single-posture protocol
     cycle: Count | None = None  # repeat, from 1
     # None for a step that was left out.
     reading_mm: Length | None = Field(
@@ -168,11 +180,11 @@ class ReadingRow(Row):
     # Where it stood along the leg, from the carriage joint (0) to the tool (1).
     gauge_at: Annotated[Cell, Field(ge=0.0, le=1.0)] | None = None
     part: Count | None = None  # of the measurement, from 1
-    bar: Bar | None = None  # "turned" where the touched bar was turned half round
+    bar: Choice | None = None  # "turned" where the touched bar was turned half round
     # In the controller since the first reading, x, y, z [mm].
     entered: Annotated[tuple[float, float, float], BeforeValidator(_entered)] | None = None
     note: str | None = None
-    simulated: Simulated | None = None  # "yes" where no machine was measured
+    simulated: Choice | None = None  # "yes" where no machine was measured
     timestamp: Moment | None = None
     reason: str | None = None  # why it was replaced or left out
 
@@ -216,7 +228,7 @@ class ProbeRow(Row):
     cycle: Count | None = None
     minutes: Minutes | None = None
     note: str | None = None
-    simulated: Simulated | None = None
+    simulated: Choice | None = None
 
     needed: ClassVar[Mapping[str, str]] = dict.fromkeys(
         ("x_mm", "y_mm", "reading_mm"), "Give it, or remove the row."
@@ -237,7 +249,7 @@ DIFFERENCE_NAMES = "Direction first, leg second. Known: {}.".format(
 )
 
 
-def difference_name(text: str) -> str:
+def _difference_name(text: str) -> str:
     """The canonical name; the leading d may be missing, or a delta."""
     name = "d" + re.sub("^[dδ∆]", "", text.lower().replace("\u2212", "-").replace(" ", ""))
     if name not in _NAMED:
@@ -248,9 +260,9 @@ def difference_name(text: str) -> str:
 class DifferenceRow(Row):
     """A difference as the paper prints it."""
 
-    difference: Annotated[str, AfterValidator(difference_name)]
+    difference: Annotated[str, AfterValidator(_difference_name)]
     value_mm: Length = Field(validation_alias=AliasChoices("value_mm", "value_in"))
-    simulated: Simulated | None = None
+    simulated: Choice | None = None
 
     noun = "difference"
     inches = "value_in"
@@ -267,6 +279,147 @@ CODED = {
     for column in schema.columns()
     if column not in ("gauge", "note")
 }
+_COLUMNS = 100
+_ROWS = 100_000  # read in a few seconds
+_BLANKS = " \t\u00a0\u202f\ufeff"  # also those that spreadsheets and web pages leave
+_BLANK_CELL = _BLANKS + "\n\r\v\f"
+
+
+class Table(Content):
+    """A CSV file; its value is the list of its rows that are not blank.
+
+    Each is column → text without blanks around it, of cells that are not empty. Blank lines are
+    skipped, and so are lines that start with # and Excel's `sep=;` line. If the first column may
+    hold free text, a # after the header belongs to its text: skipping the line would lose a
+    reading.
+    """
+
+    of_table = True
+
+    def __init__(self, document: FileText) -> None:
+        super().__init__(document)
+        self.columns: list[str] = []  # names in lower case, in order; "" where there is none
+        self.header_line = 1
+        self.rows: list[dict[str, str]] = []
+        self.value = self.rows
+        lines = document.text.split("\n")
+        at, delimiter = _start(lines)
+        self.decimal_comma = delimiter != ","  # the delimiter leaves the comma free
+        comments = True
+        while at < len(lines):
+            shown, line = lines[at].strip(), at + 1
+            plain = lines[at].lstrip(_BLANKS)
+            if not plain.strip() or (comments and plain.startswith("#")):
+                at += 1
+                continue
+            rest = (f"{lines[index]}\n" for index in range(at, len(lines)))
+            reader = csv.reader(rest, delimiter=delimiter, strict=True, skipinitialspace=True)
+            try:
+                cells = [cell.strip(_BLANK_CELL) for cell in next(reader)]
+            except csv.Error as error:
+                what = f"The row cannot be split into cells: {error}."
+                if "end of data" in str(error):
+                    what = "A quotation mark is opened and never closed."
+                remedy = 'Close it, or write "" for a quotation mark inside quotes.'
+                self.add(what, remedy, line=line, value=shown)
+                break
+            at += reader.line_num  # quotes may span lines
+            if not self.columns:
+                self._head(cells, line)
+                comments = self.columns[0] in CODED
+            elif len(self.rows) >= _ROWS:
+                self.add(f"There are more than {_ROWS} rows.", "Give a smaller file.", line=line)
+                break
+            elif any(cells[len(self.columns) :]):
+                what = f"The row has {len(cells)} cells, the header {len(self.columns)}."
+                remedy = f"Put a cell that holds {delimiter!r} in quotes."
+                if delimiter == ",":
+                    remedy = "For decimal commas separate the columns with semicolons"
+                    remedy += ", in the header too."
+                self.add(what, remedy, line=line, value=shown)
+            elif any(cells):
+                self.lines[len(self.rows),] = line
+                pairs = zip(self.columns, cells, strict=False)
+                self.rows.append({name: cell for name, cell in pairs if cell})
+
+    def _head(self, cells: Sequence[str], line: int) -> None:
+        """Take the columns' names; too many and repeated ones are faults."""
+        self.columns = [name.lower() for name in cells[:_COLUMNS]]
+        self.header_line = line
+        if len(cells) > _COLUMNS:
+            what = f"The header has more than {_COLUMNS} columns."
+            self.add(what, "Check the delimiter.", line=line)
+        for index, name in enumerate(self.columns):
+            if name and name in self.columns[:index]:
+                what = "The header names this column twice."
+                self.add(what, "Rename or remove one.", line=line, column=name)
+
+    def parse(self, text: str) -> float:
+        return parse_number(text, decimal_comma=self.decimal_comma)
+
+    def place(self, path: Steps) -> Place:
+        """Where a row stands, or a cell of it."""
+        cells = self.rows[int(path[0])]
+        column = str(path[1]) if len(path) > 1 else ""
+        return self.lines[path[:1]], column or None, cells.get(column)
+
+    def check_header(self, schema: type[Row]) -> list[Reason]:
+        """A remark on the columns without a meaning, if there are any.
+
+        Raises what is found so far if the header lacks one of the columns that rows of a schema
+        need, or gives lengths twice.
+        """
+        before, present = len(self.problems), [name for name in self.columns if name]
+        known, inches, last = schema.columns(), schema.inches, [*schema.needed][-1]
+        others = [name for name in present if name not in known]
+        for name in schema.needed:
+            if name in present or (name == last and inches in present):
+                continue
+            close = get_close_matches(name, others, n=1)
+            remedy = f"Add it; the header has: {listed(present)}."
+            if close:
+                unit = MM.get(close[0].rpartition("_")[2])
+                factor = f"multiply the numbers by {short(unit, 6)} and " if unit else ""
+                remedy = f"{factor}rename the column {close[0]!r}.".capitalize()
+            self.add("The column is missing.", remedy, line=self.header_line, column=name)
+        if {last, inches} <= set(present):
+            what = "Lengths are given both in mm and in inches."
+            remedy = f"Keep one of the columns {last} and {inches}."
+            self.add(what, remedy, line=self.header_line, column=inches)
+        if len(self.problems) > before:
+            raise self.error()
+        self._check_split_numbers()
+        return unused("Columns", others, known)
+
+    def _check_split_numbers(self) -> None:
+        """Refuse `0,123` that a comma-separated row has split into the reading 0 and a text 123.
+
+        A column next to the readings that never holds free text has not got the 123.
+        """
+        pairs = (pair for pair in pairwise(self.columns) if pair[0] in ("reading_mm", "reading_in"))
+        value, beside = next(pairs, ("", ""))
+        if self.decimal_comma or not (self.rows and value) or beside in CODED:
+            return
+        cells, fractions = ([row.get(name, "") for row in self.rows] for name in (value, beside))
+        whole = all(re.fullmatch("[-+\u2212]?[0-9]+", cell) for cell in cells)
+        if whole and all(map(str.isdigit, fractions)) and max(map(len, fractions)) > 1:
+            what = f"Every reading is a whole number with digits in the next column, {beside!r}:"
+            what += " decimal commas?"
+            remedy = "Write decimal points, or separate the columns with semicolons."
+            self.add(what, remedy, self.lines[0,], value, f"{cells[0]},{fractions[0]}")
+
+
+def _start(lines: Sequence[str]) -> tuple[int, str]:
+    """Index of the line from which records are read, and the delimiter of the header."""
+    for index, line in enumerate(lines):
+        plain = line.strip(_BLANKS)
+        if plain.lower().startswith("sep=") and len(plain) <= 5:
+            return index + 1, line.strip(" ")[4:5] or "\t"
+        if plain and not plain.startswith("#"):
+            return index, next((mark for mark in "\t;," if mark in line), ",")
+    return len(lines), ","
+
+
 R = TypeVar("R", bound=Row)
 Timed = TypeVar("Timed", ReadingRow, ProbeRow)
 
@@ -277,7 +430,7 @@ class Rows(Generic[R]):
     Args:
         content: of the file.
         path: of the list.
-        longest: column → the longest length [mm], what it is, and than what it must not be larger.
+        longest: column → the longest length that it may have [mm].
         travel: of a carriage, lowest and highest [mm].
         wanted: whether each row must have its reading, which a skipped one has not.
     """
@@ -288,13 +441,12 @@ class Rows(Generic[R]):
         schema: type[R],
         path: Steps = (),
         *,
-        longest: Mapping[str, tuple[float, str, str]] = MappingProxyType({}),
+        longest: Mapping[str, float] = MappingProxyType({}),
         travel: tuple[float, float] = (-math.inf, math.inf),
         wanted: bool = True,
     ) -> None:
         self.content, self.path, self.noun = content, path, schema.noun
-        self.number, self.wanted = content.parse, wanted
-        self.longest, self.travel = longest, travel
+        self.longest, self.travel, self.wanted = longest, travel, wanted
         self.in_inches = ""  # the column that the row being read gives in inches
         self.cells: list[dict[str, str]] = []  # column → text, of cells that are not empty
         self.rows: list[R | None] = []
@@ -344,7 +496,7 @@ class Rows(Generic[R]):
         return [(index, row) for index, row in enumerate(self.rows) if row is not None]
 
     def checked(self) -> list[R]:
-        """All rows, at least one. Raises InvalidFileError if anything is wrong."""
+        """All rows, at least one. Raises InputError if anything is wrong."""
         if not self.cells and not self.content.problems:
             remedy = "Give one row for each, under the header."
             self.content.add(f"There is no {self.noun}.", remedy)
@@ -379,8 +531,7 @@ def check_order(rows: Rows[Timed]) -> None:
             rows.note(index, "seq", what, remedy)
     in_time = sorted(rows.sound, key=lambda item: -1 if item[1].seq is None else item[1].seq)
     for (before, one), (after, other) in pairwise(in_time):
-        earlier, later = one.minutes, other.minutes
-        if earlier is not None and later is not None and later < earlier:
+        if one.minutes is not None and other.minutes is not None and other.minutes < one.minutes:
             what = f"Time runs backwards: line {rows.line(before)} was taken before this one."
             remedy = "Give minutes since the session began; correct seq or the order of the rows."
             column = "minutes" if "minutes" in rows.cells[after] else "timestamp"

@@ -46,8 +46,8 @@ def session_from_tree(
     """The readings of a parsed session, the machine to judge them by, the circumstances, its own.
 
     Without a model they are judged by the machine in the session itself. Which offsets were active
-    in the controller is always the session's to say. Raises InvalidFileError: everything that is
-    wrong with it, each with line and path; InputError: no session.
+    in the controller is always the session's to say. Raises InputError: everything that is
+    wrong with it, each with line and path; or it is no session.
     """
     if not isinstance(tree.value, dict) or "readings" not in tree.value:
         if machine_file.is_machine_file(tree):
@@ -66,7 +66,15 @@ def session_from_tree(
             what = f"The session was read with gauges; {none}"
             raise InputError(what, "Leave --machine out.", file=tree.file) from error
     recorded = machine_file.machine_in(tree, ("machine",))
-    session = _recorded(tree, recorded)
+    machine = {"machine": model or recorded or machine_file.default_machine()}
+    content = {key: value for key, value in tree.value.items() if value is not None}
+    for key, wanted in (("retaken", True), ("skipped", False)):
+        content[key] = [row for _, row in Rows(tree, ReadingRow, (key,), wanted=wanted).sound]
+    try:
+        session = Session.model_validate({**content, **machine, "readings": ()})
+    except ValidationError as error:
+        tree.take(error, Session)
+        session = Session.model_validate(machine)
     judge = model or recorded
     if judge is None:
         raise tree.error()
@@ -74,8 +82,7 @@ def session_from_tree(
         held, asked = recorded.machine, model.machine
         if (held.active, held.corrected) != (asked.active, asked.corrected):
             judge = model.holding(held.active, held.corrected)
-    keys = Session.model_fields
-    rows = tree.value["readings"]
+    keys, rows = Session.model_fields, tree.value["readings"]
     entries = (entry for entry in rows if isinstance(entry, dict)) if isinstance(rows, list) else ()
     columns = dict.fromkeys(name for entry in entries for name in entry if name not in _COLUMNS)
     remarks = unused("Keys", (key for key in tree.value if key not in keys), keys)
@@ -85,22 +92,18 @@ def session_from_tree(
         remarks.insert(0, Reason.of("other_machine", **machines, keys=names))
     # The readings pass the same checks as those of a CSV; faults around them are raised with
     # theirs.
-    started = session.started if session else None
-    readings = readings_in(tree, judge.machine, ("readings",), started=started, remarks=remarks)
-    if session is None:
-        raise tree.error()
-    conditions = conditions_in(readings)
-    labels, environment = {gauge.id for gauge in session.gauges}, session.environment or {}
+    start = session.started
+    readings = readings_in(tree, judge.machine, ("readings",), started=start, remarks=remarks)
+    conditions, labels = conditions_in(readings), {gauge.id for gauge in session.gauges}
+    others = (gauge for gauge in conditions.gauges if gauge.id not in labels)
+    environment = {name: text for name, text in (session.environment or {}).items() if text}
     given = {key: getattr(session, key) or None for key in Circumstances.model_fields} | {
-        "environment": tuple((name, text) for name, text in environment.items() if text),
-        "gauges": (
-            *session.gauges,
-            *(gauge for gauge in conditions.gauges if gauge.id not in labels),
-        ),
+        "environment": tuple(environment.items()),
+        "gauges": (*session.gauges, *others),
         "retaken": len(session.retaken),
         "skipped": len(session.skipped),
     }
-    origins = (environment.get(name) or "" for name in ("readings_from", "source"))
+    origins = (environment.get(name, "") for name in ("readings_from", "source"))
     if any(origin.startswith("simulated") for origin in origins):
         readings = replace(readings, source=replace(readings.source, simulated=True))
     return readings, judge, conditions.changed(**given), recorded
@@ -130,19 +133,3 @@ def session_of_readings(
     protocol = "double-posture" if plan.fixed else "single-posture"
     ordered = tuple(rows[index] for index in plan.in_time.tolist())
     return Session(machine=model, protocol=protocol, environment=environment, readings=ordered)
-
-
-def _recorded(tree: Content, machine: Model | None) -> Session | None:
-    """The session without its readings; None after noting what is wrong with it."""
-    content = {key: value for key, value in tree.value.items() if value is not None}
-    before = len(tree.problems)
-    for key, wanted in (("retaken", True), ("skipped", False)):
-        rows = Rows(tree, ReadingRow, (key,), wanted=wanted)
-        content[key] = [row for _, row in rows.sound]
-    content |= {"machine": machine or machine_file.default_machine(), "readings": ()}
-    try:
-        session = Session.model_validate(content)
-    except ValidationError as error:
-        tree.take(error, Session)
-        return None
-    return session if machine and len(tree.problems) == before else None

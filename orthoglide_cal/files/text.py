@@ -1,7 +1,9 @@
 """A file's text, read and written."""
 
 import codecs
+import csv
 import hashlib
+import io
 import os
 import re
 import shutil
@@ -9,12 +11,13 @@ import stat
 import sys
 import time
 import uuid
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, count
 from pathlib import Path
 
-from orthoglide_cal.errors import InputError, UsageError, system_words
+from orthoglide_cal.errors import InputError, UsageError, system_words, visible
 from orthoglide_cal.files import moonraker
 from orthoglide_cal.model.measured import Source
 from orthoglide_cal.system import SYSTEM
@@ -27,6 +30,7 @@ CONTROL = re.compile("[\x01-\x08\x0e-\x1f\x7f-\x84\x86-\x9f]")
 # A temporary file of `write_text`, and the age at which it was left behind [s].
 _LEFT = re.compile(r"\..+\.[0-9a-f]{12}\.tmp")
 _ABANDONED_S = 3600.0
+_FORMULA = tuple("=+-@\t\r\n")  # what a spreadsheet would calculate
 _UTF8 = "Save it as UTF-8 (in a spreadsheet: “CSV UTF-8”)."
 
 
@@ -43,6 +47,11 @@ class FileText:
     @property
     def source(self) -> Source:
         return Source(self.path, self.sha256)
+
+    def beside(self, name: str) -> "FileText | None":
+        """The file of this name in the same folder; None if there is none. Raises InputError."""
+        path = Path(self.path).with_name(name)
+        return read_document(str(path)) if self.path != "-" and path.is_file() else None
 
 
 def read_document(path: str, limit: int = TABLE_LIMIT) -> FileText:
@@ -164,6 +173,24 @@ def free_path(folder: Path, stem: str, suffix: str, *others: str) -> Path:
 def number_text(value: float) -> str:
     """The shortest text that reads back as exactly `value`: 60 for 60.0, 0.1 for 0.1."""
     return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(float(value))
+
+
+def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    """A header line and one line for each row; None is an empty cell."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def in_csv(text: str) -> str:
+    """The text for a cell of a CSV; a formula gets a "'" in front.
+
+    Numbers are not passed through this function, so that "-0.53" stays a number.
+    """
+    dangerous = text.startswith(_FORMULA) or text.lstrip().startswith(("=", "+", "-", "@"))
+    return ("'" if dangerous else "") + visible(text)
 
 
 def _decoded(data: bytes, path: str) -> str:

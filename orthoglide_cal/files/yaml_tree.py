@@ -40,26 +40,22 @@ def load_tree(file: FileText) -> Content:
 
     def check(event: yaml.NodeEvent, path: Steps, line: int) -> None:
         tag, text = getattr(event, "tag", None), getattr(event, "value", "")
-        number = next(nodes)
-        value = None
-        if event.anchor:
-            what, remedy = "Anchors and aliases are not accepted.", "Write the value out."
-            value = event.anchor
-        elif tag and tag != "!":
-            what, remedy, value = "Tags are not accepted.", "Remove the tag.", tag
-        elif CONTROL.search(text):
-            what, remedy, value = "The text holds a control character.", "Remove it.", text
-        elif number > _NODES:
-            what, remedy = f"More than {_NODES} values.", "Give a smaller file."
-        elif len(path) > _DEPTH:
-            what, remedy = _TOO_DEEP
-        else:
-            return
-        column = dotted(path) or None
-        raise InputError(what, remedy, file=file.path, line=line, column=column, value=value)
+        refused = (
+            (event.anchor, "Anchors and aliases are not accepted.", "Write the value out."),
+            (tag != "!" and tag, "Tags are not accepted.", "Remove the tag."),
+            (CONTROL.search(text) and text, "The text holds a control character.", "Remove it."),
+            (next(nodes) > _NODES, f"More than {_NODES} values.", "Give a smaller file."),
+            (len(path) > _DEPTH, *_TOO_DEEP),
+        )
+        for wrong, what, remedy in refused:
+            if wrong:
+                value, column = wrong if isinstance(wrong, str) else None, dotted(path) or None
+                raise InputError(
+                    what, remedy, file=file.path, line=line, column=column, value=value
+                )
 
-    def read(tree: Content, event: yaml.NodeEvent, path: Steps, line: int) -> object:
-        """The value of the node that begins with an event; what is found goes to a tree."""
+    def read(event: yaml.NodeEvent, path: Steps, line: int) -> object:
+        """The value of the node that begins with an event."""
         check(event, path, line)
         tree.lines[path] = line
         if isinstance(event, yaml.ScalarEvent):
@@ -71,22 +67,21 @@ def load_tree(file: FileText) -> Content:
             if isinstance(inner, yaml.CollectionEndEvent):
                 break
             if isinstance(event, yaml.SequenceStartEvent):
-                items.append(read(tree, inner, (*path, len(items)), line))
+                items.append(read(inner, (*path, len(items)), line))
                 continue
-            key = (*path, getattr(inner, "value", ""))
             check(inner, path, line)
             if not isinstance(inner, yaml.ScalarEvent) or (
                 not inner.style and inner.value in _NULLS
             ):
                 what, remedy = "A key must be a word.", "Write `name: value`."
                 raise InputError(what, remedy, file=file.path, line=line)
-            if inner.value not in group:
-                group[inner.value] = read(tree, next(events), key, line)
-                continue
-            value = read(Content(file), next(events), key, line)
-            what = f"The key is given twice (first in line {tree.lines[key]})."
-            text = value if isinstance(value, str) else None
-            tree.add(what, "Remove one of them.", line, dotted(key), text)
+            key = (*path, inner.value)
+            first, value = tree.lines.get(key), read(next(events), key, line)
+            if inner.value in group:
+                what = f"The key is given twice (first in line {first})."
+                text = value if isinstance(value, str) else None
+                tree.add(what, "Remove one of them.", line, dotted(key), text)
+            group.setdefault(inner.value, value)
         return items if isinstance(event, yaml.SequenceStartEvent) else group
 
     try:
@@ -97,7 +92,7 @@ def load_tree(file: FileText) -> Content:
                 what = "The file holds several documents."
                 raise InputError(what, "Remove the `---`.", file=file.path, line=line)
             if isinstance(event, yaml.NodeEvent):
-                tree.value = read(tree, event, (), line)
+                tree.value = read(event, (), line)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None) or getattr(error, "context_mark", None)
         problem = getattr(error, "problem", None)

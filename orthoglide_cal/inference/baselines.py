@@ -5,7 +5,6 @@ these leave. An extension that predicts other readings no better has shown nothi
 """
 
 import math
-from collections.abc import Iterator
 from itertools import pairwise
 from typing import Literal
 
@@ -50,8 +49,8 @@ class Baselines(Schema):
 
 def baselines(
     white: Whitened, later: Whitened | None, entered: Floats, free: int
-) -> tuple[float | None, float | None]:
-    """`quartic_mm` and `earlier_map_mm` of the touches of a printer, all alike.
+) -> dict[str, float]:
+    """`quartic_mm` and `earlier_map_mm` of the touches of a printer, all alike, where known.
 
     Args:
         white: the data.
@@ -65,17 +64,24 @@ def baselines(
     columns = np.hstack((jacobian, white.plan.zeros[touch], _surface(white, place)))
     enough = len(left) > np.linalg.matrix_rank(columns) == columns.shape[1]
     if later is None:
-        errors = list(_patches(white, columns, left)) if enough else []
-        return rms(np.concatenate(errors)) if errors else None, None
+        errors, number = [], np.cumsum(touch) - 1
+        for patch in (patch for patches in left_out(white) for patch in patches):
+            omitted = number[patch[touch[patch]]]
+            rest = np.setdiff1d(np.arange(len(left)), omitted)
+            if omitted.size and enough:
+                terms = np.linalg.lstsq(columns[rest], left[rest])[0]
+                errors.append(left[omitted] - columns[omitted] @ terms)
+        return {"quartic_mm": rms(np.concatenate(errors))} if errors else {}
     anew = free == offsets.size
     there, error, then, _ = _touches(later, None if anew else offsets - entered)
-    quartic = None
+    mapped = unexplained(then[:, :free], error - _interpolated(place, left, there))
+    held = {"earlier_map_mm": rms(mapped)}
     if enough:
         terms = np.linalg.lstsq(columns, left)[0]
         fixed = terms[: jacobian.shape[1]] * (np.arange(jacobian.shape[1]) >= free)
         predicted = then @ fixed + _surface(white, there) @ terms[-len(QUARTIC) :]
-        quartic = rms(unexplained(then[:, :free], error - predicted))
-    return quartic, rms(unexplained(then[:, :free], error - _interpolated(place, left, there)))
+        held["quartic_mm"] = rms(unexplained(then[:, :free], error - predicted))
+    return held
 
 
 def repeats(white: Whitened, later: Whitened | None = None) -> float | None:
@@ -119,19 +125,6 @@ def _surface(white: Whitened, place: Floats) -> Floats:
     """Terms of a quartic surface at places (n, 2), shape (n, 12)."""
     x, y = (place / np.abs(white.plan.spots[:, :2]).max()).T
     return np.stack([x**across * y**along for across, along in QUARTIC], axis=1)
-
-
-def _patches(white: Whitened, columns: Floats, left: Floats) -> Iterator[Floats]:
-    """Errors of predicting each patch of touches from all others."""
-    touches = white.plan.touches
-    number = np.cumsum(touches) - 1
-    for patches in left_out(white):
-        for patch in patches:
-            omitted = number[patch[touches[patch]]]
-            rest = np.setdiff1d(np.arange(len(left)), omitted)
-            if omitted.size:
-                terms = np.linalg.lstsq(columns[rest], left[rest])[0]
-                yield left[omitted] - columns[omitted] @ terms
 
 
 def _interpolated(place: Floats, value: Floats, there: Floats) -> Floats:

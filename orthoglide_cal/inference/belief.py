@@ -12,22 +12,17 @@ import math
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import TypeVar
 
 import numpy as np
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.estimation.gaussian import log_sum
-from orthoglide_cal.inference.candidates import Candidates, Ids
-from orthoglide_cal.inference.data import Linearised, Whitened, unit_of
+from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened, unit_of
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis, Pattern, score_all
-from orthoglide_cal.inference.patterns import (
-    combined,
-    pattern_candidates,
-    placed_causes,
-    weight_of,
-)
+from orthoglide_cal.inference.patterns import combined, pattern_candidates, placed_causes
 from orthoglide_cal.model.plan import Floats
 
 Key = TypeVar("Key", bound=Hashable)
@@ -111,27 +106,25 @@ class Belief:
     def closely(self) -> Belief:
         """The belief with patterns looked at closely, also in addition to each other.
 
-        The best one with a second one, only if prior times evidence grows; each single cause with a
-        pattern; the likely ones and the best of each kind with causes that have a place, which
-        fitted alone would stand where the pattern acts.
+        The best one with a second one; each single cause with a pattern; the likely ones and the
+        best of each kind with causes that have a place, which fitted alone would stand where the
+        pattern acts. Each only if prior times evidence grows.
         """
-        at, nothing, every = self.at, self.fit(()), self._every(fine=True)
+        nothing, every = self.fit(()), self._every(fine=True)
         patterns = {one.label: one for one in combined(self.hypotheses[()], nothing, every)}
-        ordered = sorted(patterns.values(), key=weight_of)
+        ordered = sorted(patterns.values(), key=attrgetter("log_weight"))
         likely = {one.patterns[0].how: one for one in ordered} | {
             one.label: one for one in ordered[-LIKELY:-1]
         }
-        least = weight_of(ordered[-1])
-        pairs = [pair for pair in combined(ordered[-1], nothing, every) if weight_of(pair) > least]
+        pairs = combined(ordered[-1], nothing, every)
         for ids in (ids for ids in self.listed if len(ids) == 1):
             pairs += combined(self.hypotheses[ids], self.fit(ids), every)
-        placed = placed_causes(at)
+        placed = placed_causes(self.at)
         for hypothesis in likely.values():
             pairs += combined(hypothesis, nothing, placed)
-        # Each only where prior times evidence grows by it.
-        alone = {label: weight_of(one) for label, one in patterns.items()}
-        for pair in sorted(pairs, key=weight_of):
-            if weight_of(pair) > max(alone.get(one.label, -math.inf) for one in pair.patterns):
+        alone = {label: one.log_weight for label, one in patterns.items()}
+        for pair in sorted(pairs, key=attrgetter("log_weight")):
+            if pair.log_weight > max(alone.get(one.label, -math.inf) for one in pair.patterns):
                 patterns[pair.label] = pair
         return replace(self, patterns=patterns)
 
@@ -153,7 +146,7 @@ class Belief:
     def probability(self) -> Mapping[Ids | str, float]:
         """Probability of each set of listed causes and each pattern, the most probable first."""
         patterns = self.patterns.items()
-        beyond = {label: weight_of(scored) for label, scored in patterns}
+        beyond = {label: scored.log_weight for label, scored in patterns}
         return probabilities({**self.log_weight, **beyond})
 
     @cached_property
@@ -204,10 +197,10 @@ class Belief:
         The smaller of those in the mean over plausible sizes and of those where both fit best: that
         the other causes are then of more usual size is no evidence.
         """
-        gain = self.log_weight[ids] - self.log_weight[part]
-        gain -= self.hypotheses[ids].log_prior - self.hypotheses[part].log_prior
-        fits = [self.fits.get(ids), self.fits.get(part)]
-        if all(fit and unit_of(fit.effects) == 1.0 for fit in fits):
-            first, second = (fit.log_likelihood for fit in fits if fit)
-            gain = min(gain, first - second)
+        first, second = (self.fits.get(one, self.hypotheses[one]) for one in (ids, part))
+        gain = first.log_evidence - second.log_evidence
+        if isinstance(first, Fit) and isinstance(second, Fit):
+            units = unit_of(first.effects), unit_of(second.effects)
+            if units == (1.0, 1.0):
+                gain = min(gain, first.log_likelihood - second.log_likelihood)
         return gain

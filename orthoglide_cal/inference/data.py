@@ -6,6 +6,10 @@ The data are combinations of readings with equal, independent noise:
 
 For raw readings W are the zero-free contrasts, for differences the whitened differences. A
 cause that relabels readings by T acts on d as the orthogonal matrix W T Wᵀ (W Wᵀ = I).
+
+Tried are "nothing is wrong", one cause, and two causes, these also with wrong readings. A base is a
+set of causes with many parameters acting everywhere (none, one of the machine or the bars, or
+both); an extra is one cause at one of many places, or one that relabels readings.
 """
 
 from __future__ import annotations
@@ -15,22 +19,22 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
-from orthoglide_cal.causes import CAUSES, PatternCause, RelabelCause
+from orthoglide_cal.causes import CAUSES, UNLISTED, PatternCause, RelabelCause
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Problem, fit_offsets, pose
 from orthoglide_cal.estimation.accuracy import require_determined, require_rank, rms
 from orthoglide_cal.estimation.budget import influences
-from orthoglide_cal.estimation.gaussian import unexplained, whiten
+from orthoglide_cal.estimation.gaussian import shrink, unexplained, whiten
 from orthoglide_cal.estimation.least_squares import LeastSquaresFit
-from orthoglide_cal.inference.candidates import Candidates
 from orthoglide_cal.inference.evidence import NoiseGrid, Places, Texture
-from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place
-from orthoglide_cal.model.machine import Influence, Machine, Origin
+from orthoglide_cal.model.cause import PER_HOUR, Cause, Effect, Place, Stage
+from orthoglide_cal.model.machine import Influence, Machine
 from orthoglide_cal.model.measured import DataKind, Measured, Readings
-from orthoglide_cal.model.model import Model, differentiate, differentiate_absent, simulate
+from orthoglide_cal.model.model import Model, differentiate_absent
 from orthoglide_cal.model.orthoglide import ideal_plan, reduction
 from orthoglide_cal.model.plan import (
     Bools,
@@ -54,6 +58,76 @@ BESIDE = 12.0
 ALIKE, ROUNDING = 0.97, 1e-9
 # Standard deviation of the prior of the offsets, so wide that their size is not judged [mm].
 OFFSETS_MM = 10.0
+# Prior weight of the kinds of explanation; the last but one is shared by the unlisted patterns.
+ONE_CAUSE = 0.38
+TWO_CAUSES = ONE_CAUSE**2 / 2.0  # independent of each other
+MANY = 1000  # places of a bed: enough for every term of a shape
+
+Ids = tuple[str, ...]  # of causes that act together, sorted; () is "nothing is wrong"
+
+
+@functools.lru_cache(maxsize=1024)
+def ids_of(*causes: Cause) -> Ids:
+    """Ids of a set of causes, sorted."""
+    return tuple(sorted(cause.id for cause in causes))
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """The causes to be tried on one data set."""
+
+    broad: tuple[Cause, ...]  # causes with machine-wide parameters
+    pairs: tuple[tuple[Cause, ...], ...]  # of them, those that may act together
+    # Causes that add one pattern at one of many places, then those that relabel.
+    extras: tuple[PatternCause | RelabelCause, ...]
+    log_prior: Mapping[Ids, float]  # ln prior weight of each set of ids
+
+    @classmethod
+    @functools.lru_cache(maxsize=8)
+    def of(cls, model: Model, ordered: bool, spots: int = MANY) -> Candidates:
+        """Causes that are possible on the machine, and sets of one or two of them.
+
+        Two act together only if at least one lies in the contact or the record, or is a companion
+        of all on that kind of machine; two others of the machine at once are left to "unlisted".
+
+        Not those that the model knows already or rules out; `ordered` if the time order of the
+        readings is known, `spots` the number of places of a bed that were touched.
+        """
+        # What a controller corrects may be more by now.
+        known = {effect.cause.id for effect in model.accepted} - model.machine.corrected.keys()
+        usable = [
+            cause
+            for cause in (cause.within(spots) for cause in CAUSES.values())
+            if cause is not None
+            if cause.possible(model.machine) and (ordered or not cause.timed)
+            if cause.id not in known and cause.id not in model.ruled_out
+            # What such readings hold of themselves.
+            if not (cause.timed and cause.id in model.machine.unobservable)
+        ]
+        extras: tuple[PatternCause | RelabelCause, ...] = (
+            *(cause for cause in usable if isinstance(cause, PatternCause)),
+            *(cause for cause in usable if isinstance(cause, RelabelCause)),
+        )
+        broad = tuple(cause for cause in usable if cause not in extras)
+        of_machine = [cause for cause in broad if cause.in_machine]
+        contact = [cause for cause in broad if cause.stage is Stage.CONTACT]
+        beside = [cause for cause in broad if cause.id in model.machine.companions]
+        alone = [cause for cause in of_machine if cause not in beside]
+        pairs = (*product(of_machine, contact), *product(alone, beside))
+        both = [*pairs, *product(broad, extras)]
+        log_prior: dict[Ids, float] = {}
+        for share, sets in ((ONE_CAUSE, [(cause,) for cause in usable]), (TWO_CAUSES, both)):
+            weight = {ids_of(*causes): math.prod(c.weight for c in causes) for causes in sets}
+            total = sum(weight.values())
+            log_prior |= {ids: math.log(share * w / total) for ids, w in weight.items()}
+        # A slip happens whatever else is wrong.
+        for slip in (cause for cause in extras if cause.hides_reading):
+            log_prior |= {
+                ids_of(*pair, slip): log_prior[ids_of(*pair)] + log_prior[slip.id,]
+                for pair in pairs
+            }
+        log_prior[()] = math.log(1.0 - UNLISTED - sum(map(math.exp, log_prior.values())))
+        return cls(broad, pairs, extras, log_prior)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +155,12 @@ class Whitened(ReadOnly):
         if isinstance(measured, Readings):
             white = cls.of_plan(measured.plan, model, measured.timed)
             require_rank(white.problem)
+            plan, warm, kelvin = measured.plan, measured.temperature, None
+            rows = plan.in_time[np.isfinite(warm[plan.in_time])]
+            if rows.size > 1:
+                kelvin = np.interp(plan.order, plan.order[rows], warm[rows] - warm[rows[0]])
             unit = model.machine.instrument.mistaken_unit(measured)
-            data = white.matrix @ measured.value
-            return replace(white, data=data, unit_mm=unit, kelvin=_warming(measured))
+            return replace(white, data=white.matrix @ measured.value, unit_mm=unit, kelvin=kelvin)
         posed = pose(measured, model, measured.kind)
         require_rank(posed.problem)
         plan, matrix = posed.problem.plan, posed.problem.matrix @ np.eye(len(posed.problem.plan))
@@ -176,8 +253,8 @@ class Whitened(ReadOnly):
         general, factors = texture.whitened(self.machine.instrument.noise_mm)
         axes, precision = texture.axes, general * self.matrix.precision
         matrix = replace(self.matrix, precision=precision, axes=axes, factors=factors)
-        along = (versions @ axes) * (1.0 - factors)
-        fit = fit_offsets(replace(problem, matrix=matrix), general * (versions - along @ axes.T))
+        white = general * shrink(versions.T, axes, factors).T
+        fit = fit_offsets(replace(problem, matrix=matrix), white)
         predicted, _ = problem.predict_with_jacobian(fit.offsets_mm, strict=False)
         return replace(fit, residuals_mm=versions - predicted)
 
@@ -189,33 +266,6 @@ class Whitened(ReadOnly):
     def side_by_side(self, influences: Iterable[Influence]) -> Floats:
         """Columns of influences on the data, shape (k, c) [mm]."""
         return np.hstack([np.zeros((len(self), 0)), *(one.columns for one in influences)])
-
-    def with_effects(
-        self, uncertain: tuple[Influence, ...], offsets: Floats, effects: Sequence[Effect]
-    ) -> tuple[Influence, ...]:
-        """The same on a machine with some effects: what a stand's place does to the readings
-        depends on how the touched surface lies."""
-        if all(influence.source != Origin.GAUGE_PLACEMENT for influence in uncertain):
-            return uncertain
-        known, plan = self.problem.model.extended(effects), self.plan
-        gauges = self.machine.uncertain(plan, lambda other: simulate(known, offsets, other))
-        anew = {influence.source: influence.reduced(self.matrix) for influence in gauges}
-        return tuple(anew.get(influence.source, influence) for influence in uncertain)
-
-    def linearised(self, offsets: Floats, effects: Sequence[Effect]) -> tuple[Floats, Floats]:
-        """For offsets (3,) [mm] with effects: prediction (k,), its derivatives (k, 3 + p)."""
-        readings, jacobian = differentiate(self.problem.model, offsets, self.plan, effects)
-        return self.matrix @ readings, self.matrix @ jacobian
-
-
-def _warming(readings: Readings) -> Floats | None:
-    """Temperature of each reading less the first, (n,) [K]; None if fewer than two have one."""
-    rows, warm = readings.plan.in_time, readings.temperature
-    known = rows[np.isfinite(warm[rows])]
-    if known.size < 2:
-        return None
-    course = warm[known] - warm[known[0]]
-    return np.asarray(np.interp(readings.plan.order, readings.plan.order[known], course))
 
 
 def _scaled(model: Model, factor: float, causes: Iterable[Cause]) -> Model:
@@ -281,23 +331,20 @@ def places_of(
     size of the offsets is judged in no unit.
     """
     plan, machine, matrix = problem.plan, problem.model.machine, problem.matrix
-    every = []
+    spare, every = len(matrix) - len(machine.parameter_names), []
     for cause in extras:
         places = tuple(cause.places(plan, machine))
-        if isinstance(cause, PatternCause):
-            weight = dict.fromkeys(places, -math.log(max(len(places), 1)))
-            columns = Places(matrix, cause.patterns(plan, places)) if places else None
-            every.append(Placed(cause, places, 0, weight, patterns=columns))
-        else:
-            total = sum(map(cause.share, places))
-            spare = len(matrix) - len(machine.parameter_names)
-            weights = {
-                place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
-                for place in places
-            }
-            undone = tuple(place for place in places if cause.reversible(plan, place))
-            others = tuple(place for place in places if place not in undone)
-            every.append(Placed(cause, undone, 0, weights, others))
+        total = sum(map(cause.share, places))
+        weights = {
+            place: math.log(cause.share(place) / total) + spare * math.log(cause.unit_mm(place))
+            for place in places
+        }
+        tried = tuple(place for place in places if cause.reversible(plan, place))
+        others = tuple(place for place in places if not cause.reversible(plan, place))
+        patterns = None
+        if isinstance(cause, PatternCause) and places:
+            patterns = Places(matrix, cause.patterns(plan, places))
+        every.append(Placed(cause, tried, 0, weights, others, patterns))
     return tuple(every)
 
 
@@ -329,16 +376,16 @@ class Linearised(ReadOnly):
         Raises:
             UnusableResultError: no offsets fit them as recorded, or they hardly determine any.
         """
-        machine = white.machine
+        noise = NoiseGrid.around(white.machine.instrument.noise_mm, white.texture)
         places = places_of(white.problem, candidates.extras)
         # Faults of the record put right, where the data can express it, and the gauge shows
         # readings in that unit.
         undone = [
-            (cause, place)
-            for cause, tried in ((placed.cause, placed.tried) for placed in places)
-            if isinstance(cause, RelabelCause)
-            for place in tried
-            if cause.unit_mm(place) in (1.0, white.unit_mm)
+            (placed.cause, place)
+            for placed in places
+            if isinstance(placed.cause, RelabelCause)
+            for place in placed.tried
+            if placed.cause.unit_mm(place) in (1.0, white.unit_mm)
         ]
         units = np.array([cause.unit_mm(place) for cause, place in undone])
         right = white.relabelled(white.data, *undone) * units[:, None]
@@ -353,40 +400,34 @@ class Linearised(ReadOnly):
             )
         # A relabelling that no offsets fit did not happen.
         possible = [key for key, fits in zip(undone, fit.converged[1:], strict=True) if fits]
-        extras: dict[str, Placed] = {}
-        version = 1
+        extras, first = dict[str, Placed](), 1
         for placed in places:
-            cause = placed.cause
-            if isinstance(cause, RelabelCause):
-                tried = tuple(place for place in placed.tried if (cause, place) in possible)
-                placed = replace(placed, tried=tried, first=version)
-                version += len(tried)
-            extras[cause.id] = placed
+            if isinstance(placed.cause, RelabelCause):
+                tried = tuple(place for cause, place in possible if cause is placed.cause)
+                placed, first = replace(placed, tried=tried, first=first), first + len(tried)
+            extras[placed.cause.id] = placed
         offsets, broad = fit.offsets_mm[0], candidates.broad
         _, slopes = differentiate_absent(white.problem.model, offsets, white.plan, broad)
         columns, ends = white.matrix @ np.hstack(slopes), np.cumsum([s.shape[1] for s in slopes])
         jacobian, *jacobians = np.split(columns, ends[:-1], axis=1)
-        weighed = {cause.id for cause in broad}
-        uncertain: list[Influence] = []
-        for influence in white.uncertain(offsets):
-            if influence.source in weighed:
+        by_cause = {cause.id: slope for cause, slope in zip(broad, jacobians, strict=True)}
+        uncertain = list(white.uncertain(offsets))
+        for number, influence in enumerate(uncertain):
+            if influence.source in by_cause:
                 shown = unexplained(jacobian, influence.columns)
-                if np.linalg.norm(shown) > machine.instrument.noise_mm:
+                if np.linalg.norm(shown) > noise.stated:
                     # It has a name of its own for what shows: what offsets imitate is carried.
-                    influence = replace(influence, columns=influence.columns - shown)
-            uncertain.append(influence)
+                    uncertain[number] = replace(influence, columns=influence.columns - shown)
         return cls(
             white=white,
             candidates=candidates,
-            noise=NoiseGrid.around(machine.instrument.noise_mm, white.texture),
+            noise=noise,
             extras=extras,
             versions=versions[fit.converged],
             offsets=fit.offsets_mm[fit.converged],
             residuals=fit.residuals_mm[fit.converged],
             jacobian=jacobian,
-            jacobians={
-                cause.id: derivatives for cause, derivatives in zip(broad, jacobians, strict=True)
-            },
+            jacobians=by_cause,
             uncertain=tuple(uncertain),
         )
 

@@ -32,12 +32,11 @@ from orthoglide_cal.estimation.losses import (
 )
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.inference.belief import Belief, Key, is_sizeless, mixture, probabilities
-from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids
-from orthoglide_cal.inference.data import Whitened
+from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Whitened
 from orthoglide_cal.inference.fit import LARGEST, Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
-from orthoglide_cal.inference.patterns import PASSING, fits_of, weight_of
-from orthoglide_cal.inference.result import Verdict
+from orthoglide_cal.inference.patterns import PASSING, fits_of
+from orthoglide_cal.inference.result import TimesStated, Verdict
 from orthoglide_cal.model.cause import NORMAL_K, Stage
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.schema import Reason
@@ -74,12 +73,6 @@ def keep_ratio(ids: Ids, best: Ids) -> float:
     if not set(best) < set(ids):
         return DISMISSED
     return OPEN_ANSWER / (FALSE_RELEASE if is_sizeless(ids, best) else MISSED_FAULT)
-
-
-def loss_of_name(id: str) -> float:
-    """Loss if a cause is named that does not act [min]: what is in every reading is a part."""
-    cause = CAUSES[id]
-    return WRONG_NAME if cause.in_machine and cause.repeats else NEEDLESS_HOLD
 
 
 def state(
@@ -150,15 +143,13 @@ class Decision:
 
     def same_answer(self, ids: Ids) -> tuple[Ids, ...]:
         """Other sets, not dismissed, that ask the same of a technician, most probable first."""
-        listed = self.belief.listed
-        floor = DISMISSED * listed[ids]
-        answer = self.belief.answer_of(ids)
-        return tuple(other for other in answer if other != ids and listed[other] >= floor)
+        listed, answer = self.belief.listed, self.belief.answer_of(ids)
+        least = DISMISSED * listed[ids]
+        return tuple(other for other in answer if other != ids and listed[other] >= least)
 
     def is_open(self, ids: Ids) -> bool:
         """Return whether a set of causes is too probable to be dismissed for the best answer."""
-        best = self.best
-        return self.belief.listed[ids] >= keep_ratio(ids, best) * self.belief.something
+        return self.belief.listed[ids] >= keep_ratio(ids, self.best) * self.belief.something
 
     @cached_property
     def rivals(self) -> tuple[Ids, ...]:
@@ -175,12 +166,9 @@ class Decision:
                 held.update([ids for ids in listed if doubted in ids][:1])
         others = [ids for ids in listed if ids not in ((), best, *same)]
         rivals = [ids for ids in others if ids in held or self.is_open(ids)]
-
-        def adds(ids: Ids) -> bool:
-            parts = (other for other in (*rivals, *same) if set(other) < set(ids))
-            return not any(self._adds_little(ids, part) for part in parts)
-
-        return tuple(ids for ids in rivals if ids in held or adds(ids))
+        parts = {ids: [part for part in (*rivals, *same) if {*part} < {*ids}] for ids in rivals}
+        little = {ids for ids in rivals if any(self._adds_little(ids, part) for part in parts[ids])}
+        return tuple(ids for ids in rivals if ids in held or ids not in little)
 
     @cached_property
     def silent(self) -> tuple[Ids, ...]:
@@ -249,8 +237,9 @@ class Decision:
     def is_nameable(self) -> bool:
         """True if to name the best causes costs less than to leave them open.
 
-        Where a pattern acts, each that does not act with it is a wrong name; offsets are false that
-        it moves beyond their U, or by what returns with its posture.
+        Where a pattern acts, each that does not act with it is a wrong name: of what is in every
+        reading a part. Offsets are false that it moves beyond their U, or by what returns with its
+        posture.
         """
         belief, best, fit = self.belief, self.best, self.belief.fit(self.best)
         bearable, risk = OPEN_ANSWER * belief.something, 0.0
@@ -258,26 +247,14 @@ class Decision:
             return True  # whatever they do: no pattern has to be fitted
         for one in self.beyond_list:
             hows = {pattern.how for pattern in one.patterns}
-            loss = sum(map(loss_of_name, set(best) - {*one.ids} - hows))
+            wrong = [CAUSES[id] for id in set(best) - {*one.ids} - hows]
+            parts = sum(cause.in_machine and cause.repeats for cause in wrong)
+            loss = parts * WRONG_NAME + (len(wrong) - parts) * NEEDLESS_HOLD
             moved = self._moves(one, fit.offsets, fit.offsets_covariance)
             if moved or hows - CAUSES.keys() - PASSING:
                 loss += FALSE_RELEASE
             risk += belief.unlisted[one.label] * loss
         return risk <= bearable
-
-    @property
-    def exceeded(self) -> bool:
-        """True if a pattern, alone or beside the accepted causes, may make them a wrong name.
-
-        Several causes, or several wrong readings, follow most patterns.
-        """
-        belief, accepted = self.belief, self.accepted
-        if len(accepted) != 1 or len(self.fit.wrong_readings) > 1:
-            return bool(accepted)
-        patterns = (*belief.patterns.values(), *belief.beside(accepted))
-        likeliest = max(map(weight_of, patterns)) - belief.log_weight[accepted]
-        listed = OPEN_ANSWER * belief.something / belief.listed[accepted]
-        return likeliest > math.log(listed / (WRONG_NAME + FALSE_RELEASE))
 
     @cached_property
     def accepted(self) -> Ids:
@@ -302,7 +279,9 @@ class Decision:
     def _chance_beyond(self, fit: Fit) -> float:
         """Chance that noise leaves more than a fit does, as large as its statement may mean."""
         at = self.belief.at
-        square, dof = float(fit.residual @ fit.residual), len(at.white) - fit.unknowns
+        # A fit with priors takes up as many degrees of freedom as the trace of its hat matrix.
+        taken = float(np.trace(fit.covariance @ fit.columns.T @ fit.columns)) / fit.sigma**2
+        square, dof = float(fit.residual @ fit.residual), len(at.white) - taken
         if at.local:
             return chance_of_residual(square, dof, max(at.noise.stated, fit.sigma))
         by_noise = [chance_of_residual(square, dof, sigma) for sigma in at.noise.sigma]
@@ -404,7 +383,7 @@ class Decision:
         return tuple(faults)
 
     @cached_property
-    def beyond_tolerance(self) -> tuple[tuple[str, float], ...]:
+    def beyond_tolerance(self) -> tuple[TimesStated, ...]:
         """Causes that would explain what is unexplained, how many times their size."""
         if self.verdict is not Verdict.UNEXPLAINED:
             return ()
@@ -418,7 +397,7 @@ class Decision:
             times = fit.effects[0].times(at.white.machine)
             if times > BEYOND and round(times) <= LARGEST and self._chance_beyond(fit) >= MISFIT:
                 explaining.append((float(fit.residual @ fit.residual), cause.id, times))
-        return tuple((id, times) for _, id, times in sorted(explaining))
+        return tuple(TimesStated(id=id, times=times) for _, id, times in sorted(explaining))
 
     @property
     def by_place(self) -> tuple[tuple[float, Fit], ...]:
@@ -442,13 +421,19 @@ class Decision:
         values, spreads = zip(*((fit.offsets, fit.offsets_covariance) for fit in fits), strict=True)
         mean, covariance = mixture(shares, values, spreads)
         if self.verdict is Verdict.UNEXPLAINED and not self.described:
-            covariance = covariance + self._returning(fits[0])
+            # What may return with its posture, in each cell as large as what is left in the
+            # readings: repeats cannot average it out.
+            white, fit, width = self.belief.at.white, fits[0], mean.size
+            estimator = fit.covariance[:width] @ fit.columns.T / fit.sigma**2
+            left = float(fit.residual @ fit.residual) / max(len(white) - width, 1)
+            cells = estimator @ (white.matrix @ white.plan.returning)
+            covariance = covariance + left * cells @ cells.T
         return mean, covariance
 
     @cached_property
     def beyond_list(self) -> Mapping[Hypothesis, float]:
         """Patterns that remain of those beyond the list, best first, and their shares, 1 in all."""
-        weight = {one: weight_of(one) for one in self.belief.patterns.values()}
+        weight = {one: one.log_weight for one in self.belief.patterns.values()}
         # Of weights: all probabilities may be too small for a number.
         least = max(weight.values()) + math.log(DISMISSED)
         return probabilities({one: value for one, value in weight.items() if value >= least})
@@ -464,24 +449,20 @@ class Decision:
 
     @property
     def enterable(self) -> float:
-        """Probability that what is not listed falsifies no offsets; 0 if more than noise stays."""
-        if not self.described:
-            return 0.0
-        passing = sum(share for one, share in self.beyond_list.items() if self._passes(one))
-        return passing * self.belief.beyond
+        """Probability that what is not listed falsifies no offsets; 0 if more than noise stays.
 
-    def _passes(self, hypothesis: Hypothesis) -> bool:
-        """Return whether all that acts passes: U allows for it.
-
-        Listed causes that act with it may stay, as those that are named may, if they move no
-        parameter by more than U.
+        All that acts has to pass: U allows for it. Listed causes that act with it may stay, as
+        those that are named may, if they move no parameter by more than U.
         """
-        unlisted = [one for one in hypothesis.patterns if one.how not in CAUSES]
-        if not {one.how for one in unlisted} <= PASSING:
-            return False
-        alone = self.belief.patterns[", ".join(one.label for one in unlisted)]
-        beside = self._offsets_under(alone), self.offsets[1]
-        return alone is hypothesis or not self._moves(hypothesis, *beside)
+        probability = 0.0
+        for one, share in self.beyond_list.items() if self.described else ():
+            unlisted = [pattern for pattern in one.patterns if pattern.how not in CAUSES]
+            if {pattern.how for pattern in unlisted} <= PASSING:
+                alone = self.belief.patterns[", ".join(pattern.label for pattern in unlisted)]
+                beside = self._offsets_under(alone), self.offsets[1]
+                stays = alone is one or not self._moves(one, *beside)
+                probability += share * self.belief.beyond * stays
+        return probability
 
     def _moves(self, hypothesis: Hypothesis, offsets: Floats, covariance: Floats) -> bool:
         """Return whether the offsets under a hypothesis differ from others by more than their U."""
@@ -496,17 +477,6 @@ class Decision:
     def described(self) -> bool:
         """True if the likeliest pattern leaves no more than noise, and nothing else was refuted."""
         return self.refuted is None and self._chance_beyond(self.patterned[0][1]) >= MISFIT
-
-    def _returning(self, fit: Fit) -> Floats:
-        """Covariance of the offsets by what may return with its posture, (3, 3) [mm²].
-
-        Repeats cannot average it out: in each cell as large as what is left in the readings.
-        """
-        white, width = self.belief.at.white, fit.offsets.size
-        estimator = fit.covariance[:width] @ fit.columns.T / fit.sigma**2
-        left = float(fit.residual @ fit.residual) / max(len(white) - width, 1)
-        cells = estimator @ (white.matrix @ white.plan.returning)
-        return np.asarray(left * cells @ cells.T)
 
 
 def _at_places(hypothesis: Hypothesis, share: float, least: float) -> list[tuple[float, Fit]]:
@@ -572,5 +542,16 @@ def decide_by(linear: Belief) -> Decision:
         decision = Decision(decision.belief.refined(wanted))
     decision = Decision(decision.belief.refined([decision.best]))
     # Few differences follow nearly any pattern.
-    doubted = decision.verdict is Verdict.UNEXPLAINED or decision.exceeded
-    return Decision(decision.belief.closely()) if at.white.raw and doubted else decision
+    if not at.white.raw:
+        return decision
+    # Several causes, or several wrong readings, follow most patterns.
+    belief, accepted = decision.belief, decision.accepted
+    doubted = decision.verdict is Verdict.UNEXPLAINED or len(accepted) > 1
+    doubted = doubted or len(decision.fit.wrong_readings) > 1
+    if accepted and not doubted:
+        # A pattern, alone or beside the accepted cause, may make it a wrong name.
+        patterns = (*belief.patterns.values(), *belief.beside(accepted))
+        likeliest = max(one.log_weight for one in patterns) - belief.log_weight[accepted]
+        listed = OPEN_ANSWER * belief.something / belief.listed[accepted]
+        doubted = likeliest > math.log(listed / (WRONG_NAME + FALSE_RELEASE))
+    return Decision(belief.closely()) if doubted else decision

@@ -9,7 +9,7 @@ is needed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -21,14 +21,8 @@ from orthoglide_cal.causes import PatternCause
 from orthoglide_cal.errors import PostureError
 from orthoglide_cal.estimation.accuracy import Scatter, rms
 from orthoglide_cal.estimation.budget import Budget, Contribution, budget_of
-from orthoglide_cal.estimation.gaussian import (
-    condition,
-    fit_size,
-    log_sum,
-    shrinking,
-)
-from orthoglide_cal.inference.candidates import Ids, ids_of
-from orthoglide_cal.inference.data import Linearised, Whitened
+from orthoglide_cal.estimation.gaussian import condition, fit_size, log_sum, shrink, shrinking
+from orthoglide_cal.inference.data import Ids, Linearised, Whitened, ids_of
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid
 from orthoglide_cal.inference.hypothesis import (
     BLUNDER_SCALES,
@@ -40,7 +34,8 @@ from orthoglide_cal.inference.hypothesis import (
     pattern_densities,
 )
 from orthoglide_cal.model.cause import Effect
-from orthoglide_cal.model.machine import Influence, Instrument
+from orthoglide_cal.model.machine import Influence, Instrument, Origin
+from orthoglide_cal.model.model import differentiate, simulate
 from orthoglide_cal.model.plan import Bools, Contrasts, Floats, Ints, ReadOnly, read_only
 
 # Mean and standard deviation of what cannot be negative, of those without that bound.
@@ -156,11 +151,6 @@ class Fit(ReadOnly):
         return sum((effect.place for effect in self.effects if effect.cause.hides_reading), ())
 
     @property
-    def unknowns(self) -> float:
-        """Degrees of freedom that a fit with priors takes up: trace of its hat matrix."""
-        return float(np.trace(self.covariance @ self.columns.T @ self.columns)) / self.sigma**2
-
-    @property
     def first_uncertain(self) -> int:
         """Index of the first unknown that is of what is uncertain of the data."""
         widths = (influence.columns.shape[1] for influence in self.uncertain)
@@ -216,10 +206,7 @@ class Fit(ReadOnly):
 
     @property
     def log_likelihood(self) -> float:
-        """ln p of the data at the fit, without its constant.
-
-        The sizes of causes do not count, but that widths are positive does.
-        """
+        """ln p of the data at the fit, without constant and sizes of causes, but with bounds."""
         return self.log_positive - 0.5 * self.square / self.noise.stated**2
 
     @cached_property
@@ -239,9 +226,7 @@ class Fit(ReadOnly):
 
     def whitened(self, values: Floats) -> Floats:
         """Values (k,) or (k, q) in units of all that is uncertain, at the stated noise."""
-        axes, factors = self._axes
-        values = self._textured(values)
-        return np.asarray(values - axes @ ((1.0 - factors) * (axes.T @ values).T).T)
+        return shrink(self._textured(values), *self._axes)
 
     @cached_property
     def _axes(self) -> tuple[Floats, Floats]:
@@ -253,9 +238,7 @@ class Fit(ReadOnly):
         if texture is None:
             return np.asarray(values / sigma)
         general, factors = texture.whitened(sigma)
-        along = texture.axes.T @ values
-        values = values - texture.axes @ ((1.0 - factors) * along.T).T
-        return np.asarray(general * values / sigma)
+        return np.asarray(general * shrink(values, texture.axes, factors) / sigma)
 
     def budget(self, gauge: Instrument) -> Budget:
         """The uncertainty of its offsets by source; what its causes leave open comes last."""
@@ -278,13 +261,21 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
     large as these data make it.
     """
     fit = begun = _begin(hypothesis, scale_factor)
-    step = math.inf
-    for _ in range(ROUNDS * _is_beyond_noise(fit)):
+    at, white, step, rounds = fit.linearised, fit.linearised.white, math.inf, 0
+    # From where they were linearised: the offsets alone, fitted to the data as recorded.
+    theta = fit.moved[len(fit.start) : fit.derivatives.shape[1]]
+    moved = np.abs(np.concatenate([fit.offsets - at.offsets[0], theta]))
+    if float(np.sqrt(np.mean(fit.derivatives**2, axis=0)) @ moved) > at.noise.stated:
+        rounds = ROUNDS
+    for _ in range(rounds):
         try:
-            predicted, derivatives = fit.linearised.white.linearised(*fit.state)
+            offsets, effects = fit.state
+            readings, slopes = differentiate(
+                at.white.problem.model, offsets, at.white.plan, effects
+            )
         except PostureError:  # No machine is like that: such an explanation stays as it was scored.
             break
-        before, (fit, step) = step, _step(fit, predicted, derivatives)
+        before, (fit, step) = step, _step(fit, white.matrix @ readings, white.matrix @ slopes)
         if not FAR_MM < step < 0.5 * before:
             break
     fit = _settle(fit)
@@ -295,9 +286,8 @@ def fit_hypothesis(hypothesis: Hypothesis, scale_factor: float | None = None) ->
 
 def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
     """The fit with the linear model that a hypothesis was scored with."""
-    at, base, extra, version = (
-        hypothesis.linearised, hypothesis.base, hypothesis.extra, hypothesis.version,
-    )  # fmt: skip
+    at, base, extra = hypothesis.linearised, hypothesis.base, hypothesis.extra
+    version = hypothesis.version
     # What one unit of an extra of unknown size does.
     free, free_size = np.zeros((len(at.white), 0)), np.zeros(0)
     if extra is not None and isinstance(extra.cause, PatternCause) and not extra.theta.size:
@@ -307,11 +297,20 @@ def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
     uncertain = at.white.uncertain(at.offsets[version]) if version else at.uncertain
     seen = at.shown(uncertain, at.jacobian) if version else at.seen
     # A cause of this explanation is not counted as uncertain again.
-    ids = ids_of(*base)
-    uncertain = tuple(influence for influence in uncertain if influence.source not in ids)
+    uncertain = tuple(one for one in uncertain if one.source not in ids_of(*base))
     carried = at.white.side_by_side(uncertain)
     derivatives, linear = at.columns(base), at.residuals[version] - hypothesis.added
-    known = _likeliest_sizes(hypothesis, np.hstack([derivatives, free, seen]), free_size, linear)
+    # Sizes of offsets and causes; where a cause leaves them open, the likeliest.
+    known, choices = at.sizes(base, hypothesis.scale), max((len(c.shares) for c in base), default=0)
+    if choices:
+        tried = [(scale, number) for scale in at.scales for number in range(choices)]
+        sizes = np.stack([at.sizes(base, *choice) for choice in tried])
+        others = np.ones((len(tried), free_size.size + seen.shape[1]))
+        others[:, : free_size.size] = free_size
+        columns, every = np.hstack([derivatives, free, seen]), np.hstack([sizes, others])
+        shares = np.log([at.scales[scale] for scale, _ in tried])
+        density = Gaussian(columns, every, at.noise, shares)
+        known = sizes[int(np.argmax(log_sum(density.by_noise(linear), 1)))]
     sizes = np.concatenate([known, free_size, np.ones(carried.shape[1])])
     widths = [*(cause.unknowns for cause in base), *[free_size.size] * (extra is not None)]
     ends = np.cumsum([at.offsets.shape[1], *widths])
@@ -336,37 +335,6 @@ def _begin(hypothesis: Hypothesis, scale_factor: float | None) -> Fit:
     ).with_local_shape(scale_factor)
 
 
-def _likeliest_sizes(
-    hypothesis: Hypothesis, columns: Floats, free_size: Floats, residual: Floats
-) -> Floats:
-    """Plausible sizes of offsets and causes; where a cause leaves them open, the likeliest.
-
-    `columns` (k, q) are of these, of an extra of unknown size, `free_size`, and what shows.
-    """
-    at, base = hypothesis.linearised, hypothesis.base
-    choices = max((len(cause.shares) for cause in base), default=0)
-    if not choices:
-        return at.sizes(base, hypothesis.scale)
-    tried = [(scale, number) for scale in at.scales for number in range(choices)]
-    sizes = np.stack([at.sizes(base, *choice) for choice in tried])
-    others = np.ones((len(tried), columns.shape[1] - sizes.shape[1]))
-    others[:, : free_size.size] = free_size
-    shares = np.log([at.scales[scale] for scale, _ in tried])
-    density = Gaussian(columns, np.hstack([sizes, others]), at.noise, shares)
-    return np.asarray(sizes[int(np.argmax(log_sum(density.by_noise(residual), 1)))])
-
-
-def _is_beyond_noise(fit: Fit) -> bool:
-    """Return whether it moves the data, each unknown by itself, by more than noise does.
-
-    From where they were linearised: the offsets alone, fitted to the data as recorded.
-    """
-    at, derivatives = fit.linearised, fit.derivatives
-    theta = fit.moved[len(fit.start) : derivatives.shape[1]]
-    unknowns = np.concatenate([fit.offsets - at.offsets[0], theta])
-    return float(np.sqrt(np.mean(derivatives**2, axis=0)) @ np.abs(unknowns)) > at.noise.stated
-
-
 def _step(fit: Fit, predicted: Floats, derivatives: Floats) -> tuple[Fit, float]:
     """The fit with the linear model of where it stands: prediction (k,), derivatives.
 
@@ -384,21 +352,26 @@ def _step(fit: Fit, predicted: Floats, derivatives: Floats) -> tuple[Fit, float]
 
 
 def _settle(fit: Fit) -> Fit:
-    """The fit with what is uncertain of the data as it acts on a machine with these causes."""
+    """The fit with what is uncertain of the data as it acts on a machine with these causes.
+
+    What a stand's place does to the readings depends on how the touched surface lies.
+    """
     white, derivatives, width = fit.linearised.white, fit.derivatives, len(fit.start)
     caused = derivatives[:, width:] @ fit.moved[width : derivatives.shape[1]]
-    if rms(caused) <= STEEP * fit.noise.stated:
+    stands = any(influence.source == Origin.GAUGE_PLACEMENT for influence in fit.uncertain)
+    if not stands or rms(caused) <= STEEP * fit.noise.stated:
         return fit
+    offsets, effects = fit.state
+    known = white.problem.model.extended(effects)
     try:
-        uncertain = white.with_effects(fit.uncertain, *fit.state)
+        gauges = white.machine.uncertain(white.plan, lambda other: simulate(known, offsets, other))
+        anew = {influence.source: influence.reduced(white.matrix) for influence in gauges}
     except PostureError:
         return fit
-    if uncertain is fit.uncertain:
-        return fit
-    kept = fit.columns[:, : fit.first_uncertain]
-    columns = np.hstack([kept, white.side_by_side(uncertain)])
+    uncertain = tuple(anew.get(influence.source, influence) for influence in fit.uncertain)
+    columns = [fit.columns[:, : fit.first_uncertain], white.side_by_side(uncertain)]
     seen = fit.linearised.shown(uncertain, derivatives[:, :width])
-    return replace(fit, uncertain=uncertain, columns=columns, seen=seen)
+    return replace(fit, uncertain=uncertain, columns=np.hstack(columns), seen=seen)
 
 
 def _judged(fit: Fit) -> Fit:
@@ -415,8 +388,10 @@ def _judged(fit: Fit) -> Fit:
         else:
             wrong, weight = others_wrong(at, placed, hypothesis.wrong_readings[:-1])
             seen = np.hstack((seen, wrong))
-    scales = at.scales if hypothesis.is_alone else at.usual
-    density = density_of(at, [fit.derivatives], [base], scales, [seen])
+    # No other fault limits the size of one cause with many parameters.
+    alone = len(base) < 2 and (extra is None or hypothesis.replanned is not None)
+    scales = at.scales if alone else at.usual
+    density = density_of(at, [base], scales, [fit.derivatives], [seen])
     # By scale and σ if all parameters act, (s, g).
     by_noise = density.by_noise(data)
     if placed is None or placed.patterns is None:
@@ -425,8 +400,8 @@ def _judged(fit: Fit) -> Fit:
         blocks = pattern_densities(at, placed, density, data, by_noise)
         log = log_sum(np.stack([log_sum(log[0], (-2, -1)) for _, log in blocks]), 0)
     evidence = float(log_sum(log))
-    if base and hypothesis.is_alone:
-        (evidence,) = all_or_one(at, base, [fit.derivatives], data, [evidence])
+    if base and alone:
+        (evidence,) = all_or_one(at, base, data, [evidence], [fit.derivatives])
     elif base:
         evidence += LOG_ALL
     return _concluded(fit, log, evidence + weight)
@@ -472,17 +447,8 @@ class HeldOut:
     chance: float = 1.0  # of a larger ratio if the model is right; 1 of what was not asked
 
 
-def leave_out_cells(white: Whitened, fit: Fit, judged: Fit) -> HeldOut:
-    """Predict each (leg, direction, posture) cell, or each difference, from all others by a fit.
-
-    Readings that the accepted explanation, `judged`, calls wrong, each by itself, cannot be
-    predicted by any model; they are not scored.
-    """
-    return leave_out(white, fit, left_out(white, judged.wrong_readings))[2]
-
-
-def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, Floats, HeldOut]:
-    """Predict blocks of readings, or of differences, each from all others by a fit.
+def leave_out(fit: Fit, blocks: Sequence[Ints]) -> tuple[Ints, Floats, HeldOut]:
+    """Predict blocks of readings, or of differences, as of `left_out`, each from all others.
 
     Errors of different blocks depend on each other: the square of n of them has the mean n and the
     variance 2 tr M², M = D^(−1/2) K D^(−1/2) with the blocks D of K, and is about χ² (Welch and
@@ -491,6 +457,7 @@ def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, 
     Returns:
         Which they are, (m,), the errors, weighed as in `Whitened.rms`, (m,), and all together.
     """
+    white = fit.white
     # S⁻¹ = (I − A Aᵀ)/σ²
     axes, factors = shrinking(fit.columns * (fit.sizes / fit.sigma))
     axes = axes * np.sqrt(1.0 - factors**2)
@@ -502,9 +469,9 @@ def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, 
     taken = (entries.T @ axes) / weight[:, None]
     if isinstance(entries, Contrasts):
         taken = np.hstack((entries.zeros, taken))
-    errors, square, alone, every = [], 0.0, 0.0, list(blocks)
+    errors, square, alone = [], 0.0, 0.0
     together = np.zeros((taken.shape[1],) * 2)
-    for some in every:
+    for some in blocks:
         mine, values = taken[some], weighted[some][..., None]
         turned, (size, rank) = mine.swapaxes(-1, -2), mine.shape[1:]
         both = np.concatenate((values, mine), axis=-1)
@@ -528,13 +495,14 @@ def leave_out(white: Whitened, fit: Fit, blocks: Iterable[Ints]) -> tuple[Ints, 
         dof = n**2 / (n + float(np.sum(together**2)) - alone)
         chance = float(chdtrc(dof, square * dof / n))
     held = HeldOut(rms(errors_mm), math.sqrt(square / n), chance)
-    return np.concatenate([some.reshape(-1) for some in every]), errors_mm, held
+    return np.concatenate([some.reshape(-1) for some in blocks]), errors_mm, held
 
 
 def left_out(white: Whitened, wrong: Sequence[int] = (), cells: Ints | None = None) -> list[Ints]:
     """Entries to leave out together; blocks of one size in one array, shape (blocks, size).
 
-    Those of one cell of the plan, or of `cells`, (n,).
+    Those of one (leg, direction, posture) cell of the plan, each difference, or those of `cells`,
+    (n,). Wrong readings, each by itself, no model can predict; they are not scored.
     """
     kept = np.full(len(white.in_file), True)
     if cells is None:

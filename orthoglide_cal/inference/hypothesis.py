@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +22,7 @@ from orthoglide_cal.causes.record import Misread
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation.accuracy import require_rank
 from orthoglide_cal.estimation.gaussian import log_mean, log_sum
-from orthoglide_cal.inference.candidates import ONE_CAUSE, TWO_CAUSES, Ids, ids_of
-from orthoglide_cal.inference.data import Linearised, Placed
+from orthoglide_cal.inference.data import ONE_CAUSE, TWO_CAUSES, Ids, Linearised, Placed, ids_of
 from orthoglide_cal.inference.evidence import Gaussian
 from orthoglide_cal.model.cause import Cause, Effect, Place
 from orthoglide_cal.model.machine import Machine
@@ -145,14 +145,14 @@ class Hypothesis:
         return listed + sum(pattern.log_prior for pattern in self.patterns)
 
     @property
+    def log_weight(self) -> float:
+        """ln of prior times evidence."""
+        return self.log_evidence + self.log_prior
+
+    @property
     def linearised(self) -> Linearised:
         """The linear model that it was scored with, and its fit begins with."""
         return self.replanned or self.at
-
-    @property
-    def is_alone(self) -> bool:
-        """True of one cause with many parameters, or none: no other fault limits its size."""
-        return len(self.base) < 2 and (self.extra is None or self.replanned is not None)
 
     @cached_property
     def version(self) -> int:
@@ -221,36 +221,28 @@ def score_all(at: Linearised) -> dict[Ids, Hypothesis]:
                     scores[ids] = replace(
                         score, at=at, log_evidence=log, extra=extra, replanned=under
                     )
-    return scores | _wrong(at, scores)
+    slips = [placed for placed in at.extras.values() if placed.cause.hides_reading]
+    return scores | {one.ids: one for placed in slips for one in _wrong(at, scores, placed)}
 
 
-def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis]) -> dict[Ids, Hypothesis]:
+def _wrong(at: Linearised, scores: Mapping[Ids, Hypothesis], placed: Placed) -> list[Hypothesis]:
     """Scores of the sets with wrong readings, each with as many as make it likeliest.
 
     Also beside two causes; nothing where one wrong reading makes no set likelier.
     """
-    scores_wrong: dict[Ids, Hypothesis] = {}
-    for placed in at.extras.values():
-        if not placed.cause.hides_reading:
-            continue
-        id, pairs = placed.cause.id, at.candidates.pairs
-        one = [score for score in scores.values() if score.extra and score.extra.cause.id == id]
-        likelier = [s for s in one if s.log_evidence > scores[ids_of(*s.base)].log_evidence]
-        if not likelier:
-            continue
-        for some in _together(at, pairs):
-            both = density_of(at, [at.columns(pair) for pair in pairs[some]], pairs[some], at.usual)
-            by_version = both.log_density(at.residuals[:1].T)
-            likelier += _at_best_place(at, pairs[some], placed, both, by_version).values()
-        likelier.sort(key=lambda score: -score.log_evidence - score.log_prior)
-        best = [_several_wrong(at, score) for score in likelier[:SEARCHED]]
-        likeliest = max(best, key=lambda score: score.log_evidence + score.log_prior)
-        others = likeliest.wrong_readings[:-1]
-        for score in likelier[SEARCHED:]:
-            more = (_further(at, score, others),) if others else ()
-            best.append(max((score, *more), key=lambda one: one.log_evidence))
-        scores_wrong |= {score.ids: score for score in best}
-    return scores_wrong
+    one = [score for score in scores.values() if score.extra and score.extra.cause is placed.cause]
+    likelier = [s for s in one if s.log_evidence > scores[ids_of(*s.base)].log_evidence]
+    if not likelier:
+        return []
+    for pairs in _together(at, at.candidates.pairs):
+        both = density_of(at, pairs, at.usual)
+        likelier += _at_best_place(at, pairs, placed, both, both.log_density(at.residuals[:1].T))
+    likelier.sort(key=attrgetter("log_weight"), reverse=True)
+    best, rest = [_several_wrong(at, one) for one in likelier[:SEARCHED]], likelier[SEARCHED:]
+    if others := max(best, key=attrgetter("log_weight")).wrong_readings[:-1]:
+        both = ((score, _further(at, score, others)) for score in rest)
+        rest = [max(pair, key=attrgetter("log_evidence")) for pair in both]
+    return best + rest
 
 
 def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
@@ -269,7 +261,7 @@ def _several_wrong(at: Linearised, score: Hypothesis) -> Hypothesis:
     # What stood for others at first may be right.
     for number in best.wrong_readings[:-1]:
         kept = tuple(other for other in score.wrong_readings if other != number)
-        score = max(score, _further(at, score, kept[:-1]), key=lambda s: s.log_evidence)
+        score = max(score, _further(at, score, kept[:-1]), key=attrgetter("log_evidence"))
     return score
 
 
@@ -281,8 +273,7 @@ def _further(at: Linearised, score: Hypothesis, others: Place) -> Hypothesis:
     cause = placed.cause
     assert isinstance(cause, Misread)
     wrong, price = others_wrong(at, placed, others)
-    seen = [np.hstack((at.seen, wrong))]
-    density = density_of(at, [at.columns(base)], [base], at.usual, seen)
+    density = density_of(at, [base], at.usual, seen=[np.hstack((at.seen, wrong))])
     by_place = np.full((len(at.usual), len(placed.tried)), -math.inf)
     residual = at.residuals[0]
     for where, log in pattern_densities(at, placed, density, residual, density.by_noise(residual)):
@@ -310,74 +301,67 @@ def others_wrong(at: Linearised, placed: Placed, others: Place) -> tuple[Floats,
 
 def _listed(at: Linearised) -> dict[Ids, Hypothesis]:
     """Scores of all sets of which every relabelling can be undone in the data."""
-    residual = at.residuals[0]
-    broad, pairs = at.candidates.broad, at.candidates.pairs
-    bases = [(), *((cause,) for cause in broad)]
-    columns = [at.columns(base) for base in bases]
-    scores: dict[Ids, Hypothesis] = {}
-    for some in _together(at, bases):
-        density = density_of(at, columns[some], bases[some], at.scales)
-        scores |= _alone(at, bases[some], density.by_noise(residual))
+    residual, singles = at.residuals[0], [(cause,) for cause in at.candidates.broad]
+    scores: list[Hypothesis] = []
+    for bases in _together(at, [(), *singles]):
+        density = density_of(at, bases, at.scales)
+        scores += _alone(at, bases, density.by_noise(residual))
         density = density.at_sizes(slice(len(at.usual)), np.log(list(at.usual.values())))
         by_version = density.log_density(at.residuals.T)
         for placed in at.extras.values():
             if placed.tried:
-                scores |= _at_best_place(at, bases[some], placed, density, by_version)
-    for some in _together(at, broad):
-        log_all = [scores[(cause.id,)].log_evidence for cause in broad[some]]
-        means = all_or_one(at, broad[some], columns[1:][some], residual, log_all)
-        for cause, mean in zip(broad[some], means, strict=True):
-            scores[(cause.id,)] = replace(scores[(cause.id,)], log_evidence=mean)
-    for some in _together(at, pairs):
-        both = density_of(at, [at.columns(pair) for pair in pairs[some]], pairs[some], at.usual)
-        scores |= _alone(at, pairs[some], both.by_noise(residual) + LOG_ALL)
-    return scores
+                scores += _at_best_place(at, bases, placed, density, by_version)
+    for pairs in _together(at, at.candidates.pairs):
+        both = density_of(at, pairs, at.usual)
+        scores += _alone(at, pairs, both.by_noise(residual) + LOG_ALL)
+    listed = {score.ids: score for score in scores}
+    for bases in _together(at, singles):
+        causes = [cause for (cause,) in bases]
+        log_all = [listed[cause.id,].log_evidence for cause in causes]
+        for cause, mean in zip(causes, all_or_one(at, causes, residual, log_all), strict=True):
+            listed[cause.id,] = replace(listed[cause.id,], log_evidence=mean)
+    return listed
 
 
-def _together(at: Linearised, causes: Sequence[object]) -> Iterator[slice]:
-    """Slices of bases that are weighed together: few where there are many readings."""
+def _together(at: Linearised, bases: Bases) -> Iterator[Bases]:
+    """Bases that are weighed together: few where there are many readings."""
     some = max(AT_ONCE // (32 * len(at.white)), 1)
-    return (slice(start, start + some) for start in range(0, len(causes), some))
+    return (bases[start : start + some] for start in range(0, len(bases), some))
 
 
-def _alone(at: Linearised, bases: Bases, log: Floats) -> dict[Ids, Hypothesis]:
+def _alone(at: Linearised, bases: Bases, log: Floats) -> Iterator[Hypothesis]:
     """Scores of bases without an extra, from the log density for each, scale and σ, (b, s, g)."""
     by_scale = log_sum(log, 2)
     scales = np.array(list(at.scales))[by_scale.argmax(axis=1)]
-    rows = zip(bases, log_sum(by_scale, 1).tolist(), scales.tolist(), read_only(log), strict=True)
-    return {
-        ids_of(*base): Hypothesis(at, value, base, scale, by_noise=by_noise)
-        for base, value, scale, by_noise in rows
-    }
+    values = log_sum(by_scale, 1).tolist()
+    for base, value, scale, one in zip(bases, values, scales.tolist(), read_only(log), strict=True):
+        yield Hypothesis(at, value, base, scale, by_noise=one)
 
 
 def density_of(
     at: Linearised,
-    columns: Sequence[Floats],
     bases: Bases,
     scales: Mapping[float, float],
+    columns: Sequence[Floats] = (),
     seen: Sequence[Floats] = (),
 ) -> Gaussian:
     """Densities under many bases at several scales, leading axes (b, s).
 
     Args:
         at, bases: the linear model, and which of its causes.
-        columns: derivatives by the offsets and the parameters of each base, shape (k, 3 + p).
         scales: of their sizes, and the share of each.
+        columns: derivatives by the offsets and the parameters of each base, shape (k, 3 + p); as of
+            `at` without.
         seen: what is uncertain of the data and shows, with each base; as of `at` without.
     """
-    seen = seen or [at.seen] * len(bases)
-    width = max(
-        derivatives.shape[1] + more.shape[1]
-        for derivatives, more in zip(columns, seen, strict=True)
-    )
+    columns, seen = columns or [*map(at.columns, bases)], seen or [at.seen] * len(bases)
+    every = [np.hstack(pair) for pair in zip(columns, seen, strict=True)]
+    width, first = max(one.shape[1] for one in every), at.jacobian.shape[1]
     padded = np.zeros((len(bases), len(at.white), width))
     sizes = np.ones((len(bases), len(scales), width))
-    first = at.jacobian.shape[1]
-    for number, (derivatives, more, base) in enumerate(zip(columns, seen, bases, strict=True)):
-        end = derivatives.shape[1]
-        padded[number, :, :end] = derivatives
-        padded[number, :, end : end + more.shape[1]] = more
+    for number, (base, own, one) in enumerate(zip(bases, columns, every, strict=True)):
+        end = own.shape[1]
+        padded[number, :, : one.shape[1]] = one
         sizes[number, :, :end] = at.sizes(base)
         sizes[number, :, first:end] *= np.array(list(scales))[:, None]
     return Gaussian(padded, sizes, at.noise, np.log(list(scales.values())))
@@ -386,22 +370,24 @@ def density_of(
 def all_or_one(
     at: Linearised,
     causes: Sequence[Cause],
-    columns: Sequence[Floats],
     residual: Floats,
     log_all: Sequence[float],
+    columns: Sequence[Floats] = (),
 ) -> list[float]:
     """Log evidence of causes of which all parameters act, or any one of them.
 
     Args:
         at, causes: the linear model, and which of its causes.
-        columns: derivatives by the offsets and the parameters of each, shape (k, 3 + p).
         residual: data minus the model without the cause, shape (k,) [mm].
         log_all: log evidence if all its parameters act.
+        columns: derivatives by the offsets and the parameters of each, shape (k, 3 + p); as of `at`
+            without.
     """
     width = at.jacobian.shape[1]
     always, nuisance = width + at.seen.shape[1], max(len(cause.nuisance) for cause in causes)
     others = np.zeros((len(causes), len(at.white), always + nuisance))
     ones = np.zeros((*others.shape[:2], max(len(cause.names) for cause in causes)))
+    columns = columns or [at.columns((cause,)) for cause in causes]
     for cause, derivatives, filled, scaled in zip(causes, columns, others, ones, strict=True):
         end = width + len(cause.names)
         parts = np.split(derivatives * at.sizes((cause,)), [width, end], axis=1)
@@ -423,7 +409,7 @@ def all_or_one(
 
 def _at_best_place(
     at: Linearised, bases: Bases, placed: Placed, density: Gaussian, by_version: Floats
-) -> dict[Ids, Hypothesis]:
+) -> list[Hypothesis]:
     """Scores of an extra with each base, under their density: of each version (b, s, g, v)."""
     cause, places = placed.cause, len(placed.tried)
     sizes = 1
@@ -446,16 +432,16 @@ def _at_best_place(
     if not cause.counts:
         shares = shares.reshape(len(shares), -1, places).sum(axis=1)
     shares.setflags(write=False)
-    scores, effects = {}, {number: placed.numbered(number) for number in {*best.tolist()}}
+    effects = {number: placed.numbered(number) for number in {*best.tolist()}}
     number = likeliest.reshape(every.shape)[np.arange(len(bases)), best]
     scale = np.array(list(at.scales))[number].tolist()
     rows = zip(bases, scale, best.tolist(), total.tolist(), shares, strict=True)
-    for base, size, number, value, share in rows:
-        log_all = LOG_ALL if base else 0.0
-        scores[ids_of(*base, cause)] = Hypothesis(
-            at, value + log_all, base, size, effects[number], by_place=share
+    return [
+        Hypothesis(
+            at, value + (LOG_ALL if base else 0.0), base, size, effects[number], by_place=share
         )
-    return scores
+        for base, size, number, value, share in rows
+    ]
 
 
 def pattern_densities(

@@ -14,24 +14,23 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 from scipy.special import erf
 
-from orthoglide_cal.causes import UNLISTED, PatternCause
+from orthoglide_cal.causes import UNLISTED
+from orthoglide_cal.estimation.accuracy import rms
 from orthoglide_cal.estimation.gaussian import log_sum
 from orthoglide_cal.inference.data import Linearised, Whitened
 from orthoglide_cal.inference.evidence import NoiseGrid, Texture
-from orthoglide_cal.inference.fit import Fit
-from orthoglide_cal.inference.hypothesis import (
-    BLUNDER_SCALES,
-    Hypothesis,
-    Pattern,
-    of_any_size,
-)
+from orthoglide_cal.inference.fit import Fit, leave_out, left_out
+from orthoglide_cal.inference.hypothesis import BLUNDER_SCALES, Hypothesis, Pattern, of_any_size
+from orthoglide_cal.inference.result import FoundPattern
+from orthoglide_cal.model.cause import NORMAL_K, Estimate
+from orthoglide_cal.model.measured import Measured, Readings
 from orthoglide_cal.model.plan import (
     AT_ONCE,
     Bools,
@@ -41,6 +40,7 @@ from orthoglide_cal.model.plan import (
     Plan,
     Reduction,
     Where,
+    without_zeros,
     zero_free,
 )
 
@@ -59,6 +59,11 @@ ROUNDS = 3
 MOST_COLUMNS = 64
 MOST_PLACES = 512  # of more no cause is tried beside a pattern
 ABSENT = -1e9  # ln of the share of a shape that does not show
+MINUTES = 60.0  # in an hour
+# Pattern → name of the parameter of its shapes.
+_SHAPE_NAMES = {"drifts": "period", "settles": "time_constant", "steps": "moment"}
+
+_Fits = Sequence[tuple[float, Fit]]
 
 
 # As of `Pattern`: columns of unit size in v shapes (n, v, q) [mm], the number of the mover of each,
@@ -214,10 +219,10 @@ def _shown_of_plan(plan: Plan, fine: bool, how: str) -> tuple[Columns, Bools]:
 
 def _shown(matrix: Reduction, plan: Plan, ordered: bool, made: Columns) -> Bools:
     """Which columns of a how show at each where and at no narrower, (w, v, q)."""
-    (columns, mover, _), (wheres, selected, covered) = made, _wheres(plan.steps, ordered)
+    (columns, mover, _), (_, selected, covered) = made, _wheres(plan.steps, ordered)
     n, v, q = columns.shape
     if not 0 < q <= MOST_COLUMNS:
-        return np.zeros((len(wheres), v, q), np.bool_)
+        return np.zeros((len(selected), v, q), np.bool_)
     flat, some = columns.reshape(n, -1), max(AT_ONCE // n, 1)
     parts = (flat[:, start : start + some] for start in range(0, v * q, some))
     square = [((matrix @ part) ** 2).sum(axis=0) for part in parts]
@@ -247,17 +252,6 @@ def at_usual_size(fit: Fit) -> Fit:
     anew = replace(fit, sizes=sizes, centre=centre)
     log = float(log_sum(anew.by_noise)) + math.log(at.scales[min(at.scales)])
     return replace(anew, log_evidence=log)
-
-
-def _least_by_noise(fit: Fit) -> Floats:
-    """ln p at each σ as `_gains` has it, with S by σ², where that is less, shape (g,).
-
-    Below the stated σ a bad fit is far less likely with it: what a pattern gains there is real.
-    """
-    ratio2 = (fit.noise.sigma / fit.noise.stated) ** 2
-    left, stated = fit.whitened(fit.unexpected), int(np.argmax(fit.noise.log_weight))
-    log = fit.noise.log_weight - 0.5 * (left @ left / ratio2 + left.size * np.log(ratio2))
-    return np.asarray(np.minimum(fit.by_noise, log - log[stated] + fit.by_noise[stated]))
 
 
 def _gains(fit: Fit, one: Pattern, chosen: Bools) -> Floats:
@@ -389,7 +383,13 @@ def extended(fit: Fit, pattern: Pattern, number: int = 0) -> Fit:
 def scores_of(fit: Fit, candidates: Sequence[Sequence[Pattern]]) -> list[Hypothesis]:
     """Every pattern in addition to a fit; log evidence and prior without those of its causes."""
     scored, at = [], fit.hypothesis.at
-    noise = _least_by_noise(fit) - log_sum(fit.by_noise)
+    # ln p at each σ as `_gains` has it, with S by σ², where that is less: below the stated σ a bad
+    # fit is far less likely with it, and what a pattern gains there is real.
+    ratio2 = (fit.noise.sigma / fit.noise.stated) ** 2
+    left, stated = fit.whitened(fit.unexpected), int(np.argmax(fit.noise.log_weight))
+    log = fit.noise.log_weight - 0.5 * (left @ left / ratio2 + left.size * np.log(ratio2))
+    least = np.minimum(fit.by_noise, log - log[stated] + fit.by_noise[stated])
+    noise = least - log_sum(fit.by_noise)
     for patterns in candidates:
         one, chosen = patterns[0], np.stack([pattern.chosen for pattern in patterns])
         gains = (_gains_of_noise if one.how == "scatters" else _gains)(fit, one, chosen)
@@ -417,9 +417,7 @@ def placed_causes(at: Linearised) -> list[list[Pattern]]:
     candidates = []
     for id, placed in at.extras.items():
         cause, places = placed.cause, placed.patterns
-        if places is None or not isinstance(cause, PatternCause) or cause.counts:
-            continue
-        if len(places) > MOST_PLACES:
+        if places is None or cause.counts or len(places) > MOST_PLACES:
             continue
         unit = cause.prior_std(at.white.machine)[0] / at.noise.stated
         columns = unit * places.patterns.columns(slice(None))[:, :, None]
@@ -435,16 +433,9 @@ def fits_of(hypothesis: Hypothesis, fit: Fit) -> list[tuple[float, Fit]]:
     *before, last = hypothesis.patterns
     for pattern in before:
         fit = extended(fit, pattern)
-    total = sum(shape.share for shape in last.shapes)
-    return [
-        (shape.share / total, extended(fit, last, number))
-        for number, shape in enumerate(last.shapes)
-    ]
-
-
-def weight_of(hypothesis: Hypothesis) -> float:
-    """ln of prior times evidence."""
-    return hypothesis.log_evidence + hypothesis.log_prior
+    shares = np.array([shape.share for shape in last.shapes])
+    shares = (shares / shares.sum()).tolist()
+    return [(share, extended(fit, last, k)) for k, share in enumerate(shares)]
 
 
 def combined(
@@ -474,3 +465,175 @@ def combined(
         for scored in scores_of(before, candidates)
         if known.isdisjoint(one.label for one in scored.patterns)
     ]
+
+
+# --- a pattern in numbers -----------------------------------------------------------------------
+
+
+def describe(
+    hypothesis: Hypothesis,
+    base: Fit,
+    measured: Measured,
+    probability: float,
+    accepted: bool,
+    before_mm: float,
+) -> FoundPattern | None:
+    """The last pattern of a hypothesis in numbers; None where no readings of one gauge differ.
+
+    `base` is the fit of its listed causes; `before_mm` is left by the calibrated parameters alone.
+    """
+    pattern, white = hypothesis.patterns[-1], hypothesis.at.white
+    how, plan = pattern.how, white.plan
+    fits, before = fits_of(hypothesis, base), at_usual_size(base)
+    for other in hypothesis.patterns[:-1]:
+        before = extended(before, other)
+    after = fits[0][1]
+    rows = next(rows for where, rows in plan.wheres(white.raw) if where == pattern.where)
+    gauges = list(_gauges(pattern, fits, rows))
+    if not gauges:
+        return None
+    _, size, std, _ = max(gauges, key=lambda gauge: abs(gauge[1]))
+    kelvin, unit = how == "temperature", "mm/K" if how == "temperature" else "mm"
+    parameters = [
+        Estimate(name=name, unit=unit, value=value / by, std=spread / abs(by))
+        for name, value, spread, span in gauges
+        for by in [span if kelvin else 1.0]
+    ]
+    where, start, between = dict(pattern.where), None, tuple[Where, ...]()
+    heldout, late = None, None
+    effect: list[tuple[float, ...]] = [(), ()]
+    if how in _SHAPE_NAMES:
+        moment, u = _mean_and_std(fits, [MINUTES * shape.parameter for shape in pattern.shapes])
+        name = _SHAPE_NAMES[how]
+        parameters.append(Estimate(name=name, unit="min", value=float(moment), std=float(u)))
+        if how == "steps":
+            start = float(moment)
+        elif how == "settles":
+            start = MINUTES * float(plan.hours[rows].min())
+        # The last third of each set-up; the other readings stay.
+        ordered, first = plan.sequence
+        setup = np.cumsum(first) - 1
+        rank = np.arange(len(ordered)) - np.flatnonzero(first)[setup]
+        thirds = np.empty(len(ordered), np.intp)
+        thirds[ordered] = np.where(3 * rank >= 2 * np.bincount(setup)[setup], 0, -1)
+        late = _heldout(rows, before, after, thirds)
+    if isinstance(measured, Readings):
+        if "posture" in where:
+            where["posture"] = measured.posture[int(np.argmax(rows))]
+        if how == "steps":
+            between = tuple(_between(measured, rows, float(moment), float(u)))
+        heldout = _heldout(rows, before, after, measured.cycle)
+        effect = [tuple(values.tolist()) for values in _effect(pattern, fits, rows)]
+    # More noise takes nothing away.
+    left = before if how == "scatters" else after
+    return FoundPattern(
+        how=how,
+        where=where,
+        from_minutes=start,
+        between=between,
+        size_mm=abs(size),
+        expanded_mm=NORMAL_K * std,
+        parameters=parameters,
+        probability=probability,
+        accepted=accepted,
+        rms_before_mm=before_mm,
+        rms_after_mm=white.rms(left.left) if left.white is white else None,
+        heldout_before_mm=heldout and heldout[0],
+        heldout_after_mm=heldout and heldout[1],
+        heldout_ratio=heldout and heldout[1] / heldout[0],
+        last_third_before_mm=late and late[0],
+        last_third_after_mm=late and late[1],
+        effect_mm=effect[0],
+        effect_expanded_mm=effect[1],
+    )
+
+
+def _effect(pattern: Pattern, fits: _Fits, rows: Bools) -> tuple[Floats, Floats]:
+    """What it adds to each reading, and U of that, both (n,) [mm]; more noise adds U alone."""
+    columns = [shape.columns for shape in pattern.shapes]
+    if pattern.how == "scatters":
+        variances = np.outer([shape.size**2 for shape in pattern.shapes], rows)
+        mean, std = _mean_and_std(fits, np.zeros_like(variances), variances)
+    else:
+        if pattern.how == "repeats":  # of a gauge the zero hides their mean
+            columns = [without_zeros(pattern.at.white.plan, one.T).T for one in columns]
+        mean, std = _sizes(fits, columns)
+    return mean, NORMAL_K * std
+
+
+def _sizes(fits: _Fits, columns: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """Mean and standard deviation of what the columns (m, q) under each fit add up to, (m,)."""
+    values, variances = [], []
+    for one, (_, fit) in zip(columns, fits, strict=True):
+        slot = slice(fit.first_uncertain - one.shape[1], fit.first_uncertain)
+        values.append(one @ fit.moved[slot])
+        variances.append(((one @ fit.covariance[slot, slot]) * one).sum(axis=1))
+    return _mean_and_std(fits, values, np.array(variances))
+
+
+def _mean_and_std(
+    fits: _Fits, values: Sequence[Floats | float] | Floats, variances: Floats | float = 0.0
+) -> tuple[Floats, Floats]:
+    """Of values, and variances, under each fit, (f, ...), by their shares, which sum to 1."""
+    shares, under = np.array([share for share, _ in fits]), np.array(values)
+    mean = shares @ under
+    return mean, np.sqrt(shares @ ((under - mean) ** 2 + variances))
+
+
+def _between(measured: Readings, rows: Bools, minutes: float, std: float) -> Iterator[Where]:
+    """The last of some readings before a moment, and the first after it, as far as it is known."""
+    plan, reach = measured.plan, NORMAL_K * std
+    ranks = np.flatnonzero(rows[plan.in_time])
+    times = MINUTES * plan.hours[plan.in_time[ranks]] + 1e-6
+    for rank in (*ranks[times < minutes - reach][-1:], *ranks[times >= minutes + reach][:1]):
+        k = int(plan.in_time[rank])
+        own = {**plan.entry(k), "posture": measured.posture[k], "cycle": measured.cycle[k]}
+        names = ("leg", "direction", "posture", "cycle") if "leg" in own else ()
+        yield {"order": str(rank + 1)} | {name: str(own[name]) for name in names}
+
+
+def _gauges(
+    pattern: Pattern, fits: _Fits, rows: Bools
+) -> Iterator[tuple[str, float, float, float]]:
+    """What it does to each gauge: name, peak to peak, its standard deviation [mm], and span [K].
+
+    Positive where the later of the two readings is the larger. More noise is one for all.
+    """
+    shapes, plan = pattern.shapes, pattern.at.white.plan
+    if pattern.how == "scatters":
+        sizes = np.array([shape.size for shape in shapes])
+        # Sizes between those that were tried are as likely.
+        between = sizes * math.log(pattern.sizes[1] / pattern.sizes[0]) / math.sqrt(12.0)
+        size, std = _mean_and_std(fits, sizes, between**2)
+        yield "noise", float(size), float(std), 1.0
+        return
+    fit, columns = fits[0][1], shapes[0].columns
+    effect = columns @ fit.moved[fit.first_uncertain - columns.shape[1] : fit.first_uncertain]
+    by = 1.0 if pattern.parameters is None else float(pattern.parameters[0])
+    for gauge in dict.fromkeys(plan.shared[rows].tolist()):
+        own = np.flatnonzero(plan.shared == gauge)
+        ends = own[effect[own].argmin()], own[effect[own].argmax()]
+        first, last = sorted(ends, key=plan.order.__getitem__)
+        apart = [(shape.columns[last] - shape.columns[first])[None] for shape in shapes]
+        if np.any(apart[0]):
+            mean, std = _sizes(fits, apart)
+            entry = plan.entry(int(first))
+            name = f"{entry['direction']}_{entry['leg']}" if "leg" in entry else "readings"
+            yield name, float(mean[0]), float(std[0]), by * float(apart[0].sum())
+
+
+def _heldout(rows: Bools, before: Fit, after: Fit, cells: Ints) -> tuple[float, float] | None:
+    """Errors of predicting some readings, one of the cells (n,) left out at a time, r.m.s. [mm].
+
+    Those of a cell below 0 stay. Without and with the pattern; None where no reading has another
+    cell.
+    """
+    blocks = [block[cells[block[:, 0]] >= 0] for block in left_out(before.white, (), cells)]
+    blocks = [block for block in blocks if len(block)]
+    if len(np.unique(cells)) < 2 or not any(rows[block].any() for block in blocks):
+        return None
+    errors = []
+    for fit in (before, after):
+        which, error, _ = leave_out(fit, blocks)
+        errors.append(rms((error / fit.white.plan.precision[which])[rows[which]]))
+    return errors[0], errors[1]

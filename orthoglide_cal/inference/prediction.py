@@ -6,6 +6,7 @@ that goes on from the mean of what was read there. Of these only the few in whic
 can differ count.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -91,14 +92,12 @@ def predict_later(
         before: the machine of the first data; None for the same as later.
     """
     error, jacobian, shared = _errors(later, fit, applied, free, before)
-    scaled = whiten_shared(shared / fit.sigma, error / fit.sigma, jacobian / fit.sigma)
-    scaled_error, by_parameter = scaled
-    if free:
-        # What a fit to these errors leaves, of as many as it leaves free.
-        error = unexplained(jacobian[:, :free], error)
-        scaled_error = unexplained(by_parameter[:, :free], scaled_error)
-        scaled_error = scaled_error * np.sqrt(error.size / max(error.size - free, 1))
-    return HeldOut(rms(error if later.root is None else later.root @ error), rms(scaled_error))
+    jacobian = jacobian[:, :free]
+    white, by_parameter = whiten_shared(*(one / fit.sigma for one in (shared, error, jacobian)))
+    # What a fit to these errors leaves, of as many as it leaves free.
+    error, white = unexplained(jacobian, error), unexplained(by_parameter, white)
+    ratio = rms(white) * math.sqrt(error.size / max(error.size - free, 1))
+    return HeldOut(rms(error if later.root is None else later.root @ error), ratio)
 
 
 def chance_of_worse(

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import combinations, permutations, product
+from operator import itemgetter
 
 import numpy as np
 
@@ -70,10 +71,6 @@ class Response(ReadOnly):
         log = Gaussian(columns, sizes, noise).by_noise(change - jacobian @ self.moved)
         return log_mean(log) + math.log(self.share * PRIOR[self.behaviour])
 
-    def otherwise(self, applied: Floats) -> list[bool]:
-        """True of each axis that did something else than was applied, shape (3,) [mm]."""
-        return [*map(bool, (self.moved != applied) | self.free.any(axis=1))]
-
 
 def responses(applied: Floats) -> Iterator[Response]:
     """Every hypothesis about what was applied, (3,) [mm], not all zero; or all as one, (1,)."""
@@ -114,11 +111,8 @@ def decide_response(
         weights.setdefault(response.behaviour, []).append(log)
     belief = probabilities({key: float(log_sum(np.array(logs))) for key, logs in weights.items()})
     stated, _ = state(belief, Behaviour.AS_MODELLED, MISSED_FAULT, NEEDLESS_HOLD)
-    contrary = {
-        Behaviour.AS_MODELLED: Behaviour.NO_RESPONSE,
-        Behaviour.NO_RESPONSE: Behaviour.AS_MODELLED,
-    }.get(stated, stated)
-    if contrary is not stated and not is_dismissed(belief[contrary], FALSE_RELEASE):
-        return Behaviour.UNDETERMINED, next(responses(applied))
+    either = Behaviour.AS_MODELLED, Behaviour.NO_RESPONSE
+    if stated in either and not is_dismissed(min(belief[key] for key in either), FALSE_RELEASE):
+        return Behaviour.UNDETERMINED, weighed[0][1]
     same = (pair for pair in weighed if pair[1].behaviour is stated)
-    return stated, max(same, key=lambda pair: pair[0])[1]
+    return stated, max(same, key=itemgetter(0))[1]

@@ -15,7 +15,7 @@ from orthoglide_cal.estimation.accuracy import determined
 from orthoglide_cal.estimation.budget import Budget, Contribution
 from orthoglide_cal.estimation.losses import MENTION, NEEDLESS_HOLD
 from orthoglide_cal.inference.baselines import Baselines
-from orthoglide_cal.inference.candidates import Ids
+from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.model.cause import Effect, Estimate
 from orthoglide_cal.model.machine import Origin

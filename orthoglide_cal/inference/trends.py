@@ -74,15 +74,14 @@ class DatedValues(ReadOnly):
     @cached_property
     def shared(self) -> Floats:
         """Columns of what the sessions have in common, in those units, shape (n, p, q)."""
-        stacked = [np.zeros((self.values.size, 0))]
-        for source in dict.fromkeys(source for session in self.common for source in session):
-            like = next(session[source] for session in self.common if source in session)
-            every = [
-                session.get(source, 0.0 * like) / self.unit[:, None] for session in self.common
-            ]
-            stacked.append(np.concatenate(every))
+        joint = np.zeros((*self.values.shape, *self.values.shape))
+        for at, one in enumerate(self.common):
+            for k, other in enumerate(self.common):
+                both = (one[source] @ other[source].T for source in one if source in other)
+                joint[at, :, k] = sum(both, joint[at, :, k])
+        unit, size = np.tile(self.unit, len(self.values)), self.values.size
         # Few directions hold what many unknowns do.
-        columns = root_of(np.hstack(stacked) @ np.hstack(stacked).T)
+        columns = root_of(joint.reshape(size, size) / np.outer(unit, unit))
         length = np.linalg.norm(columns, axis=0)
         return columns[:, length > LEAST * length.max()].reshape(*self.values.shape, -1)
 
@@ -126,15 +125,16 @@ class TrendFit:
     def __init__(self, data: DatedValues, parts: Sequence[Part], scatter: Floats) -> None:
         self.data, self.parts, self.scatter = data, parts, scatter
         columns, centre = data.columns(parts), data.values.mean(axis=0)
-        spread = data.covariance + np.diag(scatter**2 + POSITIVE * data.unit**2)
+        # Of what each session has of its own, shape (n, p, p).
+        self.spread = data.covariance + np.diag(scatter**2 + POSITIVE * data.unit**2)
         common = np.ones(data.shared.shape[2])
         sizes = (np.full(len(part.subset), part.size) for part in parts)
         self._prior = np.concatenate([np.full(len(scatter), FREE), common, *sizes])
         both = (data.values - centre)[..., None], columns
-        values, white, self._every = whiten(spread, *both, np.diag(data.unit))
+        values, white, self._every = whiten(self.spread, *both, np.diag(data.unit))
         self._values, self._columns = values.reshape(-1), white.reshape(-1, len(self._prior))
         density = Gaussian(self._columns, self._prior[None], UNIT).by_noise(self._values)
-        self.log_evidence = float(density[0, 0] - 0.5 * np.linalg.slogdet(spread)[1].sum())
+        self.log_evidence = float(density[0, 0] - 0.5 * np.linalg.slogdet(self.spread)[1].sum())
         self.mean, self.covariance = condition(self._columns, self._values, self._prior, 1.0)
         self.mean[: len(scatter)] += centre / data.unit
         self.residual = data.values - columns @ self.mean
@@ -180,9 +180,7 @@ class TrendFit:
         """
         data, covariance, width = self.data, self.covariance, len(self.scatter)
         columns = data.columns(self.parts, later)[at]
-        own = np.median(data.covariance, axis=0) + np.diag(
-            self.scatter**2 + POSITIVE * data.unit**2
-        )
+        own = np.median(self.spread, axis=0)
         if more:
             gained = more * columns.T @ np.linalg.solve(own, columns)
             covariance = np.linalg.inv(np.linalg.inv(covariance) + gained)

@@ -325,11 +325,6 @@ class PlannedTouch(NamedTuple):
         return ()
 
     @property
-    def series(self) -> tuple[()]:
-        """Nothing: all touches share the probe."""
-        return ()
-
-    @property
     def words(self) -> str:
         """How it is taken."""
         return f"Home, switch the bed mesh off, and probe at  X {self.x_mm:g}  Y {self.y_mm:g}  mm"

@@ -9,9 +9,11 @@ the three experiments (Tables 4 and 5).
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from pydantic import Field, computed_field
+from pydantic.dataclasses import dataclass
 
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.estimation import Problem, fit_offsets, pose_plan, promise, solve
@@ -21,6 +23,7 @@ from orthoglide_cal.model.model import Model, simulate, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import PlannedReading, ideal_plan, plan_of
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Contact, Posture, other_axes
+from orthoglide_cal.schema import Schema
 
 # Tables 4 and 5, r.m.s. last [mm]: initial settings, after mechanical tuning, after calibration.
 # Measured and expected: Δx_y, Δx_z, Δy_x, Δy_z, Δz_x, Δz_y (max − min). Of #1 the printed
@@ -69,35 +72,35 @@ class ReproducedRow:
     name: str
     published: tuple[float | None, ...]  # as printed; None where the paper gives nothing
     computed: tuple[float, ...] | None  # the same figures; None where they cannot be computed
-    allowed: float  # largest difference that counts as reproduced
+    # Largest difference that counts as reproduced, rounding of the print included.
+    allowed: float = PRINTED_MM
 
+    @computed_field
     @property
-    def largest(self) -> float:
-        """Largest difference between printed and computed figures; 0 where nothing compares."""
-        pairs = zip(self.published, self.computed or (), strict=False)
-        return max((abs(p - c) for p, c in pairs if p is not None), default=0.0)
-
-    @property
-    def reproduced(self) -> bool:
-        """True unless a figure differs by more than allowed (rounding of the print included)."""
-        return self.largest <= self.allowed + 1e-12
+    def reproduced(self) -> bool | None:
+        """False if a figure differs by more than allowed; None where nothing can be computed."""
+        if self.computed is None:
+            return None
+        pairs = zip(self.published, self.computed, strict=True)
+        return all(abs(p - c) <= self.allowed + 1e-12 for p, c in pairs if p is not None)
 
 
-@dataclass(frozen=True)
-class Reproduction:
-    """One of the paper's tables, computed again."""
+class Reproduction(Schema):
+    """One of the paper's tables, computed again; its dump is `paper --json`."""
 
+    schema_version: Literal[1] = 1
     table: str  # "1", "3", "4", "5" or "accuracy"
     title: str  # as the paper calls it
     columns: tuple[str, ...]  # names of the figures
-    digits: int  # decimals to show
-    rows: tuple[ReproducedRow, ...]
+    digits: int = Field(exclude=True)  # decimals to show
+    rows: list[ReproducedRow]
     notes: tuple[str, ...] = ()  # what differs from the print, and why
 
+    @computed_field
     @property
     def reproduced(self) -> bool:
-        """True if all its rows are."""
-        return all(row.reproduced for row in self.rows)
+        """True unless one of its rows is not."""
+        return all(row.reproduced is not False for row in self.rows)
 
 
 def experiment(number: int) -> Differences:
@@ -131,12 +134,12 @@ def table_1(model: Model) -> Reproduction:
         name = f"{posture} {AXES[leg]}-leg {plane}"
         rows.append(ReproducedRow(name, published, (*computed, sum(computed)), 1e-6))
     return Reproduction(
-        "1",
-        "Sensitivity of a leg's deviation to the joint offsets",
-        ("own Δρ", "direction's", "third", "1 mm each"),
-        6,
-        tuple(rows),
-        (
+        table="1",
+        title="Sensitivity of a leg's deviation to the joint offsets",
+        columns=("own Δρ", "direction's", "third", "1 mm each"),
+        digits=6,
+        rows=rows,
+        notes=(
             "Derivatives by the leg's own offset, by that of the direction across the plane, by"
             " the third; published are the expressions T_α = tan α, 1 and 0 (at iso, α = 0).",
             "Printed typical value 1.00 ± 0.34: the 0.34 is that of min; max has 0.20.",
@@ -191,12 +194,12 @@ def table_3(model: Model, rng: np.random.Generator) -> Reproduction:
         name = f"{METHODS_IN_WORDS[kind]}, offset {offset:.1f} mm"
         rows.append(ReproducedRow(name, printed, computed, printed[1]))
     return Reproduction(
-        "3",
-        "Impact of the measurement errors, σ = 0.01 mm (20 × 10,000 solves per cell)",
-        ("std(Δρ), mm", "spread ±"),
-        5,
-        tuple(rows),
-        ("Reproduced: the mean within the printed spread.",),
+        table="3",
+        title="Impact of the measurement errors, σ = 0.01 mm (20 × 10,000 solves per cell)",
+        columns=("std(Δρ), mm", "spread ±"),
+        digits=5,
+        rows=rows,
+        notes=("Reproduced: the mean within the printed spread.",),
     )
 
 
@@ -209,16 +212,16 @@ def table_4(model: Model) -> Reproduction:
         computed[f"#{number} measured"] = [row.measured_mm for row in promised]
         computed[f"#{number} expected"] = [row.expected_mm for row in promised]
     rows = [
-        ReproducedRow(name, TABLE_4[name], (*values, rms(np.array(values))), PRINTED_MM)
+        ReproducedRow(name, TABLE_4[name], (*values, rms(np.array(values))))
         for name, values in computed.items()
     ]
     return Reproduction(
-        "4",
-        "Experimental data and expected improvements of accuracy, mm",
-        (*(difference.name for difference in DIFFERENCES[DataKind.SIX]), "r.m.s."),
-        2,
-        tuple(rows),
-        (
+        table="4",
+        title="Experimental data and expected improvements of accuracy, mm",
+        columns=(*(difference.name for difference in DIFFERENCES[DataKind.SIX]), "r.m.s."),
+        digits=2,
+        rows=rows,
+        notes=(
             "Experiment #1: Δx_z is +1.48; the printed +1.58 contradicts the printed r.m.s.,"
             " residuals and offsets.",
         ),
@@ -233,14 +236,14 @@ def table_5(model: Model) -> Reproduction:
         six = (*solution.offsets_mm.tolist(), solution.rms_after_mm)
         for method, figures in (("six", six), ("twelve", None)):
             name = f"#{number} {method}-equation"
-            rows.append(ReproducedRow(name, TABLE_5[name], figures, PRINTED_MM))
+            rows.append(ReproducedRow(name, TABLE_5[name], figures))
     return Reproduction(
-        "5",
-        "Model parameters obtained, mm",
-        ("Δρ_x", "Δρ_y", "Δρ_z", "r.m.s."),
-        2,
-        tuple(rows),
-        (
+        table="5",
+        title="Model parameters obtained, mm",
+        columns=("Δρ_x", "Δρ_y", "Δρ_z", "r.m.s."),
+        digits=2,
+        rows=rows,
+        notes=(
             "The twelve-equation rows of Table 5 cannot be recomputed: the twelve differences"
             " behind them were not published, only the six of Table 4.",
         ),
@@ -261,17 +264,17 @@ def accuracy_factor(model: Model, kind: DataKind) -> float:
 
 def accuracy(model: Model) -> Reproduction:
     """σ_ρ/σ of the methods (eqs. 29, 32, 33)."""
-    rows = tuple(
+    rows = [
         ReproducedRow(name, (ACCURACY.get(method),), (accuracy_factor(model, method),), 0.006)
         for method, name in (*METHODS_IN_WORDS.items(), (DataKind.READINGS, "all readings"))
-    )
+    ]
     return Reproduction(
-        "accuracy",
-        "Calibration accuracy σ_ρ in units of the gauge's σ (sec. 3.5)",
-        ("σ_ρ/σ",),
-        3,
-        rows,
-        (
+        table="accuracy",
+        title="Calibration accuracy σ_ρ in units of the gauge's σ (sec. 3.5)",
+        columns=("σ_ρ/σ",),
+        digits=3,
+        rows=rows,
+        notes=(
             "All readings at once reach the Cramér–Rao bound of the same isotropic, max and min"
             " readings. The paper cuts 2.066 off where it could round.",
         ),

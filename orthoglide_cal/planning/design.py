@@ -18,10 +18,7 @@ from itertools import product
 import numpy as np
 
 from orthoglide_cal.errors import PostureError, UnusableResultError
-from orthoglide_cal.estimation import pose_plan
-from orthoglide_cal.estimation.accuracy import unit_covariance
 from orthoglide_cal.model.machine import Machine, Suspicion
-from orthoglide_cal.model.measured import DataKind
 from orthoglide_cal.model.model import Model, simulate_with_jacobian
 from orthoglide_cal.model.orthoglide import MARGIN, ROUNDING, visiting
 from orthoglide_cal.model.plan import Floats, Ints, Plan
@@ -57,8 +54,7 @@ def design_of(machine: Machine) -> tuple[tuple[float, ...], float]:
     """
     postures = SHARES @ np.array(machine.limits_mm)
     every = np.array(list(product(range(MOST_VISITS + 1), repeat=len(postures))), dtype=np.intp)
-    visits = every.sum(axis=1)
-    every = every[(visits > 1) & (visits <= MOST_VISITS)]
+    every = every[np.isin(every.sum(axis=1), range(2, MOST_VISITS + 1))]
     # Of designs that are equally good the shortest comes first.
     every = every[np.argsort(every.sum(axis=1), kind="stable")]
     # All readings with the gauges at each of the places; ∂readings/∂Δρ, (places, 6, postures, 3).
@@ -71,8 +67,7 @@ def design_of(machine: Machine) -> tuple[tuple[float, ...], float]:
     jacobians = slopes.reshape(len(PLACES), plan.setups, len(postures), 3)
     least, best = 1.0 / NOTHING**0.5, None
     for place, jacobian in zip(PLACES, jacobians, strict=True):
-        touched = place + postures / machine.leg_mm
-        near_joint = np.abs(touched - 0.5) > 0.5 - MARGIN + ROUNDING
+        near_joint = np.abs(place + postures / machine.leg_mm - 0.5) > 0.5 - MARGIN + ROUNDING
         count = every[~np.any(every[:, near_joint], axis=1)]
         needed = _cost(jacobian, count)
         if needed.min(initial=least) < least * (1.0 - ROUNDING):
@@ -87,15 +82,6 @@ def design_of(machine: Machine) -> tuple[tuple[float, ...], float]:
             "Check joint_limits_mm and leg_length_mm in the machine file.",
         )
     return best
-
-
-def readings_needed(model: Model, plan: Plan) -> float:
-    """Readings of a plan that leave the noise σ of one reading in the worst offset.
-
-    So many each unit of accuracy costs, however often the plan is repeated.
-    """
-    problem, _ = pose_plan(plan, model, DataKind.READINGS)
-    return float(np.diag(unit_covariance(problem, problem.at_zero[1])).max()) * len(plan)
 
 
 def _cost(jacobian: Floats, count: Ints) -> Floats:

@@ -22,6 +22,7 @@ import functools
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 from operator import ne
 
 import numpy as np
@@ -30,7 +31,7 @@ from orthoglide_cal.estimation.budget import fixed_influences, influences
 from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.estimation.losses import SITTING, STILL_OPEN, loss_after
 from orthoglide_cal.inference import Diagnosis, NextMeasurement
-from orthoglide_cal.inference.candidates import Ids
+from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.inference.decision import keep_ratio
 from orthoglide_cal.inference.fit import Fit
 from orthoglide_cal.inference.prediction import chance_of_one_answer, expect, predict
@@ -46,7 +47,7 @@ from orthoglide_cal.model.orthoglide import (
 )
 from orthoglide_cal.model.plan import Bools, Floats, Plan, PlanT, joined
 from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, other_axes
-from orthoglide_cal.planning.forecast import estimator_for, lengths
+from orthoglide_cal.planning.plan import estimator_for, lengths
 from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import (
     MeasuringProtocol,
@@ -116,11 +117,10 @@ def _going_on(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
     """With the stands where they are, on the leg that was read last, if they are fixed in space."""
     standing = first.in_time[first.standing[first.in_time]]
     # Of each direction that is read there, its last reading.
-    ends = dict(zip(first.direction[standing].tolist(), standing.tolist(), strict=True))
-    if not ends:
+    rows = [*dict(zip(first.direction[standing].tolist(), standing.tolist(), strict=True)).values()]
+    if not rows:
         return
     leg = int(first.leg[standing[-1]])
-    rows = [*ends.values()]
 
     def option(
         task: Reason, stops: Sequence[float], wait_min: float = 0.0, short_mm: Floats | float = 0.0
@@ -141,9 +141,6 @@ def _going_on(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
         plan = replace(plan, hours=start + np.array(times) / 60.0)
         return NextMeasurement(what=task, plan=plan, minutes=minutes + wait_min, continues=True)
 
-    # Of two stands the one that is farther from half-way bounds the travel.
-    farthest = max(first.gauge_at[rows].tolist(), key=lambda at: abs(at - HALF_WAY))
-    walks = _walks(machine, farthest)
     last = float(first.displacement[first.in_time[-1]])
     again = {"leg": AXES[leg], "posture": machine.posture_at(last) or f"{last:g} mm"}
     there = replace(first.subset(np.array(rows)), displacement=np.full(len(rows), last))
@@ -151,10 +148,12 @@ def _going_on(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
     if warning is None or not warning.size:
         yield option(Reason.of("read_again", **again), [last])
         yield option(Reason.of("read_later", **again), [last], wait_min=WAIT_MIN)
-    for cycles in TIMES:
-        for walk, stops in walks:
-            task = Reason.of("read_on", leg=AXES[leg], cycles=cycles, walk=walk)
-            yield option(task, (*stops * cycles, 0.0))
+    # Of two stands the one that is farther from half-way bounds the travel.
+    farthest = max(first.gauge_at[rows].tolist(), key=lambda at: abs(at - HALF_WAY))
+    walks = _walks(machine, farthest)
+    for cycles, (walk, stops) in product(TIMES, walks):
+        task = Reason.of("read_on", leg=AXES[leg], cycles=cycles, walk=walk)
+        yield option(task, (*stops * cycles, 0.0))
     walk, stops = walks[0]
     low, high = machine.limits_mm
     for axis in other_axes(leg):
@@ -181,6 +180,27 @@ def _alone(machine: Machine) -> Iterator[NextMeasurement]:
 
 def _set_up_again(first: GaugePlan, machine: Machine) -> Iterator[NextMeasurement]:
     """With the stands set up again, labels and + sides of the gauges checked."""
+
+    def option(
+        task: Reason,
+        legs: Sequence[int],
+        stops: tuple[float, ...],
+        gauge_at: float = HALF_WAY,
+        turned: bool = False,
+    ) -> NextMeasurement:
+        """One leg after the other, then back to iso, with new set-ups, as a part of its own."""
+        read = visiting((*stops, 0.0), gauge_at, legs)
+        read = replace(read, turned=np.full(len(read), turned))
+        steps = steps_of(read, machine, Order.PAPER, stands=2)
+        plan, minutes = timed_plan(steps, MINUTES_PER_SETUP)
+        plan = replace(
+            _later(first, plan),
+            setup=plan.setup + first.setups,
+            # What was commanded short was so for those readings alone.
+            entered=plan.entered + first.stood[first.in_time[-1]],
+        )
+        return NextMeasurement(what=task, plan=plan, minutes=minutes)
+
     walks = _walks(machine, HALF_WAY)
     usual = walks[0][1]
     fixed = first.gauge_at[first.contact == Contact.FIXED]
@@ -190,45 +210,16 @@ def _set_up_again(first: GaugePlan, machine: Machine) -> Iterator[NextMeasuremen
         for leg in LEGS:
             there = {"leg": AXES[leg], **how}
             for walk, stops in walks:
-                task = Reason.of("stand_again", **there, walk=walk)
-                yield _session(first, machine, (leg,), task, stops * cycles)
-            task = Reason.of("turn_bar", **there)
-            yield _session(first, machine, (leg,), task, usual * cycles, turned=True)
+                yield option(Reason.of("stand_again", **there, walk=walk), (leg,), stops * cycles)
+            yield option(Reason.of("turn_bar", **there), (leg,), usual * cycles, turned=True)
         for walk, stops in walks:
-            task = Reason.of("repeat", **how, walk=walk)
-            yield _session(first, machine, LEGS, task, stops * cycles)
-        task = Reason.of("turn_bars", **how)
-        yield _session(first, machine, LEGS, task, usual * cycles, turned=True)
+            yield option(Reason.of("repeat", **how, walk=walk), LEGS, stops * cycles)
+        yield option(Reason.of("turn_bars", **how), LEGS, usual * cycles, turned=True)
         for at in machine.gauge_places:
-            if np.any(np.abs(fixed - at) <= ANOTHER_PLACE):
-                continue
-            task = Reason.of("repeat_at", cycles=cycles, gauge_mm=at * machine.leg_mm)
-            yield _session(first, machine, LEGS, task, usual * cycles, gauge_at=at)
-    task = Reason.of("repeat_reversed", half_way=half_way)
-    yield _session(first, machine, LEGS[::-1], task, usual)
-
-
-def _session(
-    first: GaugePlan,
-    machine: Machine,
-    legs: Sequence[int],
-    task: Reason,
-    stops: tuple[float, ...],
-    gauge_at: float = HALF_WAY,
-    turned: bool = False,
-) -> NextMeasurement:
-    """One leg after the other, then back to iso, with new set-ups, as a part of its own."""
-    read = visiting((*stops, 0.0), gauge_at, legs)
-    read = replace(read, turned=np.full(len(read), turned))
-    steps = steps_of(read, machine, Order.PAPER, stands=2)
-    plan, minutes = timed_plan(steps, MINUTES_PER_SETUP)
-    plan = replace(
-        _later(first, plan),
-        setup=plan.setup + first.setups,
-        # What was commanded short was so for those readings alone.
-        entered=plan.entered + first.stood[first.in_time[-1]],
-    )
-    return NextMeasurement(what=task, plan=plan, minutes=minutes)
+            if np.all(np.abs(fixed - at) > ANOTHER_PLACE):
+                task = Reason.of("repeat_at", cycles=cycles, gauge_mm=at * machine.leg_mm)
+                yield option(task, LEGS, usual * cycles, gauge_at=at)
+    yield option(Reason.of("repeat_reversed", half_way=half_way), LEGS[::-1], usual)
 
 
 # --- ranked -----------------------------------------------------------------------------------
@@ -305,30 +296,15 @@ def rank_measurements(diagnosis: Diagnosis) -> tuple[NextMeasurement, ...]:
         whole = option.plan if first is None else joined(first, option.plan)
         variance = np.maximum(variance + _fixed(model, whole, fits[0]), 0.0)
         expanded = NORMAL_K * np.sqrt(variance)
-        pair = _pair(open_pairs, apart[number], ids)
-        lacking = () if pair is None else _lacking(*(ids[k] for k in pair))
         measurement = option.changed(
             expanded=expanded,
-            between=lacking,
-            # Of each the first cause that the other lacks, or has as well.
-            separates=tuple(
-                min(one, key=other.__contains__, default="")
-                for one, other in zip(lacking, lacking[::-1], strict=True)
-            ),
-            separation_sigma=0.0 if pair is None else float(apart[number][pair]),
-            chance=chance,
             expanded_mm=lengths(model, expanded.tolist()),
+            chance=chance,
+            **_separated(open_pairs, apart[number], ids),
         )
         gained = float(expanded.max() - now) / (SITTING + option.minutes)
         ranking.append((losses[number] if decides else 0.0, gained, measurement))
     return tuple(measurement for *_, measurement in sorted(ranking, key=lambda row: row[:2]))
-
-
-def _lacking(one: Ids, other: Ids) -> tuple[Ids, Ids]:
-    """Causes of each of two explanations that the other lacks; all of both if one has no more."""
-    only_one = tuple(id for id in one if id not in other)
-    only_other = tuple(id for id in other if id not in one)
-    return (only_one, only_other) if only_one and only_other else (one, other)
 
 
 def best_next(diagnosis: Diagnosis) -> NextMeasurement | None:
@@ -354,19 +330,32 @@ def _fixed(model: Model, plan: Plan, answer: Fit) -> Floats:
     return np.asarray(((estimator @ np.hstack(columns)) ** 2).sum(axis=1))
 
 
-def _pair(open_pairs: Bools, sigma: Floats, ids: Sequence[Ids]) -> tuple[int, int] | None:
+def _separated(open_pairs: Bools, sigma: Floats, ids: Sequence[Ids]) -> dict[str, object]:
     """The likeliest explanation with a rival that can be distinguished, and its likeliest such one.
 
-    Explanations come in the order of their probability, the accepted one first. A rival that holds
-    only some of the causes comes last: a diagnosis does not state it.
+    As fields of a measurement; none without such a pair. Explanations come in the order of their
+    probability, the accepted one first. A rival that holds only some of the causes comes last: a
+    diagnosis does not state it.
     """
     pairs: list[tuple[int, int]] = [(a, b) for a, b in np.argwhere(np.triu(open_pairs, 1)).tolist()]
+    if not pairs:
+        return {}
 
     def last(pair: tuple[int, int]) -> tuple[bool, bool]:
         one, other = (set(ids[k]) for k in pair)
         return bool(sigma[pair] < TRACE_SIGMA), other < one
 
-    return min(pairs, key=last, default=None)
+    pair = min(pairs, key=last)
+    one, other = (ids[k] for k in pair)
+    lacking = (
+        tuple(id for id in one if id not in other),
+        tuple(id for id in other if id not in one),
+    )
+    between = lacking if all(lacking) else (one, other)
+    # Of each the first cause that the other lacks, or has as well.
+    separates = (min(x, key=y.__contains__, default="") for x, y in (between, between[::-1]))
+    sizes = {"separates": tuple(separates), "separation_sigma": float(sigma[pair])}
+    return {"between": between, **sizes}
 
 
 def predictions(

@@ -1,37 +1,55 @@
 """A plan: what sessions will give, what limits them, which causes they distinguish, what is best.
 
+Everything here holds at the parameters that are plausible before anything is measured, with the
+gauge's stated noise and the degrees of freedom that the readings will have. On average it is what
+`solve` prints once they are there.
+
 A kind of machine that measures itself offers layouts, ways to spread its readings; they are
 compared on equal terms, and the best is the quickest that distinguishes what hides behind each
 other in the usual ones. Every other kind is measured by protocols: a session is compared with other
 numbers of cycles, protocols and methods, and the best design takes the fewest readings for its U.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from bisect import bisect_left
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import Field, field_serializer
+from pydantic import Field, computed_field
 
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import Method
-from orthoglide_cal.estimation.budget import Budget, BudgetTotal, Contribution, budget_lines
-from orthoglide_cal.inference import NextMeasurement
-from orthoglide_cal.model.machine import Suspicion
-from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import MARGIN
-from orthoglide_cal.planning.design import design_of, readings_needed
-from orthoglide_cal.planning.forecast import (
-    SessionForecast,
-    fewest_cycles,
-    forecast,
-    lengths,
-    rivals_sigma,
-    session_of,
+from orthoglide_cal.estimation import Method, Posed, pose_plan
+from orthoglide_cal.estimation.accuracy import Scatter, determined, require_rank
+from orthoglide_cal.estimation.budget import (
+    Budget,
+    BudgetTotal,
+    Contribution,
+    budget_lines,
+    budget_of,
+    fixed_influences,
+    influences,
 )
-from orthoglide_cal.planning.separation import TRACE_SIGMA, Separations, separations
-from orthoglide_cal.planning.steps import CYCLES, MOST_CYCLES, MeasuringProtocol, Order
-from orthoglide_cal.schema import Schema
+from orthoglide_cal.inference import NextMeasurement
+from orthoglide_cal.model.machine import Influence, Layout, Origin, Suspicion
+from orthoglide_cal.model.model import Model
+from orthoglide_cal.model.plan import Floats, Plan
+from orthoglide_cal.model.workspace import error_after
+from orthoglide_cal.planning.design import design_of
+from orthoglide_cal.planning.separation import Separations, separations
+from orthoglide_cal.planning.steps import (
+    CYCLES,
+    MOST_CYCLES,
+    MeasuringProtocol,
+    Order,
+    gauge_moves,
+    sequence,
+    timed_plan,
+)
+from orthoglide_cal.schema import Minutes, Schema
+from orthoglide_cal.words import counted
 
 # Repeats that are shown in addition to those asked for.
 SHOWN_CYCLES = (1, 2, 3, 4, 6, 10)
@@ -52,6 +70,209 @@ MOST_COMPARED = 10
 ROUNDING = 1e-9
 # Causes that are separated by more than this are distinguished [standard deviations].
 CERTAIN_SIGMA = 5.0
+# The scatter of readings: what their number averages.
+AVERAGED = frozenset({Origin.NOISE, Origin.RESOLUTION})
+TINY = 1e-18  # mm²
+
+
+# --- the forecast of one session --------------------------------------------------------------
+
+
+class SessionForecast(Schema):
+    """The forecast of a `Layout`, or of a session like it."""
+
+    model: Model = Field(exclude=True)
+    plan: Plan = Field(exclude=True)
+    # Of the calibrated parameters, at the degrees of freedom that the readings will have.
+    budget: Budget = Field(exclude=True)
+    name: str = Field(serialization_alias="layout")
+    what: str
+    cycles: int
+    readings: int
+    gauge_moves: int
+    minutes: Minutes
+
+    @classmethod
+    def of(
+        cls, model: Model, session: Layout, method: Method = Method.READINGS, **more: object
+    ) -> Self:
+        """Forecast what a method finds of a session's readings; `more` as of a subclass.
+
+        Raises:
+            UnusableResultError: they will not determine the parameters; says what to add.
+        """
+        plan, machine = session.plan, model.machine
+        uncertain = _plausible_influences(model, plan)
+        estimator = estimator_for(model, plan, uncertain, method)
+        dof = len(plan) - plan.setups - len(machine.parameter_names)
+        scatter = Scatter(machine.instrument.noise_mm, float(dof)) if dof > 0 else None
+        taken = fixed_influences(model, np.zeros(len(machine.parameter_names)), plan)
+        both = (*uncertain, *taken)
+        budget = budget_of(estimator, machine.instrument, scatter, both, plan.precision)
+        return cls(model=model, budget=budget, readings=len(plan), **session._asdict(), **more)
+
+    @computed_field
+    @cached_property
+    def parameters(self) -> dict[str, dict[str, Any]]:
+        """Of each parameter, in its unit: u from the scatter of the readings, U, whether it is
+        determined, U of what other readings could reduce and of what is taken as stated."""
+        machine, parts = self.model.machine, self.budget.contributions
+        others = {part.source for part in parts}.difference(machine.fixed_parameters)
+        scatter = [part.std for part in parts if part.source in AVERAGED]
+        columns = {
+            "unit": machine.parameter_units,
+            "noise_std": np.sqrt(np.sum(np.square(scatter), axis=0)).tolist(),
+            "expanded": self.budget.expanded_mm.tolist(),
+            "determined": determined(self.model, self.budget.expanded_mm),
+            "lessened": self._expanded_without(machine.fixed_parameters),
+            "fixed": self._expanded_without(others),
+        }
+        named = zip(machine.parameter_names, zip(*columns.values(), strict=True), strict=True)
+        return {name: dict(zip(columns, row, strict=True)) for name, row in named}
+
+    @computed_field(description="what the scatter of the readings leaves of each length")
+    @property
+    def noise_std_mm(self) -> dict[str, float]:
+        return lengths(self.model, [row["noise_std"] for row in self.parameters.values()])
+
+    @computed_field(description="U of each length")
+    @cached_property
+    def expanded_mm(self) -> dict[str, float]:
+        return lengths(self.model, self.budget.expanded_mm.tolist())
+
+    @computed_field
+    @cached_property
+    def tool_mm(self) -> float | None:
+        """How far the tool may be off at the worst place of the workspace, offsets entered [mm].
+
+        k·u of the tool position, and what accepted causes leave there; None without a workspace.
+        """
+        with suppress(UsageError):
+            after = error_after(self.model, self.budget.covariance_mm2, self.budget.k)[1]
+            return float(after.max())
+        return None
+
+    @computed_field
+    @cached_property
+    def rivals_sigma(self) -> float | None:
+        """Between the causes that hide behind each other on this kind of machine [standard
+        deviations]; None if it has none or one of the two cannot be."""
+        return rivals_sigma(self.model, self.plan)
+
+    @property
+    def worst_mm(self) -> float:
+        """The largest U of a length."""
+        return max(self.expanded_mm.values())
+
+    @cached_property
+    def floor(self) -> Budget | None:
+        """The budget without the scatter of the readings; None if nothing is left of it."""
+        return self._without(AVERAGED)
+
+    def _without(self, sources: Collection[str]) -> Budget | None:
+        left = self.budget.without(sources).contributions
+        parts = tuple(part for part in left if np.any(np.square(part.std) > TINY))
+        return Budget(parts) if parts else None
+
+    def _expanded_without(self, sources: Collection[str]) -> list[float]:
+        left = self._without(sources)
+        return [0.0] * len(self.budget.std_mm) if left is None else left.expanded_mm.tolist()
+
+
+def lengths(model: Model, values: Sequence[float]) -> dict[str, float]:
+    """Name → value of those calibrated parameters that are lengths; of p values."""
+    machine = model.machine
+    named = zip(machine.parameter_names, machine.parameter_units, values, strict=True)
+    return {name: value for name, unit, value in named if unit == "mm"}
+
+
+def rivals_sigma(model: Model, plan: Plan) -> float | None:
+    """How far apart readings get the rivals of a kind of machine, see `SessionForecast`."""
+    if not model.machine.rivals:
+        return None
+    return next(iter(separations(model, plan, model.machine.rivals).pairs.values()), None)
+
+
+def estimator_for(
+    model: Model, plan: Plan, uncertain: Sequence[Influence], method: Method = Method.READINGS
+) -> Floats:
+    """Derivatives of the parameters by n readings, (p, n), by a method that they can feed.
+
+    `uncertain` acts on them in addition to noise. Raises UnusableResultError.
+    """
+    problem, which = pose_plan(plan, model, method.uses)
+    require_rank(problem)
+    posed = Posed(problem, problem.at_zero[0], which)
+    if method is Method.READINGS:
+        columns = np.hstack([influence.columns for influence in uncertain])
+        posed = posed.weighted(problem.matrix @ columns / model.machine.instrument.noise_mm)
+    # The slope hardly depends on the offsets: near zero every method is a linear one.
+    return np.asarray(method.estimator(posed) @ posed.problem.matrix)
+
+
+@lru_cache(maxsize=128)
+def _plausible_influences(model: Model, plan: Plan) -> tuple[Influence, ...]:
+    """Influences on these readings: their squares are the means over plausible parameters."""
+    points = model.machine.linearization_points
+    share = 1.0 / np.sqrt(len(points))
+    return tuple(
+        replace(influence, columns=share * np.hstack([*influence.columns]))
+        for influence in influences(model, points, plan)
+    )
+
+
+# The same sessions are asked for by number of cycles, by target and by comparison.
+@lru_cache(maxsize=128)
+def session_of(
+    model: Model,
+    protocol: MeasuringProtocol,
+    cycles: int,
+    stands: int = 2,
+    order: Order = Order.PAPER,
+) -> Layout:
+    """A session as `measure` guides it: at least one cycle, `stands` gauges read side by side."""
+    steps = sequence(model.machine, protocol, cycles, order, stands)
+    plan, minutes = timed_plan(steps)
+    words = f"{protocol}, {counted(cycles, 'cycle')}"
+    return Layout(protocol, words, plan, minutes, cycles, gauge_moves(steps))
+
+
+@lru_cache(maxsize=128)
+def forecast(
+    model: Model,
+    protocol: MeasuringProtocol,
+    cycles: int,
+    method: Method = Method.READINGS,
+    stands: int = 2,
+    order: Order = Order.PAPER,
+) -> SessionForecast:
+    """Forecast a `session_of` a protocol by a method that its readings can feed."""
+    return SessionForecast.of(model, session_of(model, protocol, cycles, stands, order), method)
+
+
+def fewest_cycles(
+    model: Model,
+    protocol: MeasuringProtocol,
+    method: Method,
+    stands: int,
+    wanted_mm: float,
+    order: Order = Order.PAPER,
+) -> SessionForecast | None:
+    """The shortest session that leaves no U larger than wanted; None if `MOST_CYCLES` do not.
+
+    Other arguments as of `forecast`.
+    """
+
+    def at(cycles: int) -> SessionForecast:
+        return forecast(model, protocol, cycles, method, stands, order)
+
+    # More cycles never leave a larger U.
+    numbers = range(1, MOST_CYCLES + 1)
+    fewest = 1 + bisect_left(numbers, True, key=lambda cycles: at(cycles).worst_mm <= wanted_mm)
+    return at(fewest) if fewest in numbers else None
+
+
+# --- the plan ---------------------------------------------------------------------------------
 
 
 class Wanted(NamedTuple):
@@ -66,12 +287,12 @@ class Wanted(NamedTuple):
 
 @dataclass(frozen=True)
 class Alternative:
-    """A way to measure besides the one that was asked for, with the fewest moves of a gauge."""
+    """A way to measure besides the one that was asked for."""
 
     protocol: MeasuringProtocol
     method: Method
-    same_cycles: SessionForecast  # as were asked for
-    # With as many as make no U larger than the session's largest; None if no number does.
+    # With the fewest cycles that make no U larger than the session's largest, and the fewest moves
+    # of a gauge; None if no number of cycles does.
     same_expanded: SessionForecast | None
 
 
@@ -82,9 +303,7 @@ class BestDesign(SessionForecast):
     wanted_sigma: float | None = None
     reached: bool = True  # whether they are that far apart, or U is as wanted
     gauge_at: float | None = None  # along the leg
-    margin: float | None = None  # share of the leg that the plungers keep from its joints
     postures_mm: tuple[float, ...] = ()
-    share_of_readings: float | None = None  # of the usual protocol, for the same noise
     places_mm: tuple[dict[str, float], ...] = ()  # where a machine that measures itself goes
 
 
@@ -124,7 +343,7 @@ class MeasurementPlan(Schema):
     noise_mm: float  # by which one reading scatters
     assumed_mm: float | None  # how far each parameter is taken to be off, if that matters
     now_mm: float | None = None  # largest U that the data have already; None without any
-    budget: tuple[Contribution, ...]  # its dump also names what a line adds to each length
+    budget: tuple[Contribution, ...]
     total: BudgetTotal
     # What no number of readings reduces, its largest source, and the cycles that stand for any
     # number; None for nothing, or for a layout.
@@ -133,15 +352,8 @@ class MeasurementPlan(Schema):
     separation: tuple[Mapping[str, object], ...]  # two causes, and sigma; nearest first
     invisible: tuple[str, ...]  # causes that leave no trace
     trace: dict[str, float]  # of the others: how far each is from nothing wrong [σ]
-    pairs: int  # how many these others make
-    alike: int  # of these pairs, how many cannot be distinguished
     design: BestDesign | None  # None where nothing is to be gained
     next: tuple[NextMeasurement, ...] = ()  # in addition to existing data, best first
-
-    @field_serializer("budget")
-    def _with_lengths(self, lines: tuple[Contribution, ...]) -> list[dict[str, object]]:
-        stds = (lengths(self.model, line.std) for line in lines)
-        return [{**line.model_dump(), "std_mm": std} for line, std in zip(lines, stds, strict=True)]
 
 
 def measurement_plan(
@@ -164,15 +376,28 @@ def measurement_plan(
         chosen, most = chosen_session(model, wanted), MOST_CYCLES
         protocol, best = MeasuringProtocol(chosen.name), MeasuringProtocol.BEST
         numbers = sorted({*SHOWN_CYCLES, chosen.cycles})
-        shown = tuple(forecast(model, protocol, n, Method.READINGS, stands) for n in numbers)
-        floor = forecast(model, protocol, most, Method.READINGS, stands).floor
+        shown = tuple(forecast(model, protocol, n, stands=stands) for n in numbers)
+        floor = forecast(model, protocol, most, stands=stands).floor
         plan = session_of(model, protocol, min(chosen.cycles, MOST_COMPARED), stands).plan
-        ways = METHODS if details else {best: METHODS[best]}
-        compare = tuple(_compared(model, chosen, stands, ways))
-        design = _fewest_readings(model, chosen.cycles, compare[-1])
+        worst_mm, fewest = chosen.worst_mm * (1.0 + ROUNDING), Order.FEWEST_MOVES
+        compare = tuple(
+            Alternative(way, method, fewest_cycles(model, way, method, stands, worst_mm, fewest))
+            for way in (METHODS if details else [best])
+            for method in METHODS[way]
+        )
+        # For the same U; with as many cycles where no number reaches it.
+        as_sure, (postures, gauge_at) = compare[-1].same_expanded, design_of(machine)
+        cycles = as_sure.cycles if as_sure else chosen.cycles
+        design = BestDesign.of(
+            model,
+            session_of(model, best, cycles, stands, fewest),
+            reached=as_sure is not None,
+            gauge_at=gauge_at,
+            postures_mm=postures,
+        )
     target = None
     if wanted.target_mm is not None:
-        reached = max(chosen.expanded_mm.values()) <= wanted.target_mm
+        reached = chosen.worst_mm <= wanted.target_mm
         target = Target(wanted.target_mm, reached, chosen.cycles if reached else None)
     apart, (lines, total) = separations(model, plan), budget_lines(chosen.budget)
     seen, size = apart.visible, float(np.sqrt(np.mean(machine.linearization_points**2)))
@@ -201,8 +426,6 @@ def measurement_plan(
         separation=tuple({"causes": ids, "sigma": sigma} for ids, sigma in apart.pairs.items()),
         invisible=tuple(cause.id for cause in apart.invisible),
         trace=dict(zip([cause.id for cause in seen.causes], seen.trace.tolist(), strict=True)),
-        pairs=len(seen.pairs),
-        alike=sum(sigma < TRACE_SIGMA for sigma in seen.pairs.values()),
         design=design,
         next=following,
     )
@@ -217,53 +440,11 @@ def chosen_session(model: Model, wanted: Wanted) -> SessionForecast:
         return offer[0]
     if wanted.layout is not None:
         raise UsageError("--layout is for printers.", "Name a --protocol instead.")
-    protocol, method = wanted.protocol or MeasuringProtocol.DOUBLE, Method.READINGS
+    protocol, shortest = wanted.protocol or MeasuringProtocol.DOUBLE, None
     if wanted.target_mm is not None:
-        shortest = fewest_cycles(model, protocol, method, wanted.stands, wanted.target_mm)
-        if shortest is not None:
-            return shortest
-    return forecast(model, protocol, wanted.cycles or CYCLES, method, wanted.stands)
-
-
-def _compared(
-    model: Model,
-    chosen: SessionForecast,
-    stands: int,
-    ways: Mapping[MeasuringProtocol, Sequence[Method]],
-) -> Iterator[Alternative]:
-    """Each way, with as many cycles and for the same U; the best design comes last."""
-    wanted = max(chosen.expanded_mm.values()) * (1.0 + ROUNDING)
-
-    def fewest_moves(usual: SessionForecast) -> SessionForecast:
-        """The same readings in the order that moves the gauges least, which leaves U as it is."""
-        protocol = MeasuringProtocol(usual.name)
-        session = session_of(model, protocol, usual.cycles, stands, Order.FEWEST_MOVES)
-        return usual.changed(**session._asdict())
-
-    for protocol, methods in ways.items():
-        for method in methods:
-            same = forecast(model, protocol, chosen.cycles, method, stands)
-            as_sure = fewest_cycles(model, protocol, method, stands, wanted)
-            yield Alternative(
-                protocol, method, fewest_moves(same), as_sure and fewest_moves(as_sure)
-            )
-
-
-def _fewest_readings(model: Model, cycles: int, way: Alternative) -> BestDesign:
-    """The best design for the same U; with as many cycles where no number reaches it."""
-    session, (postures, gauge_at) = way.same_expanded or way.same_cycles, design_of(model.machine)
-    usual, best = (
-        session_of(model, protocol, cycles).plan
-        for protocol in (MeasuringProtocol.DOUBLE, MeasuringProtocol.BEST)
-    )
-    return BestDesign(
-        **{name: getattr(session, name) for name in SessionForecast.model_fields},
-        reached=way.same_expanded is not None,
-        gauge_at=gauge_at,
-        margin=MARGIN,
-        postures_mm=postures,
-        share_of_readings=readings_needed(model, best) / readings_needed(model, usual),
-    )
+        target = wanted.target_mm
+        shortest = fewest_cycles(model, protocol, Method.READINGS, wanted.stands, target)
+    return shortest or forecast(model, protocol, wanted.cycles or CYCLES, stands=wanted.stands)
 
 
 def _offered(
@@ -271,44 +452,37 @@ def _offered(
 ) -> tuple[SessionForecast, tuple[SessionForecast, ...], BestDesign | None] | None:
     """Which layout is chosen, all that there are, and the best; None where protocols are followed.
 
-    Chosen is the one that is wanted, else the best, or without one the quickest.
+    Chosen is the one that is wanted, else the best, or without one the quickest. The best is the
+    quickest that distinguishes the rivals, or the one that does it best.
     """
-    layouts = model.machine.layouts()
+    machine, best, most = model.machine, None, 0.0
+    layouts = machine.layouts()
     if not layouts:
-        model.machine.check_guided()
+        machine.check_guided()
         return None
     if wanted != Wanted(layout=wanted.layout):
         raise UsageError("A printer has no gauges and no protocol.", "Name a --layout instead.")
-    best = _distinguishing(model)
-    usual = (SessionForecast.of(model, layout) for layout in layouts)
-    offered = (*usual,) if best is None else (*usual, best)
-    names = {session.name: session for session in offered}
-    name = wanted.layout or (offered[0] if best is None else best).name
-    if name not in names:
-        raise UsageError(f"There is no layout {name!r}.", f"Choose one of {', '.join(names)}.")
-    return names[name], offered, best
-
-
-def _distinguishing(model: Model) -> BestDesign | None:
-    """The quickest layout that distinguishes the rivals, or the one that does it best."""
-    best, most = None, 0.0
-    for layout in model.machine.distinguishing_layouts():
-        sigma = rivals_sigma(model, layout.plan)
-        if sigma is None:
-            return None
+    for layout in machine.distinguishing_layouts():
+        if (sigma := rivals_sigma(model, layout.plan)) is None:
+            break
         if sigma > most:
             best, most = layout, sigma
         if sigma >= CERTAIN_SIGMA:
             break
-    if best is None:
-        return None
-    return BestDesign.of(
-        model,
-        best,
-        causes=model.machine.rivals,
-        wanted_sigma=CERTAIN_SIGMA,
-        reached=most >= CERTAIN_SIGMA,
-        places_mm=tuple(
-            dict(zip(("x", "y", "z"), place, strict=True)) for place in best.plan.spots.tolist()
-        ),
-    )
+    design = None
+    if best is not None:
+        places = best.plan.spots.tolist()
+        design = BestDesign.of(
+            model,
+            best,
+            causes=machine.rivals,
+            wanted_sigma=CERTAIN_SIGMA,
+            reached=most >= CERTAIN_SIGMA,
+            places_mm=tuple(dict(zip("xyz", place, strict=True)) for place in places),
+        )
+    offered = (*(SessionForecast.of(model, layout) for layout in layouts), *filter(None, [design]))
+    names = {session.name: session for session in offered}
+    name = wanted.layout or (design or offered[0]).name
+    if name not in names:
+        raise UsageError(f"There is no layout {name!r}.", f"Choose one of {', '.join(names)}.")
+    return names[name], offered, design

@@ -12,15 +12,15 @@ limits of the machine file, which are the postures of the protocol, `travel_mm` 
 import math
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import compress, groupby
 
 import numpy as np
 
 from orthoglide_cal.errors import PostureError, UsageError
 from orthoglide_cal.files.gcode_template import PostureValues, Template
-from orthoglide_cal.files.table import csv_text, in_csv
+from orthoglide_cal.files.text import csv_text, in_csv
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Bools, Floats, ReadOnly
@@ -38,26 +38,20 @@ _DECIMALS = 4
 # A comment ends at ")", a program at "%"; "#" and others make some controllers compute.
 _FOREIGN = re.compile(r"[^A-Za-z0-9 .,:+=<>'/_-]")
 _COMMENT_WIDTH = 76  # some controllers read no more than 80 characters of a line
-_CSV = (
-    *("block", "set_up", "leg", "posture", "displacement_mm", "cycle", "steps", "gauges"),
-    *(f"{point}_{axis}_mm" for point in ("joint", "tool", "approach_joint") for axis in AXES),
-    *("from_above", "machine", "session"),
-)
 
 
 @dataclass(frozen=True, eq=False)
 class Block(ReadOnly):
     """One visit: drive there, wait, read. Joints are those that the controller indicates [mm]."""
 
-    number: int  # as in "N10"
-    steps: tuple[SessionStep, ...]  # readings that are taken there
-    way: Floats  # from the posture before, along the axes of the legs, shape (n, 3)
-    approach: Floats  # from here slowly to the posture, shape (3,)
-    posture: Floats  # shape (3,)
-    from_above: tuple[int, ...]  # carriages that arrive so: their lower limit is too near
+    first: SessionStep  # of those that are read there
+    row: Mapping[str, str]  # column of the table → text; the numbers are joints and lengths in mm
     # To the isotropic posture, this one included, where the gauges are put to their places before
     # this block, shape (n, 3); empty where they stay as they are.
     set_up: Floats
+    # From the posture before, along the axes of the legs, to where it is slowly approached, (n, 3).
+    way: Floats
+    posture: Floats  # shape (3,)
 
 
 @dataclass(frozen=True)
@@ -86,13 +80,9 @@ def posture_program(
             controller may drive a carriage; None for the joint limits of the machine file.
 
     Raises:
-        UsageError: the approach has no length, or the travel does not hold the isotropic posture.
+        UsageError: the travel does not hold the isotropic posture.
         PostureError: a point is outside the limits, or they leave no room for the approach.
     """
-    if not (math.isfinite(approach_mm) and approach_mm > 0.0):
-        raise UsageError(
-            f"The approach cannot be {approach_mm:g} mm long.", "Give a length such as 1."
-        )
     machine = model.machine
     low, high = machine.limits_mm if travel_mm is None else travel_mm
     if not low <= 0.0 <= high or low == high:
@@ -100,11 +90,12 @@ def posture_program(
             f"The carriages cannot go from {low:+g} to {high:+g} mm of the isotropic posture.",
             "--travel LOW HIGH: LOW must be below HIGH, and 0 between them.",
         )
+    least, most = low - _ROUNDING_MM, high + _ROUNDING_MM
 
-    def refuse(number: int, wrong: Bools, fault: str, remedy: str) -> None:
-        """Raise PostureError for the first carriage with which something is wrong."""
-        for axis in np.flatnonzero(wrong):
-            at = f"carriage {AXES[axis].upper()} {fault.format(f'{moved[axis]:+.6g} mm')}"
+    def refuse(moved: Floats, wrong: Bools, fault: str, remedy: str) -> None:
+        """Raise PostureError for the first carriage with which something is wrong, both (n, 3)."""
+        for point, axis in np.argwhere(wrong):
+            at = f"carriage {AXES[axis].upper()} {fault.format(f'{moved[point, axis]:+.6g} mm')}"
             limits = f"Its limits are {low:+g} and {high:+g} mm."
             raise PostureError(f"N{number}: {at} {limits}", remedy)
 
@@ -117,19 +108,37 @@ def posture_program(
             set_up = _way(machine, leg, here, 0.0)
             here, stands = 0.0, visit[0].setup
         leg, there = visit[0].leg, visit[0].cell.displacement
-        *way, posture = _way(machine, leg, here, there)
-        for joints in (*set_up, *way, posture):
-            moved = joints - machine.home_mm
-            outside = (moved < low - _ROUNDING_MM) | (moved > high + _ROUNDING_MM)
-            fault = "would be driven to {} from the isotropic posture."
-            refuse(number, outside, fault, "Choose postures inside the limits.")
-        above = moved - approach_mm < low - _ROUNDING_MM
-        narrow = above & (moved + approach_mm > high + _ROUNDING_MM)
+        way = _way(machine, leg, here, there)
+        moved = np.vstack((set_up, way)) - machine.home_mm
+        fault = "would be driven to {} from the isotropic posture."
+        outside = (moved < least) | (moved > most)
+        refuse(moved, outside, fault, "Choose postures inside the limits.")
+        above = moved[-1:] - approach_mm < least
         fault = f"has no room for an approach of {approach_mm:g} mm to {{}}."
-        refuse(number, narrow, fault, "Take a shorter approach.")
-        start = posture + np.where(above, approach_mm, -approach_mm)
-        from_above = tuple(np.flatnonzero(above).tolist())
-        blocks.append(Block(number, visit, np.array(way), start, posture, from_above, set_up))
+        narrow = above & (moved[-1:] + approach_mm > most)
+        refuse(moved[-1:], narrow, fault, "Take a shorter approach.")
+        posture, approach = way[-1], way[-1] + np.where(above[0], approach_mm, -approach_mm)
+        tool = machine.nominal_rails.tool_for(posture)
+        points = {"joint": posture, "tool": tool, "approach_joint": approach}
+        row = {
+            "block": f"N{number}",
+            "set_up": str(stands),
+            "leg": AXES[leg],
+            "posture": str(visit[0].posture),
+            "displacement_mm": short(there, _DECIMALS),
+            "cycle": str(visit[0].cycle),
+            "steps": " ".join(str(step.number) for step in visit),
+            "gauges": " ".join(dict.fromkeys(AXES[step.direction] for step in visit)),
+            **{
+                f"{name}_{axis}_mm": plain(value, _DECIMALS)
+                for name, point in points.items()
+                for axis, value in zip(AXES, point, strict=True)
+            },
+            "from_above": " ".join(compress(AXES, above[0])),
+            "machine": in_csv(machine.name),
+            "session": in_csv(session),
+        }
+        blocks.append(Block(visit[0], row, set_up, np.vstack((way[:-1], approach)), posture))
         here = there
     return PostureProgram(machine, approach_mm, session, tuple(blocks))
 
@@ -145,28 +154,8 @@ def _way(machine: Machine, leg: int, start: float, end: float) -> Floats:
 
 def program_csv(program: PostureProgram) -> str:
     """One row per block; lengths in mm, joints as the controller indicates them."""
-    rows = []
-    for block in program.blocks:
-        first = block.steps[0]
-        tool = program.machine.nominal_rails.tool_for(block.posture)
-        points = block.posture, tool, block.approach
-        rows.append(
-            (
-                f"N{block.number}",
-                first.setup,
-                AXES[first.leg],
-                first.posture,
-                short(first.cell.displacement, _DECIMALS),
-                first.cycle,
-                " ".join(str(step.number) for step in block.steps),
-                _gauges(block),
-                *(plain(value, _DECIMALS) for point in points for value in point),
-                " ".join(AXES[axis] for axis in block.from_above),
-                in_csv(program.machine.name),
-                in_csv(program.session),
-            )
-        )
-    return csv_text(_CSV, rows)
+    rows = [block.row for block in program.blocks]
+    return csv_text([*rows[0]], [[*row.values()] for row in rows])
 
 
 def program_gcode(program: PostureProgram, template: Template) -> str:
@@ -175,9 +164,45 @@ def program_gcode(program: PostureProgram, template: Template) -> str:
     A block drives to the approach point along the axis of its leg, then slowly to the posture, and
     waits. Coordinates are absolute, in mm.
     """
-    blocks = (line for block in program.blocks for line in _block_lines(block, program, template))
-    head = (line for words in _head(program, template) for line in _comment(words, template))
-    return "\n".join((*template.before, *head, *blocks, *template.after, ""))
+    machine, lines = program.machine, [*template.before]
+
+    def comment(words: str) -> None:
+        """Write comment lines with nothing in them that a controller obeys."""
+        harmless = _FOREIGN.sub("?", words)
+        # Some controllers obey comments that begin with a word of theirs, such as "MSG,".
+        for line in textwrap.wrap(
+            harmless, _COMMENT_WIDTH, subsequent_indent="- ", break_on_hyphens=False
+        ):
+            lines.append(f"; {line}" if template.semicolon else f"({line})")
+
+    def move(joints: Floats, feed: float) -> str:
+        """A straight move, e.g. "G1 X309.25 Y309.25 Z309.25 F1000"."""
+        values = joints
+        if template.values is PostureValues.DISPLACEMENTS:
+            values = joints - machine.home_mm
+        elif template.values is PostureValues.TOOL:
+            values = machine.nominal_rails.tool_for(joints)
+        pairs = zip(template.axes, values, strict=True)
+        words = " ".join(f"{axis}{plain(value, _DECIMALS)}" for axis, value in pairs)
+        return f"G1 {words} F{short(feed, 3)}"
+
+    for words in _head(program, template):
+        comment(words)
+    for block in program.blocks:
+        first, row = block.first, {name: text.upper() for name, text in block.row.items()}
+        if len(block.set_up):
+            waits = f"waits at the isotropic posture for the gauges on leg {row['leg']}."
+            comment(f"Set-up {first.setup}: {waits}")
+            lines += [move(joints, template.feed) for joints in block.set_up]
+            lines.append("M0")  # waits for a button: nobody knows how long gauges take
+        words = f"{row['block']}: leg {row['leg']}, {posture_name(first)}, cycle {first.cycle}."
+        words += f" Read steps {row['steps']}, gauges {row['gauges']}."
+        above = row["from_above"]
+        comment(f"{words} Carriage {above} arrives from above." if above else words)
+        start, *way = (move(joints, template.feed) for joints in block.way)
+        lines += [f"{row['block']} {start}", *way, move(block.posture, template.slow)]
+        lines.append(template.pause)
+    return "\n".join((*lines, *template.after, ""))
 
 
 def _head(program: PostureProgram, template: Template) -> Iterator[str]:
@@ -204,57 +229,10 @@ def _head(program: PostureProgram, template: Template) -> Iterator[str]:
         " Lost motion, also called backlash, then leaves no trace in the readings and is part of"
         " the offsets: let the machine work with the same approach."
     )
-    above = [f"N{block.number} {_carriages(block)}" for block in program.blocks if block.from_above]
+    rows = (block.row for block in program.blocks)
+    above = [f"{row['block']} {row['from_above'].upper()}" for row in rows if row["from_above"]]
     if above:
         yield (
             "Except the carriage that stands at its lower limit, which arrives from above: its"
             f" lost motion still shows in these blocks: {', '.join(above)}."
         )
-
-
-def _block_lines(block: Block, program: PostureProgram, template: Template) -> Iterator[str]:
-    first, last = block.steps[0], block.steps[-1]
-    leg = AXES[first.leg].upper()
-    steps = str(first.number)
-    steps += "" if last is first else f"-{last.number}"
-    above = f" Carriage {_carriages(block)} arrives from above." if block.from_above else ""
-    if len(block.set_up):
-        words = f"Set-up {first.setup}: waits at the isotropic posture for the gauges on leg {leg}."
-        yield from _comment(words, template)
-        yield from (_move(joints, template.feed, program, template) for joints in block.set_up)
-        yield "M0"  # waits for a button: nobody knows how long gauges take
-    words = f"N{block.number}: leg {leg}, {posture_name(first)}, cycle {first.cycle}. Read steps"
-    words += f" {steps}, gauges {_gauges(block).upper()}.{above}"
-    yield from _comment(words, template)
-    points = *block.way, block.approach
-    way = [_move(joints, template.feed, program, template) for joints in points]
-    yield from (f"N{block.number} {way[0]}", *way[1:])
-    yield from (_move(block.posture, template.slow, program, template), template.pause)
-
-
-def _move(joints: Floats, feed: float, program: PostureProgram, template: Template) -> str:
-    """A straight move, e.g. "G1 X309.25 Y309.25 Z309.25 F1000"."""
-    values = {
-        PostureValues.JOINTS: joints,
-        PostureValues.DISPLACEMENTS: joints - program.machine.home_mm,
-        PostureValues.TOOL: program.machine.nominal_rails.tool_for(joints),
-    }[template.values]
-    pairs = zip(template.axes, values, strict=True)
-    words = " ".join(f"{axis}{plain(value, _DECIMALS)}" for axis, value in pairs)
-    return f"G1 {words} F{short(feed, 3)}"
-
-
-def _comment(words: str, template: Template) -> list[str]:
-    """Comment lines with nothing in them that a controller obeys."""
-    harmless = _FOREIGN.sub("?", words)
-    # Some controllers obey comments that begin with a word of theirs, such as "MSG,".
-    lines = textwrap.wrap(harmless, _COMMENT_WIDTH, subsequent_indent="- ", break_on_hyphens=False)
-    return [f"; {line}" if template.semicolon else f"({line})" for line in lines]
-
-
-def _gauges(block: Block) -> str:
-    return " ".join(dict.fromkeys(AXES[step.direction] for step in block.steps))
-
-
-def _carriages(block: Block) -> str:
-    return " ".join(AXES[axis].upper() for axis in block.from_above)

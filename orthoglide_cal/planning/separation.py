@@ -17,8 +17,7 @@ import numpy as np
 
 from orthoglide_cal.causes import PatternCause, RelabelCause
 from orthoglide_cal.estimation.gaussian import condition, unexplained, whiten_shared
-from orthoglide_cal.inference.candidates import Candidates
-from orthoglide_cal.inference.data import Placed, Whitened, places_of
+from orthoglide_cal.inference.data import Candidates, Placed, Whitened, places_of
 from orthoglide_cal.inference.evidence import UNIT, Gaussian
 from orthoglide_cal.inference.hypothesis import pattern_density
 from orthoglide_cal.model.cause import Cause, Place, Stage

@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
 
 from orthoglide_cal.files.text import number_text
 from orthoglide_cal.model.machine import Machine
@@ -67,15 +66,15 @@ class SessionStep:
         """The axis along which the gauge measures."""
         return self.cell.direction
 
-    @cached_property
+    @property
     def series(self) -> Series:
         """Leg and direction."""
         return self.cell.series
 
     @property
-    def zero(self) -> tuple[int, Series]:
+    def zero(self) -> tuple[int, int]:
         """Readings that agree in it share the gauge's zero."""
-        return self.setup, self.series
+        return self.setup, self.stand
 
     @property
     def visit(self) -> tuple[object, ...]:
@@ -130,14 +129,13 @@ def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[S
     rows, readings, zero_of = plan.in_time.tolist(), planned_readings(plan), plan.shared.tolist()
     alone = stands == 1 or not plan.fixed
     if alone and (plan.fixed or order is Order.FEWEST_MOVES):
-        ends = [cell.direction if plan.fixed else cell.contact for cell in readings]
-        keys = [(zero, c.leg, end) for zero, c, end in zip(zero_of, readings, ends, strict=True)]
+        keys = [(zero, cell.contact) for zero, cell in zip(zero_of, readings, strict=True)]
         # Equal keys come together, in the order in which they first appear.
         first: dict[object, int] = {}
         rows = sorted(rows, key=lambda i: first.setdefault(keys[i], len(first)))
     steps: list[SessionStep] = []
     seen: Counter[PlannedReading] = Counter()
-    setup, place, zeros, block = 0, None, dict[Series, int](), 0
+    setup, place, zeros, block = 0, None, dict[int, int](), 0
     for number, i in enumerate(rows, start=1):
         planned = readings[i]
         leg, direction = planned.leg, planned.direction
@@ -145,10 +143,9 @@ def steps_of(plan: Plan, machine: Machine, order: Order, stands: int) -> tuple[S
         seen[planned] += 1
         # A single gauge is carried over to the next series; two stand there together.
         here = (leg, direction if alone else None)
-        zero = zero_of[i]
-        if here != place or zeros.get(planned.series, zero) != zero:
+        if here != place or zeros.get(direction, zero_of[i]) != zero_of[i]:
             setup, place, zeros = setup + 1, here, {}
-        zeros[planned.series] = zero
+        zeros[direction] = zero_of[i]
         stand = 0 if alone else int(direction > min({0, 1, 2} - {leg}))
         visit = (setup, leg, posture, seen[planned], planned.entered)
         if not steps or visit != steps[-1].visit:

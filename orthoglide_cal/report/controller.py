@@ -24,7 +24,7 @@ from orthoglide_cal.causes import CAUSES, correcting
 from orthoglide_cal.errors import file_words, visible
 from orthoglide_cal.files.controller_file import ControllerFile
 from orthoglide_cal.files.probe_readings import USUAL_ANGLES_DEG
-from orthoglide_cal.files.table import csv_text
+from orthoglide_cal.files.text import csv_text
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation

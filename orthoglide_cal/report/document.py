@@ -15,9 +15,9 @@ from orthoglide_cal.words import SIMULATED
 
 # The last line of every page that is written to a file: such a file may be written again.
 MARK = "<!-- Written by orthocal -->\n"
+BLANK = "_" * 12  # to write on
 
-
-Style = Literal["plain", "code", "typed", "strong", "doubtful", "given", "small"]
+Style = Literal["plain", "code", "typed", "strong", "doubtful", "given", "small", "blank"]
 
 
 @dataclass(frozen=True)
@@ -43,8 +43,9 @@ Line = Inline | tuple[Inline, ...]
 Blank = Line | None
 
 
-def parts_of(content: Blank) -> tuple[Marked | None, ...]:
+def parts_of(content: Blank) -> tuple[Marked, ...]:
     """The parts of a line, however it was given; mere text has the style "plain"."""
+    content = Marked("blank", BLANK) if content is None else content
     parts = content if isinstance(content, tuple) else (content,)
     return tuple(Marked("plain", part) if isinstance(part, str) else part for part in parts)
 
@@ -111,23 +112,11 @@ class Grid:
 class Figure:
     """A picture: SVG parts that are laid out side by side as far as they fit."""
 
-    title: str | None  # None if its section's title says it
-    finding: str  # what one sees in it, in words
     panels: Sequence[Html]
     columns: int = 3  # most side by side; 0: half as wide as a page, beside the other blocks
     key: str | None = None  # explanation of the marks
-    plain: "Block | None" = None  # the same in characters
-
-    @property
-    def in_words(self) -> str:
-        """Title and finding; "" where it has neither."""
-        return f"{self.title}. {self.finding}".strip() if self.title else self.finding
-
-    @property
-    def in_characters(self) -> "list[Block]":
-        """Its words, and what stands for the picture; nothing where that is only drawn."""
-        words: list[Block] = [self.in_words] if self.in_words else []
-        return [*words, self.plain] if self.plain else []
+    title: str | None = None  # None if its section's title says it
+    plain: "Sequence[Block]" = ()  # the same in characters
 
 
 @dataclass(frozen=True)
@@ -163,12 +152,13 @@ class Section:
     title: str | None
     blocks: list[Block]
 
-    def __init__(self, title: str | None, *blocks: Block) -> None:
+    def __init__(self, title: str | None, *blocks: Block | None) -> None:
         self.title = title
-        self.blocks = [block for block in blocks if not isinstance(block, Grid) or block.rows]
+        shown = (block for block in blocks if not isinstance(block, Grid) or block.rows)
+        self.blocks = [block for block in shown if block is not None]
 
 
-def next_steps(steps: Iterable[Instruction], *more: Block) -> Section:
+def next_steps(steps: Iterable[Instruction], *more: Block | None) -> Section:
     """Next steps, in order; without any only what stands below them."""
     steps = tuple(steps)
     return Section("Next" if steps else None, Instructions(steps), *more)

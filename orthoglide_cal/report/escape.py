@@ -1,28 +1,9 @@
-"""Text from outside made harmless in Markdown, HTML and SVG; each builds on `visible`.
+"""HTML and SVG: made with `tag`, `in_html` and `join` only, which escape all but their own."""
 
-HTML and SVG are made with `tag`, `in_html` and `join` only, which escape all but
-their own.
-"""
-
-import re
 from collections.abc import Iterable
 from html import escape
 
 from orthoglide_cal.errors import visible
-
-# What Markdown obeys anywhere in a line; other signs matter only at its beginning, where no text
-# from outside stands. Addresses become links by themselves unless they are written so.
-_MARKDOWN = re.compile(r"([\\`*_\[\]<|~&$])")
-_ADDRESS = (("://", ":&#47;&#47;"), ("www.", "www&#46;"), ("@", "&#64;"))
-_VOID = frozenset(("br", "hr", "img", "input", "link", "meta"))
-
-
-def in_markdown(text: str) -> str:
-    """The text so that Markdown shows it as it stands, on one line."""
-    escaped = _MARKDOWN.sub(r"\\\1", visible(text))
-    for plain, written in _ADDRESS:
-        escaped = escaped.replace(plain, written)
-    return escaped
 
 
 class Html(str):
@@ -61,6 +42,4 @@ def tag(name: str, /, *children: Child, **attributes: str | float | None) -> Htm
             number = isinstance(value, float)
             content = f"{value:.2f}".rstrip("0").rstrip(".") if number else str(value)
             written += f' {key.rstrip("_").replace("_", "-")}="{in_html(content)}"'
-    if name in _VOID:
-        return Html(f"<{name}{written}>")
     return Html(f"<{name}{written}>{join(children)}</{name}>")

@@ -1,5 +1,5 @@
-"""The figures: what is left of differences and readings, errors over the workspace, the machine,
-and which causes can be distinguished.
+"""What figures are made of; maps of errors and residuals, the machine, and which causes can be
+distinguished.
 
 Drawing functions take plain values and return pictures; every number that a picture writes, but
 those of its axes, is one that it was given.
@@ -8,19 +8,20 @@ those of its axes, is one that it was given.
 import itertools
 import math
 import string
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
 from typing import Self
 
 import numpy as np
 
+from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.machine import Bed
 from orthoglide_cal.model.plan import Bools, Floats, Ints
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.model.workspace import Workspace
+from orthoglide_cal.report.case import size_words
 from orthoglide_cal.report.escape import Html, tag
-from orthoglide_cal.results.answer import Residual, Shim
+from orthoglide_cal.results.answer import Shim
 from orthoglide_cal.words import plain, signed, two_figures
 
 # --- parts of figures: lengths are CSS pixels at natural size, colours are classes of the page ---
@@ -50,14 +51,12 @@ class Scale:
             return (self.start + self.end) / 2.0
         return self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start)
 
-    def ticks(self, count: int) -> list[tuple[float, str, str]]:
+    def ticks(self, count: int = 4) -> list[tuple[float, str, str]]:
         """Place, class and number of about so many grid lines at round numbers."""
         step = round_up(0.999 * (self.high - self.low) / count, 1.0, 2.0, 2.5, 5.0)
-        first = math.ceil(self.low / step - 1e-9)
-        values = [k * step for k in range(first, math.floor(self.high / step + 1e-9) + 1)]
-        step = values[1] - values[0] if len(values) > 1 else 1.0
-        kinds = ["zero" if abs(value) < step * 1e-6 else "grid" for value in values]
-        return [(self(v), kind, tick_text(v, step)) for v, kind in zip(values, kinds, strict=True)]
+        first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
+        kinds = ((k * step, "grid" if k else "zero") for k in range(first, last + 1))
+        return [(self(value), kind, number(value)) for value, kind in kinds]
 
 
 def round_up(size: float, *factors: float) -> float:
@@ -67,11 +66,9 @@ def round_up(size: float, *factors: float) -> float:
     return next(candidate for candidate in sizes if candidate >= size * (1.0 - 1e-9))
 
 
-def tick_text(value: float, step: float) -> str:
-    """A tick's number with as many decimals as its step needs."""
-    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
-    decimals += abs(round(step, decimals) - step) > step * 1e-6
-    return plain(value, decimals).replace("-", "−")
+def number(value: float) -> str:
+    """A number of an axis."""
+    return f"{value:g}".replace("-", "−")
 
 
 def svg(
@@ -110,13 +107,14 @@ def line(start: Iterable[float], stop: Iterable[float], class_: str) -> Html:
     return tag("line", x1=x1, y1=y1, x2=x2, y2=y2, class_=class_)
 
 
-def _path(points: Sequence[tuple[float, float]]) -> str:
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+def points(places: Iterable[Iterable[float]]) -> str:
+    """The corners of a polygon or polyline."""
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
 
 
-def thread(points: Sequence[tuple[float, float]]) -> Html:
-    """A thin line through points."""
-    return tag("polyline", points=_path(points), class_="thread")
+def thread(places: Iterable[Iterable[float]]) -> Html:
+    """A thin line through places."""
+    return tag("polyline", points=points(places), class_="thread")
 
 
 def arrow(start: Floats, stop: Floats) -> Html:
@@ -124,7 +122,7 @@ def arrow(start: Floats, stop: Floats) -> Html:
     along = (stop - start) / np.linalg.norm(stop - start)
     across = 4.0 * np.array([-along[1], along[0]])
     behind = stop - 8.0 * along
-    head = _path([tuple(stop), tuple(behind + across), tuple(behind - across)])
+    head = points([stop, behind + across, behind - across])
     return tag("g", line(start, behind, "fault"), tag("polygon", points=head, class_="head"))
 
 
@@ -145,213 +143,23 @@ def mark(x: float, y: float, shape: int, class_: str = "mark", size: float = 3.6
     }.get(shape % 4)
     if corners is None:
         return tag("circle", cx=x, cy=y, r=size, class_=class_)
-    return tag(
-        "polygon", points=_path([(x + size * a, y + size * b) for a, b in corners]), class_=class_
-    )
-
-
-def apart(places: Sequence[float], texts: Sequence[str]) -> list[int]:
-    """Which of the texts along an axis are written so that none overprints its neighbour.
-
-    The last is always written, then from it backwards what has room; `places`, in ascending order,
-    are the middles of the texts.
-
-    >>> apart([0.0, 10.0, 65.0, 120.0], ["2026-01", "2026-02", "2026-03", "2026-04"])
-    [1, 2, 3]
-    """
-    chosen: list[int] = []
-    for k in reversed(range(len(places))):
-        room = 0.0 if not chosen else _LETTER * (len(texts[k]) + len(texts[chosen[0]])) / 2.0 + 4.0
-        if not chosen or places[chosen[0]] - places[k] >= room:
-            chosen.insert(0, k)
-    return chosen
+    places = points((x + size * a, y + size * b) for a, b in corners)
+    return tag("polygon", points=places, class_=class_)
 
 
 def below(places: Sequence[float], texts: Sequence[str], y: float) -> Iterator[Html]:
-    """Numbers of an axis, as far as they have room."""
-    return (words(places[k], y, texts[k], "middle", "tick") for k in apart(places, texts))
-
-
-# --- differences ------------------------------------------------------------------------------
-
-_WIDE, _TOP, _ROW, _UNDER = 356.0, 24.0, 22.0, 30.0  # of a picture with a line for each difference
-
-
-# Name, found, expected, U of the last, measured (None if nothing was yet) [mm].
-Deviation = tuple[str, float, float, float, float | None]
-
-
-def deviation_rows(
-    rows: Sequence[Deviation], limit_mm: float | None = None, outcomes: Sequence[str] = ()
-) -> Html:
-    """A row for each difference: as found ○ → expected ■ → as left ●, with U of the last.
-
-    `limit_mm` is the largest size that is allowed; None if nobody said. The `outcomes` of what was
-    measured afterwards stand below the names.
-    """
-    names, first, expected, expanded, after = zip(*rows, strict=True)
-    measured = after[0] is not None
-    last = after if measured else expected
-    limits = [] if limit_mm is None else [-limit_mm, limit_mm]
-    ends = [*np.subtract(last, expanded), *np.add(last, expanded), *limits]
-    # Columns of numbers, by their right edges.
-    heads = {_WIDE - 108.0: "found", _WIDE - 2.0: "expected ± U"}
-    if measured:
-        heads = {194.0: "found", 252.0: "expected", _WIDE - 2.0: "as left ± U"}
-    left, high_row = (70.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
-    across = Scale.around([*first, *expected, *ends, -0.02, 0.02], left, min(heads) - 46.0)
-    top, bottom = _TOP - 4.0, _TOP + high_row * len(rows)
-    places, kinds, texts = zip(*across.ticks(4), strict=True)
-    band = [
-        rectangle(across(low), top, across(high) - across(low), bottom - top, "allowed")
-        for low, high in itertools.pairwise(limits)
-    ]
-    parts = [
-        *band,
-        *(line((x, top), (x, bottom), kind) for x, kind in zip(places, kinds, strict=True)),
-        *below(places, texts, bottom + 14),
-        words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
-        *(words(x, 12, head, "end", "muted") for x, head in heads.items()),
-    ]
-    listed = []
-    for k, (name, value, half) in enumerate(zip(names, last, expanded, strict=True)):
-        y = _TOP + high_row * (k + 0.5)
-        start, stop = across(first[k]), across(expected[k])
-        low, high = across(value - half), across(value + half)
-        numbers = [signed(first[k], 3), f"{signed(value, 3)} ± {plain(half, 3)}"]
-        if measured:
-            numbers.insert(1, signed(expected[k], 3))
-        listed.append(f"{name} {', '.join([*numbers, *outcomes[k : k + 1]])}")
-        parts += [
-            words(2, y + (-2 if outcomes else 4), name, class_="strong"),
-            *(words(2, y + 10, outcome) for outcome in outcomes[k : k + 1]),
-            *(words(x, y + 4, text, "end") for x, text in zip(heads, numbers, strict=True)),
-            tag(
-                "g",
-                line((start, y), (stop, y), "thread"),
-                line((low, y), (high, y), "whisker"),
-                *(line((x, y - 5), (x, y + 5), "whisker") for x in (low, high)),
-                mark(start, y, 0, "mark open", 5.0),
-                mark(stop, y, 2, "mark", 4.2),
-                mark(across(value), y, 0, "mark", 4.6) if measured else None,
-                class_=f"c-{name.partition('_')[2][:1]}",
-            ),
-        ]
-    worst = max(range(len(rows)), key=lambda k: abs(last[k]))
-    order = "Found, expected and left" if measured else "Found and expected"
-    finding = f"{order}, mm: {'; '.join(listed)}. {names[worst]} is left largest:"
-    finding += f" {signed(last[worst], 3)} mm."
-    title = "Differences, before and after"
-    return svg(_WIDE, bottom + _UNDER, title, finding, parts)
-
-
-# --- residuals --------------------------------------------------------------------------------
-
-
-def series_of(row: Residual) -> Series:
-    """The leg and direction of a reading."""
-    return Series(AXES.index(row.leg or "x"), AXES.index(row.direction or "x"))
-
-
-def reading_panels(
-    title: str,
-    rows: Sequence[Residual],
-    left_mm: Mapping[str, Floats],
-    *,
-    noise_mm: float = 0.0,
-    over: Floats | None = None,
-    axis: str = "",
-    effect_mm: tuple[Floats, Floats] | None = None,
-    shown: Collection[int] = (),
-    ringed: Collection[int] = (),
-    together: str = "",
-    finding: str = "",
-) -> tuple[Html, ...]:
-    """One panel for each leg and direction, all on one scale: residuals by posture and cycle.
-
-    Args:
-        title: of the panels; their gauge is added.
-        rows: n readings.
-        left_mm: under one or two models: measured − modelled, shape (n,). The last is filled.
-        noise_mm: standard deviation of one reading; the band is twice as high.
-        over, axis: instead of the postures a quantity, (n,), and its name; NaN is not drawn.
-        effect_mm: drawn as a line with its U as a band: both of shape (n,).
-        shown: the readings whose gauges have a panel; () for all.
-        ringed: readings that are wrong.
-        together: the name of all of them, which then share one panel: touches, or differences.
-        finding: what one sees, in words; "": the largest residual and the means of the repeats.
-    """
-    gauges = [together or series_of(row).words for row in rows]
-    width, height = (328.0, 132.0) if together else (216.0, 168.0)
-    band = 2000.0 * noise_mm
-    places = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
-    microns = {model: 1000.0 * values for model, values in left_mm.items()}
-    kept = {gauges[k] for k in shown or range(len(rows))}
-    drawn = [k for k, gauge in enumerate(gauges) if gauge in kept]
-    drawn = [k for k in drawn if over is None or math.isfinite(over[k])]
-    middle, reach = (1000.0 * values for values in effect_mm or np.zeros((2, len(rows))))
-    low, high = middle - reach, middle + reach
-    ends = np.stack((*microns.values(), low, high))[:, drawn].ravel()
-    up = Scale.around([*ends.tolist(), -band, band], height - 32.0, 26.0)
-    panels = []
-    for gauge in sorted(kept.intersection(gauges[k] for k in drawn)):
-        chosen = [k for k in drawn if gauges[k] == gauge]
-        parts = [rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band")] * (band > 0)
-        parts += upright(up, width, "µm", gauge)
-        chosen.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
-        postures = list(dict.fromkeys(places[k] for k in chosen))
-        across, shift = Scale(-0.5, len(postures) - 0.5, 40.0, width - 6.0), 0.09
-        at = {k: float(postures.index(places[k])) for k in chosen}
-        ticks = [(across(float(n)), "", posture) for n, posture in enumerate(postures)]
-        if over is not None:
-            chosen.sort(key=over.__getitem__)
-            across, shift = Scale.around(over[chosen].tolist(), 40.0, width - 6.0), 0.0
-            at, ticks = {k: over[k] for k in chosen}, across.ticks(4)
-            parts.append(words(width - 6.0, height - 4.0, axis, "end", "muted"))
-        x = {k: across(at[k] + shift * (rows[k].cycle - 2.5)) for k in chosen}
-        columns = [place for place, *_ in ticks]
-        # The words of a posture stand one below the other.
-        for n, texts in enumerate(zip_longest(*(text.split() for *_, text in ticks), fillvalue="")):
-            parts += below(columns, texts, up.start + 12.0 * (n + 1) + 1.0)
-        threads: dict[object, list[int]] = {}
-        for k in chosen:
-            run = rows[k].cycle if over is None else (rows[k].part, rows[k].gauge_at)
-            threads.setdefault(run, []).append(k)
-        first, *_, last = [*microns.values()] * 2
-        for numbers in threads.values():
-            if effect_mm is not None:
-                lower, upper = ([(x[k], up(edge[k])) for k in numbers] for edge in (low, high))
-                outline = _path([*lower, *reversed(upper)])
-                parts.append(tag("polygon", points=outline, class_="band"))
-            if over is None or effect_mm is not None:
-                values = last if effect_mm is None else middle
-                parts.append(thread([(x[k], up(float(values[k]))) for k in numbers]))
-        for values in microns.values():
-            style = "mark" if values is last else "mark open"
-            parts += (mark(x[k], up(float(values[k])), rows[k].cycle - 1, style) for k in chosen)
-        circled = ((x[k], up(float(first[k]))) for k in chosen if k in ringed)
-        parts += (tag("circle", cx=at_x, cy=y, r=9.0, class_="fault") for at_x, y in circled)
-        seen = finding
-        if not seen:
-            worst = max(chosen, key=lambda k: abs(last[k]))
-            where = f"{places[worst]}, cycle {rows[worst].cycle}"
-            seen = f"The largest is at {where}: {signed(float(last[worst]), 1)} µm."
-            for model, values in microns.items():
-                cells: dict[str, list[float]] = {}
-                for k in chosen:
-                    cells.setdefault(places[k], []).append(float(values[k]))
-                means = (
-                    f"{at} {signed(float(np.mean(values)), 1)}" for at, values in cells.items()
-                )
-                seen += f" Mean of the repeats, µm, {model}: {', '.join(means)}."
-        colour = "c-x" if together else f"c-{rows[chosen[0]].leg}"
-        panels.append(svg(width, height, f"{title}, {gauge}", seen, parts, colour))
-    return tuple(panels)
+    """Texts of an axis at ascending places, their middles: the last, then what has room."""
+    free = math.inf  # where the one on the right begins
+    for x, text in reversed([*zip(places, texts, strict=True)]):
+        half = 0.5 * _LETTER * len(text)
+        if x + half + 4.0 <= free:
+            free = x - half
+            yield words(x, y, text, "middle", "tick")
 
 
 def upright(up: Scale, width: float, unit: str, title: str) -> Iterator[Html]:
     """The upright axis of a panel, with its unit, and the panel's title."""
-    ticks = up.ticks(4)
+    ticks = up.ticks()
     yield from (line((40.0, y), (width - 6.0, y), kind) for y, kind, _ in ticks)
     yield from (words(36.0, y + 3.5, text, "end", "tick") for y, _, text in ticks)
     yield words(2.0, 14.0, unit, class_="muted")
@@ -384,7 +192,7 @@ def _classes(values: Floats, limits: Floats) -> Ints:
 
 def _axes(left: float, above: float, size: float, ends_mm: tuple[float, float]) -> Iterator[Html]:
     """Numbers at the ends of both axes of a square, and their names."""
-    low, high = (tick_text(end, 1.0) for end in ends_mm)
+    low, high = (number(round(end)) for end in ends_mm)
     bottom = above + size
     yield words(left, bottom + 14, low, class_="tick")
     yield words(left + size / 2, bottom + 14, "x, mm", "middle", "muted")
@@ -398,7 +206,7 @@ def _colours(left: float, above: float, limits: Floats, unit: str, kind: str) ->
     """The scale of the colours, with the number of every limit that has room."""
     box = 32.0
     places = [left + k * box for k in range(CLASSES + 1)]
-    texts = [tick_text(float(limit), float(limits[1] - limits[0])) for limit in limits]
+    texts = [number(limit) for limit in limits]
     for k in range(CLASSES):
         yield rectangle(places[k], above, box, 12, "heat", f"{kind}{k}")
     yield from below(places, texts, above + 26)
@@ -417,22 +225,23 @@ def workspace_maps(
 
     The last picture is the one scale of their colours, which begins at zero.
     """
+    measured = after or first
     assert first.maps is not None
+    assert measured.maps is not None
     pictures = [("as found", first.maps[0], first.before_mm, first.worst_before_mm)]
     if after is None:
         pictures.append(("expected", first.maps[1], first.after_mm, first.worst_after_mm))
     else:
-        assert after.maps is not None
-        pictures.append(("as left", after.maps[0], after.before_mm, after.worst_before_mm))
+        pictures.append(("as left", measured.maps[0], after.before_mm, after.worst_before_mm))
     limits = class_limits(max(float(error.max()) for _, error, *_ in pictures))
     ends, panels = first.cube_mm, []
     across = Scale(*ends, 0.0, _SIZE)
     for when, error, worst_mm, (x_mm, y_mm, z_mm) in pictures:
+        most = two_figures(worst_mm)
+        finding = f"Tool-position error in a slice of the workspace, {when}. It is at most"
+        finding += f" {most} mm, at X{x_mm:.0f} Y{y_mm:.0f} Z{z_mm:.0f}."
         for k, level in reversed([*enumerate(np.linspace(*ends, len(error)).tolist())]):
-            title = f"{when}, z = {tick_text(level, 1.0)} mm"
-            most = two_figures(worst_mm)
-            finding = f"Tool-position error in a slice of the workspace, {when}. It is at most"
-            finding += f" {most} mm, at X{x_mm:.0f} Y{y_mm:.0f} Z{z_mm:.0f}."
+            title = f"{when}, z = {number(round(level))} mm"
             body = [
                 *_cells(_classes(error[k], limits)),
                 *([] if limit_mm is None else _contour(error[k] > limit_mm)),
@@ -463,72 +272,63 @@ def _cells(number: Ints) -> Iterator[Html]:
 def _contour(beyond: Bools) -> Iterator[Html]:
     """Edges between the squares that are beyond a limit and those that are not, (n, n)."""
     size = _SIZE / len(beyond)
-    for row, k in np.argwhere(beyond[:, 1:] != beyond[:, :-1]).tolist():
-        x, y = _LEFT + (k + 1) * size, _ABOVE + _SIZE - row * size
-        yield line((x, y), (x, y - size), "due")
-    for row, k in np.argwhere(beyond[1:] != beyond[:-1]).tolist():
-        x, y = _LEFT + k * size, _ABOVE + _SIZE - (row + 1) * size
-        yield line((x, y), (x + size, y), "due")
+    for turned, squares in enumerate((beyond, beyond.T)):
+        for row, k in np.argwhere(squares[:, 1:] != squares[:, :-1]).tolist():
+            edge = (k + 1, row), (k + 1, row + 1)
+            places = (place[::-1] if turned else place for place in edge)
+            start, stop = ((_LEFT + x * size, _ABOVE + _SIZE - y * size) for x, y in places)
+            yield line(start, stop, "due")
 
 
-def bed_maps(
-    title: str,
-    place_mm: Floats,
-    left_mm: Mapping[str, Floats],
-    bed: Bed,
-    largest_um: float | None = None,
-) -> tuple[Html, ...]:
-    """Residuals of the touches of a bed: one map for each model.
+def bed_map(
+    title: str, place_mm: Floats, left_mm: Floats, bed: Bed, largest_um: float | None = None
+) -> Html:
+    """Residuals of the touches of a bed.
 
     Args:
-        title: of all of them.
+        title: of the map.
         place_mm: of n touches, shape (n, 2).
-        left_mm: model → measured − modelled, shape (n,).
+        left_mm: measured − modelled, shape (n,).
         bed: its radius, and the directions of towers a, b and c.
-        largest_um: the end of the scale of several maps; None: each map has its own.
+        largest_um: the end of the scale of several maps; None: of this one.
     """
     reach = max(float(np.abs(place_mm).max(initial=1.0)), bed.radius_mm)
     scale, x0, y0 = 0.5 * _BED / reach, _BESIDE + _BED / 2.0, _OVER + _BED / 2.0
-    away = _BED / 2 + 12  # of the towers' names from the middle
     size = max(min(0.42 * _BED / len(place_mm) ** 0.5, 10.0), 3.0)
-    panels = []
-    for model, left in left_mm.items():
-        microns = 1000.0 * left
-        usual = 1.4826 * float(np.median(np.abs(microns - np.median(microns))))
-        out = np.abs(microns) > max(_RINGED * usual, 1.0)
-        most = largest_um or float(np.abs(microns[~out]).max(initial=1.0))
-        limits = class_limits(most, around_zero=True)
-        dots: list[Html] = []
-        colours = _classes(microns, limits).tolist()
-        for (x_mm, y_mm), k, ringed in zip(place_mm.tolist(), colours, out.tolist(), strict=True):
-            x, y = x0 + scale * x_mm, y0 - scale * y_mm
-            dots.append(tag("circle", cx=x, cy=y, r=size, class_="heat", fill=f"var(--d{k})"))
-            dots += [tag("circle", cx=x, cy=y, r=size + 2.5, class_="ring")] if ringed else []
-        heading = ", ".join(filter(None, (model, title)))
-        largest = int(np.argmax(np.abs(microns)))
-        at = " ".join(f"{axis}{mm:.0f}" for axis, mm in zip("XY", place_mm[largest], strict=True))
-        finding = f"Residuals of the touches: at most {signed(float(microns[largest]), 1)} µm,"
-        finding += f" at {at}; {int(out.sum())} stand out, ringed."
-        body = [tag("circle", cx=x0, cy=y0, r=scale * bed.radius_mm, class_="bed"), *dots]
-        for tower, angle in zip("abc", map(math.radians, bed.tower_angles_deg), strict=True):
-            x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
-            body.append(words(x, y + 5, tower, "middle", "axis halo"))
-        body += [
-            words(_BESIDE - 40, 14, heading, class_="strong"),
-            words(x0, _OVER + _BED - 4, "front", "middle", "muted halo"),
-            *_axes(x0 - scale * reach, _OVER, scale * 2.0 * reach, (-reach, reach)),
-            *_colours(_BESIDE, _OVER + _BED + 24, limits, "µm", "d"),
-        ]
-        panels.append(svg(324.0, _OVER + _BED + 58.0, heading, finding, body))
-    return tuple(panels)
+    microns = 1000.0 * left_mm
+    usual = 1.4826 * float(np.median(np.abs(microns - np.median(microns))))
+    out = np.abs(microns) > max(_RINGED * usual, 1.0)
+    most = largest_um or float(np.abs(microns[~out]).max(initial=1.0))
+    limits = class_limits(most, around_zero=True)
+    body = [
+        tag("circle", cx=x0, cy=y0, r=scale * bed.radius_mm, class_="bed"),
+        words(_BESIDE - 40, 14, title, class_="strong"),
+        words(x0, _OVER + _BED - 4, "front", "middle", "muted halo"),
+        *_axes(x0 - scale * reach, _OVER, scale * 2.0 * reach, (-reach, reach)),
+        *_colours(_BESIDE, _OVER + _BED + 24, limits, "µm", "d"),
+    ]
+    places = (np.array([x0, y0]) + scale * place_mm * [1.0, -1.0]).tolist()
+    for (x, y), k, ringed in zip(places, _classes(microns, limits), out, strict=True):
+        body.append(tag("circle", cx=x, cy=y, r=size, class_="heat", fill=f"var(--d{k})"))
+        body += [tag("circle", cx=x, cy=y, r=size + 2.5, class_="ring")] if ringed else []
+    for tower, angle in zip("abc", map(math.radians, bed.tower_angles_deg), strict=True):
+        away = _BED / 2 + 12
+        x, y = x0 + away * math.cos(angle), y0 - away * math.sin(angle)
+        body.append(words(x, y + 5, tower, "middle", "axis halo"))
+    largest = int(np.argmax(np.abs(microns)))
+    x_mm, y_mm = place_mm[largest]
+    finding = f"Residuals of the touches: at most {signed(float(microns[largest]), 1)} µm,"
+    finding += f" at X{x_mm:.0f} Y{y_mm:.0f}; {int(out.sum())} stand out, ringed."
+    return svg(324.0, _OVER + _BED + 58.0, title, finding, body)
 
 
 # --- the machine --------------------------------------------------------------------------------
 
-_CENTRE = np.array([164.0, 150.0])
 _LEG = 102.0  # length of a leg in the picture
-# Where the axes x, y, z point on the paper.
+_NEAR, _FAR = 52.0, 80.0  # size of the largest gap, and length of half a rail in the picture
+# Where the axes x, y, z point on the paper; and unit vectors there.
 _ON_PAPER = np.array([[-0.84, 0.50], [0.84, 0.50], [0.0, -1.0]])
+_TOWARDS = _ON_PAPER / np.linalg.norm(_ON_PAPER, axis=1, keepdims=True)
 
 
 def machine_sketch(
@@ -542,31 +342,30 @@ def machine_sketch(
         leg_length_mm, joint_limits_mm: L, and the travel from the isotropic posture.
         gauges: (leg, direction, place along the leg from carriage 0 to tool 1).
     """
+    tool = np.array([164.0, 150.0])
+    low, high = (1.0 + limit / leg_length_mm for limit in joint_limits_mm)
+    # Even displacements of the carriage leave the picture readable only up to here.
+    end = min(high, 1.0 + 34.0 / _LEG)
     parts: list[Html] = []
     for leg, axis in enumerate(AXES):
-        low, high = (1.0 + limit / leg_length_mm for limit in joint_limits_mm)
-        # Even displacements of the carriage leave the picture readable only up to here.
-        end = min(high, 1.0 + 34.0 / _LEG)
-        across = np.array([-_ON_PAPER[leg, 1], _ON_PAPER[leg, 0]])
-        side = 4.0 * across / np.linalg.norm(across)
-        start, stop, joint, tool = (_at(leg, place) for place in (low, end, 1.0, 0.0))
-        x, y = joint - 7.0
-        at, below = _at(leg, end + 0.10)
+        start, stop, joint, (x, y) = (
+            tool + place * _LEG * _ON_PAPER[leg] for place in (low, end, 1.0, end + 0.10)
+        )
+        side = 4.0 * np.array([-_TOWARDS[leg, 1], _TOWARDS[leg, 0]])
         drawn = [
             line(start, stop, "rail"),
             line(joint + side, tool + side, "bar"),
             line(joint - side, tool - side, "bar"),
-            tag("rect", x=x, y=y, width=14, height=14, rx=2, class_="carriage"),
-            words(at, below + 4.0, axis, "middle", "axis"),
+            rectangle(joint[0] - 7.0, joint[1] - 7.0, 14.0, 14.0, "carriage"),
+            words(x, y + 4.0, axis, "middle", "axis"),
         ]
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
-    x, y = _CENTRE
-    parts.append(tag("circle", cx=x, cy=y, r=8.0, class_="tool"))
+    parts.append(tag("circle", cx=tool[0], cy=tool[1], r=8.0, class_="tool"))
     dials: list[Floats] = []
     for leg, direction, place in gauges:
         # A dial on the side towards which its direction points: that way its reading grows.
-        touch = _at(leg, 1.0 - place)
-        toward = _ON_PAPER[direction] / np.linalg.norm(_ON_PAPER[direction])
+        touch = tool + (1.0 - place) * _LEG * _ON_PAPER[leg]
+        toward = _TOWARDS[direction]
         dial = touch + 33.0 * toward
         while any(np.linalg.norm(dial - other) < 25.0 for other in dials):
             dial = dial + 6.0 * toward
@@ -582,13 +381,6 @@ def machine_sketch(
     return svg(328.0, 232.0, "The machine and its gauges", finding, parts)
 
 
-def _at(leg: int, fraction: float) -> Floats:
-    return np.asarray(_CENTRE + fraction * _LEG * _ON_PAPER[leg])
-
-
-_NEAR, _FAR = 52.0, 80.0  # size of the largest gap, and length of half a rail in the picture
-
-
 def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
     """The three rails where they really pass each other, the gaps enlarged, and what closes them.
 
@@ -602,19 +394,23 @@ def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
     for (first, second), gap in zip(pairs, gaps_mm.values(), strict=True):
         through[first, 3 - first - second] += 0.5 * _NEAR * gap / most
         through[second, 3 - first - second] -= 0.5 * _NEAR * gap / most
+
+    def on_paper(place: Floats) -> Floats:
+        return np.asarray(np.array([164.0, 120.0]) + place @ _ON_PAPER)
+
     parts: list[Html] = []
     taken: list[Floats] = []  # places on the paper where something is drawn
     for rail, axis in enumerate(AXES):
-        places = (-_FAR, _FAR, _FAR + 12.0)
-        start, stop, behind = (_paper(through[rail] + far * np.eye(3)[rail]) for far in places)
-        x, y = behind
+        start, stop, (x, y) = (
+            on_paper(through[rail] + far * np.eye(3)[rail]) for far in (-_FAR, _FAR, _FAR + 12.0)
+        )
         drawn = [line(start, stop, "rail"), words(x, y + 5, axis, "middle", "axis")]
         drawn.append(rectangle(start[0] - 6.0, start[1] - 6.0, 12.0, 12.0, "carriage"))
         parts.append(tag("g", *drawn, class_=f"c-{axis}"))
         taken += [*np.linspace(start, stop, 29)]
         for shim in (one for one in shims if one.rail == axis):
-            way = _ON_PAPER[AXES.index(shim.along[-1])] * (-1.0 if "-" in shim.along else 1.0)
-            x, y = start + 46.0 * way / np.linalg.norm(way)
+            way = _TOWARDS[AXES.index(shim.along[-1])] * (-1.0 if "-" in shim.along else 1.0)
+            x, y = start + 46.0 * way
             parts.append(arrow(start + 9.0 * way, start + 34.0 * way))
             parts.append(words(x, y + 4, f"{plain(shim.mm, 2)} mm", "middle", "halo"))
             taken += [*np.linspace((x - 24.0, y), (x + 24.0, y), 9)]
@@ -623,7 +419,7 @@ def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
         # The common perpendicular: where each rail passes the other.
         ends = through[[first, second]].copy()
         ends[0, first], ends[1, second] = through[second, first], through[first, second]
-        one, other = map(_paper, ends)
+        one, other = on_paper(ends)
         taken += [*np.linspace(one, other, 9)]
         middles.append((one + other) / 2.0)
         parts.append(line(one, other, "fault"))
@@ -643,32 +439,34 @@ def rails_sketch(gaps_mm: Mapping[str, float], shims: Sequence[Shim]) -> Html:
     return svg(328.0, 244.0, "The rails where they pass each other", finding, parts)
 
 
-def _paper(place: Floats) -> Floats:
-    """Where a point (3,) [px] is on the paper."""
-    return np.asarray(np.array([164.0, 120.0]) + place @ _ON_PAPER)
-
-
 _PART = 40.0  # height of the picture of one parameter
 
 
-def parameter_sketch(name: str, sizes: Mapping[str, tuple[float, str, str]]) -> Html:
+def parameter_sketch(name: str, sizes: Sequence[Estimate]) -> Html:
     """Where an axis, a bar or a carriage should be (dashed) and where it is, enlarged.
 
     Args:
         name: of the cause.
         sizes: "y_x" (a bar of leg x, along y), "xy" (by how much the angle between two axes is
-            less than 90°) or "x" (a carriage) → its size, its place and its size in words.
+            less than 90°) or "x" (a carriage).
     """
-    most = max(abs(size) for size, *_ in sizes.values()) or 1.0
-    parts = []
-    for k, (parameter, (size, place, text)) in enumerate(sizes.items()):
+    most = max(abs(size.value) for size in sizes) or 1.0
+    parts, listed = [], []
+    for k, size in enumerate(sizes):
         base = (k + 1) * _PART - 10.0
+        place, text = place_words(size.name), size_words(size.value, size.expanded, size.unit)
+        listed.append(f"{place} {text}")
         named = words(2.0, base - 11.0, place, class_="strong"), words(2.0, base + 2.0, text)
-        drawn = _parameter(parameter, size / most, base)
-        parts.append(tag("g", *named, *drawn, class_=f"c-{parameter[-1]}"))
-    listed = "; ".join(f"{place} {text}" for _, place, text in sizes.values())
-    finding = f"Dashed as it should be, solid as it is: {listed}."
+        drawn = _parameter(size.name, size.value / most, base)
+        parts.append(tag("g", *named, *drawn, class_=f"c-{size.name[-1]}"))
+    finding = f"Dashed as it should be, solid as it is: {'; '.join(listed)}."
     return svg(328.0, _PART * len(sizes) + 6.0, name, finding, parts)
+
+
+def place_words(name: str) -> str:
+    """Where the parameter of a cause is: "y_x" is "leg x, direction y"."""
+    direction, _, leg = name.partition("_")
+    return Series(AXES.index(leg), AXES.index(direction)).words if leg in AXES else name
 
 
 def _parameter(parameter: str, share: float, base: float) -> Iterator[Html]:
@@ -698,20 +496,16 @@ def _parameter(parameter: str, share: float, base: float) -> Iterator[Html]:
 
 # --- causes that can be distinguished -----------------------------------------------------------
 
-# Below so many σ two causes: cannot, can hardly, can mostly be distinguished; above: surely.
-_SHADES = ((1.0, "█"), (2.0, "▓"), (4.0, "▒"), (math.inf, " "))
+_SHADES, _SHADE_LIMITS = "█▓▒ ", (1.0, 2.0, 4.0)  # the darker, the less two are distinguished
 _MOST = 99  # σ beyond which the number says nothing more
-_NOTHING = "–"
-SEPARATION_LEGEND = (
+_LEGEND = (
     "Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes",
-    f"{_NOTHING}: from a sound machine; {_MOST}: or more",
+    f"–: from a sound machine; {_MOST}: or more",
 )
 
 
 def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tuple[str, ...]:
     """How far each cause stands from the others: the lower half of a table, in characters.
-
-    Each cell has its number and a shade: the darker, the less the two can be distinguished.
 
     Args:
         names: of c causes, at most 26.
@@ -726,17 +520,12 @@ def separation_lines(names: Sequence[str], sigma: Floats, trace: Floats) -> tupl
     Distinct? █ below 1 σ: no; ▓ below 2: hardly; ▒ below 4: mostly; else yes
     –: from a sound machine; 99: or more
     """
-
-    def cell(value: float) -> str:
-        shade = next(shade for limit, shade in _SHADES if value < limit)
-        number = "<1" if value < 1.0 else str(min(int(value), _MOST))
-        return f"{shade}{number:>2} "
-
-    room = max(map(len, names), default=0)
-    letters = string.ascii_uppercase[: len(names)]
-    head = "".join(f"  {letter} " for letter in (_NOTHING, *letters[:-1]))
-    lines = [f"{'':{room + 4}}{head}".rstrip()]
+    room, letters = max(map(len, names)), string.ascii_uppercase[: len(names)]
+    lines = ["".join((" " * (room + 4), *(f"  {letter} " for letter in ("–", *letters[:-1]))))]
     for k, (letter, name) in enumerate(zip(letters, names, strict=True)):
-        cells = "".join(map(cell, [float(trace[k]), *sigma[k, :k].tolist()]))
-        lines.append(f"{letter} {name:<{room}}  {cells}".rstrip())
-    return (*lines, *SEPARATION_LEGEND)
+        cells = ""
+        for value in (trace[k], *sigma[k, :k]):
+            shade = _SHADES[np.searchsorted(_SHADE_LIMITS, value, "right")]
+            cells += f"{shade}{min(int(value), _MOST) or '<1':>2} "
+        lines.append(f"{letter} {name:<{room}}  {cells}")
+    return (*map(str.rstrip, lines), *_LEGEND)

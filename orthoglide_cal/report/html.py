@@ -25,10 +25,10 @@ _WHOLE = re.compile(rf"(\d{{4}}-\d\d-\d\d|(?:[<>] )?\d[\d.]* %|{_SIGNED}|{_U})")
 def html(page: doc.Page) -> str:
     """The file's text."""
     # Every printed page carries the report's number, whatever it is made of, and its own.
-    name = "".join(c for c in page.name if c.isalnum() or c in "- ")
+    number = "".join(c for c in page.name if c.isalnum() or c in "- ")
     corner = "font: 8pt sans-serif; color: #444444; vertical-align: top; padding-top: 3mm;"
     style = files("orthoglide_cal.report").joinpath("style.css").read_text(encoding="utf-8") + (
-        f'@page {{ @bottom-left {{ content: "{name}"; {corner} }}'
+        f'@page {{ @bottom-left {{ content: "{number}"; {corner} }}'
         ' @bottom-right { content: "Page " counter(page) " of " counter(pages);'
         f" {corner} }} }}\n"
     )
@@ -37,17 +37,14 @@ def html(page: doc.Page) -> str:
         f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:;"
         " base-uri 'none'; form-action 'none'"
     )
-    head = tag(
-        "head",
-        tag("meta", charset="utf-8"),
-        tag("meta", http_equiv="Content-Security-Policy", content=policy),
-        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        tag("meta", name="color-scheme", content="light dark"),
-        tag("meta", name="referrer", content="no-referrer"),
-        tag("link", rel="icon", href="data:,"),
-        tag("title", ": ".join(filter(None, (page.name, page.title)))),
-        Html(f"<style>{style}</style>"),
+    head = Html(
+        f'<meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy}">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        '<meta name="color-scheme" content="light dark">'
+        '<meta name="referrer" content="no-referrer"><link rel="icon" href="data:,">'
+        f"<style>{style}</style>"
     )
+    name = tag("title", ": ".join(filter(None, (page.name, page.title))))
     title = tag("h1", tag("bdi", page.title)) if page.title is not None else None
     top = (_block(block) for block in (page.facts, page.notice) if block is not None)
     signatures = [tag("div", f"{role}, date") for role in page.signatures]
@@ -66,7 +63,7 @@ def html(page: doc.Page) -> str:
         main,
         tag("footer", *(tag("p", line) for line in page.closing)) if page.closing else None,
     )
-    return f"<!DOCTYPE html>\n{tag('html', head, body, lang='en')}\n{doc.MARK}"
+    return f"<!DOCTYPE html>\n{tag('html', tag('head', head, name), body, lang='en')}\n{doc.MARK}"
 
 
 def _sections(sections: Iterable[doc.Section]) -> Iterator[Html]:
@@ -97,10 +94,9 @@ def _block(block: doc.Block) -> Html:
             shown = _tiles(block) if block.tiles else _table(block)
             return tag("div", shown, caption, class_=whole)
         case doc.Figure():
-            heading = tag("strong", block.title) if block.title else None
             return tag(
                 "figure",
-                tag("figcaption", heading, block.finding) if block.in_words else None,
+                tag("figcaption", tag("strong", block.title)) if block.title else None,
                 tag("div", *block.panels, class_=f"panels {_COLUMNS[block.columns]}"),
                 tag("p", block.key, class_="small") if block.key else None,
                 class_="beside" if block.columns == 0 else None,
@@ -131,11 +127,12 @@ def _table(grid: doc.Grid) -> Html:
     rows = []
     for first, *others in grid.rows:
         named = bool(first) and 0 in grid.words
-        scope = "row" if named else None
-        cells = [tag("th" if named else "td", _line(first), scope=scope, class_=kinds[0])]
-        for cell, kind, title in zip(others, kinds[1:], grid.head[1:], strict=True):
-            cells.append(tag("td", _line(cell), class_=kind, data_head=title or None))
-        rows.append(tag("tr", *cells))
+        name, scope = ("th", "row") if named else ("td", None)
+        cells = (
+            tag("td", _line(cell), class_=kind, data_head=title or None)
+            for cell, kind, title in zip(others, kinds[1:], grid.head[1:], strict=True)
+        )
+        rows.append(tag("tr", tag(name, _line(first), scope=scope, class_=kinds[0]), *cells))
     return tag(
         "div",
         tag("table", head, tag("tbody", *rows), class_=many),
@@ -162,8 +159,8 @@ def _line(content: doc.Blank) -> Html:
     return join(_inline(part) for part in doc.parts_of(content))
 
 
-def _inline(part: doc.Marked | None) -> Html:
-    if part is None:
+def _inline(part: doc.Marked) -> Html:
+    if part.style == "blank":
         return tag("span", class_="blank", role="img", aria_label="not given")
     if part.style in ("code", "typed"):
         return tag("code", part.text, class_="typed" if part.style == "typed" else None)

@@ -5,9 +5,11 @@ from collections.abc import Iterable
 
 from orthoglide_cal.errors import visible
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.escape import in_markdown
 
-_BLANK = "\\_\\_\\_\\_\\_\\_\\_\\_\\_"
+# What Markdown obeys anywhere in a line; other signs matter only at its beginning, where no text
+# from outside stands. Addresses become links by themselves unless they are written so.
+_SIGNS = re.compile(r"([\\`*_\[\]<|~&$])")
+_ADDRESS = (("://", ":&#47;&#47;"), ("www.", "www&#46;"), ("@", "&#64;"))
 
 
 def markdown(page: doc.Page) -> str:
@@ -20,7 +22,7 @@ def markdown(page: doc.Page) -> str:
         if section.title is not None:
             parts.append(f"## {in_markdown(section.title)}")
         parts += [_block(block) for block in section.blocks]
-    parts += [f"{in_markdown(role)}, date: {_BLANK}" for role in page.signatures]
+    parts += [in_markdown(f"{role}, date: {doc.BLANK}") for role in page.signatures]
     parts += map(in_markdown, page.closing)
     return "\n\n".join([*parts, doc.MARK])
 
@@ -40,7 +42,7 @@ def _block(block: doc.Block) -> str:
             caption = [f"\n{in_markdown(block.caption)}"] if block.caption else []
             return "\n".join([f"| {' | '.join(titles)} |", f"|{'|'.join(rules)}|", *rows, *caption])
         case doc.Figure():
-            return "\n\n".join(map(_block, block.in_characters))
+            return "\n\n".join(map(_block, block.plain))
         case doc.Listing():
             shown = [visible(line) for line in block.lines]
             fence = _fence(shown, 3)
@@ -58,13 +60,19 @@ def _line(content: doc.Blank) -> str:
     return "".join(_inline(part) for part in doc.parts_of(content))
 
 
-def _inline(part: doc.Marked | None) -> str:
-    if part is None:
-        return _BLANK
+def _inline(part: doc.Marked) -> str:
     if part.style in ("code", "typed"):
         return _code(part.text)
     text = in_markdown(part.text)
     return f"**{text}**" if part.style in ("strong", "doubtful") else text
+
+
+def in_markdown(text: str) -> str:
+    """The text so that Markdown shows it as it stands, on one line."""
+    escaped = _SIGNS.sub(r"\\\1", visible(text))
+    for plain, written in _ADDRESS:
+        escaped = escaped.replace(plain, written)
+    return escaped
 
 
 def _code(content: str) -> str:

@@ -23,9 +23,9 @@ _STYLES = {
     "strong": "bold",
     "doubtful": "bold",
     "small": "dim",
+    "blank": "dim",
 }
 _TYPED_AT = 46  # column at which what is to be typed begins where there is room
-_BLANK = "_" * 12
 _GAP = "  "
 _LONGEST_NAME = 30
 # A number keeps its name and unit on its line: their blank is none while lines are broken.
@@ -85,7 +85,7 @@ class _Lines:
                 yield from self._block(block, _GAP if close else "")
         if page.signatures:
             yield Text()
-        yield from (Text(f"{role}, date: {_BLANK}") for role in page.signatures)
+        yield from (Text(f"{role}, date: {doc.BLANK}") for role in page.signatures)
         if headed:
             yield Text()
 
@@ -99,7 +99,7 @@ class _Lines:
             case doc.Grid():
                 yield from self._grid(block)
             case doc.Figure():
-                for part in block.in_characters:
+                for part in block.plain:
                     yield from self._block(part)
             case doc.Listing():
                 yield from (Text(visible(line)) for line in block.lines)
@@ -132,7 +132,7 @@ class _Lines:
         So many columns of the console's width are `taken` by what stands in front.
         """
         parts = doc.parts_of(content)
-        whole = (k for k, part in enumerate(parts) if part is None or part.style == "typed")
+        whole = (k for k, part in enumerate(parts) if part.style in ("typed", "blank"))
         end = next(whole, len(parts))
         sentence, command = _text(parts[:end], style), _text(parts[end:], style)
         lines = self._wrapped(sentence, self._width - taken)
@@ -162,7 +162,7 @@ class _Lines:
             yield from _hung(self._flow(line, len(_GAP)), _GAP, _GAP)
 
     def _facts(self, facts: doc.Facts, indent: str = "") -> Iterator[Text]:
-        names = [_text(doc.parts_of(name), "dim") for name, _ in facts.rows]
+        names = [_text(name, "dim") for name, _ in facts.rows]
         room = min(max((name.cell_len for name in names), default=0), _LONGEST_NAME)
         for name, (_, value) in zip(names, facts.rows, strict=True):
             lines = self._flow(value, len(indent) + room + len(_GAP))
@@ -171,9 +171,9 @@ class _Lines:
 
     def _grid(self, grid: doc.Grid) -> Iterator[Text]:
         """The table, its columns of words squeezed; its rows as sentences where it is too wide."""
-        rows = [[_text(doc.parts_of(cell)) for cell in row] for row in grid.rows]
+        rows = [[_text(cell) for cell in row] for row in grid.rows]
         if any(grid.head):
-            rows.insert(0, [_text(doc.parts_of(title), "dim") for title in grid.head])
+            rows.insert(0, [_text(title, "dim") for title in grid.head])
         widths = [max(cell.cell_len for cell in column) for column in zip(*rows, strict=True)]
         over = sum(widths) + len(_GAP) * len(widths) - self._width
         for k in sorted(grid.words, key=lambda k: -widths[k]):
@@ -197,14 +197,11 @@ class _Lines:
             yield from _hung(self._wrapped(line, self._width - 2 * len(_GAP)), _GAP, 2 * _GAP)
 
 
-def _text(parts: Iterable[doc.Marked | None], style: str = "") -> Text:
+def _text(content: doc.Blank, style: str = "") -> Text:
     text = Text(style=style)
-    for part in parts:
-        if part is None:
-            text.append(_BLANK, "dim")
-            continue
-        content = part.text if part.text.isprintable() else visible(part.text)
-        text.append(content, style=_STYLES.get(part.style, ""))
+    for part in doc.parts_of(content):
+        shown = part.text if part.text.isprintable() else visible(part.text)
+        text.append(shown, _STYLES.get(part.style, ""))
     text.plain = _HELD.sub(_BLANK_HELD, text.plain)
     return text
 

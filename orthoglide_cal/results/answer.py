@@ -26,7 +26,7 @@ from orthoglide_cal.inference import (
     UnshownFault,
     Verdict,
 )
-from orthoglide_cal.inference.candidates import Ids
+from orthoglide_cal.inference.data import Ids
 from orthoglide_cal.model.workspace import Workspace
 from orthoglide_cal.results.validity import Validity
 from orthoglide_cal.schema import Reason, Schema, Sentence

@@ -30,15 +30,14 @@ from orthoglide_cal.files.input import Input, copies_in
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
 from orthoglide_cal.inference.belief import Belief, mixture, probabilities
-from orthoglide_cal.inference.candidates import Candidates, Ids
-from orthoglide_cal.inference.data import Linearised, Whitened
+from orthoglide_cal.inference.data import Candidates, Ids, Linearised, Whitened
 from orthoglide_cal.inference.decision import Decision, state
 from orthoglide_cal.inference.diagnose import decided, refuted_later
 from orthoglide_cal.inference.fit import Fit, fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.trends import DatedValues, Trend, TrendFit, fit_trends
 from orthoglide_cal.model.cause import NORMAL_K, Cause, Estimate
-from orthoglide_cal.model.machine import Bed, Entered, Machine, Origin
+from orthoglide_cal.model.machine import Entered, Machine, Origin
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.adjustment import Removed
@@ -53,7 +52,6 @@ LASTS = 0.7  # share of the variance of a bed's local shape that lasts for weeks
 ONE_SIDED = half_width(math.inf, 0.9)
 
 Sizes = tuple[Estimate, ...]
-_Shape = tuple[Floats, Floats, Bed]  # touched places (n, 2), what is left (n,)
 
 
 class DatedSession(Schema):
@@ -112,7 +110,8 @@ class History(Schema):
     notes: tuple[Sentence, ...] = ()
     next: Sentence
     newest: Machine = Field(exclude=True, repr=False)  # machine of the last session
-    shapes: tuple[_Shape, ...] = Field((), exclude=True, repr=False)  # of a bed: first, last
+    # Of a bed, first and last: touched places (n, 2), and what is left of them (n,) [mm].
+    shapes: tuple[tuple[Floats, Floats], ...] = Field((), exclude=True, repr=False)
 
     @field_serializer("drift")
     def _rates(self, drift: Sizes) -> list[dict[str, str | float | None]]:
@@ -126,7 +125,7 @@ class History(Schema):
         return [size.model_dump(include={"name", "unit", "std"}) for size in scatter]
 
 
-class _DiagnosedSession:
+class _Session:
     """One session, diagnosed with the machine of the last one; a printer with what it has in each.
 
     Once settled it has parameters and causes of any date as it finds them: `values` (p,) in their
@@ -136,32 +135,36 @@ class _DiagnosedSession:
 
     def __init__(self, given: Input, last: Model) -> None:
         require_settings(given.measured)
-        self.given = given
-        self.last = last.machine
+        self.given, self.last, self.path = given, last.machine, given.measured.source.path
         self.white = white = Whitened.of(given.measured, last.judging(given.model))
-        noise, dof = white.machine.instrument.noise_mm, len(white) - len(white.machine.active)
         at = Linearised.of(white, Candidates((), (), (), {(): 0.0}))
         self.belief = Belief(at, {(): Hypothesis(at, 0.0)}, {})
         self.alone = self.belief.fit(())
-        self.unexplained: Floats | None = None  # covariance of the offsets, shape (3, 3)
+        self.width = self.alone.offsets.size  # parameters of the machine
+        self.unexplained = np.zeros((self.width, self.width))  # covariance of the offsets
         self.decision: Decision | None = None
+        self.refuted: Reason | None = None  # how what would be named here was refuted
+        noise, dof = white.machine.instrument.noise_mm, len(white) - self.width
         if dof <= 0 or chance_of_residual(self.alone.square, dof, noise) <= PLAIN:
             solve(given.measured, white.problem.model)  # refuses what is out of all proportion
             self.decision = decided(given.measured, white.problem.model)
 
-    def conclude(self, later: "_DiagnosedSession | None") -> None:
+    def conclude(self, later: "_Session | None") -> None:
         """Take over what was decided; a name only if a later session does not refute it.
 
         What else is wrong with the later one is no evidence against a name.
         """
         decision, other = self.decision, later.decision if later else None
-        if later and decision and decision.verdict is Verdict.NAMED:
+        if decision and later and decision.verdict is Verdict.NAMED:
             wrong = {*other.accepted, *other.ambiguous_with} if other else set()
             known = other is None or other.verdict is not Verdict.UNEXPLAINED
             if known and wrong <= {*decision.accepted}:
                 fits = decision.carried, decision.belief.fit(())
-                refuted = refuted_later(decision, later.white, *fits, self.alone.offsets.size)
-                decision = self.decision = replace(decision, refuted=refuted)
+                refuted = refuted_later(decision, later.white, *fits, self.width)
+                decision = replace(decision, refuted=refuted)
+        if decision and decision.refuted:
+            data = {**decision.refuted.data, "of_file": PurePath(self.path).name}
+            self.refuted = decision.refuted.changed(data=data)
         if decision and decision.verdict is Verdict.UNEXPLAINED:
             values, spread = decision.offsets
             moved = values - self.alone.offsets
@@ -173,24 +176,14 @@ class _DiagnosedSession:
         for ids, probability in self.belief.listed.items():
             lasting = tuple(id for id in ids if CAUSES[id].lasting)
             self.by_lasting.setdefault(lasting, {})[ids] = probability
-
-    @property
-    def refuted(self) -> Reason | None:
-        """How what would be named here was refuted."""
-        refuted = self.decision.refuted if self.decision else None
-        path = PurePath(self.given.measured.source.path).name
-        return refuted and refuted.changed(data={**refuted.data, "of_file": path})
-
-    @property
-    def log_weight(self) -> dict[Ids, float]:
-        """ln of prior times evidence of each set of lasting causes, whatever else was wrong."""
         prior = self.belief.at.candidates.log_prior
-        weight: dict[Ids, float] = {}
-        for lasting, shares in self.by_lasting.items():
-            before = sum(math.exp(prior[ids]) for ids in shares)
-            evidence = math.log(sum(shares.values(), 1e-300) / before)
-            weight[lasting] = evidence + LOG_LASTING * len(lasting)
-        return weight
+        # ln of prior times evidence of each set of lasting causes, whatever else was wrong.
+        self.log_weight = {
+            lasting: math.log(sum(shares.values(), 1e-300))
+            - math.log(sum(math.exp(prior[ids]) for ids in shares))
+            + LOG_LASTING * len(lasting)
+            for lasting, shares in self.by_lasting.items()
+        }
 
     def scale_of(self, standing: Ids) -> float:
         """How many times their usual size these causes have, by the likeliest explanation."""
@@ -206,27 +199,24 @@ class _DiagnosedSession:
         kept = {ids: p for ids, p in shares.items() if p >= DISMISSED * max(shares.values())}
         fits = [*map(self.belief.fit, kept)]
         if causes:
-            fits = _fit_with(causes, [self.belief.hypotheses[ids] for ids in kept], scale)
+            fits = [_fit_with(causes, self.belief.hypotheses[ids], scale) for ids in kept]
         weights = np.array([*kept.values()]) / sum(kept.values())
         values, spreads, common = zip(*(self._under(fit, causes) for fit in fits), strict=True)
         self.common = common[int(np.argmax(weights))]
         self.values, self.covariance = mixture(weights.tolist(), values, spreads)
-        if self.unexplained is not None:
-            width = len(self.unexplained)
-            self.covariance[:width, :width] += self.unexplained
+        self.covariance[: self.width, : self.width] += self.unexplained
 
     def _under(
         self, fit: Fit, causes: tuple[Cause, ...]
     ) -> tuple[Floats, Floats, dict[Hashable, Floats]]:
         """The same under one explanation, whose first effects are these causes."""
         white, model, conditions = self.white, self.given.model, self.given.conditions
-        active, width = model.machine.active, len(model.machine.active)
         # Takes the named parameters, in their units, from the unknowns.
         named = (np.eye(len(cause.names), cause.unknowns) / cause.scale for cause in causes)
-        taken = block_diag(np.eye(width), *named)
+        taken = block_diag(np.eye(self.width), *named)
         count = taken.shape[1]
         theta = (model.total(effect) for effect in fit.effects[: len(causes)])
-        values = taken @ np.concatenate([fit.offsets + active, *theta])
+        values = taken @ np.concatenate([fit.offsets + model.machine.active, *theta])
         joint = taken @ fit.covariance[:count]
         covariance, estimator = joint[:, :count] @ taken.T, joint @ fit.columns.T / fit.sigma**2
         common: dict[Hashable, Floats] = {}
@@ -246,26 +236,24 @@ class _DiagnosedSession:
             covariance = covariance - shared @ shared.T
         for influence in fixed_influences(white.problem.model, fit.offsets, white.plan):
             # The same unknowns, however plausible they were thought to be then.
-            size = CAUSES[influence.source].size(self.last) / (influence.size or 1.0)
+            cause = CAUSES[influence.source]
+            size = cause.size(self.last)
             columns = white.matrix @ influence.columns
-            common[influence.source,] = estimator @ columns * size
+            common[cause.id,] = estimator @ columns * (size / (influence.size or 1.0))
+            # What the same readings say with the values that the controller has now.
+            now = cause.transferred(np.zeros(cause.unknowns), self.last, white.machine)
+            values = values - common[cause.id,] @ now / (size or 1.0)
         if conditions.mean_temperature_c is not None:
             # As `warmth`, but per kelvin the same in all sessions.
             kelvin = conditions.mean_temperature_c - REFERENCE_C
             grown = EXPANSION_PER_K * white.machine.leg_mm * kelvin / math.sqrt(3.0)
-            first = np.arange(len(values))[:, None] < width
+            first = np.arange(len(values))[:, None] < self.width
             common[Origin.TEMPERATURE,] = np.where(first, grown, 0.0)
-        for cause in (CAUSES[id] for id in self.last.fixed_parameters if (id,) in common):
-            # What the same readings say with the values that the controller has now.
-            now = cause.transferred(np.zeros(cause.unknowns), self.last, white.machine)
-            values = values - common[cause.id,] @ now / (cause.size(self.last) or 1.0)
         return values, covariance, common
 
 
-def _fit_with(
-    causes: tuple[Cause, ...], hypotheses: Sequence[Hypothesis], scale: float
-) -> list[Fit]:
-    """Fits of hypotheses with these lasting causes in place of their own, of sizes so scaled."""
+def _fit_with(causes: tuple[Cause, ...], hypothesis: Hypothesis, scale: float) -> Fit:
+    """The fit of a hypothesis with these lasting causes in place of its own, of sizes so scaled."""
 
     def listing(at: Linearised) -> Linearised:
         """The linear model with those of which its readings alone say nothing."""
@@ -273,16 +261,13 @@ def _fit_with(
         broad = (*at.candidates.broad, *lacking)
         return Linearised.of(at.white, replace(at.candidates, broad=broad)) if lacking else at
 
-    def with_causes(hypothesis: Hypothesis) -> Hypothesis:
-        base = (*causes, *(cause for cause in hypothesis.base if not cause.lasting))
-        replanned = hypothesis.replanned and listing(hypothesis.replanned)
-        at = listing(hypothesis.at)
-        return replace(hypothesis, at=at, base=base, scale=scale, replanned=replanned)
-
-    return [fit_hypothesis(with_causes(hypothesis)) for hypothesis in hypotheses]
+    base = (*causes, *(cause for cause in hypothesis.base if not cause.lasting))
+    replanned = hypothesis.replanned and listing(hypothesis.replanned)
+    at = listing(hypothesis.at)
+    return fit_hypothesis(replace(hypothesis, at=at, base=base, scale=scale, replanned=replanned))
 
 
-def _standing(sessions: Sequence[_DiagnosedSession]) -> list[Ids]:
+def _standing(sessions: Sequence[_Session]) -> list[Ids]:
     """Lasting causes at each date: of those of the likeliest set for all that show any."""
     weights = [session.log_weight for session in sessions]
     shown = [weight for weight in weights if max(weight, key=weight.__getitem__, default=())]
@@ -297,15 +282,17 @@ def _reached(
 ) -> Reached:
     """When the first length drifts to a limit: |r| t + z √(u² + t² u(r)²) = limit."""
     beyond = tuple(s.name for s in scatter if s.unit == "mm" and s.expanded > limit_mm)
-    reached, std = Reached(limit_mm=limit_mm, scatter_exceeds=beyond), {p.name: p.std for p in now}
-    for rate in (rate for rate in rates if rate.unit == "mm" and last):
+    std, days = {size.name: size.std for size in now}, dict[str, float]()
+    for rate in (rate for rate in rates if rate.unit == "mm"):
         times = np.linspace(0.0, limit_mm / max(abs(rate.value), 1e-12), 100_001)
         off = abs(rate.value) * times + ONE_SIDED * np.hypot(std[rate.name], rate.std * times)
-        days = float(times[np.argmax(off >= limit_mm)])
-        if last and (reached.days is None or days < reached.days):
-            day = (last + timedelta(days=min(days, 36500.0))).date().isoformat()
-            reached = reached.changed(parameter=rate.name, days=days, date=day)
-    return reached
+        days[rate.name] = float(times[np.argmax(off >= limit_mm)])
+    reached = Reached(limit_mm=limit_mm, scatter_exceeds=beyond)
+    if not (days and last):
+        return reached
+    first = min(days, key=days.__getitem__)
+    date = (last + timedelta(days=min(days[first], 36500.0))).date().isoformat()
+    return reached.changed(parameter=first, days=days[first], date=date)
 
 
 _IN_NAME = re.compile(r"(?<!\d)(20\d\d-?[01]\d-?[0-3]\d)(?:[ _T-](\d{4}(?:\d\d)?))?(?!\d)")
@@ -331,11 +318,16 @@ def precedes(given: Input, entry: Entered) -> bool:
     return active and moment is not None and moment < entered.replace(tzinfo=entered.tzinfo or UTC)
 
 
-def sort_by_date(inputs: Sequence[Input]) -> list[Input]:
-    """The inputs in order of time; as given unless all have a date."""
-    dated = [(at, given) for given in inputs if (at := moment_of(given))]
-    ordered = [given for _, given in sorted(dated, key=itemgetter(0))]
-    return ordered if len(ordered) == len(inputs) else [*inputs]
+def in_order(
+    inputs: Sequence[Input], dates: Sequence[str] = ()
+) -> tuple[list[Input], list[datetime]]:
+    """The inputs in order of time, and their times; as given, without, unless all have one."""
+    pairs = zip_longest(inputs, dates)
+    dated = [(at, given) for given, stated in pairs if (at := moment_of(given, stated))]
+    if len(dated) < len(inputs):
+        return [*inputs], []
+    dated.sort(key=itemgetter(0))
+    return [given for _, given in dated], [at for at, _ in dated]
 
 
 def wrong_order(first: Input, second: Input, right: str) -> UsageError:
@@ -367,60 +359,57 @@ def compare(
             f"{len(inputs)} sessions need as many dates, not {len(dates)}.",
             "Give --dates one date for each, in the order of the files.",
         )
-    measured = [not given.measured.source.simulated for given in inputs]
-    notes = []
+    if limit_mm is not None and limit_mm <= 0.0:
+        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
+    measured, notes = [not given.measured.source.simulated for given in inputs], list[Reason]()
+    kept = [*zip_longest(inputs, dates)]
     if 0 < sum(measured) < len(inputs):
         notes.append(Reason.of("left_out", count=measured.count(False)))
-        inputs, dates = [*compress(inputs, measured)], [*compress(dates, measured)]
-    if copies := copies_in(inputs):
-        again = [PurePath(inputs[k].measured.source.path).name for k in copies]
+        kept = [*compress(kept, measured)]
+    if copies := copies_in([given for given, _ in kept]):
+        again = [PurePath(kept[k][0].measured.source.path).name for k in copies]
         notes.append(Reason.of("stored_again", names=again))
-        once = [k not in copies for k in range(len(inputs))]
-        inputs, dates = [*compress(inputs, once)], [*compress(dates, once)]
-    if len(inputs) < 2:
+        kept = [pair for k, pair in enumerate(kept) if k not in copies]
+    if len(kept) < 2:
         without = ", without those that are simulated or copies" * bool(notes)
         raise UsageError(
             f"A history needs two sessions or more{without}.",
             "Name files; or the folder of sessions: of tables (CSV) it takes none.",
         )
-    if limit_mm is not None and limit_mm <= 0.0:
-        raise UsageError("The limit must be greater than zero.", "Give it in mm: --limit 0.05")
-    moments = [at for given, day in zip_longest(inputs, dates) if (at := moment_of(given, day))]
-    dated = len(moments) == len(inputs)
+    inputs, moments = in_order(
+        [given for given, _ in kept], [day for _, day in kept if day is not None]
+    )
     times = np.arange(len(inputs), dtype=np.float64)
-    if dated:
-        order = sorted(range(len(inputs)), key=moments.__getitem__)
-        inputs, moments = [inputs[k] for k in order], [moments[k] for k in order]
+    if dated := bool(moments):
         times = np.array([(moment - moments[0]) / timedelta(days=1) for moment in moments])
-    machine = inputs[-1].model.machine
-    notes += [] if dated else [Reason.of("undated")]
+    else:
+        notes.append(Reason.of("undated"))
     notes += _one_machine([given.model for given in inputs])
-    diagnosed = []
+    sessions = []
     for given in inputs:
         try:
-            diagnosed.append(_DiagnosedSession(given, inputs[-1].model))
+            sessions.append(_Session(given, inputs[-1].model))
         except UnusableResultError as error:
             path = given.measured.source.path
             raise UnusableResultError(f"{path}: {error.what}", error.remedy) from error
     notes += (entered := [*_entered(inputs)])
     recorded = {note.data["before"] for note in entered}
-    for session, later in zip_longest(diagnosed, diagnosed[1:]):
-        source = session.given.measured.source
-        known = source.path in recorded or adjusted.get(source.sha256)
+    for session, later in zip_longest(sessions, sessions[1:]):
+        known = session.path in recorded or adjusted.get(session.given.measured.source.sha256)
         session.conclude(None if known else later)
-    standing = _standing(diagnosed)
+    pairs = [*zip(sessions, standing := _standing(sessions), strict=True)]
     causes = tuple(cause for id, cause in CAUSES.items() if any(id in ids for ids in standing))
-    pairs = [*zip(diagnosed, standing, strict=True)]
     scale = max((session.scale_of(ids) for session, ids in pairs if ids), default=1.0)
     for session, ids in pairs:
         session.settle(ids, causes, scale)
+    machine = inputs[-1].model.machine
     named = [*zip(machine.parameter_names, machine.parameter_units, strict=True)]
     groups = [range(3), range(len(named))]
     for cause in causes:
         groups.append(range(len(named), len(named) + len(cause.names)))
         names = machine.named(cause.names).values()
         named += [(f"{cause.id} {name}", cause.unit) for name in names]
-    notes += _put_right(diagnosed, adjusted, [name for name, _ in named])
+    notes += _put_right(sessions, adjusted, [name for name, _ in named])
 
     def sized(values: Floats, covariance: Floats, chosen: Sequence[int] = ()) -> Sizes:
         """Some of the parameters, or all: values (q,), covariance (q, q)."""
@@ -428,73 +417,78 @@ def compare(
         rows = zip(names, values.tolist(), np.sqrt(np.diagonal(covariance)).tolist(), strict=True)
         return tuple(Estimate(name=id, unit=unit, value=v, std=u) for (id, unit), v, u in rows)
 
+    def expanded(covariance: Floats) -> tuple[float, ...]:
+        return tuple((NORMAL_K * np.sqrt(np.diagonal(covariance))).tolist())
+
     data = DatedValues(
-        np.array([session.values for session in diagnosed]),
-        np.array([session.covariance for session in diagnosed]),
-        [session.common for session in diagnosed],
+        np.array([session.values for session in sessions]),
+        np.array([session.covariance for session in sessions]),
+        [session.common for session in sessions],
         times,
         groups,
     )
     verdict, probability, rivals, also, fit = _state(data)
-    sessions = []
-    for k, session in enumerate(diagnosed):
+    rows = []
+    for k, (session, ids) in enumerate(pairs):
         conditions = session.given.conditions
         total = sum((shared @ shared.T for shared in session.common.values()), session.covariance)
-        dated_session = DatedSession(
-            path=session.given.measured.source.path,
+        row = DatedSession(
+            path=session.path,
             started=moments[k].isoformat() if dated else conditions.started,
             parameters=sized(session.values, total),
-            own_expanded=tuple((NORMAL_K * np.sqrt(session.covariance.diagonal())).tolist()),
+            own_expanded=expanded(session.covariance),
             fitted=tuple(fit.state(k)[0].tolist()),
-            causes=standing[k],
+            causes=ids,
             refuted=session.refuted,
             temperature_c=conditions.mean_temperature_c,
             gauges=tuple(gauge.id for gauge in conditions.gauges),
         )
-        sessions.append(dated_session)
-    changes = tuple(
-        Change(
-            at=step.at,
-            before=sessions[step.at].path,
-            after=sessions[step.at + 1].path,
-            parameters=sized(size, spread, step.subset),
-        )
-        for step, size, spread in fit.sizes(Trend.CHANGED)
-    )
+        rows.append(row)
     drifts = (sized(rate, spread, p.subset) for p, rate, spread in fit.sizes(Trend.DRIFTING))
     drift = tuple(chain(*drifts))
     every = sized(0.0 * fit.homing, np.diag(fit.homing**2))
     scatter = tuple(compress(every, fit.scatter))
     now, last = sized(*fit.state(-1)), moments[-1] if dated else None
-    refuted = any(session.refuted for session in sessions)
-    homing_decides = Trend.SCATTERING in (verdict, *rivals)
-    decides = Reason.of("home_repeatedly" if homing_decides else "one_more_session")
+    advice: str = verdict
+    if rivals:
+        homing = Trend.SCATTERING in (verdict, *rivals)
+        advice = "home_repeatedly" if homing else "one_more_session"
+    elif any(session.refuted for session in sessions):
+        advice = "refuted"
+    shapes = []
+    for session in (sessions[0], sessions[-1]):
+        plan, left = session.white.plan, session.white.plain(session.alone.left)
+        if plan.touches.any():
+            shapes.append((plan.spots[plan.touches, :2], left[plan.touches]))
     return History(
         machine=machine.name,
         kind=machine.kind,
         simulated=not any(measured),
         dated=dated,
-        sessions=tuple(sessions),
+        sessions=tuple(rows),
         verdict=verdict,
         probability=probability,
         ambiguous_with=rivals,
-        changes=changes,
+        changes=tuple(
+            Change(
+                at=step.at,
+                before=sessions[step.at].path,
+                after=sessions[step.at + 1].path,
+                parameters=sized(size, spread, step.subset),
+            )
+            for step, size, spread in fit.sizes(Trend.CHANGED)
+        ),
         drift=drift,
         scatter=scatter,
         pooled=now,
-        further={
-            n: tuple((NORMAL_K * np.sqrt(np.diagonal(fit.state(-1, more=n)[1]))).tolist())
-            for n in (1, 2, 5)
-        },
+        further={n: expanded(fit.state(-1, more=n)[1]) for n in (1, 2, 5)},
         prediction=sized(*fit.state(-1, float(np.median(np.diff(times))), measured=True)),
         also=also,
         limit=None if limit_mm is None else _reached(limit_mm, now, drift, scatter, last),
-        notes=(*notes, *_circumstances(sessions, diagnosed)),
-        next=decides if rivals else Reason.of("refuted" if refuted else verdict),
+        notes=(*notes, *_circumstances(inputs, rows)),
+        next=Reason.of(advice),
         newest=machine,
-        shapes=tuple(
-            _shape(diagnosed[k]) for k in (0, -1) if diagnosed[k].white.plan.touches.any()
-        ),
+        shapes=tuple(shapes),
     )
 
 
@@ -551,7 +545,7 @@ def _entered(inputs: Sequence[Input]) -> Iterator[Reason]:
 
 
 def _put_right(
-    sessions: Sequence[_DiagnosedSession], adjusted: Mapping[str, Removed], names: Sequence[str]
+    sessions: Sequence[_Session], adjusted: Mapping[str, Removed], names: Sequence[str]
 ) -> Iterator[Reason]:
     """Take what was adjusted off the sessions before it: they then tell of the machine as it is."""
     for count, (before, after) in enumerate(pairwise(sessions), start=1):
@@ -568,24 +562,16 @@ def _put_right(
             yield Reason.of("adjusted", before=old.path, after=new.path, sizes=sizes)
 
 
-def _circumstances(
-    sessions: Sequence[DatedSession], diagnosed: Sequence[_DiagnosedSession]
-) -> Iterator[Reason]:
+def _circumstances(inputs: Sequence[Input], sessions: Sequence[DatedSession]) -> Iterator[Reason]:
     """Other differences between the sessions, and the causes that they show."""
     warm = [s.temperature_c for s in sessions if s.temperature_c is not None]
     if warm and max(warm) - min(warm) > STEP_K:
         yield Reason.of("temperatures_vary", low_c=min(warm), high_c=max(warm))
     if len({s.gauges for s in sessions if s.gauges}) > 1:
         yield Reason.of("gauges_vary")
-    if len({tuple(session.white.machine.nominal_rails.lengths) for session in diagnosed}) > 1:
+    if len({tuple(given.model.machine.nominal_rails.lengths) for given in inputs}) > 1:
         yield Reason.of("arms_vary")
     for id in dict.fromkeys(id for session in sessions for id in session.causes):
         shown = [session.path for session in sessions if id in session.causes]
         every = len(shown) == len(sessions)
         yield Reason.of("shown_in_all" if every else "shown_in", id=id, paths=shown)
-
-
-def _shape(session: _DiagnosedSession) -> _Shape:
-    white = session.white
-    plan, left = white.plan, white.plain(session.alone.left)
-    return plan.spots[plan.touches, :2], left[plan.touches], white.machine.bed

@@ -473,11 +473,10 @@ def release(
     remedies, beside = judged.remedies, diagnosis.baselines
     if beside and beside.better and diagnosis.causes:
         # What needs no cause predicts better.
-        sizes = {"mm": beside.earlier_map_mm, "extension_mm": beside.extension_mm}
-        code = "keep_mesh"
+        code, mm = "keep_mesh", beside.earlier_map_mm
         if beside.better == "quartic":
-            code, sizes["mm"] = "make_mesh", beside.quartic_mm
-        remedies = (Remedy.of(code, **sizes), *remedies)
+            code, mm = "make_mesh", beside.quartic_mm
+        remedies = (Remedy.of(code, mm=mm, extension_mm=beside.extension_mm), *remedies)
     more = tuple(_cautions(solution, diagnosis)) if judged.usable else ()
     return judged.changed(cautions=(*judged.cautions, *more), remedies=remedies)
 

@@ -30,23 +30,16 @@ from scipy.linalg import block_diag
 
 from orthoglide_cal.causes import HOME_SWITCH, correcting
 from orthoglide_cal.errors import UsageError
-from orthoglide_cal.estimation import (
-    Posed,
-    Problem,
-    PromisedDifference,
-    Solution,
-    pose,
-    promise,
-)
+from orthoglide_cal.estimation import Posed, Problem, PromisedDifference, Solution, pose, promise
 from orthoglide_cal.estimation.accuracy import chance_of_residual, half_width, rms
 from orthoglide_cal.estimation.gaussian import unexplained, whiten
 from orthoglide_cal.estimation.methods import DESCRIPTIONS, table_kind
 from orthoglide_cal.estimation.solution import SUSPICIOUS
 from orthoglide_cal.files.input import Input, require_distinct
 from orthoglide_cal.files.machine_file import differing
-from orthoglide_cal.inference import Parameter, diagnose
+from orthoglide_cal.inference import diagnose
 from orthoglide_cal.inference.response import Behaviour, decide_response
-from orthoglide_cal.model.cause import NORMAL_K, Effect
+from orthoglide_cal.model.cause import NORMAL_K
 from orthoglide_cal.model.machine import Corrections, Instrument
 from orthoglide_cal.model.measured import DataKind, Measured, Readings, Source
 from orthoglide_cal.model.model import Model, simulate
@@ -79,10 +72,20 @@ class Outcome(StrEnum):
 class ComparedInput(InputFile):
     """One of the two measurements."""
 
-    started: str | None
-    finished: str | None
-    operator: str | None
     validity: Validity
+
+
+class ComparedParameter(Schema):
+    """One parameter before and after; true = indicated + found."""
+
+    unit: str
+    before: float  # in the controller
+    found: float | None  # by the first measurement; null: it does not determine it
+    expanded: float
+    entered: float | None  # change; null: nobody knows
+    left: float | None  # by the second measurement
+    left_expanded: float
+    as_found: bool | None  # what was entered is what was found
 
 
 class Coefficient(Schema):
@@ -128,7 +131,7 @@ class ComparedDifference(Schema):
     promised_expanded_mm: float
     after_mm: float
     expanded_mm: float  # U of the value measured after
-    outcome: Outcome | None = None  # by the rule; null where no limit was given
+    outcome: Outcome | None  # by the rule; null where no limit was given
 
 
 class Conformity(Schema):
@@ -139,7 +142,7 @@ class Conformity(Schema):
     largest_mm: float
     largest_difference: str
     expanded_mm: float
-    coverage_factor: float
+    coverage_factor: float = NORMAL_K
     passable: bool  # false: U is beyond the limit, so nothing can pass
     rule: Sentence = Reason.of("guard_band")
 
@@ -172,44 +175,20 @@ class Verification(Schema):
     rms_reachable_mm: float | None = None
     as_left: Spread | None = None  # of the differences afterwards
     remains: Sentence | None = None  # what offsets do not remove; null: only noise is left
-    first: tuple[Parameter, ...] = Field(exclude=True)  # by the first measurement
-    second: tuple[Parameter, ...] = Field(exclude=True)  # by the second one
-    entered: tuple[float | None, ...] = Field(exclude=True)  # null: nobody knows
+    parameters: dict[str, ComparedParameter]
     applied_mm: dict[str, float] = Field({})  # entered, and moved by screws
     corrected: Corrections = Field({})  # causes that the controller corrects since then
     differences: tuple[ComparedDifference, ...] = ()
     response: Coefficient | None = None  # all axes together
     response_dof: int | None = None
-    axes: dict[str, AxisResponse] = Field(default_factory=dict)
+    axes: dict[str, AxisResponse] = Field({})
     answer: Behaviour | None = None
     # Signed order of what was applied that explains the change better.
     acted_as_mm: dict[str, float] | None = None
     other_change: OtherChange | None = None
-    remaining_mm: dict[str, float] = Field(default_factory=dict)
-    remaining_expanded_mm: dict[str, float] = Field(default_factory=dict)
     decision: Conformity | None = None
     # Of the machine as measured afterwards: its before_mm; reports.
     workspace: Workspace | None = None
-
-    @computed_field  # before: in the controller; found and entered: change; left: after
-    @property
-    def parameters(self) -> dict[str, dict[str, object]]:
-        rows = zip(self.first, self.entered, self.second, strict=True)
-        return {
-            before.name: {
-                "unit": before.unit,
-                "before": before.active,
-                "found": before.found,
-                "expanded": before.expanded,
-                "entered": entered,
-                "left": after.found,
-                "left_expanded": after.expanded,
-                "as_found": None
-                if entered is None
-                else abs(entered - (before.found or 0.0)) <= AS_FOUND,
-            }
-            for before, entered, after in rows
-        }
 
     @computed_field  # of one of the two, or both
     @property
@@ -284,21 +263,19 @@ def verify(
             "Nothing was applied, so there is no response to verify.",
             "Give the change that was entered in the controller: --applied DX DY DZ",
         )
-    added = correcting(model.machine, corrected)
     first, right = _solved(before, model)
     second, _ = _solved(after, model.correcting({**held, **screws}))
-    shared = shared_contrasts(before.measured, after.measured, model)
-    without = _without(added, after.measured, model, first.offsets_mm - applied)
-    moved = shared_contrasts(before.measured, without, model).change if added else shared.change
+    left, added = first.offsets_mm - applied, correcting(model.machine, corrected)
+    shared = shared_contrasts(before.measured, after.measured, model, model.extended(added), left)
     later = pose(after.measured, model, table_kind(before.measured))
     shown = {difference.name for difference in later.which}
     every = promise(before.measured, first, applied, right, added)
     promised = [row for row in every if row.name in shown]
     rows = _differences(promised, later, limit_mm)
     as_left = spread({row.difference: row.after_mm for row in rows})
-    response = _respond(shared, moved, first.offsets_mm, applied)
     apart = rms(np.array([row.after_mm - row.promised_mm for row in rows]))
     both = rms(np.array([np.hypot(row.promised_expanded_mm, row.expanded_mm) for row in rows]))
+    response = _respond(shared, first.offsets_mm, applied)
     # Only an opposite sign can come of the wrong order.
     unordered = swapped is None and response["answer"] is Behaviour.OPPOSITE
     return Verification(
@@ -317,29 +294,52 @@ def verify(
         corrected=corrected,
         differences=rows,
         **response,
-        remaining_mm=_by_axis(second.offsets_mm),
-        remaining_expanded_mm=_by_axis(second.expanded_mm),
         decision=None if limit_mm is None else _decide(rows, limit_mm),
     )
 
 
-def _outcome(after_mm: float, expanded_mm: float, limit_mm: float) -> Outcome:
-    """Compare a deviation measured after the correction with the limit (ISO 14253-1)."""
-    if abs(after_mm) - expanded_mm > limit_mm:
-        return Outcome.FAIL
-    return Outcome.PASS if abs(after_mm) + expanded_mm <= limit_mm else Outcome.UNDECIDED
+def _differences(
+    promised: Sequence[PromisedDifference], later: Posed, limit_mm: float | None
+) -> tuple[ComparedDifference, ...]:
+    """The differences of Table 4 before, predicted and after; `later` holds at least those."""
+    if not promised:
+        raise UsageError(
+            "The two files share no difference between the ends of a leg's travel.",
+            "Measure the postures max and min before and after.",
+        )
+    gauge, rows = later.problem.model.machine.instrument, []
+    expanded = NORMAL_K * gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
+    names = [difference.name for difference in later.which]
+    for row in promised:
+        after, u = (float(values[names.index(row.name)]) for values in (later.data, expanded))
+        outcome = None
+        if limit_mm is not None:
+            room = limit_mm - abs(after)
+            unsure = Outcome.FAIL if room < -u else Outcome.UNDECIDED
+            outcome = Outcome.PASS if room >= u else unsure
+        rows.append(
+            ComparedDifference(
+                difference=row.name,
+                before_mm=row.measured_mm,
+                promised_mm=row.expected_mm,
+                promised_expanded_mm=row.expanded_mm,
+                after_mm=after,
+                expanded_mm=u,
+                outcome=outcome,
+            )
+        )
+    return tuple(rows)
 
 
 def _decide(rows: Sequence[ComparedDifference], limit_mm: float) -> Conformity:
     """The limit is kept if each deviation keeps it."""
-    largest, outcomes = max(rows, key=lambda row: abs(row.after_mm)), {row.outcome for row in rows}
+    largest = max(rows, key=lambda row: abs(row.after_mm))
     return Conformity(
-        outcome=next(outcome for outcome in Outcome if outcome in outcomes),
+        outcome=min((row.outcome for row in rows if row.outcome), key=[*Outcome].index),
         limit_mm=limit_mm,
         largest_mm=abs(largest.after_mm),
         largest_difference=largest.difference,
         expanded_mm=largest.expanded_mm,
-        coverage_factor=NORMAL_K,
         passable=all(row.expanded_mm <= limit_mm for row in rows),
     )
 
@@ -350,66 +350,60 @@ def _of_touches(before: Input, after: Input, applied: Sequence[float] | None) ->
         active = before.model.machine.active
         held = [round(a + b, 9) for a, b in zip(active, applied, strict=False)]
         after = replace(after, model=after.model.holding(held))
-    before.model.machine.check_same(after.model.machine)
-    first, second = (_solved(given, given.model)[0] for given in (before, after))
-    old, new = (np.array(solution.model.machine.active) for solution in (first, second))
-    entered = (new - old).round(9).tolist()
+    machine, later = before.model.machine, after.model.machine
+    machine.check_same(later)
     stated = all(given.measured.source.excerpt is not None for given in (before, after))
-    if before.model.machine == after.model.machine and not stated:
-        # A table says nothing of the firmware: with one machine file for both nobody knows.
-        entered = [None] * len(entered)
-    heights = []
-    for solution in (first, second):
-        measured = solution.measured
-        assert isinstance(measured, Readings)
-        touched = measured.plan.touches
-        for left in (measured.value, measured.value - solution.predicted_mm):
-            # Without their mean: the first layer's height is set apart.
-            heights.append(left[touched] - left[touched].mean())
-    earlier, promised, afterwards, reachable = map(rms, heights)
-    was, now = len(heights[0]), len(heights[2])
-    (noise2, u_promised), (_, u_earlier), (_, u_after) = (
-        _mean_square(solution, heights[k]) for solution, k in ((first, 1), (first, 0), (second, 2))
-    )
-    reach = NORMAL_K * math.hypot(u_promised, u_after)
-    worse = afterwards**2 - earlier**2 > NORMAL_K * math.hypot(u_earlier, u_after)
+    entered: list[float | None] = [None] * len(machine.active)
+    # A table says nothing of the firmware: with one machine file for both nobody knows.
+    if machine != later or stated:
+        entered = np.subtract(later.active, machine.active).round(9).tolist()
+    first, second = (_solved(given, given.model)[0] for given in (before, after))
+    count, (was, promised), (u_was, u_promised), noise2 = _mean_squares(first)
+    touches, (now, reachable), (u_now, _), _ = _mean_squares(second)
+    reach = NORMAL_K * math.hypot(u_promised, u_now)
     # Touches that p parameters were fitted to fit better than others will, by 2 p/n of the noise
     # (Mallows).
-    most = promised**2 + 2.0 * len(old) * noise2 / was + reach
-    kept = promised**2 - reach <= afterwards**2 <= most
-    if promised < A_PROMISE * earlier:
+    most = promised + 2.0 * len(entered) * noise2 / count + reach
+    kept = promised - reach <= now <= most
+    before_mm, promised_mm, after_mm, most_mm = np.sqrt((was, promised, now, most)).tolist()
+    if promised_mm < A_PROMISE * before_mm:
         # Maps repeat, noise does not: what is as far from it as before is not as predicted.
-        kept = kept and afterwards < (earlier + promised) / 2.0
-    nothing = not any(value is None or value for value in entered)
+        kept = kept and after_mm < (before_mm + promised_mm) / 2.0
+    nothing = not any(by is None or by for by in entered)
     return Verification(
         **_common((before, after), (first, second), entered),
         kind="heights",
-        compared=now,
+        compared=touches,
         kept=kept,
-        moved=nothing and worse,
-        rms_before_mm=earlier,
-        rms_promised_mm=promised,
-        rms_expanded_mm=math.sqrt(most) - promised,
-        rms_after_mm=afterwards,
-        rms_reachable_mm=reachable,
+        moved=nothing and now - was > NORMAL_K * math.hypot(u_was, u_now),
+        rms_before_mm=before_mm,
+        rms_promised_mm=promised_mm,
+        rms_expanded_mm=most_mm - promised_mm,
+        rms_after_mm=after_mm,
+        rms_reachable_mm=math.sqrt(reachable),
     )
 
 
-def _mean_square(solution: Solution, left: Floats) -> tuple[float, float]:
-    """Mean square of touches that noise and local shape leave, as stated [mm²], and its u.
-
-    `left` (n,) is what the parameters leave of them [mm].
-    """
-    plan, machine = solution.posed.problem.plan, solution.model.machine
-    shape = machine.local_shape(plan)
-    columns = shape.columns[plan.touches] if shape else np.zeros((len(left), 0))
+def _mean_squares(solution: Solution) -> tuple[int, list[float], list[float], float]:
+    """Number of touches; mean squares, as read and as the parameters leave them, and u of these;
+    and what noise and local shape, as stated, leave [mm²]."""
+    measured, machine = solution.measured, solution.model.machine
+    assert isinstance(measured, Readings)
+    touched = measured.plan.touches
+    heights = np.stack((measured.value, measured.value - solution.predicted_mm))[:, touched]
+    # Without their mean: the first layer's height is set apart.
+    heights -= heights.mean(axis=1, keepdims=True)
+    count, total = heights.shape[1], (heights**2).sum(axis=1)
+    shape = machine.local_shape(measured.plan)
+    columns = shape.columns[touched] if shape else np.zeros((count, 0))
     white2, inner = solution.stated_mm**2, columns.T @ columns
-    noise2 = white2 + float(np.trace(inner)) / len(left)
+    noise2 = white2 + float(np.trace(inner)) / count
     # tr(C²) and mᵀCm of C = σ²I + BBᵀ; m is what is more than noise.
-    square = len(left) * white2**2 + 2.0 * white2 * np.trace(inner) + np.sum(inner**2)
-    share = max(1.0 - noise2 * len(left) / float(left @ left), 0.0)
-    along = share * (white2 * (left @ left) + np.sum((left @ columns) ** 2))
-    return noise2, math.sqrt(2.0 * square + 4.0 * along) / len(left)
+    square = count * white2**2 + 2.0 * white2 * np.trace(inner) + np.sum(inner**2)
+    share = np.maximum(1.0 - noise2 * count / total, 0.0)
+    along = share * (white2 * total + ((heights @ columns) ** 2).sum(axis=1))
+    u = np.sqrt(2.0 * square + 4.0 * along) / count
+    return count, (total / count).tolist(), u.tolist(), noise2
 
 
 def _common(
@@ -422,28 +416,29 @@ def _common(
 
     `unordered`: they may have been measured in the other order.
     """
-    before, after = (
-        ComparedInput.of(
-            given,
-            started=given.conditions.started,
-            finished=given.conditions.finished,
-            operator=given.conditions.operator,
-            validity=validity(given),
-        )
-        for given in inputs
-    )
+    before, after = (ComparedInput.of(given, validity=validity(given)) for given in inputs)
+    reservations = compare_reservations(before.validity, after.validity)
     return {
         "inputs": tuple((s.measured.source, s.model) for s in solutions),
         "before": before,
         "after": after,
         "machine": solutions[0].model.machine.name,
-        "reservations": (
-            *compare_reservations(before.validity, after.validity),
-            *([Reason.of("order_as_given")] if unordered else ()),
-        ),
-        "first": parameters_of(solutions[0]),
-        "second": parameters_of(solutions[1]),
-        "entered": tuple(entered),
+        "reservations": (*reservations, *([Reason.of("order_as_given")] if unordered else ())),
+        "parameters": {
+            first.name: ComparedParameter(
+                unit=first.unit,
+                before=first.active,
+                found=first.found,
+                expanded=first.expanded,
+                entered=by,
+                left=second.found,
+                left_expanded=second.expanded,
+                as_found=None if by is None else abs(by - (first.found or 0.0)) <= AS_FOUND,
+            )
+            for first, by, second in zip(
+                parameters_of(solutions[0]), entered, parameters_of(solutions[1]), strict=True
+            )
+        },
     }
 
 
@@ -456,33 +451,6 @@ def _solved(given: Input, model: Model) -> tuple[Solution, Measured]:
     diagnosis = diagnose(given.measured, model)
     diagnosis.alone.require_possible()
     return widened(given, diagnosis.alone, diagnosis), diagnosis.put_right
-
-
-def _differences(
-    promised: Sequence[PromisedDifference], later: Posed, limit_mm: float | None
-) -> tuple[ComparedDifference, ...]:
-    """The differences of Table 4 before, predicted and after; `later` holds at least those."""
-    if not promised:
-        raise UsageError(
-            "The two files share no difference between the ends of a leg's travel.",
-            "Measure the postures max and min before and after.",
-        )
-    gauge = later.problem.model.machine.instrument
-    noise = gauge.noise_mm * np.sqrt(np.diag(later.problem.covariance()))
-    pairs = zip(later.data.tolist(), (NORMAL_K * noise).tolist(), strict=True)
-    measured = dict(zip([difference.name for difference in later.which], pairs, strict=True))
-    return tuple(
-        ComparedDifference(
-            difference=row.name,
-            before_mm=row.measured_mm,
-            promised_mm=row.expected_mm,
-            promised_expanded_mm=row.expanded_mm,
-            after_mm=measured[row.name][0],
-            expanded_mm=measured[row.name][1],
-            outcome=None if limit_mm is None else _outcome(*measured[row.name], limit_mm),
-        )
-        for row in promised
-    )
 
 
 def _swapped(before: Input, after: Input) -> bool | None:
@@ -551,19 +519,6 @@ def _more(before: Corrections, after: Corrections) -> Corrections:
     }
 
 
-def _without(
-    added: Sequence[Effect], measured: Measured, model: Model, offsets: Floats
-) -> Measured:
-    """What would have been measured without these corrections, at offsets (3,) [mm]."""
-    both = model, model.extended(added)
-    if isinstance(measured, Readings):
-        plain, corrected = (simulate(machine, offsets, measured.plan) for machine in both)
-    else:
-        posed = (pose(measured, machine, measured.kind).problem for machine in both)
-        plain, corrected = (problem.predict(offsets) for problem in posed)
-    return replace(measured, value=measured.value - (corrected - plain))
-
-
 # --- what both determine ----------------------------------------------------------------------
 
 
@@ -574,19 +529,27 @@ class SharedContrasts(ReadOnly):
     kind: DataKind  # contrasts of readings, or differences
     problem: Problem  # predicts them for given offsets
     change: Floats  # after − before, measured, shape (k,) [mm]
-    covariance: Floats  # of it for unit variance of one reading, shape (k, k)
+    effect: Floats  # of what the controller corrects since, as modelled, shape (k,) [mm]
+    covariance: Floats  # of the change for unit variance of one reading, shape (k, k)
 
 
-def shared_contrasts(before: Measured, after: Measured, model: Model) -> SharedContrasts:
+def shared_contrasts(
+    before: Measured, after: Measured, model: Model, corrected: Model, left: Floats
+) -> SharedContrasts:
     """The quantities that both sessions determine.
+
+    Args:
+        before, after, model: the data, and what they are of.
+        corrected: that with what the controller corrects since the first one.
+        left: offsets in the second one, shape (3,) [mm].
 
     Raises:
         UsageError: they have nothing in common.
     """
     if isinstance(before, Readings) and isinstance(after, Readings):
-        shared = _of_readings(before, after, model)
+        shared = _of_readings(before, after, model, corrected, left)
     else:
-        shared = _of_differences(before, after, model)
+        shared = _of_differences(before, after, model, corrected, left)
     if len(shared.change) < 4:
         raise UsageError(
             f"The two files share {len(shared.change)} quantities;"
@@ -596,48 +559,53 @@ def shared_contrasts(before: Measured, after: Measured, model: Model) -> SharedC
     return shared
 
 
-def _of_differences(before: Measured, after: Measured, model: Model) -> SharedContrasts:
+def _of_differences(
+    before: Measured, after: Measured, model: Model, corrected: Model, left: Floats
+) -> SharedContrasts:
     kinds = {table_kind(e) if e.kind is DataKind.READINGS else e.kind for e in (before, after)}
-    if kinds == {DataKind.SIX, DataKind.TWELVE}:
-        kinds = {DataKind.SIX}
-    if len(kinds) > 1:
+    if len(kinds) > 1 and kinds != {DataKind.SIX, DataKind.TWELVE}:
         raise UsageError(
             f"The first file holds {DESCRIPTIONS[before.kind]}, the second"
             f" {DESCRIPTIONS[after.kind]}: they measure different things.",
             "Measure both with the same protocol.",
         )
-    kind = kinds.pop()
+    kind = DataKind.SIX if len(kinds) > 1 else kinds.pop()
     first, second = posed = [pose(measured, model, kind) for measured in (before, after)]
     both = [difference for difference in first.which if difference in second.which]
     of_first, of_second = chosen = [np.eye(len(p.data))[[*map(p.which.index, both)]] for p in posed]
     spreads = (p.problem.spread(rows) for p, rows in zip(posed, chosen, strict=True))
+    problem = replace(first.problem, matrix=of_first @ first.problem.matrix)
+    effect = replace(second.problem, model=corrected).predict(left) - second.problem.predict(left)
     return SharedContrasts(
         kind=kind,
-        problem=replace(first.problem, matrix=of_first @ first.problem.matrix),
+        problem=problem,
         change=of_second @ second.data - of_first @ first.data,
+        effect=of_second @ effect,
         covariance=np.asarray(sum(spreads)),
     )
 
 
-def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContrasts:
+def _of_readings(
+    before: Readings, after: Readings, model: Model, corrected: Model, left: Floats
+) -> SharedContrasts:
     # Each session's machine as it was found: not what was read with something entered meanwhile.
-    plans = [readings.plan.subset(readings.plan.as_found) for readings in (before, after)]
-    values = [readings.value[readings.plan.as_found] for readings in (before, after)]
-    both = joined(*plans).at_once()
-    _, first, cell = np.unique(both.repeats, return_index=True, return_inverse=True)
-    cells = np.arange(len(first))
-    design = (cell[:, None] == cells).astype(np.float64)
-    later = (np.arange(len(both)) >= len(plans[0])).astype(np.float64)
-    unknown = np.hstack((design, block_diag(*(plan.zeros for plan in plans))))
+    found = [readings.subset(readings.plan.as_found) for readings in (before, after)]
+    every = joined(*(readings.plan for readings in found)).at_once()
+    _, first, cell = np.unique(every.repeats, return_index=True, return_inverse=True)
+    design = (cell[:, None] == np.arange(len(first))).astype(np.float64)
+    later = np.arange(len(every)) >= len(found[0])
+    unknown = np.hstack((design, block_diag(*(readings.plan.zeros for readings in found))))
     seen = unexplained(unknown, later[:, None] * design)
     information, axes = np.linalg.eigh(seen.T @ seen)
     kept = information > NO_INFORMATION
     contrasts, variance = np.ascontiguousarray(axes[:, kept].T), 1.0 / information[kept]
-    plan = both.subset(first)
+    estimator = variance[:, None] * (contrasts @ seen.T)
+    plain, shown = (simulate(one, left, after.plan) for one in (model, corrected))
     return SharedContrasts(
         kind=DataKind.READINGS,
-        problem=Problem(model, plan, contrasts),
-        change=variance * (contrasts @ (seen.T @ np.concatenate(values))),
+        problem=Problem(model, every.subset(first), contrasts),
+        change=estimator @ np.concatenate([readings.value for readings in found]),
+        effect=estimator[:, later] @ (shown - plain)[after.plan.as_found],
         covariance=np.diag(variance),
     )
 
@@ -645,47 +613,41 @@ def _of_readings(before: Readings, after: Readings, model: Model) -> SharedContr
 # --- how the machine responded ----------------------------------------------------------------
 
 
-def _respond(
-    shared: SharedContrasts, moved: Floats, offsets: Floats, applied: Floats
-) -> dict[str, object]:
+def _respond(shared: SharedContrasts, offsets: Floats, applied: Floats) -> dict[str, object]:
     """The fields of a verification that say how the machine responded.
 
     Args:
         shared: k quantities of both sessions.
-        moved: their change without what was corrected, shape (k,) [mm].
         offsets: Δρ before the correction, shape (3,) [mm].
         applied: δ, shape (3,) [mm]; all zero only where something was corrected.
     """
-    problem = shared.problem
-    gauge = problem.model.machine.instrument
+    problem, gauge = shared.problem, shared.problem.model.machine.instrument
     # Midway, where a linear model of the change is right to third order.
     jacobian = -problem.predict_with_jacobian(offsets - applied / 2.0)[1]
-    predicted = problem.predict(offsets - applied) - problem.predict(offsets)
-    predicted = predicted + shared.change - moved
-    values = shared.change, moved, predicted, jacobian
+    predicted = problem.predict(offsets - applied) - problem.predict(offsets) + shared.effect
+    values = shared.change, shared.change - shared.effect, predicted[:, None], jacobian
     change, moved, predicted, jacobian = whiten(shared.covariance, *values)
     # The axes are fitted together; corrections have one gain.
-    acting = change, predicted[:, None], np.ones(1)
-    (gain,), left = _regress(change, predicted[:, None], gauge)
-    axes, spare = dict[str, AxisResponse](), len(change) - 1
+    acting, moves = (change, predicted, np.ones(1)), list[Coefficient]()
+    (gain,), left, spare = _regress(change, predicted, gauge)
     if applied.any():
-        acting, spare = (moved, jacobian, applied), len(change) - len(applied)
-        moves, left = _regress(moved, jacobian, gauge)
+        acting = moved, jacobian, applied
+        moves, left, spare = _regress(moved, jacobian, gauge)
     answer, likeliest = decide_response(*acting, gauge.noise_mm)
-    if applied.any():
-        rows = zip(AXES, applied.tolist(), moves, likeliest.otherwise(applied), strict=True)
-        for axis, by, move, otherwise in rows:
-            axes[axis] = AxisResponse(
-                applied_mm=by,
-                found_mm=move.value,
-                ci95_mm=move.ci95,
-                coefficient=Coefficient.of(move.value / by, move.std / abs(by), spare)
-                if by
-                else None,
-                otherwise=otherwise,
-            )
+    otherwise = (likeliest.moved != applied) | likeliest.free.any(axis=1)
+    rows = zip(AXES, applied.tolist(), moves, otherwise.tolist(), strict=False)
+    axes = {
+        axis: AxisResponse(
+            applied_mm=by,
+            found_mm=move.value,
+            ci95_mm=move.ci95,
+            coefficient=Coefficient.of(move.value / by, move.std / abs(by), spare) if by else None,
+            otherwise=other,
+        )
+        for axis, by, move, other in rows
+    }
     another = bool(axes) and answer in (Behaviour.OPPOSITE, Behaviour.EXCHANGED)
-    typical = float(np.sqrt(np.mean(np.diag(shared.covariance))))
+    typical = rms(np.sqrt(np.diag(shared.covariance)))
     p_value = chance_of_residual(left, spare, gauge.noise_mm)
     return {
         "response": gain,
@@ -694,7 +656,7 @@ def _respond(
         "answer": answer,
         "acted_as_mm": _by_axis(likeliest.moved) if another else None,
         "other_change": OtherChange(
-            rms_mm=typical * float(np.sqrt(left / spare)),
+            rms_mm=typical * math.sqrt(left / spare),
             noise_mm=typical * gauge.noise_mm,
             dof=spare,
             p_value=p_value,
@@ -703,8 +665,10 @@ def _respond(
     }
 
 
-def _regress(change: Floats, columns: Floats, gauge: Instrument) -> tuple[list[Coefficient], float]:
-    """Least squares of a whitened change: coefficients, sum of squares that they leave [mm²]."""
+def _regress(
+    change: Floats, columns: Floats, gauge: Instrument
+) -> tuple[list[Coefficient], float, int]:
+    """Least squares of a whitened change: coefficients, squares left [mm²], degrees of freedom."""
     inverse = np.linalg.pinv(columns)
     sizes = inverse @ change
     residual = change - columns @ sizes
@@ -712,4 +676,4 @@ def _regress(change: Floats, columns: Floats, gauge: Instrument) -> tuple[list[C
     # No reading is known better than its gauge's resolution allows.
     sigma = max(math.sqrt(left / spare), gauge.rounding_mm)
     rows = zip(sizes.tolist(), (sigma * np.linalg.norm(inverse, axis=1)).tolist(), strict=True)
-    return [Coefficient.of(*row, spare) for row in rows], left
+    return [Coefficient.of(*row, spare) for row in rows], left, spare

@@ -20,6 +20,7 @@ from orthoglide_cal.files.text import read_document
 from orthoglide_cal.inference import Diagnosis, diagnose
 from orthoglide_cal.model.cause import Estimate
 from orthoglide_cal.model.measured import Source
+from orthoglide_cal.model.plan import AnyCell
 from orthoglide_cal.planning.adjustment import Adjustment, Removed, choose_adjustments
 from orthoglide_cal.planning.steps import SessionStep
 from orthoglide_cal.results.answer import InputFile, MachineName
@@ -181,18 +182,19 @@ class AdjustingDialogue(Dialogue):
     def run(self) -> State:
         """Lead through what is left, unless a check fails. Raises as `Dialogue.run`."""
         while self.state.ended is None:
-            waiting = [(k, one) for k, one in enumerate(self.adjusted) if one.next]
-            failed = [k for k, one in enumerate(self.adjusted) if one.status == "check failed"]
-            if failed and self._doubted(self.adjusted[failed[0]]):
-                last = len(PHASES) * (failed[0] + 1)
-                self._take_again([*self.setting.steps[last - 2 : last]], "check read again")
-            elif failed or not waiting:
-                reason = "a check failed" if failed else "complete"
-                self.write(events.Ended(at=self.now(), reason=reason))
+            for number, one in enumerate(self.adjusted):
+                steps = self.setting.steps[len(PHASES) * number :][: len(PHASES)]
+                if one.next:
+                    self._ask_for(steps[PHASES.index(one.next)])
+                    break
+                if one.status == "check failed":
+                    if self._doubted(one):
+                        self._take_again([*steps[-2:]], "check read again")
+                    else:
+                        self.write(events.Ended(at=self.now(), reason="a check failed"))
+                    break
             else:
-                k, one = waiting[0]
-                at = len(PHASES) * k + PHASES.index(one.next or Phase.LOOSE)
-                self._ask_for(self.setting.steps[at])
+                self.write(events.Ended(at=self.now(), reason="complete"))
         return self.state
 
     def _doubted(self, one: Adjusted) -> bool:
@@ -208,14 +210,13 @@ class AdjustingDialogue(Dialogue):
 
     def _ask_for(self, step: SessionStep) -> None:
         """Show what is to be done, where it is new, and take a reading."""
-        asker, phase = self.asker, PHASES[(step.number - 1) % len(PHASES)]
-        one = self.adjusted[(step.number - 1) // len(PHASES)]
+        asker, one, phase = self.asker, *self._at(step)
         self._introduce(step, phase, one)
-        hint = f" ({asker.gauge.hint})" if asker.gauge else ""
-        above, asked = wording.place(step, self.setting), _ASKED.get(phase, "")
-        noun = self.setting.model.machine.vocabulary.noise  # the instrument that is read
-        now = f"{asked.format(noun.capitalize())} [mm]{hint}"
-        if phase in (Phase.PUSHED, Phase.TIGHT):
+        noun = self.setting.machine.vocabulary.noise  # the instrument that is read
+        if phase in _ASKED:
+            above = wording.place(step, self.setting)
+            now = f"{_ASKED[phase].format(noun.capitalize())} [mm]{asker.hint}"
+        else:
             above, now = _lines(one, noun)
             stays = self._stays and not asker.pushed and asker.keyboard.live
             asker.show(above, Style.ABOVE if stays else Style.PLAIN)
@@ -226,13 +227,18 @@ class AdjustingDialogue(Dialogue):
         self._stays = phase not in _ASKED and longest < asker.columns
         self._receive(answer, step)
 
+    def _at(self, step: SessionStep) -> tuple[Adjusted, Phase]:
+        """The adjustment that a step is of, and its phase."""
+        number, phase = divmod(step.number - 1, len(PHASES))
+        return self.adjusted[number], PHASES[phase]
+
     def _introduce(self, step: SessionStep, phase: Phase, one: Adjusted) -> None:
         """Say, once, what has to be done before a reading; ask that nothing can fall."""
+        if self._shown == (step.setup, phase):
+            return
         asker, plan, begun = self.asker, one.adjustment, Phase.LOOSE in one.readings_mm
         driven = (Phase.HERE, Phase.THERE, *[Phase.LOOSE] * plan.homed)
         drives_off, new = phase not in driven, step.setup != self._shown[0]
-        if self._shown == (step.setup, phase):
-            return
         if new:
             if step.cell.words:
                 rule, text = f"-- {plan.name} ".ljust(asker.columns - 2, "-"), PROBED
@@ -263,17 +269,15 @@ class AdjustingDialogue(Dialogue):
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """Record a reading; only one that the gauge cannot show is refused."""
-        k, at = divmod(step.number - 1, len(PHASES))
-        taken, one = self._taken(step, token), self.adjusted[k]
-        most = self.setting.model.machine.instrument.most_mm
+        taken, (one, phase) = self._taken(step, token), self._at(step)
+        most = self.setting.machine.instrument.most_mm
         loose = one.readings_mm.get(Phase.LOOSE, taken.value_mm)
         if abs(taken.value_mm - loose) > most:
             far = f"That is more than {most:g} mm away from the first reading"
             self.asker.say(f"{far}: not recorded.", Style.BAD)
             return
-        phase = one.counts_as(PHASES[at], taken.value_mm)
-        number = len(PHASES) * k + PHASES.index(phase) + 1
-        self.write(taken.changed(step=number))
+        later = PHASES.index(one.counts_as(phase, taken.value_mm)) - PHASES.index(phase)
+        self.write(taken.changed(step=step.number + later))
         self.asker.rest(driving=False)
         if phase in _ASKED:
             self.asker.say(f"   saved {wording.value_text(taken.value_mm, self.unit)}", Style.GOOD)
@@ -325,15 +329,19 @@ def open_adjustments(
         )
     asker.gauge = serial_gauge(source)  # a missing one leaves no file behind
     following = events.Following(data=read_document(str(session)), what=cause)
-    steps, at, machine = _steps(adjustments), clock(), machine_text(given.model)
+    cells, at = _cells(adjustments), clock()
+    machine = machine_text(given.model)
     opened = events.Opened(at=at, version=2, machine=machine, source=source or (TYPED,))
-    cells = tuple(step.cell for step in steps)
     planned = events.Planned(at=at, readings=cells, following=following)
     journal = Journal.resume(target) if resume else Journal.create(target, opened, planned)
     try:
         state = events.replay(journal.events)
         _check_same(state, following, adjustments, target)
         asker.gauge = asker.gauge or serial_gauge(state.source)
+        steps = tuple(
+            SessionStep(number + 1, cell, "", 1, 0, setup := number // len(PHASES) + 1, 10 * setup)
+            for number, cell in enumerate(cells)
+        )
         setting = setting_in(journal, state, steps)
         return AdjustingDialogue(session, journal, setting, asker, clock, adjustments=adjustments)
     except BaseException:
@@ -341,17 +349,9 @@ def open_adjustments(
         raise
 
 
-def _steps(adjustments: Sequence[Adjustment]) -> tuple[SessionStep, ...]:
-    """What is read, in order: all phases of each, in a set-up of its own."""
-    phases = [
-        (cell, setup)
-        for setup, one in enumerate(adjustments, start=1)
-        for cell in (*[one.here] * PHASES.index(Phase.THERE), one.there)
-    ]
-    return tuple(
-        SessionStep(number, cell, "", 1, 0, setup, 10 * setup)
-        for number, (cell, setup) in enumerate(phases, start=1)
-    )
+def _cells(adjustments: Sequence[Adjustment]) -> tuple[AnyCell, ...]:
+    """What is read, in order: all phases of each adjustment."""
+    return tuple(c for one in adjustments for c in (*[one.here] * (len(PHASES) - 1), one.there))
 
 
 def _check_same(
@@ -362,8 +362,7 @@ def _check_same(
 ) -> None:
     """Raise InputError for a journal of other adjustments."""
     then = state.planned
-    cells = tuple(step.cell for step in _steps(adjustments))
-    if then is None or (then.readings, then.following) != (cells, following):
+    if then is None or (then.readings, then.following) != (_cells(adjustments), following):
         problem = "This is the journal of another adjustment, or of other readings."
         remedy = "Judge them by the machine of that time (--machine FILE), or measure again."
         raise InputError(problem, remedy, file=str(journal))

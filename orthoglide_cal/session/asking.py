@@ -133,6 +133,11 @@ class Asker:
         return min(self.keyboard.columns, WIDEST)
 
     @property
+    def hint(self) -> str:
+        """What to do for a reading, behind the question for it; nothing without a gauge."""
+        return f" ({self.gauge.hint})" if self.gauge else ""
+
+    @property
     def _strict(self) -> bool:
         """True if what comes too soon is a second press; a simulated gauge has no button."""
         return self.gauge is None or not self.gauge.reads_itself
@@ -158,22 +163,23 @@ class Asker:
         or words. Raises EOFError: nobody will ever answer.
         """
         self._prompt, self._shown, self._asked = prompt, math.inf, None
-        before = self._keys.unasked, self._gauges.unasked
-        pasted = 0
+        typed, heard = list[Line](), list[Token]()
         while self.keyboard.live and (line := self.keyboard.read(0.0)) is not None:
-            self._drop(line.text, line.ended, self._keys)
-            pasted += not self._strict
-        if pasted:
-            lines = f"{counted(pasted, 'line')} typed before the prompt"
-            self._break_in(f"ignored: {lines}", Style.ASIDE)
-        if self.gauge is not None:
+            typed.append(line)
+        if self.gauge:
             with suppress(GaugeLost):  # the next look reports it
-                for item in self.gauge.poll(asked=False):
-                    self._drop(item.raw, self.clock(), self._gauges)
-        gauge = self.gauge if step is not None else None
-        if gauge is not None and step is not None:
+                heard = self.gauge.poll(asked=False)
+        if typed and not self._strict:
+            lines = f"{counted(len(typed), 'line')} typed before the prompt"
+            self._break_in(f"ignored: {lines}", Style.ASIDE)
+        for line in typed:
+            self._drop(line.text, line.ended, self._keys)
+        for item in heard:
+            self._drop(item.raw, self.clock(), self._gauges)
+        gauge = self.gauge if step else None
+        if gauge and step:
             gauge.begin(step, takes)
-        if pasted or before != (self._keys.unasked, self._gauges.unasked):
+        if typed or heard:
             self._redraw()
         else:
             self.show(prompt.rpartition("\n")[2], Style.PROMPT, "")
@@ -192,31 +198,32 @@ class Asker:
                 self._sending = source
                 self._end_line()
                 return Unasked(int(source.after_reading))
+        live = self.keyboard.live
         if self.keyboard.disturbed():
             self._end_line()
             self._redraw()
         try:
-            line = self.keyboard.read(POLL_S if gauge or self.keyboard.live else None)
+            line = self.keyboard.read(POLL_S if gauge or live else None)
         except EOFError:
-            if self.keyboard.live or self.gauge is None or not self.gauge.reads_itself:
+            if live or self._strict:
                 raise
             line = Line("")
         if line is not None:
             text = line.text.strip()
             self._line_is_open = False
-            if not self.keyboard.live:
+            if not live:
                 self.show(visible(text)[:40])  # a terminal has shown it itself
             elif self._keys.is_early(line.begun, line.ended, len(text), self._shown):
                 self._drop(text, line.ended, self._keys)
                 return None
-            if text or gauge is None:
-                self._answered = (line.ended, self._keys)
+            if text or not gauge:
+                self._answered = line.ended, self._keys
                 return text
             self._asked = self.clock()
-        if self._sending is not None and self.clock() >= self._sending.opens:
+        if self._sending and self.clock() >= self._sending.opens:
             self._sending.unasked, self._sending = 0, None
             self._break_in("The gauge is quiet now.", Style.GOOD)
-        return None if gauge is None else self._listen(gauge, line is not None)
+        return self._listen(gauge, line is not None) if gauge else None
 
     def _listen(self, gauge: LiveGauge, asked: bool) -> Token | Unasked | None:
         now = self.clock()
@@ -244,11 +251,11 @@ class Asker:
                 return None if known and not readings else Unasked(readings)
             if self._gauges.is_early(now, now, 0, self._shown):
                 self._drop(item.raw, now, self._gauges)
-            elif item.value is None or item.elsewhere is not None:
+            elif item.value is None or item.elsewhere:
                 why = item.elsewhere or "That is not a reading: nothing is recorded."
                 self._break_in(f"The gauge says '{visible(item.raw)[:40]}'. {why}", Style.BAD)
             else:
-                if self.keyboard.live and not gauge.reads_itself:
+                if self.keyboard.live and self._strict:
                     self.show(visible(item.raw.strip())[:40], Style.PLAIN, "")
                     self._answered = now, self._gauges
                     self._gauges.arrivals[now] = True
@@ -263,9 +270,7 @@ class Asker:
         gone = source.ignore(at)
         if self._sending is source or source.unasked > STREAM:
             return
-        when = "before the prompt"
-        if gone is not None:
-            when = f"{gone:.2f} s after the one before"
+        when = "before the prompt" if gone is None else f"{gone:.2f} s after the one before"
         name = visible(text.strip())[:24] or "Return"
         self._break_in(f"ignored: {name} came {when}; if intended, give it again", Style.ASIDE)
 
@@ -288,6 +293,5 @@ class Asker:
         above, line, prompt = self._prompt.rpartition("\n")
         self.show(wrapped(above, self.columns) + line, Style.PLAIN, "")
         self.show(prompt, Style.PROMPT, "")
-        if self.keyboard.partial:
-            self.show(self.keyboard.partial, Style.PLAIN, "")
+        self.show(self.keyboard.partial, Style.PLAIN, "")
         self._line_is_open = True

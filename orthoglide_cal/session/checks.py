@@ -69,38 +69,35 @@ class Evidence:
 
 
 def check(readings: ReadingsSoFar, unit: Unit) -> Question | None:
-    """The question that the last reading, given in a unit, raises: by those before or by itself."""
-    number = check_number(readings, unit)
-    if number and number.doubt is Doubt.RANGE:
-        return number
-    return check_reading(readings, unit) or number or check_repeats(readings, unit)
+    """The first question that the last reading, given in a unit, raises; None if it raises none."""
+    checks = (check_range, check_reading, check_divisions, check_repeats)
+    return next(filter(None, (raised(readings, unit) for raised in checks)), None)
 
 
-def check_number(readings: ReadingsSoFar, unit: Unit) -> Question | None:
-    """The question that the number itself raises; None if the gauge can show it.
+def check_range(readings: ReadingsSoFar, unit: Unit) -> Question | None:
+    """The question of a reading further from zero than the gauge's plunger travels.
 
-    What was kept once is not questioned again.
+    Or further from another reading of the same gauge: zero may have been set elsewhere.
     """
-    value, gauge = float(readings.value[-1]), readings.setting.machine.instrument
+    value, most_mm = float(readings.value[-1]), readings.setting.machine.instrument.most_mm
     earlier = readings.value[readings.series]
-    # Further from zero, or later from the gauge's other readings, than its plunger travels.
-    if np.abs(value - (earlier if earlier.size else 0.0)).max() > gauge.most_mm:
-        shown, travel = in_unit(value, unit, "+g"), in_unit(gauge.most_mm, unit)
-        where = (
-            f"further from {in_unit(earlier[-1], unit, '+g')} than" if earlier.size else "beyond"
-        )
-        text = f"{shown} is {where} the gauge's travel of {travel}: mistyped?"
-        return Question(Doubt.RANGE, text)
-    if (Doubt.GRID, 0) in readings.settled:
+    if np.abs(value - (earlier if earlier.size else 0.0)).max() <= most_mm:
         return None
-    in_tenths = gauge.resolution_mm / MM_PER_INCH * 1e5
-    if unit is Unit.INCH and abs(in_tenths - round(in_tenths)) > 1e-6:
-        return None  # its divisions need not be those of the mm scale in the machine file
-    if off_scale(np.array(value), gauge.resolution_mm):
-        shown, divisions = in_unit(value, unit), in_unit(gauge.resolution_mm, unit)
-        text = f"{shown} lies between the gauge's divisions of {divisions}: mistyped?"
-        return Question(Doubt.GRID, text)
-    return None
+    where = f"further from {in_unit(earlier[-1], unit, '+g')} than" if earlier.size else "beyond"
+    travel = f"{where} the gauge's travel of {in_unit(most_mm, unit)}"
+    return Question(Doubt.RANGE, f"{in_unit(value, unit, '+g')} is {travel}: mistyped?")
+
+
+def check_divisions(readings: ReadingsSoFar, unit: Unit) -> Question | None:
+    """The question of a number between the gauge's divisions; only until one was kept."""
+    value, division_mm = readings.value[-1], readings.setting.machine.instrument.resolution_mm
+    in_tenths = division_mm / MM_PER_INCH * 1e5
+    # On an inch scale they need not be those of the mm scale in the machine file.
+    other = unit is Unit.INCH and abs(in_tenths - round(in_tenths)) > 1e-6
+    if (Doubt.GRID, 0) in readings.settled or other or not off_scale(value, division_mm):
+        return None
+    between = f"between the gauge's divisions of {in_unit(division_mm, unit)}"
+    return Question(Doubt.GRID, f"{in_unit(float(value), unit)} lies {between}: mistyped?")
 
 
 def check_repeats(readings: ReadingsSoFar, unit: Unit) -> Question | None:
@@ -117,13 +114,11 @@ def check_repeats(readings: ReadingsSoFar, unit: Unit) -> Question | None:
     steady = too_steady(readings.value, np.array(readings.setup), cell, gauge)
     if steady is None:
         return None
-    repeats = in_unit(gauge.repeatability_mm, unit, ".3g")
-    stated = f"though the gauge repeats within {repeats}"
-    _, scatter = steady
-    if scatter == 0.0:
+    stated = f"though the gauge repeats within {in_unit(gauge.repeatability_mm, unit, '.3g')}"
+    if steady[1] == 0.0:
         text = f"repeated readings never differ, {stated}: is it stuck, or its display held?"
         return Question(Doubt.DEAD, text)
-    differ = in_unit(scatter, unit, ".1g")
+    differ = in_unit(steady[1], unit, ".1g")
     text = f"repeated readings differ by {differ} only, {stated}: is the unit {unit}?"
     return Question(Doubt.SCATTER, text)
 
@@ -146,13 +141,13 @@ def check_reading(readings: ReadingsSoFar, unit: Unit) -> Question | None:
         for question, chance, std in _explanations(readings, evidence)
         if chance >= _ORDINARY and LIMIT * std <= abs(value - expected)
     ]
-    likely.sort(key=lambda pair: -pair[0])
     moved = f"since step {readings.steps[readings.series[-1]].number}"
-    if not likely and readings.repeats:
-        return Question(Doubt.STAND, f"{far}: the stand seems to have moved {moved}")
     if not likely:
+        if readings.repeats:
+            return Question(Doubt.STAND, f"{far}: the stand seems to have moved {moved}")
         return Question(Doubt.UNEXPECTED, f"{far}: read and typed correctly?")
     # The best explanation, and others that are nearly as good.
+    likely.sort(key=lambda pair: -pair[0])
     (most, best), words = likely[0], dict[Doubt, str]()
     for chance, question in likely:
         if chance >= 0.3 * most:

@@ -1,6 +1,5 @@
 """The loop of a session: show a step, wait for an answer, check it, put it on the disk."""
 
-import re
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -29,7 +28,7 @@ from orthoglide_cal.session.checks import Question, check
 from orthoglide_cal.session.events import Doubt, Event, Questioned, State, advance, replay
 from orthoglide_cal.session.gauges import SimulatedGauge, Token, parse_typed
 from orthoglide_cal.session.journal import Journal
-from orthoglide_cal.session.readings import ReadingsSoFar, Setting
+from orthoglide_cal.session.readings import ReadingsSoFar, Setting, count_words
 from orthoglide_cal.words import Unit, counted, decimals_for, signed
 
 if TYPE_CHECKING:
@@ -45,9 +44,6 @@ _KEYS = {
     **{"undo": "u", "back": "u", "retake": "r", "note": "n", "skip": "s", "help": "?"},
     **dict.fromkeys(("quit", "exit"), "q"),
 }
-_KEY = re.compile(
-    rf"(?P<key>{'|'.join(map(re.escape, _KEYS))})(?:\s+(?P<words>.+))?", re.IGNORECASE
-)
 
 
 class Quit(Exception):
@@ -66,6 +62,7 @@ class Dialogue:
     unit: Unit = Unit.MM  # of readings without one
     until_mm: float | None = None  # end once every offset is known this well; else take them all
     standing: Standing | None = None  # where a machine that is followed stands
+    agreed: bool = False  # that what was left out is read, without asking
     so_far: ReadingsSoFar = field(init=False)  # that count now
     _shown: tuple[object, ...] = (None,)  # the visit of the machine that was shown last
 
@@ -92,15 +89,14 @@ class Dialogue:
                 f"Fewest readings for the offsets. What is given up: {GIVES_UP}. To name what is"
                 " wrong with a machine, leave out --design."
             )
-        following = self.setting.following
-        minutes = following.minutes if following else clock(steps)[-1]
         if first:
             from_here = f"Continues {visible(first.path)}, {len(first.readings)} readings:"
             lines = [f"{from_here} both are solved together at the end."]
         gauges = "two gauges" if any(step.stand for step in steps) else "one gauge"
         set_ups = counted(len({step.setup for step in steps}), "set-up")
         moves = counted(gauge_moves(steps), "gauge move")
-        long = wording.duration(minutes).lower()
+        following = self.setting.following
+        long = wording.duration(following.minutes if following else clock(steps)[-1]).lower()
         lines.append(f"File     {visible(str(self.path))}")
         lines.append(f"{len(steps)} readings with {gauges}: {set_ups}, {moves}, {long}. ? is help.")
         self.asker.say("\n".join(lines))
@@ -110,7 +106,7 @@ class Dialogue:
                 " was shown as saved is missing.",
                 Style.BAD,
             )
-        if self.state.count > (2 if self.state.planned else 1):
+        if self.state.count > 1 + bool(self.state.planned):
             resumed = f"Resumed: {counted(len(self.state.accepted), 'reading')} so far."
             self.asker.say(resumed, Style.GOOD)
             self._say_offsets()
@@ -121,6 +117,7 @@ class Dialogue:
         Raises Quit, EOFError, KeyboardInterrupt: left or interrupted; everything is saved.
         InputError: the journal cannot be written any more.
         """
+        self.offer_again()
         while self.state.ended is None:
             if self.state.pending is not None:
                 self._ask_about(self.state.pending)
@@ -131,21 +128,20 @@ class Dialogue:
                 self.write(events.Ended(at=self.now(), reason=reason))
         return self.state
 
-    def offer_again(self, agreed: bool = False) -> None:
+    def offer_again(self) -> None:
         """Ask whether what was left out is read after all, and what was kept in doubt read again.
 
-        If `agreed`, what was left out is, without asking; without a terminal nobody is asked.
-        Raises Quit, EOFError, KeyboardInterrupt as `run`.
+        Without a terminal nobody is asked. Raises Quit, EOFError, KeyboardInterrupt as `run`.
         """
         state, steps, live = self.state, self.setting.steps, self.asker.keyboard.live
         missing = [s for s in steps if s.number in {*state.skipped, *state.dropped}]
         last = self.so_far.steps[-1] if state.accepted else (missing or steps)[0]
-        if missing and (agreed or live):
+        if missing and (self.agreed or live):
             again = with_set_ups(missing, last.setup, steps, state.accepted)
             old = sum(step.number in state.accepted for step in again)
             more = f" For that, {old} earlier readings are taken again: the stands were moved."
             self.asker.say(f"{_are(len(missing))} left out.{more if old else ''}", Style.QUESTION)
-            if agreed or self._agrees("Read what is missing now? y/n > "):
+            if self.agreed or self._agrees("Read what is missing now? y/n > "):
                 self._take_again(again, "reopened")
         taken = state.accepted.items()
         kept = [f"r {step}" for step, item in taken if isinstance(item.take, Questioned)]
@@ -174,9 +170,7 @@ class Dialogue:
                 error.remedy += f" The readings are safe in the journal; then: {again}"
                 raise
         state, first = self.state, self.setting.first
-        counts = f"{len(state.accepted)} readings"
-        for number, word in ((len(state.replaced), "replaced"), (len(state.skipped), "skipped")):
-            counts += f", {number} {word}" if number else ""
+        counts = count_words(len(state.accepted), len(state.replaced), len(state.skipped))
         reason = state.ended.reason if state.ended else "unfinished"
         lines = ["", f"Session {reason}: {counts}. Written to {visible(str(self.path))}"]
         if first:
@@ -231,9 +225,9 @@ class Dialogue:
         asker.pushed = False
         touched = step.cell.contact.end
         end = f" at the {touched.upper()} end" if touched else ""
-        hint = f" ({asker.gauge.hint})" if asker.gauge else ""
-        gauge = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{self.unit}]{hint} > "
-        answer = asker.ask(f"{place}\n{gauge}", step, self.state.takes(step.number))
+        gauge = f"{step.number}. Gauge {AXES[step.direction].upper()}{end} [{self.unit}]"
+        prompt = f"{place}\n{gauge}{asker.hint} > "
+        answer = asker.ask(prompt, step, self.state.takes(step.number))
         self._receive(answer, step)
 
     def _stood(self, step: SessionStep) -> Stood:
@@ -277,9 +271,8 @@ class Dialogue:
         self.asker.say(asked, Style.QUESTION)
         keep = "" if pending.doubt is Doubt.RANGE else "k keep, "
         moved = "m the stand moved, " if may_move else ""
-        hint = f" ({self.asker.gauge.hint})" if self.asker.gauge else ""
         again = "or read again" if keep else "Read again"
-        prompt = f"{asked}\n{step.number}. {keep}{moved}{again}{hint} > "
+        prompt = f"{asked}\n{step.number}. {keep}{moved}{again}{self.asker.hint} > "
         answer = self.asker.ask(prompt, step, self.state.takes(step.number))
         word, _, why = answer.partition(" ") if isinstance(answer, str) else ("", "", "")
         word = word.lower()
@@ -295,8 +288,8 @@ class Dialogue:
             self._keep(pending)
         elif word == "m" and may_move:
             self._keep(pending, moved=True)
-        elif _KEYS.get(word or "") == "u":
-            self.write(events.Answered(at=self.now(), keep=False))
+        elif _KEYS.get(word) == "u":
+            self._undo()
         else:
             self._receive(answer, step)
 
@@ -326,10 +319,10 @@ class Dialogue:
             self._take_back(answer)
         elif isinstance(answer, Token):
             self._read(step, answer)
-        elif (key := _KEY.fullmatch(answer)) is not None:
-            self._obey(_KEYS[key["key"].lower()], _clean(key["words"] or ""), step)
         elif not answer:
             self.asker.say("Type the reading, or ? for help.")
+        elif key := _KEYS.get(answer.split()[0].lower()):
+            self._obey(key, _clean(answer.partition(" ")[2]), step)
         else:
             try:
                 token = parse_typed(answer)
@@ -342,14 +335,18 @@ class Dialogue:
         """A gauge sends by itself: take back the readings that its messages became."""
         self.asker.say(wording.STREAM, Style.BAD)
         taken = 0
-        if stream.readings and self.state.pending is not None:
-            self.write(events.Answered(at=self.now(), keep=False))
-            taken += 1
-        while taken < stream.readings and self.state.before is not None:
-            self.write(events.Undone(at=self.now()))
+        while taken < stream.readings and (self.state.pending or self.state.before):
+            self._undo()
             taken += 1
         if taken:
             self.asker.say(f"{_are(taken)} taken back: sent by that gauge.")
+
+    def _undo(self) -> None:
+        """Take back the reading that is questioned, else the last that counts, retake or skip."""
+        if self.state.pending:
+            self.write(events.Answered(at=self.now(), keep=False))
+        else:
+            self.write(events.Undone(at=self.now()))
 
     def _read(self, step: SessionStep, token: Token) -> None:
         """A reading arrived: accept it, or put the question about it on the disk."""
@@ -368,16 +365,12 @@ class Dialogue:
         same = taken.model_dump(exclude={"kind"})
         doubt, text, about = question
         asked = Questioned(**same, doubt=doubt, question=text, about=about)
-        before = [
-            old.value_mm
-            for old in (*(take for take, _ in self.state.replaced), self.state.pending)
-            if isinstance(old, Questioned) and old.step == step.number
-        ]
         self.write(asked)
         self.asker.rest(driving=False)
-        near = 3.0 * readings.sigma_mm
+        before = [old for old, _ in self.state.replaced if old.step == step.number]
+        near = (o for o in before if abs(value - o.value_mm) <= 3.0 * readings.sigma_mm)
         # Read again it stays wrong: the plunger cannot reach it, or the machine stands elsewhere.
-        again = doubt is not Doubt.PLACE and any(abs(value - old) <= near for old in before)
+        again = doubt is not Doubt.PLACE and any(isinstance(old, Questioned) for old in near)
         if again and doubt is Doubt.RANGE:
             self.asker.say(wording.OUT_OF_RANGE, Style.BAD)
         elif again:
@@ -466,7 +459,7 @@ class Dialogue:
             case "u" if self.state.before is None:
                 self.asker.say("There is nothing to undo.")
             case "u":
-                self.write(events.Undone(at=self.now()))
+                self._undo()
                 left = self.so_far.left
                 where = f" Back to step {left[0].number}." if left else ""
                 self.asker.say(f"Undone; the old value is kept as replaced.{where}")
@@ -478,14 +471,22 @@ class Dialogue:
                     self.write(events.Noted(at=self.now(), step=step.number, text=text))
                     self.asker.say(f"Noted at step {step.number}.")
             case "s" if words.lower().split()[:1] == ["all"]:
-                self._skip_all(words[3:].strip())
+                left, reason = self.so_far.left, words[3:].strip()
+                self.asker.say(f"{_are(len(left))} missing.")
+                # A script that gives its reason has said all.
+                agreed = reason and not self.asker.keyboard.live
+                if not agreed and not self._agrees("End the session here? y/n > "):
+                    self.asker.say("Not ended.")
+                    return
+                for skipped in left:
+                    self._skip(skipped, reason or "the session was ended")
             case "s":
                 why = words or self._words("Why is it skipped? > ")
                 with suppress(InputError):
                     parse_typed(why)
                     why = ""  # a reading is no reason
                 if why:
-                    self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
+                    self._skip(step, why)
                 self.asker.say(
                     f"Skipped: {why}" if why else "Not skipped: a reason in words is needed."
                 )
@@ -507,20 +508,15 @@ class Dialogue:
     def _retake(self, words: str, step: SessionStep) -> None:
         """Measure a step, or a leg, again: "14 why", "x"; with all that its stands need."""
         which, _, reason = words.partition(" ")
-        state, steps = self.state, self.setting.steps
         if not which:
             return
-        if which.lower() in AXES:
-            leg = AXES.index(which.lower())
-            chosen = [s for s in steps if s.leg == leg and s.number in state.accepted]
-            nothing = f"Leg {which.upper()} has no reading yet."
-        else:
-            number = int(which) if re.fullmatch("[0-9]{1,4}", which) else 0
-            done = number in state.accepted or number in state.skipped
-            chosen = [steps[number - 1]] if done else []
-            nothing = f"There is no reading at step {which[:20]} yet."
+        state, steps, leg = self.state, self.setting.steps, which.lower() in AXES
+        done = state.accepted if leg else {*state.accepted, *state.skipped}
+        names = ((AXES[s.leg] if leg else str(s.number), s) for s in steps if s.number in done)
+        chosen = [s for name, s in names if name == which.lower()]
         if not chosen:
-            self.asker.say(nothing)
+            where = f"of leg {which.upper()}" if leg else f"at step {which[:20]}"
+            self.asker.say(f"There is no reading {where} yet.")
             return
         again = with_set_ups(chosen, step.setup, steps, state.accepted)
         old = [s for s in again if s.number in state.accepted]
@@ -545,17 +541,8 @@ class Dialogue:
         numbers = tuple(step.number for step in steps)
         self.write(events.Retake(at=self.now(), steps=numbers, reason=reason))
 
-    def _skip_all(self, reason: str) -> None:
-        left = self.so_far.left
-        self.asker.say(f"{_are(len(left))} missing.")
-        # A script that gives its reason has said all.
-        agreed = reason and not self.asker.keyboard.live
-        if not agreed and not self._agrees("End the session here? y/n > "):
-            self.asker.say("Not ended.")
-            return
-        why = reason or "the session was ended"
-        for step in left:
-            self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
+    def _skip(self, step: SessionStep, why: str) -> None:
+        self.write(events.Skipped(at=self.now(), step=step.number, reason=why))
 
 
 def _are(readings: int) -> str:

@@ -11,14 +11,14 @@ from enum import StrEnum
 from functools import reduce
 from typing import Annotated, Literal, NamedTuple
 
-from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter
+from pydantic import ConfigDict, Field, TypeAdapter
 
 from orthoglide_cal.files.text import FileText
 from orthoglide_cal.model.linear_delta import PlannedTouch
 from orthoglide_cal.model.machine import Named
 from orthoglide_cal.model.orthoglide import PlannedReading
 from orthoglide_cal.planning.steps import MOST_CYCLES, NOTHING_ENTERED, MeasuringProtocol, Order
-from orthoglide_cal.schema import Schema
+from orthoglide_cal.schema import Schema, text_that
 
 
 class Doubt(StrEnum):
@@ -43,12 +43,6 @@ class Doubt(StrEnum):
         """True if the reading does not fit the others; not that the gauge can hardly show it."""
         alone = (Doubt.RANGE, Doubt.GRID, Doubt.DEAD, Doubt.SCATTER, Doubt.LAYOUT, Doubt.DOUBLE)
         return self not in (*alone, Doubt.PLACE)
-
-
-def _with_zone(at: str) -> str:
-    if datetime.fromisoformat(at).tzinfo is None:
-        raise ValueError(f"{at!r} says no zone")
-    return at
 
 
 # Exactly these types. Named tuples would not be held to it if the schema were built later.
@@ -85,7 +79,7 @@ class Event(Schema):
     model_config = _STRICT
 
     kind: str
-    at: Annotated[str, AfterValidator(_with_zone)]
+    at: Annotated[str, text_that(lambda at: datetime.fromisoformat(at).tzinfo, "No zone.", "")]
 
 
 class Opened(Event):
@@ -133,11 +127,6 @@ class Arrived(Event):
     raw: str  # the characters that arrived
     source: str  # the gauge, or "typed"
     remark: str = ""  # where the machine stood, if it was followed
-
-    @property
-    def file_minutes(self) -> float:
-        """The time as it stands in the session file, to 6 ms."""
-        return round(self.minutes, 4)
 
 
 class Taken(Arrived):

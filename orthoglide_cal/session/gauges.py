@@ -22,10 +22,6 @@ if TYPE_CHECKING:
 
 # Error messages that look like numbers: they must never become one.
 _ERROR_CODES = re.compile(r"[+-]?9{5,}(?:\.9+)?|9[0-9]{2}")
-_TYPED = re.compile(
-    r"(?P<value>[+-]?\s?(?:\d{1,6}(?:[.,]\d{0,6})?|[.,]\d{1,6}))\s*(?P<unit>mm|inch|in|\")?",
-    flags=re.ASCII | re.IGNORECASE,
-)
 _UNITS = {"m": Unit.MM, "mm": Unit.MM} | dict.fromkeys(("i", "in", "inch", '"'), Unit.INCH)
 
 
@@ -45,44 +41,12 @@ class Token(NamedTuple):
     source: str = "typed"  # the gauge's name for the records
     elsewhere: str | None = None  # a sentence if not this gauge was asked: its value is not used
 
-    @classmethod
-    def of(cls, match: re.Match[str], raw: str) -> "Token":
-        """From a match with the group `value` and optionally `unit` and `channel`."""
-        groups = match.groupdict()
-        digits = match["value"].replace(" ", "").replace(",", ".")
-        channel = groups.get("channel") or None
-        unit = groups.get("unit")
-        if _ERROR_CODES.fullmatch(digits):
-            return cls(raw, channel=channel)
-        # A reading of -0 is 0.
-        return cls(raw, float(digits) + 0.0, _UNITS[unit.lower()] if unit else None, channel)
-
     def mm(self, default: Unit) -> float | None:
         """The value in mm; `default` is its unit where the gauge gave none."""
         if self.value is None or (self.unit or default) is Unit.MM:
             return self.value
         # A gauge never shows more than a nanometre: drop the dust of the multiplication.
         return round(self.value * MM_PER_INCH, 6)
-
-
-def parse_typed(text: str) -> Token:
-    """Read what a person or a keyboard-wedge gauge types at a prompt.
-
-    Accepts a sign (also U+2212), decimal point or comma, and a unit; nothing else. Exponents,
-    digit groups and error codes are not readings. Raises InputError.
-    """
-    plain = text.strip().replace("\u2212", "-")
-    match = _TYPED.fullmatch(plain)
-    token = Token.of(match, text.strip()) if match else None
-    if token is not None and token.value is not None:
-        return token
-    clean = visible(plain)
-    shown = f"'{clean if len(clean) <= 24 else clean[:23] + '~'}'"
-    if token is not None or re.search(r"err|^\d\s+to\b", plain, flags=re.IGNORECASE):
-        raise InputError(f"{shown} is an error message of the gauge, not a reading.")
-    if re.fullmatch(r"[+-]?[\d.,\s]+", plain) and len(re.findall(r"[.,]", plain)) > 1:
-        raise InputError(f"{shown}: two numbers in one? Type one, such as -0.12.")
-    raise InputError(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
 
 
 class LiveGauge(Protocol):
@@ -129,8 +93,15 @@ class SerialFormat:
 
     def parse(self, raw: str) -> Token:
         """Read a token; its value is None unless every character is as expected."""
-        match = re.fullmatch(self.pattern, raw, flags=re.ASCII | re.IGNORECASE)
-        return Token(raw) if match is None else Token.of(match, raw)
+        if not (match := re.fullmatch(self.pattern, raw, flags=re.ASCII | re.IGNORECASE)):
+            return Token(raw)
+        given = match.groupdict()
+        digits = match["value"].replace(" ", "").replace(",", ".")
+        unit, channel = given.get("unit"), given.get("channel") or None
+        if _ERROR_CODES.fullmatch(digits):
+            return Token(raw, channel=channel)
+        # A reading of -0 is 0.
+        return Token(raw, float(digits) + 0.0, _UNITS[unit.lower()] if unit else None, channel)
 
 
 # A new gauge is one more entry here, and its name in the help of `orthocal measure --gauge`.
@@ -161,6 +132,28 @@ SERIAL_FORMATS = {  # by the name in --gauge NAME:PORT
         r"DT1(?P<channel>\d{0,6})(?P<value>[+-]\d{1,6}\.\d{1,6})(?P<unit>[MI])", baud=57600
     ),
 }  # fmt: skip
+_TYPED = SerialFormat(
+    r"(?P<value>[+-]?\s?(?:\d{1,6}(?:[.,]\d{0,6})?|[.,]\d{1,6}))\s*(?P<unit>mm|inch|in|\")?"
+)
+
+
+def parse_typed(text: str) -> Token:
+    """Read what a person or a keyboard-wedge gauge types at a prompt.
+
+    Accepts a sign (also U+2212), decimal point or comma, and a unit; nothing else. Exponents,
+    digit groups and error codes are not readings. Raises InputError.
+    """
+    plain = text.strip().replace("\u2212", "-")
+    if (token := _TYPED.parse(plain)).value is not None:
+        return token._replace(raw=text.strip())
+    clean = visible(plain)
+    shown = f"'{clean if len(clean) <= 24 else clean[:23] + '~'}'"
+    error = r"err|^\d\s+to\b"
+    if _ERROR_CODES.fullmatch(plain) or re.search(error, plain, flags=re.IGNORECASE):
+        raise InputError(f"{shown} is an error message of the gauge, not a reading.")
+    if re.fullmatch(r"[+-]?[\d.,\s]+", plain) and len(re.findall(r"[.,]", plain)) > 1:
+        raise InputError(f"{shown}: two numbers in one? Type one, such as -0.12.")
+    raise InputError(f"{shown} is not a reading. Type a number such as -0.12, or ? for help.")
 
 
 class Splitter:
@@ -176,7 +169,7 @@ class Splitter:
         if data and (whole or not self._rest):
             self._since = now
         self._rest = rest[: _LONGEST + 1]
-        tokens = [_decoded(token) for token in whole if len(token) <= _LONGEST]
+        tokens = (_decoded(token) for token in whole if len(token) <= _LONGEST)
         return [token for token in tokens if token.strip()]
 
     def stale(self, now: float) -> str:

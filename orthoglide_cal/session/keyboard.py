@@ -6,16 +6,18 @@ import sys
 import threading
 import time
 from collections import deque
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
 from orthoglide_cal.errors import visible
-from orthoglide_cal.system import SYSTEM, Terminal
-from orthoglide_cal.system.interface import COLUMNS, END_OF_INPUT
+from orthoglide_cal.system import SYSTEM
 
 # Some gauges end their number with TAB.
 _ENDS = "\r\n\t"
 _ERASE, _ERASE_ALL = "\x7f\b", "\x15"
+_END_OF_INPUT = "\x04\x1a"  # Ctrl-D; on Windows Ctrl-Z, which elsewhere is no key but a signal
+_COLUMNS = 80  # where nobody says how wide the screen is
 _LONGEST = 4096  # no one types more
 _FOREVER_S = 3600.0
 
@@ -32,8 +34,8 @@ class Keyboard:
     """Standard input, opened when it is first needed. In a terminal the line can be corrected."""
 
     def __init__(self) -> None:
-        self._terminal: Terminal | None = None
-        self._pipe: SimpleQueue[str | None] | None = None
+        self._terminal: SYSTEM.Terminal | None = None
+        self._pipe: SimpleQueue[str] | None = None
         self._lines: deque[Line | None] = deque()  # None: the end of input
         self._typed = ""
         self._begun = 0.0
@@ -53,7 +55,10 @@ class Keyboard:
     @property
     def columns(self) -> int:
         """Width of the screen; of a usual one where there is none."""
-        return self._screen().columns() if self.live else COLUMNS
+        for descriptor in (0, 1, 2) if self.live else ():
+            with suppress(OSError):  # Windows knows the size of what is written to only
+                return os.get_terminal_size(descriptor).columns or _COLUMNS
+        return _COLUMNS
 
     @property
     def partial(self) -> str:
@@ -85,9 +90,9 @@ class Keyboard:
             raise EOFError
         return line
 
-    def _screen(self) -> Terminal:
+    def _screen(self) -> SYSTEM.Terminal:
         if self._terminal is None:
-            self._terminal = SYSTEM.terminal(sys.stdin.fileno())
+            self._terminal = SYSTEM.Terminal(sys.stdin.fileno())
         return self._terminal
 
     def _edit(self, keys: str, shown: bool) -> None:
@@ -107,7 +112,7 @@ class Keyboard:
             elif key == _ERASE_ALL:
                 answer += "\b \b" * len(self.partial)
                 self._typed = ""
-            elif key == END_OF_INPUT:
+            elif key in _END_OF_INPUT:
                 self._lines.extend(() if self._typed else (None,))
             elif len(self._typed) < _LONGEST:
                 answer += visible(key)
@@ -123,18 +128,14 @@ class Keyboard:
             self._pipe = SimpleQueue()
             source = (sys.stdin.fileno() if sys.stdin else 0, self._pipe)
             threading.Thread(target=_listen, args=source, daemon=True).start()
-        try:
+        with suppress(Empty):
             text = self._pipe.get(timeout=timeout_s)
-        except Empty:
-            return
-        self._edit(text or "", shown=False)
-        if text is None:
-            self._edit("\n" if self._typed else "", shown=False)
-            self._lines.append(None)
+            self._edit(text or "\n" * bool(self._typed), shown=False)
+            self._lines.extend(() if text else (None,))
 
 
-def _listen(descriptor: int, heard: SimpleQueue[str | None]) -> None:
-    """Pass on what comes from a pipe, and None at its end: not every system can wait for a pipe."""
+def _listen(descriptor: int, heard: SimpleQueue[str]) -> None:
+    """Pass on what comes from a pipe, "" at its end: not every system can wait for a pipe."""
     decoder = codecs.getincrementaldecoder("utf-8")("replace")
     data = b"-"
     while data:
@@ -142,5 +143,6 @@ def _listen(descriptor: int, heard: SimpleQueue[str | None]) -> None:
             data = os.read(descriptor, 4096)
         except OSError:  # whoever wrote to it has gone
             data = b""
-        heard.put(decoder.decode(data, final=not data))
-    heard.put(None)
+        if text := decoder.decode(data, final=not data):
+            heard.put(text)
+    heard.put("")

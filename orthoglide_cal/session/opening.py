@@ -18,6 +18,7 @@ import numpy as np
 from orthoglide_cal.errors import InputError, OrthocalError, UsageError, command, visible
 from orthoglide_cal.files import machine_file
 from orthoglide_cal.files.input import read_input
+from orthoglide_cal.files.linuxcnc import Standing
 from orthoglide_cal.files.readings import implausible_temperatures
 from orthoglide_cal.files.text import free_path, read_document
 from orthoglide_cal.inference import NextMeasurement, diagnose
@@ -86,8 +87,10 @@ def clock() -> str:
     return datetime.now().astimezone().isoformat(timespec="milliseconds")
 
 
-def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show) -> Dialogue:
-    """Begin a session, or go on with one; files without a name go into `folder`.
+def open_session(
+    request: Request, keyboard: Keyboard, show: Show, standing: Standing | None = None
+) -> Dialogue:
+    """Begin a session, or go on with one; `standing` is a machine that is followed.
 
     Raises:
         UsageError: the options do not go together or with the session; the file exists; another
@@ -97,13 +100,13 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
         GaugeLost: the gauge cannot be reached.
     """
     _check_options(request)
-    path, asker = session_file(request.path, folder, request.resume), Asker(keyboard, show)
+    path, asker = session_file(request.path, Path(), request.resume), Asker(keyboard, show)
     if request.resume:
         journal = Journal.resume(path.with_suffix(JOURNAL))
     else:
         # A missing gauge or another machine leaves no file behind.
         asker.gauge = serial_gauge(request.source)
-        journal = Journal.create(path.with_suffix(JOURNAL), *_confirmed(request, asker))
+        journal = Journal.create(path.with_suffix(JOURNAL), *_first_records(request, asker))
     try:
         state = events.replay(journal.events)
         setting = setting_in(journal, state)
@@ -118,7 +121,10 @@ def open_session(request: Request, folder: Path, keyboard: Keyboard, show: Show)
             asker.say(wording.machine(setting.held, state.opened.seed is not None))
             if setting.following:
                 asker.say(setting.following.words, Style.TITLE)
-        dialogue = Dialogue(path, journal, setting, asker, clock, request.unit, request.until_mm)
+        dialogue = Dialogue(
+            path, journal, setting, asker, clock, request.unit, request.until_mm, standing,
+            agreed=request.agreed,
+        )  # fmt: skip
         if request.source and request.source != state.source and state.ended is None:
             dialogue.write(events.Reopened(at=clock(), source=request.source))
         return dialogue
@@ -146,29 +152,30 @@ def _check_options(request: Request) -> None:
         "--order": request.order,
         "--until": request.until_mm,
     }
-    if wrong := [name for name, value in options.items() if value]:
-        fault = f"--then and {wrong[0]} do not go together."
+    for name in (name for name, value in options.items() if value):
+        fault = f"--then and {name} do not go together."
         raise UsageError(fault, "Leave out one of them: what is read follows from what was begun.")
 
 
-def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
+def _first_records(request: Request, asker: Asker) -> list[events.Event]:
     """The first records, once the operator has agreed to the machine and its active offsets.
 
     And to the measurement that is recommended, if one is to be carried out. Nobody is asked who
-    has agreed already, or has no terminal.
+    has agreed already, or has no terminal. What the command line leaves open is standard.
     """
     first, following, change = None, None, ""
-    if request.following is not None:
-        first, options, model = _recommended(request.following, request)
-    else:
+    protocol, order = request.protocol or MeasuringProtocol.DOUBLE, request.order or Order.PAPER
+    cycles, stands = request.cycles or CYCLES, request.stands or 2
+    if request.following is None:
         model = request.model or request.otherwise()
         model.machine.check_guided()
-        # One cycle of what would be measured.
-        protocol = request.protocol or MeasuringProtocol.DOUBLE
-        steps = sequence(model.machine, protocol, 1, Order.PAPER, 1)
+        stands = 1 if protocol is MeasuringProtocol.SINGLE else stands
+        steps = sequence(model.machine, protocol, cycles, order, stands)
         plan = plan_of([step.cell for step in steps])
+    else:
+        first, options, model = _recommended(request.following, request)
     model = _holding(model, request.offsets_mm)
-    _, seed = _source(request, first)
+    source, seed = _source(request, first)
     also = ", and shall this be measured now" if first else ""
     while True:
         if first:
@@ -177,9 +184,8 @@ def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
         careful = require_on_bar(plan, model.machine)
         asker.say(wording.machine(model, seed is not None))
         doubts = map(request.says, model.machine.instrument.implausible().values())
-        for doubt in (str(careful) if careful else "", *doubts, change):
-            if doubt:
-                asker.say(doubt, Style.BAD)
+        for doubt in filter(None, (careful and str(careful), *doubts, change)):
+            asker.say(doubt, Style.BAD)
         if following:
             asker.say(following.words, Style.TITLE)
         if request.agreed or not asker.keyboard.live:
@@ -190,24 +196,38 @@ def _confirmed(request: Request, asker: Asker) -> list[events.Event]:
             Style.QUESTION,
         )
         answer = asker.ask("Return, n, or the three offsets > ")
-        text = answer.lower() if isinstance(answer, str) else "?"
-        if text in ("", "y", "yes"):
-            break
-        if text in ("q", "quit"):
-            raise EOFError
-        if text in ("?", "help"):
-            continue  # machine and question once more
-        if text in ("n", "no"):
-            raise UsageError(
-                "Nothing was begun.",
-                "Name the file of your machine, --machine FILE, or make one: orthocal machine new",
-            )
-        try:
-            parts = text.replace(";", " ").split()
-            model = _holding(model, tuple(parse_number(p, decimal_comma=True) for p in parts))
-        except OrthocalError as error:
-            asker.say(str(error), Style.BAD)
-    return first_records(request, model, first, plan, following, clock())
+        match answer.lower() if isinstance(answer, str) else "?":
+            case "" | "y" | "yes":
+                break
+            case "q" | "quit":
+                raise EOFError
+            case "n" | "no":
+                remedy = "Name the file of your machine, --machine FILE, or make one:"
+                raise UsageError("Nothing was begun.", f"{remedy} orthocal machine new")
+            case "?" | "help":
+                pass  # machine and question once more
+            case text:
+                try:
+                    parts = text.replace(";", " ").split()
+                    offsets = tuple(parse_number(part, decimal_comma=True) for part in parts)
+                    model = _holding(model, offsets)
+                except OrthocalError as error:
+                    asker.say(str(error), Style.BAD)
+    if first:
+        # What others are joined to keeps the machine as it was for the first of them.
+        model = first.model
+        steps = steps_of(plan, model.machine, order, stands)
+        cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
+    version = 2 if first or protocol is MeasuringProtocol.BEST else 1
+    opened = events.Opened(
+        at=clock(), version=version, protocol=protocol,
+        machine=machine_file.machine_text(model), cycles=cycles, order=order, stands=stands,
+        source=source, seed=seed, operator=request.operator,
+        temperature_c=request.temperature_c, gauges=request.gauges,
+    )  # fmt: skip
+    readings = tuple(step.cell for step in steps)
+    planned = events.Planned(at=opened.at, readings=readings, following=following)
+    return [opened, planned][:version]
 
 
 def planned_next(
@@ -317,40 +337,6 @@ def _source(request: Request, first: PriorReadings | None) -> tuple[tuple[str, .
         )
     seeds = (hidden, request.seed, secrets.randbelow(1_000_000))
     return source, next(seed for seed in seeds if seed is not None)
-
-
-def first_records(
-    request: Request,
-    model: Model,
-    first: PriorReadings | None,
-    plan: GaugePlan,
-    following: events.Following | None,
-    at: str,
-) -> list[events.Event]:
-    """The first records of a new session; what the command line leaves open is standard.
-
-    The plan is only for what follows the `first` readings.
-    """
-    source, seed = _source(request, first)
-    protocol, cycles = request.protocol or MeasuringProtocol.DOUBLE, request.cycles or CYCLES
-    stands = 1 if protocol is MeasuringProtocol.SINGLE else request.stands or 2
-    order, steps = request.order or Order.PAPER, tuple[SessionStep, ...]()
-    if first:
-        # What others are joined to keeps the machine as it was for the first of them.
-        model = first.model
-        steps = steps_of(plan, model.machine, order, stands)
-        cycles = min(max(step.cycle for step in steps), MOST_CYCLES)
-    elif protocol is MeasuringProtocol.BEST:
-        steps = sequence(model.machine, protocol, cycles, order, stands)
-    opened = events.Opened(
-        at=at, version=2 if steps else 1, protocol=protocol,
-        machine=machine_file.machine_text(model), cycles=cycles, order=order, stands=stands,
-        source=source, seed=seed, operator=request.operator,
-        temperature_c=request.temperature_c, gauges=request.gauges,
-    )  # fmt: skip
-    readings = tuple(step.cell for step in steps)
-    planned = events.Planned(at=at, readings=readings, following=following)
-    return [opened, planned] if steps else [opened]
 
 
 def setting_in(

@@ -19,6 +19,7 @@ from orthoglide_cal.estimation.gaussian import Mixture
 from orthoglide_cal.files.input import Input, read_input
 from orthoglide_cal.files.readings import (
     QUESTIONED,
+    Conditions,
     GaugeIdentity,
     reading_rows,
     readings_of,
@@ -37,10 +38,16 @@ from orthoglide_cal.model.readings import AXES, Contact, GaugePlan, Posture
 from orthoglide_cal.planning.steps import NOTHING_ENTERED, SessionStep
 from orthoglide_cal.session.events import Arrived, Doubt, Following, Questioned, State
 
-TICK_MIN = 1e-4  # to which times are written
+TICK_DECIMALS = 4  # of minutes, as they stand in the session file
 _ORIGIN = "goes_on_from"
 # Pairs of repeats needed before their scatter may replace the gauge's stated repeatability.
 _ENOUGH = 9
+
+
+def count_words(readings: int, replaced: int, skipped: int) -> str:
+    """Number of readings, and of those that do not count or were not taken, if there are any."""
+    others = ((replaced, "replaced"), (skipped, "skipped"))
+    return ", ".join([f"{readings} readings", *(f"{n} {word}" for n, word in others if n)])
 
 
 class PriorReadings:
@@ -54,38 +61,31 @@ class PriorReadings:
         if not isinstance(given.measured, Readings):
             fault = f"{self.path} holds differences; new readings cannot be joined to them."
             raise UsageError(fault, "Give the file of the raw readings, if you have it.")
-        self.data, self.model = data, given.model
-        self.readings = given.measured
-        self.conditions = given.conditions
-        self.is_session = given.is_session
-        self.plan = given.measured.plan
+        self.data, self.model, self.conditions = data, given.model, given.conditions
+        self.readings, self.plan = given.measured, given.measured.plan
         self.repeats = Counter(planned_readings(self.plan))
+        self._is_session = given.is_session
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of a session, in the order of time."""
         rows = reading_rows(self.readings)
-        entries: list[dict[str, str]] = []
-        if self.is_session:
-            entries = load_tree(self.data).value["readings"]
-        for index, row in enumerate(rows):
+        entries = load_tree(self.data).value["readings"] if self._is_session else [{}] * len(rows)
+        for index, (row, entry) in enumerate(zip(rows, entries, strict=True)):
             # Steps are counted from 1 in each session: those of an earlier one cannot be retaken.
             note = re.sub(r" \(r [0-9]+\)", "", row.note or "")
-            at = entries[index].get("timestamp") if entries else None
-            rows[index] = row.changed(timestamp=at, note=note)
-        return [rows[index] for index in self.readings.plan.in_time.tolist()]
+            rows[index] = row.changed(timestamp=entry.get("timestamp"), note=note)
+        return [rows[index] for index in self.plan.in_time.tolist()]
 
     @property
     def environment(self) -> dict[str, str]:
         """Notes around them, and where they are from."""
         conditions, data = self.conditions, self.data
         environment = dict(conditions.environment)
-        counts = f"{len(self.readings)} readings"
-        for number, word in ((conditions.retaken, "replaced"), (conditions.skipped, "skipped")):
-            counts += f", {number} {word}" if number else ""
-        origin = f"{visible(data.path)} ({counts}), sha256 {data.sha256}"
-        before = environment.get(_ORIGIN)
-        return {**environment, _ORIGIN: f"{origin}; {before}" if before else origin}
+        counts = count_words(len(self.readings), conditions.retaken, conditions.skipped)
+        origin = [f"{visible(data.path)} ({counts}), sha256 {data.sha256}"]
+        before = [environment[_ORIGIN]] if _ORIGIN in environment else []
+        return {**environment, _ORIGIN: "; ".join(origin + before)}
 
     def minutes(self, opened_at: str, since: float) -> float | None:
         """The time of a new reading on the clock of the first ones; None where they have none.
@@ -102,7 +102,8 @@ class PriorReadings:
             then = then.astimezone(now.tzinfo) if then.tzinfo else then.replace(tzinfo=now.tzinfo)
             if then.date() == now.date():
                 last += max((now - then).total_seconds() / 60.0, 0.0)
-        return round(math.ceil(last / TICK_MIN) * TICK_MIN + since, 4)
+        tick = 10.0**-TICK_DECIMALS
+        return round(math.ceil(last / tick) * tick + since, TICK_DECIMALS)
 
     @property
     def left_entered(self) -> Floats:
@@ -173,7 +174,7 @@ class ReadingsSoFar:
         self.steps = [steps[number - 1] for number in state.accepted]  # what each is of
         self.value: Floats = np.array([item.take.value_mm for item in items])  # shape (n,) [mm]
         # Since the session began, shape (n,).
-        self.minutes: Floats = np.array([item.take.file_minutes for item in items])
+        self.minutes: Floats = np.array([item.take.minutes for item in items]).round(TICK_DECIMALS)
         self.left = [step for step in steps if state.is_open(step.number)]  # to be measured
         # Doubts of readings that were kept, with the step that they were about.
         self.settled: set[tuple[Doubt, int]] = set()
@@ -214,42 +215,38 @@ class ReadingsSoFar:
     def row(self, number: int, take: Arrived | None = None, **further: object) -> ReadingRow:
         """A step as a row of the session file: what it reads, a reading, and what is said of it."""
         setting, opened, step = self.setting, self.state.opened, self.setting.steps[number - 1]
-        first = setting.first
-        cells = {"cycle": step.cycle + (first.repeats[step.cell] if first else 0), **further}
+        first, cells = setting.first, dict[str, object](cycle=step.cycle)
+        if first:
+            cells["cycle"] = step.cycle + first.repeats[step.cell]
         if take is not None:
-            minutes = take.file_minutes
-            cells = {
+            minutes = round(take.minutes, TICK_DECIMALS)
+            cells |= {
                 "reading_mm": take.value_mm,
                 "gauge": opened.gauge_id(step.stand),
                 "timestamp": take.at,
                 "minutes": first.minutes(opened.at, minutes) if first else minutes,
                 "temperature_c": opened.temperature_c,
-                **cells,
             }
-        return row_at(step.cell, str(step.posture), several=setting.plan.parts > 1).changed(**cells)
+        row = row_at(step.cell, str(step.posture), several=setting.plan.parts > 1)
+        return row.changed(**cells | further)
 
     @cached_property
     def rows(self) -> list[ReadingRow]:
         """The readings as rows of the session file; a gauge that was moved has another label."""
         rows, first, following = list[ReadingRow](), self.setting.first, self.setting.following
-        seq = len(first.readings) if first else 0
-        for (take, _), step, moved in zip(
-            self.state.accepted.values(), self.steps, self.moved, strict=True
-        ):
+        read_before = first.rows if first else []
+        of_series = {(row.leg, row.direction): row.gauge for row in read_before}  # read it last
+        accepted = zip(self.state.accepted.values(), self.steps, self.moved, strict=True)
+        for seq, ((take, _), step, moved) in enumerate(accepted, len(read_before) + 1):
             label = self.state.opened.gauge_id(step.stand)
-            seq += 1
-            if first and following and following.continues:
-                names = AXES[step.leg], AXES[step.direction]
-                mine = (row.gauge for row in first.rows if (row.leg, row.direction) == names)
-                label = [None, *mine][-1]  # of the gauge that read it last
+            if following and following.continues:
+                label = of_series.get((AXES[step.leg], AXES[step.direction]))
             if moved is not None:
                 label = f"{label or ''} (moved at step {moved})".strip()
             remarks = [text for number, text in self.state.notes if number == take.step]
             if isinstance(take, Questioned):
                 remarks.insert(0, QUESTIONED.format(take.step, take.question))
-            if take.remark:
-                remarks.append(take.remark)
-            note = "; ".join(remarks) or None
+            note = "; ".join(filter(None, (*remarks, take.remark))) or None
             rows.append(self.row(take.step, take, seq=seq, gauge=label, note=note))
         return rows
 
@@ -263,6 +260,7 @@ class ReadingsSoFar:
     def session(self) -> Session:
         """The session file's content; the same records always give the same."""
         state, opened, first = self.state, self.state.opened, self.setting.first
+        before = first.conditions if first else Conditions()
         resolution = self.setting.machine.instrument.resolution_mm
         gauges = [
             GaugeIdentity(
@@ -270,7 +268,7 @@ class ReadingsSoFar:
             )
             for gauge in opened.gauges
         ]
-        before = first.conditions.gauges if first else ()
+        gauges += [gauge for gauge in before.gauges if gauge.id not in {g.id for g in gauges}]
         environment = first.environment if first else {}
         environment["readings_from"] = ", ".join(state.source)
         if opened.seed is not None:
@@ -283,12 +281,9 @@ class ReadingsSoFar:
         return Session(
             machine=self.setting.model,
             protocol=opened.protocol.value,
-            operator=opened.operator or (first.conditions.operator if first else None),
-            gauges=(
-                *gauges,
-                *(gauge for gauge in before if gauge.id not in {g.id for g in gauges}),
-            ),
-            started=(first.conditions.started if first else None) or opened.at,
+            operator=opened.operator or before.operator,
+            gauges=tuple(gauges),
+            started=before.started or opened.at,
             finished=state.ended.at if state.ended else None,
             environment=environment,
             readings=(*(first.rows if first else ()), *self.rows),

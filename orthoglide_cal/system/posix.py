@@ -9,15 +9,12 @@ import termios
 from contextlib import suppress
 from pathlib import Path
 
-from orthoglide_cal.system.interface import Terminal
 
-
-class PosixTerminal(Terminal):
+class PosixTerminal:
     """A terminal that hands over each key at once (not canonical) and shows none (no echo)."""
 
     def __init__(self, descriptor: int) -> None:
         self._input = self._output = descriptor
-        self.screens = (descriptor,)
         with suppress(OSError):  # standard input may be open for reading only
             self._output = os.open(os.ttyname(descriptor), os.O_WRONLY | os.O_NOCTTY)
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
@@ -52,6 +49,10 @@ class PosixTerminal(Terminal):
             signal.signal(signal.SIGTSTP, self._on_signal)
 
     def read(self, timeout_s: float) -> str:
+        """The keys pressed since the last call; "" after the time-out.
+
+        Raises EOFError: the terminal was closed; KeyboardInterrupt: Ctrl-C.
+        """
         try:
             ready, _, _ = select.select([self._input], [], [], timeout_s)
             if not ready:
@@ -64,9 +65,11 @@ class PosixTerminal(Terminal):
         return self._decoder.decode(data)
 
     def write(self, text: str) -> None:
+        """Show what was typed."""
         os.write(self._output, text.encode("utf-8", errors="replace"))
 
     def disturbed(self) -> bool:
+        """True once after the program was stopped and continued."""
         # Whoever had the terminal meanwhile has set it differently.
         if not self._disturbed:
             return False
@@ -76,7 +79,7 @@ class PosixTerminal(Terminal):
         return True
 
     def close(self) -> None:
-        """See `interface.Terminal`; what was typed for nobody does not reach the shell."""
+        """Leave it as it was; what was typed for nobody does not reach the shell."""
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
         self._give_back(termios.TCSAFLUSH)
@@ -84,16 +87,16 @@ class PosixTerminal(Terminal):
             os.close(self._output)
 
 
-terminal = PosixTerminal
+Terminal = PosixTerminal
 
 
 def lock(descriptor: int) -> None:
-    """See `chosen`."""
+    """As the package says."""
     fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def publish(temporary: Path, path: Path) -> None:
-    """See `chosen`. A link fails where a rename would replace.
+    """As the package says. A link fails where a rename would replace.
 
     File systems without links (USB sticks) get a check and a rename.
     """
@@ -108,7 +111,7 @@ def publish(temporary: Path, path: Path) -> None:
 
 
 def keep_owner(path: Path, other: Path) -> None:
-    """See `chosen`."""
+    """As the package says."""
     wanted, stands = path.stat(), other.stat()
     if (wanted.st_uid, wanted.st_gid) != (stands.st_uid, stands.st_gid):
         try:
@@ -118,7 +121,7 @@ def keep_owner(path: Path, other: Path) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """See `chosen`."""
+    """As the package says."""
     with suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:

@@ -5,26 +5,23 @@ import time
 from importlib import import_module
 from pathlib import Path
 
-from orthoglide_cal.system.interface import END_OF_INPUT, Terminal
-
 msvcrt = import_module("msvcrt")  # other systems do not have it
 _LOOK_S = 0.01  # how often the console is asked for a pressed key [s]; it cannot wait for one
 # Windows keeps others from reading locked bytes: lock one far behind the end of any journal.
 _LOCKED_BYTE = 1 << 30
 # An arrow or function key is announced by one of these; its code follows at once.
 _PREFIXES = "\x00\xe0"
-_INTERRUPT, _END = "\x03", "\x1a"  # Ctrl-C, Ctrl-Z
+_INTERRUPT = "\x03"  # Ctrl-C
 
 
-class WindowsTerminal(Terminal):
-    """The console; no program is stopped in it."""
-
-    screens = (1, 2)  # Windows knows the size of what is written to only
+class WindowsTerminal:
+    """The console."""
 
     def __init__(self, descriptor: int) -> None:
         """A program has one console only, whatever the descriptor."""
 
     def read(self, timeout_s: float) -> str:
+        """As of `PosixTerminal`."""
         until = time.monotonic() + timeout_s
         while not msvcrt.kbhit():
             if time.monotonic() >= until:
@@ -38,12 +35,17 @@ class WindowsTerminal(Terminal):
             elif key == _INTERRUPT:
                 raise KeyboardInterrupt
             else:
-                keys += END_OF_INPUT if key == _END else key
+                keys += key
         return keys
 
     def write(self, text: str) -> None:
+        """Show what was typed."""
         for character in text.replace("\n", "\r\n"):
             msvcrt.putwch(character)
+
+    def disturbed(self) -> bool:
+        """False: no program is stopped in it."""
+        return False
 
     def close(self) -> None:
         """The console's mode was never changed; what was typed for nobody is dropped."""
@@ -51,11 +53,11 @@ class WindowsTerminal(Terminal):
             msvcrt.getwch()
 
 
-terminal = WindowsTerminal
+Terminal = WindowsTerminal
 
 
 def lock(descriptor: int) -> None:
-    """See `chosen`."""
+    """As the package says."""
     place = os.lseek(descriptor, 0, os.SEEK_CUR)
     os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
     try:
@@ -65,7 +67,7 @@ def lock(descriptor: int) -> None:
 
 
 def publish(temporary: Path, path: Path) -> None:
-    """See `chosen`: here a rename fails where another file has the name."""
+    """As the package says: here a rename fails where another file has the name."""
     temporary.rename(path)
 
 

@@ -145,7 +145,7 @@ def test_the_page_of_a_printer_fits_a_terminal() -> None:
     assert "A leg_length" in Path("plan.html").read_text(encoding="utf-8")
     assert max(map(len, shown.splitlines())) <= 80
     # Each layout is one line of a table.
-    table = shown[shown.index("  layout ") : shown.index("  U of each parameter: a, b, c")]
+    table = shown[shown.index("  layout ") : shown.index("  U of each parameter: a in mm")]
     assert {len(line.split()) for line in table.replace("→ ", "").splitlines()[:-1]} == {10}
 
 

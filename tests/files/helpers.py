@@ -5,7 +5,7 @@ from typing import Any
 
 import yaml
 
-from orthoglide_cal.errors import InputError, InvalidFileError
+from orthoglide_cal.errors import InputError
 from orthoglide_cal.files.input import read_input
 from orthoglide_cal.files.machine_file import default_machine
 from orthoglide_cal.files.text import FileText, document_from_bytes
@@ -65,10 +65,8 @@ def differences(folder: Path, text: str) -> Differences:
 def problems(call, *args) -> list[InputError]:
     try:
         call(*args)
-    except InvalidFileError as error:
-        return list(error.problems)
     except InputError as error:
-        return [error]
+        return list(error.problems)
     raise AssertionError("nothing was wrong")
 
 

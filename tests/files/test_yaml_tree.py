@@ -56,8 +56,11 @@ def test_scalars_stay_text_and_lines_are_known():
     ("text", "faults"),
     [
         ("a: 1\nb: {c: 1, c: {d: 2}}\na: 3\n", [(2, "b.c"), (3, "a")]),
-        # Those inside a duplicate are no faults of their own.
-        ("a: 1\nb: {c: 1}\na: {b: 1, b: 2, c: [{d: 1, d: 2}]}\n", [(3, "a")]),
+        # Also inside a duplicate.
+        (
+            "a: 1\nb: {c: 1}\na: {b: 1, b: 2, c: [{d: 1, d: 2}]}\n",
+            [(3, "a.b"), (3, "a.c[0].d"), (3, "a")],
+        ),
         ("a: 1\nb: {c: 1}\nl: [{c: 0, c: 1}]\n", [(3, "l[0].c")]),
     ],
 )

@@ -152,7 +152,7 @@ def gone_on_with(text: str) -> str | None:
     request, screen = Request(Path("m.yaml"), resume=True), Screen()
     signal.alarm(PATIENCE_S)
     try:
-        session = open_session(request, Path(), Script(["0.1", "k", "q"]), screen)
+        session = open_session(request, Script(["0.1", "k", "q"]), screen)
         with contextlib.closing(session) as dialogue:
             dialogue.greet()
             dialogue.run()

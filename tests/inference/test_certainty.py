@@ -15,7 +15,7 @@ from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose, extend
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Whitened
-from orthoglide_cal.inference.fit import HeldOut, leave_out_cells
+from orthoglide_cal.inference.fit import HeldOut, leave_out, left_out
 from orthoglide_cal.model.cause import Place
 from orthoglide_cal.model.measured import Readings
 from orthoglide_cal.model.model import Model
@@ -107,7 +107,7 @@ def test_an_unfinished_session_is_diagnosed() -> None:
     assert ids(diagnose(some(readings, started), model)) == ["axis_gap"]
     fit = Belief.about(white).fit(("axis_gap",))
     # Predicted from less, and said to be: the errors are as large as stated.
-    assert 0.7 < leave_out_cells(white, fit, fit).ratio < 1.3
+    assert 0.7 < leave_out(fit, left_out(white))[2].ratio < 1.3
 
 
 def test_a_second_cause_that_may_be_chance_is_said_to_be_open() -> None:
@@ -191,7 +191,7 @@ def test_readings_left_out_refute_a_name(monkeypatch: pytest.MonkeyPatch) -> Non
     assert diagnose(readings, model).refuted is None
     held = HeldOut(rms_mm=0.75, ratio=44.0, chance=1e-6)
     module = sys.modules[diagnose.__module__]
-    monkeypatch.setattr(module, "leave_out_cells", lambda *_: held)
+    monkeypatch.setattr(module, "leave_out", lambda *_: (None, None, held))
     found = vars(module)["diagnose"](readings, model)
     assert (found.verdict, found.causes) == (Verdict.UNEXPLAINED, ())
     assert found.refuted.code == "refuted_left_out"

@@ -18,7 +18,7 @@ from orthoglide_cal.files.machine_file import read_machine_file
 from orthoglide_cal.files.session_file import session_of_readings, session_text
 from orthoglide_cal.inference import Diagnosis, Explanation
 from orthoglide_cal.inference import diagnose as analysed
-from orthoglide_cal.inference.candidates import Candidates, Ids
+from orthoglide_cal.inference.data import Candidates, Ids
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.orthoglide import Orthoglide
 from orthoglide_cal.report.case import Case

@@ -17,7 +17,7 @@ from orthoglide_cal.files.input import read_input
 from orthoglide_cal.inference.belief import Belief
 from orthoglide_cal.inference.data import Whitened
 from orthoglide_cal.inference.evidence import Gaussian, NoiseGrid, Texture
-from orthoglide_cal.inference.fit import Fit, leave_out_cells
+from orthoglide_cal.inference.fit import Fit, leave_out, left_out
 from orthoglide_cal.model.measured import DIFFERENCES, DataKind
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import Orthoglide, double_posture
@@ -249,6 +249,6 @@ def test_leaving_a_cell_out_is_refitting_without_it(hidden: str, seed: int, rel:
         for error, covariance in refits(white, fit, cells):
             errors.append(error)
             scaled.append(np.linalg.solve(np.linalg.cholesky(covariance), error))
-        held_out = leave_out_cells(white, fit, accepted)
+        held_out = leave_out(fit, left_out(white, accepted.wrong_readings))[2]
         assert held_out.rms_mm == pytest.approx(rms(np.concatenate(errors)), rel=rel)
         assert held_out.ratio == pytest.approx(rms(np.concatenate(scaled)), rel=rel)

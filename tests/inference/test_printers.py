@@ -14,8 +14,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.files.input import Input, read_input, together
 from orthoglide_cal.files.machine_file import machine_from_text, machine_text
 from orthoglide_cal.inference import Diagnosis, Verdict, diagnose, extend
-from orthoglide_cal.inference.candidates import Candidates
-from orthoglide_cal.inference.data import Linearised, Whitened
+from orthoglide_cal.inference.data import Candidates, Linearised, Whitened
 from orthoglide_cal.inference.fit import fit_hypothesis
 from orthoglide_cal.inference.hypothesis import Hypothesis
 from orthoglide_cal.inference.prediction import predict_later

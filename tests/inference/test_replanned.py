@@ -5,8 +5,7 @@ import pytest
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.inference import data, diagnose
-from orthoglide_cal.inference.candidates import Candidates
-from orthoglide_cal.inference.data import Linearised, Whitened
+from orthoglide_cal.inference.data import Candidates, Linearised, Whitened
 from orthoglide_cal.inference.decision import decide
 from orthoglide_cal.inference.fit import fit_hypothesis
 from orthoglide_cal.inference.hypothesis import score_all

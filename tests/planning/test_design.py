@@ -15,11 +15,10 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
 from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model
-from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide, double_posture, visiting
+from orthoglide_cal.model.orthoglide import OFFSET_MM, Orthoglide
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning.design import design_of, readings_needed
-from orthoglide_cal.planning.forecast import forecast, session_of
-from orthoglide_cal.planning.plan import Wanted, measurement_plan
+from orthoglide_cal.planning.design import design_of
+from orthoglide_cal.planning.plan import Wanted, forecast, measurement_plan, session_of
 from orthoglide_cal.planning.separation import Separations, separations
 from orthoglide_cal.planning.steps import MeasuringProtocol
 from tests import truth
@@ -70,18 +69,12 @@ def test_no_postures_along_the_legs_do_better(machine: Machine) -> None:
 @both_models
 def test_it_takes_at_most_65_percent_of_the_readings(model: Model) -> None:
     """For the same variance of the worst offset; test_forecast finds these by Monte Carlo."""
-    displacements, gauge_at = design_of(model.machine)
-    plans = [visiting(displacements * 5, gauge_at), double_posture(model.machine, 3)]
-    share = readings_needed(model, plans[0]) / readings_needed(model, plans[1])
-    assert share <= 0.65
     forecasts = (
         forecast(sure(model), protocol, cycles)
         for protocol, cycles in ((MeasuringProtocol.BEST, 5), (MeasuringProtocol.DOUBLE, 3))
     )
     costs = [max(each.noise_std_mm.values()) ** 2 * len(each.plan) for each in forecasts]
-    assert costs[0] / costs[1] == pytest.approx(share, rel=0.01)
-    best = measurement_plan(model, Wanted()).design
-    assert best.share_of_readings == pytest.approx(share, rel=1e-12)
+    assert costs[0] / costs[1] <= 0.65
 
 
 def test_limits_of_nothing_let_nothing_be_seen() -> None:

@@ -12,8 +12,12 @@ from orthoglide_cal.model.linear_delta import LinearDelta, ProbePlan, mixed, rin
 from orthoglide_cal.model.machine import SimulationOptions
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
-from orthoglide_cal.planning.forecast import SessionForecast
-from orthoglide_cal.planning.plan import MeasurementPlan, Wanted, measurement_plan
+from orthoglide_cal.planning.plan import (
+    MeasurementPlan,
+    SessionForecast,
+    Wanted,
+    measurement_plan,
+)
 from orthoglide_cal.planning.separation import separations
 from tests.decisions import new_plan
 from tests.estimation.sessions import solved

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.cli.plan import write_program
-from orthoglide_cal.errors import InvalidFileError
+from orthoglide_cal.errors import InputError
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.program import posture_program
@@ -348,7 +348,7 @@ def test_a_template_that_cannot_be_used_is_refused(fault: str, tmp_path: Path) -
     old, new, line, said = (part.strip().replace(r"\n", "\n") for part in fault.split("|"))
     template = default_template()
     assert old in template
-    with pytest.raises(InvalidFileError, match=said) as caught:
+    with pytest.raises(InputError, match=said) as caught:
         gcode(tmp_path, template=template.replace(old, new))
     assert str(caught.value.file).endswith("template.nc")
     assert not line or caught.value.line == int(line)

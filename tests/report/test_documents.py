@@ -10,18 +10,16 @@ import numpy as np
 import pytest
 
 from orthoglide_cal.files.machine_file import machine_text, read_machine_file
-from orthoglide_cal.planning.plan import Wanted, measurement_plan
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import solution_document
 from orthoglide_cal.report.documents.calibration import calibration_document
-from orthoglide_cal.report.documents.plan import plan_document
 from orthoglide_cal.report.documents.verification import verification_document
 from orthoglide_cal.report.sentences import _SENTENCES
 from orthoglide_cal.results import identify
 from orthoglide_cal.results.verification import verify
 from orthoglide_cal.words import two_figures
-from tests.machines import NOMINAL, ROOT
+from tests.machines import ROOT
 from tests.report.cases import DOCUMENTS, report_of
 from tests.results import cases
 from tests.results.cases import GAPED, case_of
@@ -144,21 +142,6 @@ def test_every_command_to_type_keeps_the_machine_file(make: Callable[[], object]
     typed = re.findall(r"'(orthocal [a-z][^']*)'", repr((page.sheet, page.sections)))
     assert typed
     assert all(" --machine mine.yaml" in each for each in typed)
-
-
-def test_a_way_that_takes_longer_is_shown_as_less_sure() -> None:
-    sections = plan_document(measurement_plan(NOMINAL, Wanted())).page().sections
-    (section,) = (s for s in sections if s.title == "Other ways to the same uncertainty")
-    (grid,) = section.blocks
-    assert isinstance(grid, doc.Grid)
-    assert grid.caption
-    (wanted,) = re.findall(r"± ([\d.]+) mm", grid.caption)
-    longer = 0
-    for _, _, reach, needed, readings, *_ in grid.rows:
-        takes_longer = readings == "never" or int(str(needed)) > 3
-        longer += takes_longer
-        assert (float(str(reach)) > float(wanted)) == takes_longer
-    assert longer >= 4
 
 
 def test_reasons_and_sentences_belong_together() -> None:

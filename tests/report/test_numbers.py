@@ -69,7 +69,7 @@ def written(page: str) -> Iterator[tuple[str, str]]:
 
 
 def drawn(case: Case) -> Iterator[float]:
-    """What a table of readings says: measured, − modelled [mm], where; means of repeats [µm]."""
+    """What a table of readings says: measured, − modelled [mm], where; that and means [µm]."""
     cells: dict[object, list[tuple[float, ...]]] = {}
     for row in case.answer.residuals:
         key = row.leg, row.direction, row.end, row.gauge_at, row.part, row.posture
@@ -77,6 +77,7 @@ def drawn(case: Case) -> Iterator[float]:
         left = tuple(row.measured_mm - modelled for modelled in models)
         cells.setdefault(key, []).append(left)
         yield from map(abs, (*left, row.measured_mm, row.modelled_mm))
+        yield from (1000.0 * abs(size) for size in left)
         yield from map(abs, (row.order, row.cycle, row.x_mm or 0.0, row.y_mm or 0.0))
     surfaces: dict[float | None, list[float]] = {}
     for row in case.answer.residuals:

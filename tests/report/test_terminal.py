@@ -9,10 +9,9 @@ from rich.cells import cell_len
 from rich.console import Console
 
 from orthoglide_cal.errors import visible, visible_lines
-from orthoglide_cal.files.table import in_csv
+from orthoglide_cal.files.text import in_csv
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.escape import in_markdown
-from orthoglide_cal.report.markdown import markdown
+from orthoglide_cal.report.markdown import in_markdown, markdown
 from orthoglide_cal.report.terminal import terminal
 from tests.report.cases import DOCUMENTS
 
@@ -112,7 +111,7 @@ def test_every_format_says_the_same(kind):
                 cells = (cell for row in block.rows for cell in row)
                 wanted += [cell for cell in (*cells, *block.head) if isinstance(cell, str)]
             case doc.Figure() if block.plain:
-                wanted.append(block.finding)
+                wanted.append(block.title or "")
             case doc.Notice():
                 wanted.append(block.title)
         wanted += [line for line in lines_of(block) if isinstance(line, str)]
@@ -194,10 +193,10 @@ def test_blank_fields_are_lines_to_write_on():
 
 
 def test_a_picture_that_characters_cannot_show_is_left_out():
-    drawn = doc.Figure("Residuals", "Worst fits x.", (), plain=doc.Listing(["x ██"]))
-    page = of_blocks(doc.Figure("Where gauges stood", "Six places.", ()), drawn)
-    assert shown(page) == "Report: m\n\nResiduals. Worst fits x.\nx ██\n\n"
-    assert "Six" not in markdown(page)
+    drawn = doc.Figure((), title="Residuals", plain=["Worst fits x.", doc.Listing(["x ██"])])
+    page = of_blocks(doc.Figure((), title="Where gauges stood"), drawn)
+    assert shown(page) == "Report: m\n\nWorst fits x.\nx ██\n\n"
+    assert "gauges" not in markdown(page)
     assert "Worst fits x." in markdown(page)
 
 

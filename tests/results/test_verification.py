@@ -49,6 +49,11 @@ def after(applied, seed, **more) -> Input:
     return given(session(TRUE - np.array(applied), seed, **more))
 
 
+def contrasts(first, second, model):
+    """Those of two sessions between which nothing was corrected but offsets."""
+    return shared_contrasts(first, second, model, model, np.zeros(3))
+
+
 def test_the_papers_experiments_two_and_three():
     """Promised 0.20, measured 0.21 (sec. 4.2), and the machine responds as the model says."""
     result = verify(paper(2), paper(3), (-0.53, 0.59, -1.76), limit_mm=0.40)
@@ -96,8 +101,8 @@ def test_intervals_cover_one_in_95_percent_of_healthy_pairs(count, low, high, fa
         applied = rng.uniform(-1.0, 1.0, 3)
         start = rng.uniform(-1.0, 1.0, 3)
         first, second = session(start, 2 * k), session(start - applied, 2 * k + 1)
-        shared = shared_contrasts(first, second, NOMINAL)
-        found = _respond(shared, shared.change, solve(first, NOMINAL).offsets_mm, applied)
+        shared = contrasts(first, second, NOMINAL)
+        found = _respond(shared, solve(first, NOMINAL).offsets_mm, applied)
         inside += found["response"].agrees
         false_changes += found["other_change"].found
         false_answers += found["answer"] is not Behaviour.AS_MODELLED
@@ -122,10 +127,10 @@ def test_what_is_left_is_as_sure_as_solve_says():
         given(session(*one), conditions=warm) for one in ((TRUE, 1), ([0.01, 0.0, -0.02], 2))
     )
     result = verify(first, second, TRUE)
-    for left, told in zip(result.second, answer_to(second).parameters, strict=True):
-        assert (left.found, left.expanded) == (told.found, told.expanded)
+    for left, told in zip(result.parameters.values(), answer_to(second).parameters, strict=True):
+        assert (left.left, left.left_expanded) == (told.found, told.expanded)
     cold = verify(given(first.measured), given(second.measured), TRUE)
-    assert result.second[0].expanded > 1.1 * cold.second[0].expanded
+    assert result.parameters["x"].left_expanded > 1.1 * cold.parameters["x"].left_expanded
 
 
 def test_unequal_sessions_share_what_both_determine():
@@ -311,16 +316,16 @@ STEP = (0.8, 0.0, -0.4)
 def test_what_was_read_in_another_way_is_left_out() -> None:
     """With a step entered, or with a bar turned."""
     (alone, model), (later, _) = known(FIRST), known(LATER)
-    usual = shared_contrasts(alone, later, model)
+    usual = contrasts(alone, later, model)
     stepped, _ = known(again(FIRST, entered=STEP))
-    found = shared_contrasts(stepped, later, model)
+    found = contrasts(stepped, later, model)
     assert found.change == pytest.approx(usual.change, abs=1e-9)
     assert found.covariance == pytest.approx(usual.covariance, abs=1e-9)
 
     # A turned bar is compared with a turned bar.
     turned, _ = known(again(FIRST, turned=1))
-    assert len(shared_contrasts(turned, later, model).change) == len(usual.change)
-    both = shared_contrasts(turned, known(again(LATER, turned=1))[0], model)
+    assert len(contrasts(turned, later, model).change) == len(usual.change)
+    both = contrasts(turned, known(again(LATER, turned=1))[0], model)
     assert len(both.change) == 2 * len(usual.change)
     assert len(both.problem.plan) == 36
     assert sum(both.problem.plan.turned) == 18

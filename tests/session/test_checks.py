@@ -10,7 +10,14 @@ from orthoglide_cal.model.machine import Machine
 from orthoglide_cal.model.model import Model, simulate
 from orthoglide_cal.model.orthoglide import plan_of
 from orthoglide_cal.planning.steps import MeasuringProtocol, SessionStep
-from orthoglide_cal.session.checks import check_number, check_reading, check_repeats, gather
+from orthoglide_cal.session.checks import (
+    check,
+    check_divisions,
+    check_range,
+    check_reading,
+    check_repeats,
+    gather,
+)
 from orthoglide_cal.session.events import Answered, Doubt, Event, Taken, advance
 from orthoglide_cal.session.readings import ReadingsSoFar
 from orthoglide_cal.words import Unit
@@ -163,7 +170,7 @@ def test_numbers_that_the_gauge_cannot_show(
 ) -> None:
     state = state_of([])
     unit = Unit.INCH if inches else Unit.MM
-    question = check_number(read_next(state, steps_of(), 0, 0.0, value), unit)
+    question = check(read_next(state, steps_of(), 0, 0.0, value), unit)
     assert (question.doubt if question else None) == doubt
 
 
@@ -182,9 +189,9 @@ def test_every_question_speaks_in_the_unit_of_the_reading(unit: Unit) -> None:
 
     read = [taken(n, value, n / 5.0) for n, value in enumerate(values, start=1)]
     asked = [
-        check_number(coming([], 0, 12.7), unit),
-        check_number(coming(read[:2], 2, 12.7), unit),
-        check_number(coming([], 0, 0.0137, inches), unit),
+        check_range(coming([], 0, 12.7), unit),
+        check_range(coming(read[:2], 2, 12.7), unit),
+        check_divisions(coming([], 0, 0.0137, inches), unit),
         check_reading(coming(read[:9], 9, values[9] + 0.3), unit),
         check_reading(coming(read[:50], 50, values[50] + 1.0), unit),
         check_repeats(coming(steady, 39, 0.001), unit),
@@ -216,7 +223,7 @@ def test_the_range_is_that_of_the_readings_before(
     before: list[Event], index: int, near: float, far: float
 ) -> None:
     fine, doubtful = (
-        check_number(read_next(state_of(before), steps_of(), index, 0.8, value), Unit.MM)
+        check_range(read_next(state_of(before), steps_of(), index, 0.8, value), Unit.MM)
         for value in (near, far)
     )
     assert fine is None
@@ -288,7 +295,7 @@ def test_fewer_than_one_healthy_session_in_a_hundred_is_ever_questioned(
             false |= gather(now, values[:, now.past].T, values[:, index]).questioned
         for value in values[:20, index].tolist():
             now = read_next(state, steps, index, minutes, value, machine)
-            assert check_number(now, Unit.MM) is None
+            assert check_range(now, Unit.MM) is check_divisions(now, Unit.MM) is None
         state = advance(state, taken(step.number, 0.0, minutes))
     assert false.sum() < 10
 

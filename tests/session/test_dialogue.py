@@ -329,7 +329,7 @@ def test_s_all_ends_the_session_only_after_yes(tmp_path: Path, answer: str) -> N
 def reopened(path: Path, lines: list[str], agreed: bool = True) -> Dialogue:
     dialogue, _, journal = a_dialogue(path, lines, first=opened(cycles=1))
     with closing(journal):
-        dialogue.offer_again(agreed)
+        dialogue.agreed = agreed
         dialogue.run()
         dialogue.publish()
     return dialogue
@@ -369,7 +369,8 @@ def test_skipped_steps_of_another_set_up_bring_its_readings_with_them(tmp_path: 
     answered(path, [*RIGHT[:9], "s cable", *RIGHT[10:25]])
     dialogue, screen, journal = a_dialogue(path, [])
     with closing(journal):
-        dialogue.offer_again(agreed=True)
+        dialogue.agreed = True
+        dialogue.offer_again()
     (retake,) = [e for e in events_of(path) if isinstance(e, Retake)]
     assert retake.steps == tuple(range(1, 26))
     assert "24 earlier readings are taken again" in " ".join(screen.text.split())

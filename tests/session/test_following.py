@@ -73,7 +73,7 @@ def test_what_is_agreed_to_is_what_is_recorded(
 
     monkeypatch.setattr(opening, "planned_next", plan)
     request = Request(tmp_path / "n.yaml", agreed=True, following=str(first))
-    with contextlib.closing(open_session(request, tmp_path, Script([]), Screen())):
+    with contextlib.closing(open_session(request, Script([]), Screen())):
         pass
     ((_, following, _),) = planned
     recorded = events_of(tmp_path / "n.journal")[1]

@@ -29,9 +29,13 @@ from .virtual import readings_of, steps_of
 SIZES = 3.0 ** np.arange(-3, 2)
 
 
-def in_full(plan: GaugePlan, fresh: np.ndarray | None = None) -> Mixture:
-    outlook = PlanForecast(NOMINAL, plan)
-    return outlook.forecast(np.arange(len(plan)), plan.setup, plan.order, plan.hours, fresh=fresh)
+def in_full(plan: GaugePlan, fresh: np.ndarray | None = None, model: Model = NOMINAL) -> Mixture:
+    rows = np.arange(len(plan))
+    fresh = 0 * rows if fresh is None else fresh
+    noise = model.machine.instrument.noise_mm
+    return PlanForecast(model, plan).forecast(
+        rows, plan.setup, plan.order, plan.hours, fresh, noise
+    )
 
 
 def timed_plan(count: int = 60) -> GaugePlan:
@@ -96,9 +100,9 @@ def test_a_selection_is_the_forecast_of_that_part(cause: str | None) -> None:
     model, whole = NOMINAL.extended(effects), timed_plan()
     rows, order = rng.permutation(60)[:25], np.arange(25)
     setup, hours = rng.integers(0, 6, 25), np.sort(rng.uniform(0.0, 1.0, 25))
-    selected = PlanForecast(model, whole).forecast(rows, setup, order, hours, sigma_mm=0.02)
+    selected = PlanForecast(model, whole).forecast(rows, setup, order, hours, 0 * rows, 0.02)
     alone = replace(whole.subset(rows), setup=setup, order=order, hours=hours)
-    exact = PlanForecast(model, alone).forecast(order, setup, order, hours, sigma_mm=0.02)
+    exact = PlanForecast(model, alone).forecast(order, setup, order, hours, 0 * rows, 0.02)
     assert np.array_equal(selected.covariance, exact.covariance)
     assert np.array_equal(selected.means, exact.means)
     assert np.array_equal(selected.means[0, :, 0], simulate(model, np.zeros(3), alone))
@@ -151,7 +155,7 @@ def test_the_size_of_the_misfit_is_that_of_crooked_machines(part: str) -> None:
 def test_a_machine_that_can_have_nothing_leaves_offsets_zeros_and_noise() -> None:
     sound = Model(PROTOTYPE.changed(tolerances=dict.fromkeys(CAUSES, 0.0)))
     plan, values = timed_plan(30), np.array(readings_of(steps_of()[:30], 4))
-    found = PlanForecast(sound, plan).forecast(np.arange(30), plan.setup, plan.order, plan.hours)
+    found = in_full(plan, model=sound)
     assert np.all(found.covariance == found.covariance[0])
     prediction = found.given(values[:29, None], np.arange(29), np.array([29]))
     assert PROTOTYPE.gauge.noise_mm < prediction.std.item() < 2.0 * PROTOTYPE.gauge.noise_mm

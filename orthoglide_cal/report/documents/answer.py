@@ -30,7 +30,7 @@ from orthoglide_cal.report.case import (
     size_words,
     sizes_words,
 )
-from orthoglide_cal.report.documents.pictures import brief_residuals, named, residual_blocks
+from orthoglide_cal.report.documents.pictures import brief_residuals, residual_blocks
 from orthoglide_cal.report.sentences import SOURCES, pattern_name, pattern_words
 from orthoglide_cal.report.terminal import fitting
 from orthoglide_cal.results import RETAKE, Answer, Parameter, recording
@@ -166,12 +166,13 @@ def _diagnosis_screen(case: Case, begun: doc.Page) -> doc.Page:
     it = "them" if len(answer.causes) + len(answer.beyond) > 1 else "it"
     causes = f" with {it}" * bool(answer.named or answer.patterns)
     parameters = f"{case.words.many.capitalize()}{causes}: {found}."
-    decisive, left = [*_sizes(case), parameters, *open_blocks(case)], [_rms_grid(case)]
+    decisive: list[doc.Block] = [*_sizes(case), parameters, *open_blocks(case)]
+    left = [_rms_grid(case)]
     if undecided:
         decisive, left = [_open_grid(case)], left * bool(answer.holdout)
 
     def page() -> doc.Page:
-        parts = (decisive, [*left, *baselines], *residuals)
+        parts: list[Sequence[doc.Block]] = [decisive, [*left, *baselines], *residuals]
         last = doc.next_steps([*first, *others, *again], *notes, _more(case, "diagnose"))
         return replace(begun, sections=[*(doc.Section(None, *part) for part in parts), last])
 
@@ -204,24 +205,20 @@ def _details(case: Case) -> Iterator[doc.Section]:
     yield from evidence(case)
 
 
-def evidence(case: Case, when: str = "") -> Iterator[doc.Section]:
-    """What the result rests on: diagnosis, residuals and uncertainty, named by `when`."""
+def evidence(case: Case) -> Iterator[doc.Section]:
+    """What the result rests on: diagnosis, residuals and uncertainty; nothing without one."""
     answer = case.answer
     if not answer.parameters:
         return
-    sections = (
-        doc.Section(
-            "Diagnosis",
-            f"{headline(case).rstrip('.')}.",
-            doc.Facts([*_fit_facts(case)]),
-            *_cause_blocks(case),
-            *_note_blocks(case),
-        ),
-        doc.Section("Residuals (measured − model)", *residual_blocks(case, when)),
-        *budget_sections(case.machine, answer.budget, answer.total),
+    yield doc.Section(
+        "Diagnosis",
+        f"{headline(case).rstrip('.')}.",
+        doc.Facts([*_fit_facts(case)]),
+        *_cause_blocks(case),
+        *_note_blocks(case),
     )
-    for section in sections:
-        yield doc.Section(named(section.title, when), *section.blocks)
+    yield doc.Section("Residuals (measured − model)", *residual_blocks(case))
+    yield from budget_sections(case.machine, answer.budget, answer.total)
 
 
 # --- the decision -----------------------------------------------------------------------------

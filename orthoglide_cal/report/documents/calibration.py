@@ -13,7 +13,7 @@ from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import file_words
 from orthoglide_cal.files.machine_file import machine_values
 from orthoglide_cal.inference import Verdict
-from orthoglide_cal.model.measured import NOZZLE
+from orthoglide_cal.model.measured import NOZZLE, DataKind
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
@@ -95,8 +95,8 @@ def calibration_document(
         if left is not None:
             notice = verification.verification_notice(left)
             advice = verification.verification_steps(left, case.machine_file)
-            drawn = [verification.left_figure(left)] if left.differences else []
-            steps = doc.next_steps(advice, *verification.rule_blocks(left), *drawn)
+            drawn = verification.left_figure(left) if left.differences else None
+            steps = doc.next_steps(advice, *verification.rule_blocks(left), drawn)
             sheet = [verification.parameters_left(left), steps]
         elif released:
             notice = _notice(case)
@@ -105,11 +105,14 @@ def calibration_document(
         else:
             notice, sheet, pages = _notice(case), [*causes, steps], [*rivals, parameters]
         sheet += [*frame.sheet, *map(_other, case.others)]
-        both = [(after, "as left"), (case, "as found")] if after else [(case, "")]
-        for measured, when in both:
-            pages += [*evidence(measured, when), _conditions(measured, when)]
+        both = [(after, ", as left"), (case, ", as found")] if after else [(case, "")]
+        for one, when in both:
+            sections = *evidence(one), _conditions(one)
+            pages += [doc.Section(f"{part.title}{when}", *part.blocks) for part in sections]
         pages += [*_workspace(case, left, limit_mm), _origin(case, identity, left)]
-        pages += [pictures.readings_table(*of) for of in both if of[0].answer.parameters]
+        for one, when in both:
+            if one.answer.input.kind == DataKind.READINGS:  # differences stand among the residuals
+                pages.append(doc.Section(f"Appendix: readings{when}", pictures.readings_table(one)))
         if not answer.parameters:  # nothing to pin to the machine: one sheet of paper says it all
             sheet, pages = [*sheet, *pages], []
         authorised = machine.report.authorised_by
@@ -165,7 +168,7 @@ def _causes(case: Case) -> Iterator[doc.Section]:
         if cause.remedy.rstrip(".") not in advised:
             blocks.append(f"{'If so: ' * undecided}{cause.remedy}")
         title = f"Possible: {title}" if undecided else capitalized(title)
-        yield doc.Section(title, *blocks, *pictures.cause_figure(case, cause))
+        yield doc.Section(title, *blocks, pictures.cause_figure(case, cause))
 
 
 def _rivals(case: Case) -> Iterator[doc.Section]:
@@ -176,8 +179,7 @@ def _rivals(case: Case) -> Iterator[doc.Section]:
         if id in words and (sketch := pictures.cause_sketch(case, id, sizes)):
             cause = words.pop(id)
             text = f"How to check: {cause.instrument}. If so: {cause.advice}"
-            lines = *cause_sizes(id, sizes), text
-            yield doc.Section(f"Or: {cause.title} ({id})", *lines, sketch)
+            yield doc.Section(f"Or: {cause.title} ({id})", *cause_sizes(id, sizes), text, sketch)
     lines = (f"{one.title} ({id}). How to check: {one.instrument}." for id, one in words.items())
     yield doc.Section("Also possible", *map(capitalized, lines))
 
@@ -208,40 +210,39 @@ def _workspace(
         return f"{two_figures(size_mm)} mm, at {position_words(tool_mm, 0)}"
 
     lead = f"As found: up to {up_to(before.before_mm, before.worst_before_mm)}."
-    if after is not None:
-        lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
-    else:
-        why = ", from uncertainty alone."
+    if after is None:
+        lead += f" Expected: at most {up_to(before.after_mm, before.worst_after_mm)}"
         if causes := " and ".join(cause.id for cause in case.known):
-            left_mm = two_figures(before.left_mm)
-            why = f"; {left_mm} mm of that comes from {causes}, which offsets do not remove."
-        lead += f" Expected: at most {up_to(before.after_mm, before.worst_after_mm)}{why}"
+            lead += f"; {two_figures(before.left_mm)} mm of that comes from {causes},"
+            lead += " which offsets do not remove."
+        else:
+            lead += ", from uncertainty alone."
         if timed := " and ".join(cause.id for cause in case.known if cause.timed):
             lead += f" Not included: the effect of {timed}, which depends on time or path."
+    else:
+        lead += f" Measured afterwards: up to {up_to(after.before_mm, after.worst_before_mm)}."
     low, high = (plain(edge, 0) for edge in before.cube_mm)
-    maps = figures.workspace_maps(before, after, limit_mm)
     key = f"○ worst point. Cube {low} to {high} mm along x, y and z, within the joint limits."
-    if limit_mm is not None:
-        key += f" Dotted: {limit_mm:g} mm."
-    figure = doc.Figure(None, "", maps, key=key)
-    yield doc.Section("Tool-position error over the workspace", lead, figure)
+    key += "" if limit_mm is None else f" Dotted: {limit_mm:g} mm."
+    maps = doc.Figure(figures.workspace_maps(before, after, limit_mm), key=key)
+    yield doc.Section("Tool-position error over the workspace", lead, maps)
 
 
 # --- conditions and origin --------------------------------------------------------------------
 
 
-def _conditions(case: Case, when: str) -> doc.Section:
+def _conditions(case: Case) -> doc.Section:
     """How it was measured, and where the gauges stood; blank where not given."""
     given, machine, answer = case.given.conditions, case.machine, case.answer
     gauge, noise = machine.instrument, machine.vocabulary.noise
     rows: list[tuple[str, doc.Blank]] = [
-        ("Protocol", None if given.protocol is None else doc.given(given.protocol)),
+        ("Protocol", given.protocol and doc.given(given.protocol)),
         ("Started", moment(given.started)),
         ("Finished", moment(given.finished)),
     ]
-    # Temperatures stand under the verdict.
-    remarks = ((name, text) for name, text in given.environment if "temperature" not in name)
-    rows += [(name.replace("_", " "), doc.given(text)) for name, text in remarks]
+    for name, text in given.environment:
+        if "temperature" not in name:  # they stand under the verdict
+            rows.append((name.replace("_", " "), doc.given(text)))
     if case.given.is_session:
         rows += [("Readings replaced", str(given.retaken)), ("Steps left out", str(given.skipped))]
     # Blanks are for those who write down how it was.
@@ -254,15 +255,14 @@ def _conditions(case: Case, when: str) -> doc.Section:
         for row in answer.residuals
         if row.leg and row.direction and row.gauge_at is not None
     }
-    blocks: list[doc.Block] = [doc.Facts(rows)]
+    drawn, notes = None, given.notes[:_MOST_NOTES] if answer.parameters else ()
     if places:
-        drawn = figures.machine_sketch(machine.leg_mm, machine.limits_mm, sorted(places))
+        sketch = figures.machine_sketch(machine.leg_mm, machine.limits_mm, sorted(places))
         key = "○ dial: its reading grows when the leg moves towards it."
-        blocks.append(doc.Figure("Where the gauges stood", "", (drawn,), columns=0, key=key))
-    if given.notes and answer.parameters:
-        notes = [(str(line), doc.given(note)) for line, note in given.notes[:_MOST_NOTES]]
-        blocks.append(doc.Grid(("line", "note"), notes, words=(0, 1), caption="Notes at readings."))
-    return doc.Section(f"Conditions and {noise}s", *blocks)
+        drawn = doc.Figure([sketch], 0, key, "Where the gauges stood")
+    rows_of_notes = [(str(line), doc.given(note)) for line, note in notes]
+    grid = doc.Grid(("line", "note"), rows_of_notes, (0, 1), "Notes at readings.")
+    return doc.Section(f"Conditions and {noise}s", doc.Facts(rows), drawn, grid)
 
 
 def _origin(case: Case, identity: Identity, left: Verification | None) -> doc.Section:

@@ -44,14 +44,17 @@ def history_document(history: History, machine_file: Path | None = None) -> doc.
     see = command("solve", history.sessions[-1].path, machine=machine_file)
     says = partial(sentence, machine=history.newest)
     steps = doc.Instruction(says(history.next)), doc.Instruction("See the last session", see)
-    notes = [*map(says, history.notes)]
-    page, screen = partial(_page, history, notes, steps), partial(_screen, history, notes, steps)
-    return doc.Document(partial(history.model_dump, mode="json", context=says), page, screen)
-
-
-def _screen(history: History, notes: Sequence[str], steps: Sequence[doc.Instruction]) -> doc.Page:
-    """As many sessions as a screen has lines for, three at least: the ends, those at changes."""
     more = "More: the same with --details, or as a page: --html history.html"
+    notes = [*map(says, history.notes)]
+    return doc.Document(
+        partial(history.model_dump, mode="json", context=says),
+        partial(_page, history, notes, doc.next_steps(steps)),
+        partial(_screen, history, notes, doc.next_steps(steps, more)),
+    )
+
+
+def _screen(history: History, notes: Sequence[str], steps: doc.Section) -> doc.Page:
+    """As many sessions as a screen has lines for, three at least: the ends, those at changes."""
     last = len(history.sessions) - 1
     around = (k for change in reversed(history.changes) for k in (change.at, change.at + 1))
     wanted = [*dict.fromkeys((last, 0, *around, *range(last - 1, 0, -1)))]
@@ -59,18 +62,15 @@ def _screen(history: History, notes: Sequence[str], steps: Sequence[doc.Instruct
 
     def page() -> doc.Page:
         table = doc.Section(None, _table(history, {*kept, *others}), *notes[:3])
-        sections = table, doc.next_steps(steps, more)
         notice, simulated = _notice(history), history.simulated
-        return doc.Page("History", notice=notice, sections=sections, simulated=simulated)
+        return doc.Page("History", notice=notice, sections=(table, steps), simulated=simulated)
 
     return fitting(page, others)
 
 
-def _page(history: History, notes: Sequence[str], steps: Sequence[doc.Instruction]) -> doc.Page:
-    notes = [
-        *notes,
-        f"The next session is expected to find: {_sizes(history.prediction)} (95 %).",
-    ]
+def _page(history: History, notes: Sequence[str], steps: doc.Section) -> doc.Page:
+    expected = f"The next session is expected to find: {_sizes(history.prediction)} (95 %)."
+    notes = [*notes, expected]
     for count, expanded in history.further.items():
         pairs = zip(history.pooled, expanded, strict=True)
         known = ", ".join(f"{size.name} {two_figures(u)}" for size, u in pairs)
@@ -80,7 +80,7 @@ def _page(history: History, notes: Sequence[str], steps: Sequence[doc.Instructio
         simulated=history.simulated,
         title=history.machine,
         notice=_notice(history),
-        sheet=[doc.Section("From session to session", _courses(history)), doc.next_steps(steps)],
+        sheet=[doc.Section("From session to session", _courses(history)), steps],
         sections=[
             doc.Section("Residuals of the touches", *_shapes(history)),
             doc.Section("Sessions", _table(history, {*range(len(history.sessions))}), *notes),
@@ -90,18 +90,16 @@ def _page(history: History, notes: Sequence[str], steps: Sequence[doc.Instructio
 
 def _notice(history: History) -> doc.Notice:
     """The verdict, its numbers, and what is open."""
-    lines = []
+    title, lines = "", list[str]()
     for change in history.changes[: -_TOLD - 1 : -1]:
         when = f"{_label(history, change.at)} and {_label(history, change.at + 1)}"
         lines.append(f"Changed between {when}: {_sizes(change.parameters, ' by')}")
     if (earlier := len(history.changes) - _TOLD) > 0:
         lines.append(f"{counted(earlier, 'earlier change')}, marked in the table")
-    rates = []
-    for rate in history.drift:
-        rates.append(rate.name)
-        if history.dated:
-            rates[-1] += f" {_rate(rate)} {unit_words(rate.unit)} in {_MONTH:g} days"
-    lines += [f"Drifting: {', '.join(rates)}"] if rates else []
+    if history.drift and history.dated:
+        lines.append(f"Drift in {_MONTH:g} days: {_sizes(_in_a_month(history))}")
+    elif history.drift:
+        lines.append(f"Drifting: {', '.join(rate.name for rate in history.drift)}")
     if history.scatter:
         sizes = (f"{size.name} {plain(size.std, 3)} {size.unit}" for size in history.scatter)
         lines.append(f"Scattering from session to session, one std. dev.: {', '.join(sizes)}")
@@ -122,19 +120,25 @@ def _notice(history: History) -> doc.Notice:
             when = f"{limit.parameter} reaches it on {limit.date} at the earliest (95 %), if the"
             when += " best values are entered now"
         lines.append(f"Limit {limit.limit_mm:g} mm: {when}.")
+    title += f" ({percent(min(history.probability, 0.9999), 1)})"
     refuted = [session.refuted for session in history.sessions if session.refuted]
+    if refuted:
+        first, *others = (sentence(reason, history.newest) for reason in refuted)
+        title, lines = first, [*others, title, *lines]
     good = history.verdict is Trend.UNCHANGED and not refuted
     tone = doc.Tone.GOOD if good else doc.Tone.WARN
     tone = doc.Tone.OPEN if history.ambiguous_with else tone
-    sure = percent(min(history.probability, 0.9999), 1)
-    first = [*(sentence(reason, history.newest) for reason in refuted), f"{title} ({sure})"]
-    return doc.Notice(tone, first[0], (*first[1:], *lines), aside=history.machine)
+    return doc.Notice(tone, title, tuple(lines), aside=history.machine)
 
 
 def _sizes(values: Sequence[Estimate], by: str = "") -> str:
     """ "z by −0.133 ± 0.025 mm"; without those that are negligible against the others."""
     kept = [size for size in values if not by or abs(size.value) > size.expanded] or values
     return sizes_words((f"{e.name}{by}", e.value, e.expanded, e.unit) for e in kept)
+
+
+def _in_a_month(history: History) -> list[Estimate]:
+    return [r.changed(value=_MONTH * r.value, std=_MONTH * r.std) for r in history.drift]
 
 
 def _label(history: History, at: int) -> str:
@@ -197,13 +201,14 @@ def _courses(history: History) -> doc.Figure:
     # A label is written where it changes and has room.
     new = [k for k in range(len(labels)) if k == 0 or labels[k] != labels[k - 1]]
     dates = [*below([places[k] for k in new], [labels[k] for k in new], bottom + 18.0)]
+    drift = _in_a_month(history) if history.dated else []
     panels = []
     for k, now in enumerate(history.pooled):
         rows = [(s.parameters[k].value, s.own_expanded[k], s.fitted[k]) for s in history.sessions]
         changes = [(c.at, size) for c in history.changes for size in c.parameters]
         gaps = [(at, size) for at, size in changes if size.name == now.name]
-        numbers = [with_uncertainty(size.value, size.expanded) for _, size in gaps]
-        numbers += [_rate(e) for e in history.drift if e.name == now.name and history.dated]
+        moves = [size for _, size in gaps] + [rate for rate in drift if rate.name == now.name]
+        numbers = [with_uncertainty(size.value, size.expanded) for size in moves]
         limit = [history.limit.limit_mm] if history.limit and now.unit == "mm" else []
         edges = [now.value + side for size in limit for side in (-size, size)]
         ends = [*edges, *(value + side for value, half, _ in rows for side in (-half, half))]
@@ -231,23 +236,21 @@ def _courses(history: History) -> doc.Figure:
     if history.changes or history.drift:
         key += f" Number above: last change, or drift in {_MONTH:g} days, ± U (95 %)."
     key += " Dashed: the limit around the best value now." if history.limit else ""
-    return doc.Figure(None, "", panels, key=key)
-
-
-def _rate(rate: Estimate) -> str:
-    """A drift in a month."""
-    return with_uncertainty(_MONTH * rate.value, _MONTH * rate.expanded)
+    return doc.Figure(panels, key=key)
 
 
 def _shapes(history: History) -> Iterator[doc.Figure]:
     """The bed as the parameters leave it: first, last; difference where the places are the same."""
     if not history.shapes:
         return
-    (place, first, bed), (other, last, _) = history.shapes
+    (place, first), (other, last) = history.shapes
+    bed = history.newest.bed
     largest = 1000.0 * max(float(np.abs(left).max()) for left in (first, last))
-    maps = figures.bed_maps("first", place, {"": first}, bed, largest)
-    maps += figures.bed_maps("last", other, {"": last}, bed, largest)
+    maps = [
+        figures.bed_map("first", place, first, bed, largest),
+        figures.bed_map("last", other, last, bed, largest),
+    ]
     if np.array_equal(place, other):
-        maps += figures.bed_maps("difference", place, {"": last - first}, bed, largest)
+        maps.append(figures.bed_map("difference", place, last - first, bed, largest))
     key = f"All on one scale, up to {largest:.0f} µm. Ringed: what stands out."
-    yield doc.Figure(None, "", maps, columns=2, key=key)
+    yield doc.Figure(maps, 2, key)

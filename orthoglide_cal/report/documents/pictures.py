@@ -1,7 +1,10 @@
-"""Residuals, in characters for a terminal and as figures for a page."""
+"""What was measured and what is left of it, as figures for a page and in characters; each cause
+drawn.
+"""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import chain, pairwise, zip_longest
 
 import numpy as np
 
@@ -13,10 +16,11 @@ from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.model.readings import AXES, Series
 from orthoglide_cal.report import document as doc
 from orthoglide_cal.report import figures
-from orthoglide_cal.report.case import Case, comparison_words, position_words, size_words
-from orthoglide_cal.report.escape import Html
+from orthoglide_cal.report.case import Case, comparison_words, position_words
+from orthoglide_cal.report.escape import Html, tag
+from orthoglide_cal.report.figures import Scale, below, line, mark, points, thread, words
 from orthoglide_cal.report.sentences import pattern_name, pattern_words
-from orthoglide_cal.results.answer import Answer, Residual
+from orthoglide_cal.results.answer import Residual
 from orthoglide_cal.words import plain, short, signed
 
 # Below the signs of a bed.
@@ -36,117 +40,253 @@ _OVER = {
 }
 _CELLS = 17  # of a bed in signs, along x and along y
 
+# --- differences -------------------------------------------------------------------------------
 
-def brief_residuals(case: Case) -> list[doc.Block]:
-    """What is left in characters; nothing where a screen has no room."""
-    if case.answer.input.kind != DataKind.READINGS:
-        return [_differences(case)]
-    if _on_bed(case.answer):
-        return []
-    title, grid = _by_leg(case)
-    many = len(grid.rows) > _MOST_SERIES or len(grid.head) > _MOST_SERIES + 2
-    return [] if many else [title, grid]
+_WIDE, _TOP, _ROW = 356.0, 24.0, 22.0  # of a picture with a line for each difference
+
+# Name, found, expected, U of the last, measured (None if nothing was yet) [mm].
+Deviation = tuple[str, float, float, float, float | None]
 
 
 def differences_figure(
-    rows: Sequence[figures.Deviation],
+    rows: Sequence[Deviation],
     rms_mm: Sequence[float],
     single: bool,
     limit_mm: float | None,
     outcomes: Sequence[str] = (),
 ) -> doc.Figure:
-    """Each difference on one axis: as found, as expected, as left.
+    """A row for each difference: as found ○ → expected ■ → as left ●, with U of the last.
 
     Args:
         rows: the differences.
         rms_mm: of all as found, expected and left.
         single: they are of the tool end against the joint end.
         limit_mm: largest deviation allowed; None where nobody said.
-        outcomes: by the limit, of each that was measured afterwards.
+        outcomes: by the limit, of each that was measured afterwards; below the names.
     """
-    names, found, expected, reach, last = zip(*rows, strict=True)
-    measured = last[0] is not None
-    sizes = {"found": found, "expected": expected, **({"as left": last} if measured else {})}
+    names, first, expected, expanded, after = zip(*rows, strict=True)
+    measured = after[0] is not None
+    sizes = {"found": first, "expected": expected, **({"as left": after} if measured else {})}
+    (*_, (head, last)) = sizes.items()
     columns: dict[str, Sequence[doc.Blank]] = {"": names}
-    columns |= {head: [signed(mm, 3) for mm in values] for head, values in sizes.items()}
-    columns["± U"] = [plain(mm, 3) for mm in reach]
+    columns |= {when: [signed(mm, 3) for mm in values] for when, values in sizes.items()}
+    columns["± U"] = [plain(mm, 3) for mm in expanded]
     if outcomes:
         columns["limit"] = outcomes
+    limits = [] if limit_mm is None else [-limit_mm, limit_mm]
+    # Columns of numbers, by their right edges.
+    edges = [194.0, 252.0, _WIDE - 2.0] if measured else [_WIDE - 108.0, _WIDE - 2.0]
+    left, high = (70.0, _ROW + 5.0) if outcomes else (42.0, _ROW)
+    reach = [*np.subtract(last, expanded), *np.add(last, expanded), *limits, -0.02, 0.02]
+    across = Scale.around([*first, *expected, *reach], left, edges[0] - 46.0)
+    top, bottom = _TOP - 4.0, _TOP + high * len(rows)
+    places, kinds, texts = zip(*across.ticks(), strict=True)
+    parts = [
+        *(
+            figures.rectangle(across(a), top, across(b) - across(a), bottom - top, "allowed")
+            for a, b in pairwise(limits)
+        ),
+        *(line((x, top), (x, bottom), kind) for x, kind in zip(places, kinds, strict=True)),
+        *below(places, texts, bottom + 14),
+        words((across.start + across.end) / 2, bottom + 28, "mm", "middle", "muted"),
+    ]
+    for x, when in zip(edges, sizes, strict=True):
+        parts.append(words(x, 12, f"{when} ± U" if when == head else when, "end", "muted"))
+    listed = []
+    for k, (name, value, half) in enumerate(zip(names, last, expanded, strict=True)):
+        y = _TOP + high * (k + 0.5)
+        start, stop, *marks = (across(values[k]) for values in sizes.values())
+        ends = across(value - half), across(value + half)
+        numbers = [signed(values[k], 3) for values in sizes.values()]
+        numbers[-1] += f" ± {plain(half, 3)}"
+        listed.append(f"{name} {', '.join([*numbers, *outcomes[k : k + 1]])}")
+        parts += [
+            words(2, y + (-2 if outcomes else 4), name, class_="strong"),
+            *(words(2, y + 10, outcome) for outcome in outcomes[k : k + 1]),
+            *(words(x, y + 4, text, "end") for x, text in zip(edges, numbers, strict=True)),
+            tag(
+                "g",
+                line((start, y), (stop, y), "thread"),
+                line((ends[0], y), (ends[1], y), "whisker"),
+                *(line((x, y - 5), (x, y + 5), "whisker") for x in ends),
+                mark(start, y, 0, "mark open", 5.0),
+                mark(stop, y, 2, "mark", 4.2),
+                *(mark(x, y, 0, "mark", 4.6) for x in marks),
+                class_=f"c-{name.partition('_')[2][:1]}",
+            ),
+        ]
+    seen = f"{', '.join(sizes).capitalize()}, mm: {'; '.join(listed)}."
+    title = "Differences, before and after"
+    picture = figures.svg(_WIDE, bottom + 30.0, title, seen, parts)
     kind, meaning = comparison_words(single)
     key = "○ as found → ■ expected" + (" → ● as left" if measured else " once entered")
     key += f", with U (95 %). {meaning}"
     if limit_mm is not None:
         key += f" Dashed: the limit, ±{limit_mm:g} mm."
-    title = f"Differences of readings, {kind}, mm"
-    finding = f"r.m.s. {' → '.join(plain(size, 3) for size in rms_mm)}."
-    picture = figures.deviation_rows(rows, limit_mm, outcomes)
-    return doc.Figure(title, finding, [picture], 0, key, doc.Grid.of(columns))
+    whole = f"Differences, {kind}: r.m.s. "
+    whole += f"{' → '.join(plain(size, 3) for size in rms_mm)} mm."
+    return doc.Figure([picture], 0, key, whole, [whole, doc.Grid.of(columns)])
 
 
-def residual_blocks(case: Case, when: str = "") -> list[doc.Block]:
-    """Measured − modelled without and with the causes, in figures and characters.
+# --- residuals ---------------------------------------------------------------------------------
 
-    `when` tells two measurements on one page apart.
-    """
-    answer, sigma = case.answer, case.machine.instrument.noise_mm
-    if answer.input.kind != DataKind.READINGS:
-        return [_differences(case)]
-    rows, left = answer.residuals, _left(case)
-    known = (pattern for pattern in answer.patterns if pattern.accepted)
-    beyond = [_pattern_figure(case, pattern, number, when) for number, pattern in enumerate(known)]
-    if not _on_bed(answer):
+
+def brief_residuals(case: Case) -> list[doc.Block]:
+    """What is left in characters; nothing where a screen has no room."""
+    if case.answer.input.kind != DataKind.READINGS:
+        return [readings_table(case)]
+    if _on_bed(case):
+        return []
+    title, grid = _by_leg(case)
+    many = len(grid.rows) > _MOST_SERIES or len(grid.head) > _MOST_SERIES + 2
+    return [] if many else [title, grid]
+
+
+def residual_blocks(case: Case) -> Iterator[doc.Block]:
+    """Measured − modelled without and with the causes, in figures and characters."""
+    left = _left(case)
+    accepted = (pattern for pattern in case.answer.patterns if pattern.accepted)
+    yield from (_pattern_figure(case, pattern, n) for n, pattern in enumerate(accepted))
+    if _on_bed(case):
+        measured = np.array([row.measured_mm for row in case.answer.residuals])
+        maps, signs = [], list[str]()
+        for title, touches, place_mm in _surfaces(case):
+            # Without their mean: the first layer's height is set apart.
+            mean_mm = measured[touches].mean()
+            models = {f"after, {model}": values for model, values in left.items()}
+            for model, values in {"before": measured - mean_mm, **models}.items():
+                heading = f"{model}{title}"
+                maps.append(figures.bed_map(heading, place_mm, values[touches], case.machine.bed))
+                if model in models:
+                    sigma_mm = case.machine.instrument.noise_mm
+                    signs += [f"{heading}:", *_signs(place_mm, values[touches], sigma_mm)]
+        plain = doc.Listing((*signs, *_BED_LEGEND))
+        yield doc.Figure(maps, 2, f"Each map has its own scale. {_RINGED}", plain=[plain])
+    elif case.answer.input.kind == DataKind.READINGS:
         key = "Cycle 1 ●, 2 ▲, 3 ■, 4 ◆. Band: gauge's noise (95 %)."
         key = f"Open: {', filled: '.join(left)}. {key}" if len(left) > 1 else key
-        panels = figures.reading_panels(named("Residuals", when), rows, left, noise_mm=sigma)
-        title, grid = _by_leg(case)
-        return [*beyond, doc.Figure(None, "", panels, key=key, plain=replace(grid, caption=title))]
-    bed, places = case.machine.bed, _places(answer)
-    measured = np.array([row.measured_mm for row in rows])
-    blocks: list[doc.Block] = []
-    for title, touches in _surfaces(answer).items():
-        # Without their mean: the first layer's height is set apart.
-        shown = {"before": measured[touches] - measured[touches].mean()}
-        shown |= {f"after, {model}": values[touches] for model, values in left.items()}
-        maps = figures.bed_maps(title, places[touches], shown, bed)
-        signs = [
-            line
-            for model, values in left.items()
-            for line in (f"{model}:", *_signs(places[touches], values[touches], sigma))
-        ]
-        key = f"Each map has its own scale. {_RINGED}"
-        plain = doc.Listing((*signs, *_BED_LEGEND))
-        blocks.append(doc.Figure(title or None, "", maps, 2, key, plain))
-    return [*beyond, *blocks, _distances(answer)]
+        panels = reading_panels(
+            case.answer.residuals, left, noise_mm=case.machine.instrument.noise_mm
+        )
+        yield doc.Figure(panels, key=key, plain=_by_leg(case))
+    else:
+        yield readings_table(case)
 
 
-def named(title: str | None, when: str) -> str:
-    """A title with when it was measured, if anything was measured again."""
-    return f"{title}, {when}".removesuffix(", ")
+def reading_panels(
+    rows: Sequence[Residual],
+    left_mm: Mapping[str, Floats],
+    title: str = "Residuals",
+    finding: str = "",
+    *,
+    noise_mm: float = 0.0,
+    over: tuple[str, Floats] | None = None,
+    effect_mm: tuple[Floats, Floats] | None = None,
+    shown: Collection[int] = (),
+    ringed: Collection[int] = (),
+) -> list[Html]:
+    """One panel for each gauge, all on one scale: residuals by posture and cycle.
+
+    Args:
+        rows: n readings.
+        left_mm: under one or two models: measured − modelled, shape (n,). The last is filled.
+        title: of the panels; their gauge is added.
+        finding: what one sees, in words; "": the numbers.
+        noise_mm: standard deviation of one reading; the band is twice as high.
+        over: instead of the postures a quantity: its name, and (n,) values; NaN is not drawn.
+        effect_mm: drawn as a line with its U as a band: both of shape (n,).
+        shown: the readings whose gauges have a panel; () for all.
+        ringed: readings that are wrong.
+    """
+    axis, at = over or ("", np.zeros(len(rows)))
+    gauges: dict[str, list[int]] = {}
+    for k, row in enumerate(rows):
+        gauge = "all touches" if row.x_mm is not None else "all differences"
+        gauges.setdefault(series_of(row).words if row.leg else gauge, []).append(k)
+    panels = {
+        gauge: drawn
+        for gauge, every in sorted(gauges.items())
+        if (not shown or {*shown} & {*every})
+        and (drawn := [k for k in every if np.isfinite(at[k])])
+    }
+    width, height = (216.0, 168.0) if rows[0].leg else (328.0, 132.0)
+    places = [" ".join(filter(None, (row.posture, row.end))) for row in rows]
+    band = 2000.0 * noise_mm
+    microns = {model: 1000.0 * values for model, values in left_mm.items()}
+    first, *_, last = [*microns.values()] * 2
+    middle, reach = (1000.0 * values for values in effect_mm or np.zeros((2, len(rows))))
+    low, high = middle - reach, middle + reach
+    ends = np.stack((*microns.values(), low, high))[:, [*chain(*panels.values())]]
+    up = Scale.around([*ends.ravel().tolist(), -band, band], height - 32.0, 26.0)
+    pictures = []
+    for gauge, numbers in panels.items():
+        if over is None:
+            numbers.sort(key=lambda k: (rows[k].displacement_mm or 0.0, places[k]))
+            names = list(dict.fromkeys(places[k] for k in numbers))
+            across = Scale(-0.5, len(names) - 0.5, 40.0, width - 6.0)
+            x = {k: across(names.index(places[k]) + 0.09 * (rows[k].cycle - 2.5)) for k in numbers}
+            ticks = [(across(n), "", name) for n, name in enumerate(names)]
+        else:
+            numbers.sort(key=at.__getitem__)
+            across = Scale.around(at[numbers].tolist(), 40.0, width - 6.0)
+            x, ticks = {k: across(at[k]) for k in numbers}, across.ticks()
+        parts = [figures.rectangle(40.0, up(band), width - 46.0, up(-band) - up(band), "band")]
+        parts = [*parts * bool(band), *figures.upright(up, width, "µm", gauge)]
+        parts += [words(width - 6.0, height - 4.0, axis, "end", "muted")] if axis else []
+        columns, _, texts = zip(*ticks, strict=True)
+        # The words of a posture stand one below the other.
+        for n, row_words in enumerate(zip_longest(*map(str.split, texts), fillvalue="")):
+            parts += below(columns, row_words, up.start + 12.0 * (n + 1) + 1.0)
+        runs: dict[object, list[int]] = {}
+        for k in numbers:
+            run = rows[k].cycle if over is None else (rows[k].part, rows[k].gauge_at)
+            runs.setdefault(run, []).append(k)
+        for ks in runs.values():
+            if effect_mm is not None:
+                edge = [(x[k], up(low[k])) for k in ks] + [(x[k], up(high[k])) for k in ks[::-1]]
+                parts.append(tag("polygon", points=points(edge), class_="band"))
+                parts.append(thread([(x[k], up(middle[k])) for k in ks]))
+            elif over is None:
+                parts.append(thread([(x[k], up(last[k])) for k in ks]))
+        for values in microns.values():
+            style = "mark" if values is last else "mark open"
+            parts += (mark(x[k], up(values[k]), rows[k].cycle - 1, style) for k in numbers)
+        circled = (k for k in numbers if k in ringed)
+        parts += (tag("circle", cx=x[k], cy=up(first[k]), r=9.0, class_="fault") for k in circled)
+        lists = (
+            f"{model}: {', '.join(f'{places[k]} {signed(values[k], 1)}' for k in numbers)}"
+            for model, values in microns.items()
+        )
+        seen = finding or f"Residuals, µm. {'; '.join(lists)}."
+        colour = f"c-{rows[numbers[0]].leg or 'x'}"
+        pictures.append(figures.svg(width, height, f"{title}, {gauge}", seen, parts, colour))
+    return pictures
 
 
-def _pattern_figure(case: Case, pattern: FoundPattern, number: int, when: str) -> doc.Figure:
+def series_of(row: Residual) -> Series:
+    """The leg and direction of a reading."""
+    return Series(AXES.index(row.leg or "x"), AXES.index(row.direction or "x"))
+
+
+def _pattern_figure(case: Case, pattern: FoundPattern, number: int) -> doc.Figure:
     """What a pattern of that number describes, over what it depends on."""
     rows = case.answer.residuals
     column, axis = _OVER.get(pattern.how if rows[0].leg else "", ("minutes", "min"))
     effect = np.array([row.pattern_mm[number] for row in rows])
     reach = np.array([row.pattern_expanded_mm[number] for row in rows])
-    key = (
-        f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: readings without all"
-    )
-    key += " other effects." + " Ringed: wrong, left out." * any(row.wrong for row in rows)
-    panels = figures.reading_panels(
-        named(f"Pattern, over {axis}", when),
+    key = f"Line: the {pattern_name(pattern)}, with U as a band (95 %). Points: readings without"
+    key += " all other effects." + " Ringed: wrong, left out." * any(row.wrong for row in rows)
+    panels = reading_panels(
         rows,
         {"": [*_left(case).values()][-1] + effect},
-        over=_column(rows, column),
-        axis=axis,
+        f"Pattern, over {axis}",
+        pattern_words(case.machine, pattern),
+        over=(axis, _column(rows, column)),
         effect_mm=(effect, reach),
         shown=np.flatnonzero(reach).tolist(),
         ringed=[k for k, row in enumerate(rows) if row.wrong],
-        together="" if rows[0].leg else "all touches",
-        finding=pattern_words(case.machine, pattern),
     )
-    return doc.Figure(None, "", panels, key=key)
+    return doc.Figure(panels, key=key)
 
 
 def _column(rows: Sequence[Residual], name: str) -> Floats:
@@ -154,197 +294,47 @@ def _column(rows: Sequence[Residual], name: str) -> Floats:
     return np.array([getattr(row, name) for row in rows], np.float64)
 
 
-def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure | None:
-    """How the machine differs by a cause of such sizes; None where no drawing shows it."""
-    gaps = {size.name: size.value for size in sizes}
-    drawn = [size for size in seen_parameters(sizes) if set(size.name) <= {*AXES, "_"}]
-    shims = case.answer.shims
-    if moves_rails(id):
-        key = "The rails where they really are, the gaps enlarged. "
-        key += "Arrows: move the mount there." * bool(shims)
-        panel = figures.rails_sketch(gaps, shims)
-    elif drawn and CAUSES[id].unit != PER_HOUR and not _on_bed(case.answer):
-        key = "Dashed: as it should be. Solid: as it is, enlarged."
-        rows = {
-            e.name: (e.value, place_words(e.name), size_words(e.value, e.expanded, e.unit))
-            for e in drawn[:_MOST_DRAWN]
-        }
-        panel = figures.parameter_sketch(id, rows)
-    else:
-        return None
-    return doc.Figure(None, "", (panel,), columns=0, key=key)
-
-
-def moves_rails(id: str) -> bool:
-    """True if the parameters of a cause are gaps between rails."""
-    screws = map(CAUSES[id].adjustment, CAUSES[id].names)
-    return any(screw and screw.along for screw in screws)
-
-
-def cause_figure(case: Case, cause: FoundCause) -> Iterator[doc.Figure]:
-    """A cause as a drawing: how the machine differs by it, or the readings that it spoils."""
-    rows = case.answer.residuals
-    panels: Sequence[Html]
-    if _on_bed(case.answer):
-        if cause != case.answer.causes[0]:
-            return  # one map shows what all of them do
-        (alone, before), *_ = _left(case).items()
-        places = _places(case.answer)
-        panels = [
-            panel
-            for title, at in _surfaces(case.answer).items()
-            for panel in figures.bed_maps(title, places[at], {alone: before[at]}, case.machine.bed)
-        ]
-        key = f"Residuals. {_RINGED}"
-    elif not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
-        yield sketch
-        return
-    else:
-        (alone, before), (both, after) = (left := _left(case)).items()
-        change = np.abs(after - before)
-        wrong = np.flatnonzero(change > 0.5 * change.max()).tolist()
-        minutes, one = _column(rows, "minutes"), wrong if len(wrong) == 1 else []
-        over = minutes if CAUSES[cause.id].timed and np.isfinite(minutes).all() else None
-        readings = case.answer.input.kind == DataKind.READINGS
-        panels = figures.reading_panels(
-            "Residuals",
-            rows,
-            left,
-            noise_mm=case.machine.instrument.noise_mm,
-            over=over,
-            axis="min",
-            shown=wrong,
-            ringed=one,
-            together="" if readings else "all differences",
-        )[:_MOST_GAUGES]
-        key = f"Residuals. Open: {alone}. Filled: {both}." + " Ringed: wrong." * bool(one)
-    yield doc.Figure(None, "", panels, columns=0, key=key)
-
-
-def seen_parameters(sizes: Sequence[Estimate]) -> list[Estimate]:
-    """Parameters of a cause beyond U, or the largest if none is; the largest first."""
-    largest = sorted(sizes, key=lambda size: -abs(size.value))
-    return [size for size in largest if abs(size.value) > size.expanded] or largest[:_MOST_DRAWN]
-
-
-def place_words(name: str) -> str:
-    """Where the parameter of a cause is: "y_x" is "leg x, direction y"."""
-    direction, _, leg = name.partition("_")
-    return Series(AXES.index(leg), AXES.index(direction)).words if leg in AXES else name
-
-
-def readings_table(case: Case, when: str) -> doc.Section:
-    """Every reading as it was written down, and what the model leaves of it, named by `when`."""
-    rows, left = case.answer.residuals, [*_left(case).values()][-1]
-    if _on_bed(case.answer):
-        at = "at"
-        touches = [position_words((e.x_mm or 0.0, e.y_mm or 0.0), 1) for e in rows]
-        places = ["distance" if e.distance else xy for e, xy in zip(rows, touches, strict=True)]
-    elif case.answer.input.kind == DataKind.READINGS:
-        keys = "leg", "direction", "posture", "end", "cycle"
-        names = [key for key in keys if any(getattr(row, key) for row in rows)]
-        at, places = ", ".join(names), [", ".join(str(getattr(e, n)) for n in names) for e in rows]
-    else:
-        at, places = "difference", [row.posture or "" for row in rows]
-    # All with the digits of the longest one: 0.20 is more than 0.2.
-    digits = max(len(short(row.measured_mm, 4).partition(".")[2]) for row in rows)
-    table = [
-        (str(row.order), place, signed(row.measured_mm, digits), signed(mm, 4))
-        for row, place, mm in zip(rows, places, left.tolist(), strict=True)
-    ]
-    grid = doc.Grid(("no.", at, "measured, mm", "left, mm"), table, words=(1,))
-    return doc.Section(named("Appendix: readings", when), grid)
-
-
-def _on_bed(answer: Answer) -> bool:
-    return any(row.x_mm is not None for row in answer.residuals)
+def _on_bed(case: Case) -> bool:
+    return any(row.x_mm is not None for row in case.answer.residuals)
 
 
 def _left(case: Case) -> dict[str, Floats]:
-    """Model → measured − modelled, shape (n,) [mm]."""
-    rows = case.answer.residuals
-    beyond = (
-        f"the {pattern_name(pattern)}" for pattern in case.answer.patterns if pattern.accepted
-    )
-    ids = " and ".join((*(cause.id for cause in case.answer.causes), *beyond))
-    left = {
-        f"{case.words.many} only": np.array([row.measured_mm - row.modelled_mm for row in rows])
-    }
-    if ids:
-        known = ((row.with_causes_mm, row.modelled_mm) for row in rows)
-        modelled = [alone if both is None else both for both, alone in known]
-        left[f"with {ids}"] = np.array([row.measured_mm for row in rows]) - modelled
+    """Model → measured − modelled, shape (n,) [mm]: the parameters alone, and all that is found."""
+    answer, rows = case.answer, case.answer.residuals
+    known = (f"the {pattern_name(pattern)}" for pattern in answer.patterns if pattern.accepted)
+    causes = " and ".join((*(cause.id for cause in answer.causes), *known))
+    measured, alone = _column(rows, "measured_mm"), _column(rows, "modelled_mm")
+    left = {f"{case.words.many} only": measured - alone}
+    if causes:
+        both = _column(rows, "with_causes_mm")
+        left[f"with {causes}"] = measured - np.where(np.isnan(both), alone, both)
     return left
 
 
-# --- touches of a bed -------------------------------------------------------------------------
-
-
-def _places(answer: Answer) -> Floats:
-    """Places of the touches on the bed, shape (n, 2) [mm]."""
-    return np.array([(row.x_mm or 0.0, row.y_mm or 0.0) for row in answer.residuals])
-
-
-def _surfaces(answer: Answer) -> dict[str, list[int]]:
-    """The height of each touched surface, in words where there are several: its touches."""
-    surfaces: dict[float, list[int]] = {}
-    for k, row in enumerate(answer.residuals):
-        if not row.distance:
-            surfaces.setdefault(row.surface_mm or 0.0, []).append(k)
-    return {f"at {mm:g} mm" if len(surfaces) > 1 else "": surfaces[mm] for mm in sorted(surfaces)}
-
-
-def _distances(answer: Answer) -> doc.Grid:
-    """Measured distances, with what the models make of them [mm]."""
-    head = ("distance", "modelled", *(["with causes"] if answer.causes else []))
-    rows = []
-    for row in answer.residuals:
-        if row.distance:
-            sizes = row.measured_mm, row.modelled_mm, row.with_causes_mm or row.modelled_mm
-            rows.append(tuple(signed(mm, 3) for mm in sizes[: len(head)]))
-    return doc.Grid(head, rows, words=(), caption="Distances, mm.")
-
-
-def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> tuple[str, ...]:
-    """Rows of signs, y upwards, of touches (n, 2); blank where nothing was touched.
-
-    What is left of the touches of one cell, (n,), is averaged.
-    """
-    reach = float(np.abs(place_mm).max(initial=1.0)) * (1.0 + 1e-9)
-    cell = np.floor((place_mm / reach + 1.0) / 2.0 * _CELLS).astype(int)
-    number = cell[:, 1] * _CELLS + cell[:, 0]
-    count = np.bincount(number, minlength=_CELLS**2)
-    total = np.bincount(number, weights=left_mm, minlength=_CELLS**2)
-    rows = []
-    for row in reversed(range(_CELLS)):
-        cells = range(row * _CELLS, (row + 1) * _CELLS)
-        texts = [_sign(total[k] / count[k], sigma_mm) if count[k] else " " for k in cells]
-        rows.append(" ".join(texts).rstrip())
-    return tuple(f"  {text}" for text in rows if text)
-
-
-def _sign(left_mm: float, sigma_mm: float) -> str:
-    """The sign of a residual of so many standard deviations."""
-    if abs(left_mm) <= 2.0 * sigma_mm:
-        return "·"
-    large = abs(left_mm) > 4.0 * sigma_mm
-    return ("▲" if large else "+") if left_mm > 0.0 else ("▼" if large else "−")
-
-
-# --- differences, and readings at legs --------------------------------------------------------
-
-
-def _differences(case: Case) -> doc.Grid:
-    """One row per difference: measured, modelled, left without and with the causes [mm]."""
-    answer = case.answer
-    left = _left(case)
-    names = ["left", f"left with the cause{'s' * (len(answer.causes) > 1)}"]
-    rows = []
-    for k, row in enumerate(answer.residuals):
-        sizes = row.measured_mm, row.modelled_mm, *(float(values[k]) for values in left.values())
-        rows.append((row.posture or "", *(signed(mm, 3) for mm in sizes)))
-    head = ("", "measured", "modelled by offsets", *names[: len(left)])
-    return doc.Grid(head, rows, caption=comparison_words(answer.input.kind == DataKind.SINGLE)[1])
+def readings_table(case: Case) -> doc.Grid:
+    """Every reading or difference as it was written down, and what the models leave of it."""
+    rows, left = case.answer.residuals, _left(case)
+    readings = case.answer.input.kind == DataKind.READINGS
+    at, places = "difference", [row.posture or "" for row in rows]
+    if _on_bed(case):
+        touches = [position_words((e.x_mm or 0.0, e.y_mm or 0.0), 1) for e in rows]
+        places = ["distance" if e.distance else xy for e, xy in zip(rows, touches, strict=True)]
+        at = "at"
+    elif readings:
+        keys = "leg", "direction", "posture", "end", "cycle"
+        names = [key for key in keys if any(getattr(row, key) for row in rows)]
+        at, places = ", ".join(names), [", ".join(str(getattr(e, n)) for n in names) for e in rows]
+    # All with the digits of the longest one: 0.20 is more than 0.2.
+    digits = max((len(short(e.measured_mm, 4).partition(".")[2]) for e in rows), default=0)
+    columns = {at: places, "measured, mm": [signed(row.measured_mm, digits) for row in rows]}
+    for model, values in left.items():
+        columns[f"left, {model}"] = [signed(mm, 4) for mm in values.tolist()]
+    if not readings:
+        single = case.answer.input.kind == DataKind.SINGLE
+        return doc.Grid.of(columns, caption=comparison_words(single)[1])
+    if len(left) > 1:  # a long list has room for one of them
+        del columns[f"left, {next(iter(left))}"]
+    return doc.Grid.of({"no.": [str(row.order) for row in rows], **columns}, (1,))
 
 
 def _by_leg(case: Case) -> tuple[str, doc.Grid]:
@@ -353,17 +343,13 @@ def _by_leg(case: Case) -> tuple[str, doc.Grid]:
     postures = list(dict.fromkeys(row.posture or "" for row in rows))
     several, parts = len({row.gauge_at for row in rows}) > 1, len({row.part for row in rows}) > 1
     cells: dict[str, dict[str, list[int]]] = {}
-    keys = [
-        (figures.series_of(row), row.end or "", row.gauge_at or 0.0, row.part or 1, row.order)
-        for row in rows
-    ]
-    for k in sorted(range(len(rows)), key=keys.__getitem__):
-        row, name = rows[k], keys[k][0].words
+    for k, row in enumerate(rows):
+        name = series_of(row).words
         name += f", {row.end} end" if row.end else f", at {row.gauge_at:g}" if several else ""
         name += f", part {row.part}" if parts else ""
         cells.setdefault(name, {}).setdefault(row.posture or "", []).append(k)
     table = []
-    for name, at in cells.items():
+    for name, at in sorted(cells.items()):
         means = [
             [signed(1000.0 * float(values[at[p]].mean()), 1) if p in at else "" for p in postures]
             for values in left.values()
@@ -371,3 +357,91 @@ def _by_leg(case: Case) -> tuple[str, doc.Grid]:
         table.append([name, *means[0], *(cell for others in means[1:] for cell in ("", *others))])
     head = ["", *postures, *["  ", *postures] * (len(left) - 1)]
     return f"Mean residuals, µm: {', and '.join(left)}.", doc.Grid(head, table)
+
+
+def _surfaces(case: Case) -> Iterator[tuple[str, list[int], Floats]]:
+    """Each touched height of a bed, in words where there are several: its touches, (n, 2) [mm]."""
+    rows = [(k, row) for k, row in enumerate(case.answer.residuals) if not row.distance]
+    heights = sorted({row.surface_mm or 0.0 for _, row in rows})
+    for height in heights:
+        touches = [(k, row) for k, row in rows if (row.surface_mm or 0.0) == height]
+        places = np.array([(row.x_mm or 0.0, row.y_mm or 0.0) for _, row in touches])
+        yield f", at {height:g} mm" if len(heights) > 1 else "", [k for k, _ in touches], places
+
+
+def _signs(place_mm: Floats, left_mm: Floats, sigma_mm: float) -> Iterator[str]:
+    """Rows of signs, y upwards, of touches (n, 2); blank where nothing was touched.
+
+    What is left of the touches of one cell, (n,), is averaged.
+    """
+    reach = np.abs(place_mm).max(initial=1.0)
+    y_mm, x_mm = place_mm[:, 1], place_mm[:, 0]
+    cells = partial(np.histogram2d, y_mm, x_mm, _CELLS, [(-reach, reach)] * 2)
+    (count, *_), (total, *_) = cells(), cells(weights=left_mm)
+    limits = sigma_mm * np.array([-4.0, -2.0, 2.0, 4.0])
+    kinds = np.digitize(total / np.maximum(count, 1.0), limits)
+    for row in np.where(count, np.array([*"▼−·+▲"])[kinds], " ")[::-1]:
+        if text := " ".join(row).rstrip():
+            yield f"  {text}"
+
+
+# --- causes ------------------------------------------------------------------------------------
+
+
+def cause_sketch(case: Case, id: str, sizes: Sequence[Estimate]) -> doc.Figure | None:
+    """How the machine differs by a cause of such sizes; None where no drawing shows it."""
+    drawn = [size for size in seen_parameters(sizes) if {*size.name} <= {*AXES, "_"}]
+    if moves_rails(id):
+        shims = case.answer.shims
+        key = "The rails where they really are, the gaps enlarged. "
+        key += "Arrows: move the mount there." * bool(shims)
+        panel = figures.rails_sketch({size.name: size.value for size in sizes}, shims)
+    elif drawn and CAUSES[id].unit != PER_HOUR and not _on_bed(case):
+        key = "Dashed: as it should be. Solid: as it is, enlarged."
+        panel = figures.parameter_sketch(id, drawn[:_MOST_DRAWN])
+    else:
+        return None
+    return doc.Figure([panel], 0, key)
+
+
+def moves_rails(id: str) -> bool:
+    """True if the parameters of a cause are gaps between rails."""
+    screws = map(CAUSES[id].adjustment, CAUSES[id].names)
+    return any(screw and screw.along for screw in screws)
+
+
+def cause_figure(case: Case, cause: FoundCause) -> doc.Figure | None:
+    """A cause as a drawing: how the machine differs by it, or the readings that it spoils."""
+    left = _left(case)
+    (alone, before), *_ = left.items()
+    if _on_bed(case):
+        if cause != case.answer.causes[0]:
+            return None  # one map shows what all of them do
+        maps = [
+            figures.bed_map(f"{alone}{title}", places, before[at], case.machine.bed)
+            for title, at, places in _surfaces(case)
+        ]
+        return doc.Figure(maps, 0, f"Residuals. {_RINGED}")
+    if not cause.where and (sketch := cause_sketch(case, cause.id, cause.parameters)):
+        return sketch
+    rows, (both, after) = case.answer.residuals, [*left.items()][-1]
+    change = np.abs(after - before)
+    wrong = np.flatnonzero(change > 0.5 * change.max()).tolist()
+    minutes, one = _column(rows, "minutes"), wrong if len(wrong) == 1 else []
+    timed = CAUSES[cause.id].timed and np.isfinite(minutes).all()
+    panels = reading_panels(
+        rows,
+        left,
+        noise_mm=case.machine.instrument.noise_mm,
+        over=("min", minutes) if timed else None,
+        shown=wrong,
+        ringed=one,
+    )
+    key = f"Residuals. Open: {alone}. Filled: {both}." + " Ringed: wrong." * bool(one)
+    return doc.Figure(panels[:_MOST_GAUGES], 0, key)
+
+
+def seen_parameters(sizes: Sequence[Estimate]) -> list[Estimate]:
+    """Parameters of a cause beyond U, or the largest if none is; the largest first."""
+    largest = sorted(sizes, key=lambda size: -abs(size.value))
+    return [size for size in largest if abs(size.value) > size.expanded] or largest[:_MOST_DRAWN]

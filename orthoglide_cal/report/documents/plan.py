@@ -4,9 +4,9 @@ The diagnosis shows the best of the next measurements, too.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
-from itertools import count
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +18,12 @@ from orthoglide_cal.inference import NextMeasurement
 from orthoglide_cal.model.model import Model
 from orthoglide_cal.model.plan import Floats
 from orthoglide_cal.planning.design import GIVES_UP
-from orthoglide_cal.planning.forecast import SessionForecast
 from orthoglide_cal.planning.plan import (
     CERTAIN_SIGMA,
     MOST_COMPARED,
-    ROUNDING,
     BestDesign,
     MeasurementPlan,
+    SessionForecast,
 )
 from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
@@ -35,10 +34,8 @@ from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.report.sentences import sentence
 from orthoglide_cal.words import (
     counted,
-    decimals_for,
     listed,
     percent,
-    plain,
     short,
     two_figures,
     unit_words,
@@ -64,29 +61,28 @@ def plan_document(
         machine_file: as the user gave it.
         begun: the data that there are already, with what they say; None without any.
     """
-    if begun is not None and plan.next:
-        # The largest U of the lengths that there are; None if there are none to be entered.
-        lengths = (row.expanded for row in begun.answer.parameters if row.unit == "mm")
-        plan = plan.changed(now_mm=max(lengths, default=None), simulated=begun.answer.simulated)
     going_on = begun if plan.next else None
+    if going_on is not None:
+        # The largest U of the lengths that there are; None if there are none to be entered.
+        answer = going_on.answer
+        lengths = (row.expanded for row in answer.parameters if row.unit == "mm")
+        plan = plan.changed(now_mm=max(lengths, default=None), simulated=answer.simulated)
     absent = None if plan.next else {"next"}
     data = partial(plan.model_dump, mode="json", by_alias=True, exclude=absent, context=sentence)
-    if going_on is not None and not plan.next[0].between:
+    if going_on is not None and not plan.next[0].between and plan.now_mm is not None:
         # Nothing is advised that does not lower U.
-        now = math.inf if plan.now_mm is None else round(plan.now_mm, decimals_for(plan.now_mm))
-        worst = ((option, max(option.expanded_mm.values())) for option in plan.next)
-        plan = plan.changed(next=tuple(o for o, u in worst if round(u, decimals_for(u)) < now))
+        now = float(two_figures(plan.now_mm))
+        lower = (option for option in plan.next if float(two_figures(_worst(option))) < now)
+        plan = plan.changed(next=tuple(lower))
 
     def screen() -> doc.Page:
         if going_on is not None:
             notice = _next_notice(plan, going_on)
-            sections = [doc.Section("Or", _next_grid(plan, plan.next[1:_BRIEF_NEXT]))]
+            sections = [doc.Section("Or", _next_grid(plan, brief=True))]
         else:
-            notice = _notice(plan)
-            sections = [
-                doc.Section(None, _sessions_grid(plan, brief=True), *_limits(plan)),
-                doc.Section(None, *_left_open(plan)),
-            ]
+            notice, grid = _notice(plan), _sessions_grid(plan, brief=True)
+            sections = [doc.Section(None, grid, *_limits(plan))]
+            sections.append(doc.Section(None, *_left_open(plan)))
         to_do = _to_do(plan, machine_file, begun)
         sections.append(doc.next_steps(to_do, "More: the same with --details"))
         return doc.Page("Plan", simulated=plan.simulated, notice=notice, sections=sections)
@@ -101,8 +97,7 @@ def plan_document(
         sections: list[doc.Section] = []
         if going_on is not None:
             if plan.next:
-                ranking = _next_grid(plan, plan.next, full=True)
-                sections.append(doc.Section("What to measure next, best first", ranking))
+                sections.append(doc.Section("What to measure next, best first", _next_grid(plan)))
             sections.append(doc.Section("A separate session would give", facts, notice))
             given = going_on.answer.input
             data = f"{file_words(visible(given.path))}, {given.readings}"
@@ -128,11 +123,17 @@ def plan_document(
     return doc.Document(data, page, screen)
 
 
+def _worst(option: NextMeasurement) -> float:
+    """The largest U of a length that it leaves [mm]."""
+    return max(option.expanded_mm.values())
+
+
 def _to_do(
     plan: MeasurementPlan, machine_file: Path | None, begun: Case | None
 ) -> Iterator[doc.Instruction]:
     """Measure what is best next, or the session."""
     chosen, machine = plan.chosen, plan.model.machine
+    typed = partial(_command, plan=plan, machine=machine_file, begun=begun)
     if begun and begun.answer.release.usable:
         yield doc.Instruction("See what to enter", begun.typed("solve"))
         for best in plan.next[:1]:
@@ -144,18 +145,16 @@ def _to_do(
     elif begun and begun.answer.release.remedies:
         yield from begun.remedies()
     elif plan.bar_warning is not None and plan.bar_warning.size > 0.0 and plan.design is not None:
-        typed = _command(plan.design, plan, machine_file, begun)
-        yield doc.Instruction("Measure what the plungers can follow", typed)
+        yield doc.Instruction("Measure what the plungers can follow", typed(plan.design))
     elif plan.gauges is not None:
-        yield doc.Instruction("Measure it", _command(chosen, plan, machine_file, begun))
+        yield doc.Instruction("Measure it", typed(chosen))
     elif not chosen.plan.touches.all():
         yield doc.Instruction(machine.vocabulary.probing)
     else:
-        typed = _command(chosen, plan, machine_file, begun)
         text = "Write the places to a file, probe them in this order, fill in reading_mm"
-        yield doc.Instruction(text, typed)
-        typed = command("diagnose", _PLACES, machine=machine_file)
-        yield doc.Instruction("See the result", typed)
+        yield doc.Instruction(text, typed(chosen))
+        result = command("diagnose", _PLACES, machine=machine_file)
+        yield doc.Instruction("See the result", result)
 
 
 def _command(
@@ -167,8 +166,8 @@ def _command(
         options = sequence_options(protocol, forecast.cycles, Order.PAPER, plan.gauges)
         return command("measure", machine=machine, options=options)
     usual = (plan.design or plan.by_cycles[0]).name
-    named = "" if forecast.name == usual else f"--layout {forecast.name} "
-    options = f"{named}--program {_PLACES}"
+    options = f"--layout {forecast.name} " if forecast.name != usual else ""
+    options += f"--program {_PLACES}"
     return (
         begun.typed("plan", options) if begun else command("plan", machine=machine, options=options)
     )
@@ -188,16 +187,15 @@ def _reach(model: Model, expanded: Floats) -> str:
 
 def _notice(plan: MeasurementPlan) -> doc.Notice:
     """Gains of the session, and its gaps."""
-    chosen, warning, model = plan.chosen, plan.bar_warning, plan.model
+    chosen, warning, machine = plan.chosen, plan.bar_warning, plan.model.machine
     near = warning[:2] if warning else ()
     if warning and warning.size > 0.0:
         return doc.Notice(doc.Tone.BAD, "This cannot be measured in this way", near)
-    words = model.machine.vocabulary
-    noise = two_figures(plan.noise_mm)
-    lines = [f"{model.machine.name}, {chosen.what}, {words.noise} noise {noise} mm"]
+    words, noise = machine.vocabulary, two_figures(plan.noise_mm)
+    lines = [f"{machine.name}, {chosen.what}, {words.noise} noise {noise} mm"]
     title = f"{chosen.readings} readings, about {chosen.minutes:.0f} min"
-    reach = f"{_reach(model, chosen.budget.expanded_mm)} (95 %)"
-    if common_unit(model.machine):
+    reach = f"{_reach(plan.model, chosen.budget.expanded_mm)} (95 %)"
+    if common_unit(machine):
         title += f": {reach}"
     else:
         lines.append(f"U: {reach}")
@@ -214,7 +212,7 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
             why = f"It needs more than {MOST_CYCLES} cycles, because the readings scatter: take a"
             why += " finer gauge or a better stand."
             if plan.floor is not None and plan.floor.expanded_mm.max() > plan.target.expanded_mm:
-                remedy = source_words(plan.floor.largest.source, model.machine)[1]
+                remedy = source_words(plan.floor.largest.source, machine)[1]
                 why = f"{_stays(plan, plan.floor)} {remedy}"
             lines = [why, f"{title}.", *lines]
             tone, title = doc.Tone.BAD, f"{wanted} cannot be reached in this way"
@@ -232,15 +230,14 @@ def _stays(plan: MeasurementPlan, floor: Budget) -> str:
 
 def _limits(plan: MeasurementPlan) -> Iterator[str]:
     """The part of U that more readings do not reduce; are rivals distinguished?"""
-    chosen, floor = plan.chosen.budget, plan.floor
-    stays = 0.0 if floor is None else float(np.max(floor.std_mm / chosen.std_mm))
+    floor, sigma = plan.floor, plan.chosen.rivals_sigma
+    stays = 0.0 if floor is None else float(np.max(floor.std_mm / plan.chosen.budget.std_mm))
     more = "readings" if plan.gauges is None else "cycles"
     if floor is None or stays < 0.6:
         yield f"The scatter of the readings limits U: more {more} help."
     else:
         help_ = "hardly help" if stays > 0.87 else "help little"
         yield f"More {more} {help_}: {_stays(plan, floor)}"
-    sigma = plan.chosen.rivals_sigma
     if sigma is not None:
         surely = "" if sigma >= CERTAIN_SIGMA else "not surely "
         rivals = " and ".join(plan.model.machine.rivals)
@@ -249,8 +246,8 @@ def _limits(plan: MeasurementPlan) -> Iterator[str]:
 
 def _left_open(plan: MeasurementPlan) -> Iterator[str]:
     """Causes that cannot be seen or distinguished, and a shorter way."""
-    if plan.apart.invisible:
-        yield f"Cannot be seen: {listed([cause.id for cause in plan.apart.invisible])}."
+    if plan.invisible:
+        yield f"Cannot be seen: {listed(plan.invisible)}."
     pairs = plan.apart.visible.pairs.items()
     near = [" from ".join(causes) for causes, sigma in pairs if sigma < TRACE_SIGMA]
     if near:
@@ -268,17 +265,13 @@ def _left_open(plan: MeasurementPlan) -> Iterator[str]:
 
 def _worthwhile(plan: MeasurementPlan) -> list[SessionForecast]:
     """Layouts, quickest first, that are better than all quicker ones."""
-    kept: list[SessionForecast] = []
-    best = -math.inf
-    for session in sorted(plan.by_cycles, key=lambda session: session.minutes):
-        worth = (
-            -max(session.expanded_mm.values())
-            if session.rivals_sigma is None
-            else session.rivals_sigma
-        )
-        if round(worth, 1) > best or session.name == plan.chosen.name:
+    kept, best = list[SessionForecast](), -math.inf
+    for session in sorted(plan.by_cycles, key=attrgetter("minutes")):
+        sigma = session.rivals_sigma
+        worth = round(-session.worst_mm if sigma is None else sigma, 1)
+        if worth > best or session.name == plan.chosen.name:
             kept.append(session)
-            best = max(best, round(worth, 1))
+        best = max(best, worth)
     return kept[-_MOST_LAYOUTS:]
 
 
@@ -299,10 +292,8 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         "readings": [str(session.readings) for session in shown],
         "min": [f"{session.minutes:.0f}" for session in shown],
     }
-    named = [*zip(machine.parameter_names, machine.parameter_units, strict=True)]
-    by_unit = {unit: [name for name, its in named if its == unit] for _, unit in named}
-    words = (f"{', '.join(names)} in {unit_words(unit)}" for unit, names in by_unit.items())
-    unit = common_unit(machine) or f": {', '.join(words)}"
+    named = zip(machine.parameter_names, map(unit_words, machine.parameter_units), strict=True)
+    unit = common_unit(machine) or f": {', '.join(map(' in '.join, named))}"
     meaning = [f"U of each {machine.vocabulary.one}{unit} (95 %); –: not determined."]
     if cycles:
         columns["noise"] = [two_figures(max(session.noise_std_mm.values())) for session in shown]
@@ -336,23 +327,16 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
 def _ways(plan: MeasurementPlan) -> doc.Section:
     """Every protocol and method for the same uncertainty."""
     rows = []
-    wanted = max(plan.chosen.expanded_mm.values())
-    reached = [max(way.same_cycles.expanded_mm.values()) for way in plan.compare]
-    # As many decimals as show of every way that takes longer that it is less sure.
-    next_ = min((u for u in reached if u > wanted * (1.0 + ROUNDING)), default=math.inf)
-    decimals = next(d for d in count(decimals_for(wanted)) if round(next_, d) > round(wanted, d))
-    for way, worst in zip(plan.compare, reached, strict=True):
-        effort = way.same_expanded
-        numbers = ["", "never", "", ""]
-        if effort is not None:
+    for way in plan.compare:
+        numbers = ["never", "", "", ""]
+        if (effort := way.same_expanded) is not None:
             sizes = effort.cycles, effort.readings, effort.gauge_moves
             numbers = [*map(str, sizes), f"{effort.minutes:.0f}"]
-        rows.append((way.protocol, way.method, plain(worst, decimals), *numbers))
-    head = ("protocol", "method", "U", "cycles", "readings", "moves", "min")
+        rows.append((way.protocol, way.method, *numbers))
+    head = ("protocol", "method", "cycles", "readings", "moves", "min")
     caption = (
-        f"U: of the worst offset with {counted(plan.cycles, 'cycle')}, mm. Then the effort for"
-        f" ± {plain(wanted, decimals)} mm. Moves: how often a stand is moved. A single gauge stays"
-        " at one end of the leg as long as it can (--order fewest-moves)."
+        f"What ± {two_figures(plan.chosen.worst_mm)} mm takes. Moves: how often a stand is moved. A"
+        " single gauge stays at one end of the leg as long as it can (--order fewest-moves)."
     )
     grid = doc.Grid(head, rows, words=(0, 1), caption=caption)
     return doc.Section("Other ways to the same uncertainty", grid)
@@ -362,8 +346,7 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
     """The fewest readings, or the quickest layout that distinguishes the rivals; what to type."""
     minutes = f"about {best.minutes:.0f} min"
     if best.causes:
-        pair = " and ".join(best.causes)
-        apart = f"{CERTAIN_SIGMA:g} standard deviations"
+        pair, apart = " and ".join(best.causes), f"{CERTAIN_SIGMA:g} standard deviations"
         reached = f"The quickest layout that separates {pair} by {apart}"
         if not best.reached:
             farthest = two_figures(best.rivals_sigma or 0.0)
@@ -373,14 +356,14 @@ def _design(plan: MeasurementPlan, best: BestDesign, typed: str) -> doc.Section:
             blocks.append(doc.Instructions([doc.Instruction("Write its places to a file", typed)]))
         return doc.Section(f"To distinguish {pair}", *blocks)
     postures = ", ".join(f"{short(moved, 3)} mm" for moved in best.postures_mm)
-    gives = f"± {two_figures(max(best.expanded_mm.values()))} mm"
     text: tuple[doc.Line, ...] = (
         f"Only the postures {postures}, the gauges at {percent(best.gauge_at or 0.0)} of"
-        f" the leg from the carriage. {percent(best.share_of_readings or 0.0)} of the"
-        " readings of the double-posture protocol then give the same U from noise.",
-        (f"{best.readings} readings in {minutes} give {gives}: ", doc.typed(typed)),
-        f"The plunger stays {percent(best.margin or 0.0)} of the leg away from both joints at"
-        f" every posture. What is given up: {GIVES_UP}.",
+        " the leg from the carriage.",
+        (
+            f"{best.readings} readings in {minutes} give ± {two_figures(best.worst_mm)} mm: ",
+            doc.typed(typed),
+        ),
+        f"What is given up: {GIVES_UP}.",
     )
     return doc.Section("The fewest readings", *text)
 
@@ -391,16 +374,13 @@ def _separation(plan: MeasurementPlan) -> doc.Section:
     blocks: list[doc.Block] = ["No cause leaves a trace."]
     if seen.causes:
         lines = separation_lines([cause.id for cause in seen.causes], seen.sigma, seen.trace)
-        cycles = counted(min(plan.cycles, MOST_COMPARED), "cycle")
-        text = f"{plan.alike} of {plan.pairs} pairs of causes are not distinguished"
-        text += "." if plan.gauges is None else f" by {cycles}."
-        blocks = [text, doc.Listing(lines)]
-    if hidden:
-        rows = [(cause.id, cause.words(plan.model.machine).instrument) for cause in hidden]
-        caption = "At their usual size they hardly change such readings."
-        head = ("not seen", "what would show it")
-        blocks.append(doc.Grid(head, rows, words=(0, 1), caption=caption))
-    return doc.Section("Which causes can be distinguished", *blocks)
+        blocks = [doc.Listing(lines)]
+    rows = [(cause.id, cause.words(plan.model.machine).instrument) for cause in hidden]
+    caption = "At their usual size they hardly change such readings."
+    blocks.append(doc.Grid(("not seen", "what would show it"), rows, (0, 1), caption))
+    title = "Which causes can be distinguished"
+    title += f" by {MOST_COMPARED} cycles" if plan.cycles > MOST_COMPARED else ""
+    return doc.Section(title, *blocks)
 
 
 def _between(measurement: NextMeasurement) -> tuple[str, str]:
@@ -422,54 +402,50 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
     today = "Now it is" if common_unit(plan.model.machine) else "The largest is now"
     today = "" if now is None else f" {today} ± {two_figures(now)} mm."
-    worth = f"With it: {_reach(plan.model, best.expanded)}.{today}"
-    target = []
+    worth = [f"With it: {_reach(plan.model, best.expanded)}.{today}"]
     if plan.target is not None:
         # The quickest way to the U that was asked for, with the data that there are.
         wanted = plan.target.expanded_mm
-        able = [option for option in plan.next if max(option.expanded_mm.values()) <= wanted]
+        able = [option for option in plan.next if _worst(option) <= wanted]
         when = "is reached by none of these."
         if now is not None and now <= wanted:
             when = "is reached already."
         elif able:
-            quickest = min(able, key=lambda option: option.minutes)
+            quickest = min(able, key=attrgetter("minutes"))
             when = f"takes about {max(quickest.minutes, 1.0):.0f} min: {sentence(quickest.what)}"
-        target.append(f"± {wanted:g} mm {when}")
+        worth.append(f"± {wanted:g} mm {when}")
+    tone, title = doc.Tone.INFO, f"Next: {minutes}"
     if best.between:
         first, second = _between(best)
-        title = f"Next: {minutes} give one answer (probability {percent(best.chance)})"
+        title += f" give one answer (probability {percent(best.chance)})"
         settled = f"It distinguishes {first} from {second} ({best.separation_sigma:.1f} σ)."
-        return doc.Notice(doc.Tone.INFO, title, (settled, worth, *target))
-    if release.usable:
+        worth.insert(0, settled)
+    elif release.usable:
+        tone, title = doc.Tone.GOOD, needless
         may = f"Nothing is undecided. {decision_notice(begun).title}."
-        better = f"To reduce U: {minutes}. {worth}"
-        return doc.Notice(doc.Tone.GOOD, needless, (may, better, *target))
-    return doc.Notice(doc.Tone.INFO, f"Next: {minutes}", (worth, *target))
+        worth[:1] = [may, f"To reduce U: {minutes}. {worth[0]}"]
+    return doc.Notice(tone, title, tuple(worth))
 
 
-def _next_grid(
-    plan: MeasurementPlan, ranked: Sequence[NextMeasurement], full: bool = False
-) -> doc.Grid:
-    """A part of the ranking; `full`: also U as it is, and what the columns mean."""
+def _next_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
+    """The ranking, U as it is, and what the columns mean; `brief`: only what follows the best."""
     telling = any(option.between for option in plan.next)
-    now_mm = plan.now_mm if full else None
     heads = ["", "min", *(("settles", "σ") if telling else ()), "U, mm", "what to do"]
-    rows = []
-    if now_mm is not None:
-        blank = [""] * (len(heads) - 2)
-        rows.append((*blank, two_figures(now_mm), "nothing: U as it is"))
-    for option in ranked[:_SHOWN_NEXT]:
+    rows, words = [], (len(heads) - 1,)
+    for number, option in enumerate(plan.next[:_SHOWN_NEXT], 1):
         sure = (percent(option.chance), f"{option.separation_sigma:.1f}") if telling else ()
-        number, minutes = str(plan.next.index(option) + 1), f"{option.minutes:.0f}"
-        u = two_figures(max(option.expanded_mm.values()))
-        rows.append((number, minutes, *sure, u, sentence(option.what)))
-    meaning = None
-    if full:
-        meaning = "No reading can decide more. Ranked by the reduction of U"
-        meaning += " per minute; half an hour is added for the session."
-    if full and plan.next[0].between:
+        numbers = str(number), f"{option.minutes:.0f}", *sure, two_figures(_worst(option))
+        rows.append((*numbers, sentence(option.what)))
+    if brief:
+        return doc.Grid(heads, rows[1:_BRIEF_NEXT], words)
+    if plan.now_mm is not None:
+        blank = [""] * (len(heads) - 2)
+        rows.insert(0, (*blank, two_figures(plan.now_mm), "nothing: U as it is"))
+    meaning = "No reading can decide more. Ranked by the reduction of U"
+    meaning += " per minute; half an hour is added for the session."
+    if plan.next[0].between:
         first, second = _between(plan.next[0])
         meaning = "Settles: the probability of one answer. Ranked by the expected time; a second"
         meaning += f" visit counts as eight hours. σ: distance of {first} and {second} in the new"
         meaning += " readings, in standard deviations."
-    return doc.Grid(heads, rows, words=(len(heads) - 1,), caption=meaning)
+    return doc.Grid(heads, rows, words, meaning)

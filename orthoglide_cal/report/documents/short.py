@@ -219,21 +219,6 @@ def paper_document(reproduction: "Reproduction") -> doc.Document:
     As data None stands where nothing was printed or nothing can be computed.
     """
 
-    def data() -> dict[str, object]:
-        rows = [
-            {**vars(row), "reproduced": None if row.computed is None else row.reproduced}
-            for row in reproduction.rows
-        ]
-        return {
-            "schema_version": 1,
-            "table": reproduction.table,
-            "title": reproduction.title,
-            "columns": reproduction.columns,
-            "rows": rows,
-            "reproduced": reproduction.reproduced,
-            "notes": reproduction.notes,
-        }
-
     def page() -> doc.Page:
         rows = []
         for row in reproduction.rows:
@@ -252,4 +237,4 @@ def paper_document(reproduction: "Reproduction") -> doc.Document:
         section = doc.Section(None, grid, *reproduction.notes, verdict)
         return doc.Page(kind, reproduction.title, sections=[section])
 
-    return doc.Document(data, page)
+    return doc.Document(partial(reproduction.model_dump, mode="json"), page)
