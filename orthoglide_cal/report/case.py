@@ -172,8 +172,9 @@ class Case:
     @property
     def table(self) -> str | None:
         """The command for a table that corrects what offsets leave; None where none would."""
+        left = "remains" in self.answer.release.codes
         known = any(effect.cause.compensable for effect in self.given.model.accepted)
-        return self.typed("export", "--format table") if known and self.answer.remains else None
+        return self.typed("export", "--format table") if known and left else None
 
 
 def check_words(check: CheckReading) -> str:
@@ -210,12 +211,6 @@ def sizes_words(sizes: Iterable[tuple[str, float, float, str]]) -> str:
         last = later is None or later[-1] != unit
         texts.append(f"{name} {size_words(value, expanded, unit if last else '')}")
     return ", ".join(texts)
-
-
-def common_unit(machine: Machine) -> str:
-    """Unit of all parameters, as it follows a title; "" where they have several."""
-    units = set(machine.parameter_units)
-    return f", {units.pop()}" if len(units) == 1 else ""
 
 
 def position_words(tool_mm: Sequence[float], decimals: int) -> str:

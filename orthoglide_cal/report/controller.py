@@ -28,7 +28,7 @@ from orthoglide_cal.files.text import csv_text
 from orthoglide_cal.model.linear_delta import LinearDelta
 from orthoglide_cal.model.readings import AXES
 from orthoglide_cal.model.workspace import Compensation
-from orthoglide_cal.report.case import NOT_NEEDED, Case, check_words, common_unit
+from orthoglide_cal.report.case import NOT_NEEDED, Case, check_words
 from orthoglide_cal.results import Correction, Identity
 from orthoglide_cal.words import coverage_words, plain, two_figures, typed
 
@@ -84,7 +84,7 @@ def _text(case: Case) -> Sequence[str]:
     answer, home = case.answer, case.machine.home_mm
     digits = answer.decimals
     says, posture = plain(home, digits), [f"{case.words.home}, as the controller is set now:"]
-    unit, rows = common_unit(case.machine), [("", "previous", "change", "U", "enter")]
+    unit, rows = case.machine.common_unit, [("", "previous", "change", "U", "enter")]
     for row in answer.parameters:
         name = row.name if unit else f"{row.name}, {row.unit}"
         change = typed(row.change(digits), digits) if row.determined else "unknown"

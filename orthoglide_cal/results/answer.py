@@ -247,7 +247,6 @@ class Answer(Schema):
     deviations: tuple[PromisedDifference, ...] = ()
     as_found: Spread | None = Field(None, description="of the deviations as measured")
     expected: Spread | None = Field(None, description="of the deviations after entering")
-    remains: bool = Field(False, description="more will be left than U allows")
     budget: tuple[Contribution, ...] = ()
     total: BudgetTotal | None = None
     lack_of_fit: LackOfFit | None = None

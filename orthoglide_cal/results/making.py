@@ -207,7 +207,6 @@ def answer_to(
         expected=spread({row.name: row.expected_mm for row in rows}) if rows else None,
         budget=lines,
         total=total,
-        remains=stays(rows),
         converged=solution.converged,
         residuals=tuple(_residuals(measured, solution, diagnosis)) if details or shown_as else (),
         undetermined=tuple(_undetermined(model, parameters)),

@@ -7,6 +7,7 @@ parts of them.
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import zip_longest
+from operator import attrgetter
 
 from orthoglide_cal.causes import CAUSES
 from orthoglide_cal.errors import UnusableResultError
@@ -24,7 +25,6 @@ from orthoglide_cal.report.case import (
     NOT_NEEDED,
     Case,
     check_words,
-    common_unit,
     comparison_words,
     measure_again,
     size_words,
@@ -255,8 +255,10 @@ def decision_notice(case: Case, *, diagnosed: bool = False) -> doc.Notice:
         worst = (e for e in answer.validity.reservations if e.code in INVALIDATING)
         reasons = (*reasons, *(e for e in worst if e not in reasons))
     if diagnosed and (release.usable or answer.verdict not in (None, Verdict.CONSISTENT)):
-        meant = next((e for e in reasons if e.code in _MEANT and release.sound), None)
-        lines.insert(0, f"{title}." if meant is None else _meaning(case, meant))
+        lines.insert(0, f"{title}.")
+        if meant := next((e for e in reasons if e.code in _MEANT and release.sound), None):
+            u = {p.unit: p.expanded for p in sorted(answer.parameters, key=attrgetter("expanded"))}
+            lines[0] = case.says(Reason.of(f"below_{meant.code}", **meant.data, largest=u))
         # The headline says them.
         said = (meant, answer.refuted, answer.judgement)
         title, reasons = headline(case), tuple(e for e in reasons if e not in said)
@@ -270,14 +272,6 @@ def decision_notice(case: Case, *, diagnosed: bool = False) -> doc.Notice:
         lines = [f"{title.rstrip('.')}.", *(line for line in lines if line != first)]
         title = first.rstrip(".")
     return doc.Notice(tone, title, tuple(lines), ", ".join(about))
-
-
-def _meaning(case: Case, reason: Reason) -> str:
-    """What the verdict on the model means for the parameters, below a headline that says it."""
-    largest: dict[str, float] = {}
-    for row in case.answer.parameters:
-        largest[row.unit] = max(row.expanded, largest.get(row.unit, 0.0))
-    return case.says(Reason.of(f"below_{reason.code}", **reason.data, largest=largest))
 
 
 def headline(case: Case) -> str:
@@ -413,7 +407,7 @@ def parameters_title(case: Case) -> str:
     kind = words.title if usable else f"Not to be entered: {words.many}"
     causes = f" with {' and '.join(named)}" if named else ""
     relation = words.relation.replace("true position", "true")
-    return f"{kind}{causes}{common_unit(case.machine)} ({relation})"
+    return f"{kind}{causes}{case.machine.common_unit} ({relation})"
 
 
 def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
@@ -424,7 +418,7 @@ def parameters_grid(case: Case, *, brief: bool = False) -> doc.Grid:
     answer, words = case.answer, case.words
     every, enter = answer.parameters, answer.release.usable and answer.release.needed
     digits = [answer.decimals if enter else decimals_for(row.expanded) for row in every]
-    same, unit = common_unit(case.machine), [unit_words(row.unit) for row in every]
+    same, unit = case.machine.common_unit, [unit_words(row.unit) for row in every]
 
     def changes(chosen: Sequence[Parameter]) -> list[str]:
         return [
@@ -522,7 +516,7 @@ def budget_sections(
     """Each source with its size, and what it adds to each parameter; nothing without a result."""
     if total is None:
         return
-    unit = common_unit(machine)
+    unit = machine.common_unit
     rows: list[tuple[str, ...]] = []
     for line in sorted(lines, key=lambda line: -max(line.std)):
         if not line.minor:
@@ -666,7 +660,7 @@ def _open_grid(case: Case) -> doc.Grid:
         left = "" if state.rms_mm is None else plain(state.rms_mm, 4)
         name = f"{case.words.many} only" if state.sound else _name(state)
         rows.append((name, left, *(values.get(name, "") for name in names)))
-    head = f"{case.words.many}{common_unit(case.machine)}"
+    head = f"{case.words.many}{case.machine.common_unit}"
     return doc.Grid((head, "r.m.s. left, mm", *names), rows)
 
 

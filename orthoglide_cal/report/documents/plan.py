@@ -28,7 +28,7 @@ from orthoglide_cal.planning.plan import (
 from orthoglide_cal.planning.separation import TRACE_SIGMA
 from orthoglide_cal.planning.steps import MOST_CYCLES, MeasuringProtocol, Order, sequence_options
 from orthoglide_cal.report import document as doc
-from orthoglide_cal.report.case import Case, common_unit
+from orthoglide_cal.report.case import Case
 from orthoglide_cal.report.documents.answer import budget_sections, decision_notice, source_words
 from orthoglide_cal.report.figures import separation_lines
 from orthoglide_cal.report.sentences import sentence
@@ -176,7 +176,7 @@ def _command(
 def _reach(model: Model, expanded: Floats) -> str:
     """U of each parameter (p,), or the largest where they are all alike."""
     machine = model.machine
-    if common_unit(machine):
+    if machine.common_unit:
         return f"each {machine.vocabulary.one} within ± {two_figures(float(expanded.max()))} mm"
     alike: dict[str, list[str]] = {}
     columns = zip(machine.parameter_names, expanded.tolist(), machine.parameter_units, strict=True)
@@ -195,7 +195,7 @@ def _notice(plan: MeasurementPlan) -> doc.Notice:
     lines = [f"{machine.name}, {chosen.what}, {words.noise} noise {noise} mm"]
     title = f"{chosen.readings} readings, about {chosen.minutes:.0f} min"
     reach = f"{_reach(plan.model, chosen.budget.expanded_mm)} (95 %)"
-    if common_unit(machine):
+    if machine.common_unit:
         title += f": {reach}"
     else:
         lines.append(f"U: {reach}")
@@ -293,7 +293,7 @@ def _sessions_grid(plan: MeasurementPlan, *, brief: bool = False) -> doc.Grid:
         "min": [f"{session.minutes:.0f}" for session in shown],
     }
     named = zip(machine.parameter_names, map(unit_words, machine.parameter_units), strict=True)
-    unit = common_unit(machine) or f": {', '.join(map(' in '.join, named))}"
+    unit = machine.common_unit or f": {', '.join(map(' in '.join, named))}"
     meaning = [f"U of each {machine.vocabulary.one}{unit} (95 %); –: not determined."]
     if cycles:
         columns["noise"] = [two_figures(max(session.noise_std_mm.values())) for session in shown]
@@ -400,7 +400,7 @@ def _next_notice(plan: MeasurementPlan, begun: Case) -> doc.Notice:
         return doc.Notice(doc.Tone.GOOD, needless, (none,))
     best, now = plan.next[0], plan.now_mm
     minutes = f"about {max(best.minutes, 1.0):.0f} min"
-    today = "Now it is" if common_unit(plan.model.machine) else "The largest is now"
+    today = "Now it is" if plan.model.machine.common_unit else "The largest is now"
     today = "" if now is None else f" {today} ± {two_figures(now)} mm."
     worth = [f"With it: {_reach(plan.model, best.expanded)}.{today}"]
     if plan.target is not None:

@@ -14,7 +14,6 @@ from orthoglide_cal.report import document as doc
 from orthoglide_cal.report.case import (
     MEANS,
     OWNER,
-    common_unit,
     data_words,
     measure_again,
     stated,
@@ -152,7 +151,7 @@ def application_document(
             (name, signed(old, 4), signed(after[name] - old, 4), doc.strong(signed(after[name], 4)))
             for name, old in before.items()
         ]
-        caption = f"{words.title} in the controller{common_unit(machine)} ({words.relation})."
+        caption = f"{words.title} in the controller{machine.common_unit} ({words.relation})."
         first = "The controller must hold the last column and have been homed with it."
         if application.controller is not None and entry.written is not None:
             head, rows = ("line", "what", "now", "from now on"), []
