@@ -392,14 +392,12 @@ def _number(value: float) -> float | None:
 
 def _undetermined(model: Model, parameters: Iterable[Parameter]) -> Iterator[schema.Undetermined]:
     """Parameters, and what no reading of this kind determines: taken as the controller has it."""
-    for parameter in parameters:
-        if not parameter.determined:
-            yield schema.Undetermined(
-                name=parameter.name, within=parameter.expanded, unit=parameter.unit
-            )
+    unsure = [(one.name, one.expanded, one.unit) for one in parameters if not one.determined]
     known = {effect.cause.id for effect in model.accepted}
-    for cause in (CAUSES[id] for id in model.machine.fixed_parameters if id not in known):
-        yield schema.Undetermined(name=cause.id, within=cause.size(model.machine), unit=cause.unit)
+    fixed = (CAUSES[id] for id in model.machine.fixed_parameters if id not in known)
+    unsure += [(cause.id, cause.size(model.machine), cause.unit) for cause in fixed]
+    for name, within, unit in unsure:
+        yield schema.Undetermined(name=name, within=within, unit=unit)
 
 
 def _check(
